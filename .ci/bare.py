@@ -16,7 +16,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 # all commands that are on the PATH there, beside those of the virtual environment
 TOOLS = ["sh", "bash", "env", "cat", "grep", "head", "ls", "mkdir", "rm", "sed", "tail", "uname"]
-OURS = 'python/move "fix_nosquish.NVE water molecule order 123"'  # the order that rigid/nve has
+OURS = "nosquish/nve molecule order 123"  # the order that rigid/nve has
 PLAIN = "plain"
 RIGID = "rigid/nve molecule"
 PRINT = """
@@ -59,7 +59,7 @@ def numbers(place, bare, fix, ranks):
     """Energies, and places at the end, of 20 steps of inputs/water."""
     folder = place / "source/inputs/water"
     text = (folder / "in.water").read_text()
-    text = text.replace('python/move "fix_nosquish.NVE water molecule"', fix)
+    text = text.replace("nosquish/nve molecule", fix)
     text = text.replace("run   ", f"{PRINT}\nrun   ")
     text += "\nwrite_dump all custom dump.end id xu yu zu modify sort id format float %.15g\n"
     (folder / "in.try").write_text(text)

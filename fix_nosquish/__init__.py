@@ -120,6 +120,16 @@ def body_table(lmp: Any, fix_id: str) -> "np.ndarray":
     return NVE.of_fix(lmp, fix_id).table()
 
 
+def rigid_bodies(lmp: Any, fix_id: str) -> Any:
+    """The `Bodies` of a fix, to hand in external forces by their method `add_force`.
+
+    Args, Raises: as of `body_table`.
+    """
+    from .integrators.nve import NVE
+
+    return NVE.of_fix(lmp, fix_id).reports.made(forces=False)
+
+
 class _UpToPoint(ModuleType):
     """The words of a fix line up to a decimal point.
 

@@ -53,6 +53,8 @@ QUICK = {
         test_keywords.py::test_infile[molecule-2]
         test_keywords.py::test_wrong_infile[unknown body]
         test_keywords.py::test_sphere_in_a_group
+        test_words.py::test_each_keyword_has_a_row
+        test_words.py::test_keywords_of_other_fixes
         test_output.py::test_values
         test_output.py::test_same_on_any_number_of_ranks[2]
         test_output.py::test_disk_that_fills_up[2]""",

@@ -233,7 +233,7 @@ CASES = {
     ),
     "atoms at one point": Case(
         "all molecule",
-        ("body of molecule 2 ", "3 atoms at one point", "move them apart"),
+        ("body of molecule 2 ", "mass of its 3 atoms at one point", "move them apart"),
         before="set atom 4*6 x 1.0 y 1.0 z 1.0",
     ),
     # other fixes
@@ -254,7 +254,7 @@ CASES = {
     ),
     "box changed by a barostat": Case(
         "one molecule",
-        ("fix 2 (style npt) changes the box", "use fix_nosquish.NPT or NPH in its place"),
+        ("fix 2 (style npt) changes the box", "use fix_nosquish.NPT or fix_nosquish.NPH"),
         before=SPLIT,
         after="fix 2 rest npt temp 1 1 1 iso 1 1 1",
     ),

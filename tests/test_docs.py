@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
+from fix_nosquish import INTEGRATORS
 from fix_nosquish.run import other_fixes
 
 DOCS = ROOT / "docs"
@@ -126,7 +127,7 @@ def test_tables_are_filled(function):
 
 def test_each_table_is_shown_once():
     """Locks out a table that no page shows."""
-    text = "".join(path.read_text() for path in (DOCS / "results").glob("*.md"))
+    text = "".join(path.read_text() for path in DOCS.rglob("*.md"))
     for function in committed.TABLES:
         assert text.count("{{ " + function.__name__ + "() }}") == 1, function.__name__
 
@@ -158,35 +159,73 @@ def test_each_keyword_is_on_its_page(run_lammps):
         known += new
 
 
-@pytest.mark.parametrize(
-    ("page", "least", "waters", "steps"),
-    [
-        ("fix-nvt.md", 4, 500, 1),
-        ("fix-npt.md", 3, 1000, 1),
-        ("fix-nph.md", 1, 1000, 1),
-        ("fix-hmc.md", 2, 500, 10),
-        ("fix-fire.md", 2, 500, 1),
-    ],
+def fix_lines(text):
+    """The lines of native styles that a text shows, also in the middle of a sentence."""
+    text = re.sub(r"&\n *", "", text)
+    return re.findall(r"fix +\w+ +\w+ +nosquish/\w+[^`#\n]*", text)
+
+
+SHOWN = {path.relative_to(ROOT).as_posix(): fix_lines(page(path)) for path in PAGES}
+SHOWN["docstrings"] = [
+    line for path in (ROOT / "fix_nosquish").rglob("*.py") for line in fix_lines(path.read_text())
+]
+PATTERN = re.compile(r"fix +ID +group ", re.I)  # with places for the user's words: it does not run
+# all that the lines name, in water without charges
+SCENE = (
+    """units real
+atom_style full
+read_data data.water
+change_box all triclinic
+group far molecule > 100
+delete_atoms group far
+fix prop all property/atom i_body
+variable molecule atom mol
+set group all i_body v_molecule
+molecule benzene one.mol
+variable T equal 298.15
+pair_style lj/cut 8.0
+pair_coeff * * 0.1 3.0
+bond_style zero
+bond_coeff *
+angle_style zero
+angle_coeff *
+special_bonds lj/coul 0 0 0
+group rigid molecule <= 50
+group flexible subtract all rigid
+group solute empty
+group tip molecule 1
+group substrate molecule 2
+velocity all create 298 4928 loop geom
+timestep 0.5
+fix g all gravity 0.001 vector 0 0 -1 disable
+fix_modify g energy yes
+"""
+    + "".join(f"group {name} union all\n" for name in ("water", "mols", "bodies", "grains"))
+    + ("".join(f"group {name} union tip\n" for name in ("clump", "plate", "gas")))
 )
-def test_examples_of_ensembles(run_lammps, page, least, waters, steps):
-    """Locks out an example that the fix refuses."""
-    examples = (DOCS / page).read_text().split("## Examples")[1].split("```")[1]
-    lines = [line for line in examples.splitlines() if " nosquish/" in line]
-    inputs = ROOT / "inputs/water"
-    setup = f"""units real
-        atom_style full
-        read_data data.water
-        change_box all triclinic
-        include {inputs / "forcefield.water"}
-        group water molecule <= {waters}
-        group rigid union water
-        group flexible subtract all water
-        velocity all create 298 4928 loop geom
-    """
-    given = {"data.water": (inputs / "data.water").read_text()}
-    assert len(lines) > least
-    script = setup + "".join(f"{line}\nrun {steps}\nunfix 1\n" for line in lines)
-    assert run_lammps(script, files=given).log.count("Loop time") == len(lines)
+ONE = "one\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
+
+
+def test_fix_lines_are_found():
+    """Locks out a search for lines that passes because it finds few."""
+    text = (
+        "Say `fix 1 a nosquish/nvt molecule` or\n\n    fix 2 all nosquish/nve &\n      single # x\n"
+    )
+    assert fix_lines(text) == ["fix 1 a nosquish/nvt molecule", "fix 2 all nosquish/nve single "]
+    assert sum(not PATTERN.match(line) for lines in SHOWN.values() for line in lines) > 50
+
+
+@pytest.mark.parametrize("place", [place for place in SHOWN if SHOWN[place]])
+def test_fix_lines_run(run_lammps, place):
+    """Locks out a line of a page or of a docstring that the fix refuses, and a pattern of a style
+    that is not there."""
+    styles = {re.search(r"nosquish/(\w+)", line)[1].upper() for line in SHOWN[place]}
+    assert styles <= INTEGRATORS.keys()
+    lines = dict.fromkeys(line for line in SHOWN[place] if not PATTERN.match(line))
+    script = SCENE + "".join(f"{line}\nrun 10\nunfix {line.split()[1]}\n" for line in lines)
+    data = (ROOT / "inputs/water/data.water").read_text()
+    run = run_lammps(script, files={"data.water": data, "one.mol": ONE}, check=False)
+    assert run.log.count("Loop time") == len(lines), run.screen
 
 
 @pytest.fixture(scope="module")

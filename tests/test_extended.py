@@ -367,7 +367,8 @@ def test_line_of_ellipsoids_turned_between_runs(run_lammps, tmp_path, axis, degr
 def test_line_of_dipoles_turned_between_runs(run_lammps, tmp_path, dipole):
     """Locks out a dipole that is turned about the line of its body, which two atoms do not tell:
     it stays as near to where it was as it can be."""
-    made = f"mass 1.0 diameter 0\nset group all dipole {' '.join(map(str, dipole))}"
+    # spheres, for a dipole beside the line has a torque about it
+    made = f"mass 1.0 diameter 0.5\nset group all dipole {' '.join(map(str, dipole))}"
     text = LINE.format(style="hybrid sphere dipole", made=made, axis="0 0 1", degrees=1.0,
                        what="mux muy muz", columns="")  # fmt: skip
     log = run_lammps(text).log

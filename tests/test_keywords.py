@@ -172,6 +172,7 @@ UNREADABLE = {
     ),
     "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
     "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
+    "infile that would be read again": ("infile f reinit yes", ("leave out reinit yes",)),
     "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
     "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
     "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
@@ -661,9 +662,10 @@ def test_damped_spheres(run_clumps):
     after its first forces.)"""
     script, data = clumps(points=False)
     system = script.replace("3000.0 2000.0 0.0 0.0", "3000.0 2000.0 50.0 50.0"), data
+    replaced = f"suffix nosquish\n{RIGID}\nsuffix off"
     theirs, *ours = (
         run_clumps(system, fix.format(group="all", words="molecule") + "\nrun 0", ranks=n)[0]
-        for fix, n in ((RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2))
+        for fix, n in ((RIGID, 1), (LIKE_LAMMPS, 1), (LIKE_LAMMPS, 2), (replaced, 2))
     )
     for result in ours:
         close(result[:, :3], theirs[:, :3], 1e-9)

@@ -87,6 +87,39 @@ def test_errors_name_style_and_word(run_lammps, tmp_path, what, ranks):
         assert whole[at.index("^") : len(at)] == pointed
 
 
+ADVISED = {  # what is wrong: (the integrator, its words, lines behind the fix, what serves)
+    "keyword of a thermostat": ("nve", "langevin 1 1 1 4", "", "{nvt} has Langevin's"),
+    "pressure": ("nvt", "temp 1 1 2 seed 4 iso 1 1 1", "", "volume, {npt} and {nph} change it"),
+    "barostat beside it": ("nve", "", "fix 2 all press/berendsen iso 1 1 1", "use {npt} or {nph}"),
+    "minimisation": ("nve", "", "minimize 0 0 1 1", "use {fire} and a run"),
+    "bodies that overlap": (
+        "nve",
+        "",
+        "set atom 1 x 0.5 y 0.5 z 0.5\nset atom 6 x 0.6 y 0.5 z 0.5",
+        "bodies by {fire}",
+    ),
+    "one component of a torque": ("nvt", "temp 1 1 2 seed 4 torque * on on off", "", "use {nve}"),
+}
+
+
+@pytest.mark.parametrize("form", ["native", "quoted"])
+@pytest.mark.parametrize("what", ADVISED)
+def test_advice_has_the_form_in_use(run_lammps, what, form):
+    """Locks out advice that names a Python class to who wrote a fix style, and a fix style to who
+    has the class: LAMMPS's own fix python/move has no such style."""
+    name, words, after, says = ADVISED[what]
+    named = {
+        name: f"fix nosquish/{name}" if form == "native" else f"fix_nosquish.{name.upper()}"
+        for name in STYLES
+    }
+    system = mixture("solid planar")
+    text = run_of(system, name, form, 1, words=words).replace(
+        "thermo_style", f"{after}\nthermo_style"
+    )
+    said = " ".join(run_lammps(text, files=system.files, check=False).screen.split())
+    assert says.format(**named) in said
+
+
 def test_log(run_lammps, tmp_path):
     """Locks out styles that LAMMPS does not list, a line of the log for each of them, and a run
     that leaves the paper out of LAMMPS's citations."""

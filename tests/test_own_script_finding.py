@@ -2,6 +2,9 @@
 the scripts that `scripts` writes.
 """
 
+import re
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -57,14 +60,6 @@ def test_another_fix_that_keeps_the_temperature_is_named(taken):
     )
     assert "Ensemble: NVE" not in lines
     assert any(one.startswith("Ensemble: NVT (temp ") for one in taken("spce").notes)
-
-
-def test_numbers_of_a_fix_python_move_have_no_point():
-    """Locks out a temperature that our fix reads otherwise."""
-    for word in "298.15", "0.5", "1.0", "300", "1e-3", "2.50", "-1.25", "0.001":
-        plain = schemes.undotted(word)
-        assert "." not in plain and float(plain) == float(word)
-    assert schemes.undotted("v_T") == "v_T"
 
 
 def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
@@ -222,13 +217,11 @@ def test_a_data_file_with_bodies_is_read_by_lammps(tmp_path, capsys):
     assert main(["bodies", str(path), "--out", str(tmp_path / "out")]) == 0
     assert "27 × water" in capsys.readouterr().out
     (tmp_path / "spce.data").write_bytes((tmp_path / "out" / "spce.data").read_bytes())
-    assert "group bodies variable is_in" in bodies.reads("property", "spce.data", False)
-    text = text.replace(
-        "read_data parts/spce.data", "\n".join(bodies.reads("property", "spce.data", False))
-    )
-    text = text.replace(
-        "fix move all nve", *bodies.moves("property", "move", finding.State(), False)
-    )
+    lines = bodies.reads("property", "spce.data", bodies.Names())
+    assert "group bodies variable is_in" in lines
+    text = text.replace("read_data parts/spce.data", "\n".join(lines))
+    moving = "fix move bodies nosquish/nve custom i_body"
+    text = text.replace("fix move all nve", moving)
     again = tmp_path / "in.again"
     again.write_text(text)
     own = take(again, tmp_path / "again")
@@ -294,22 +287,27 @@ MADE = {  # of scripts, what makes their atoms, and the number of bodies
 
 def with_lines(text, told):
     """A script with what ``bodies`` tells of it: commands that go, and lines in the place of the
-    first of them and of the fix."""
+    first of them and of the last fix that goes."""
     kept, gone, made, now = text.splitlines(), [], {"first": [], "fix": []}, None
+    fixes, lost = [], []
     for line in told.splitlines():
         if line.startswith("    "):
             now.append(line.strip())
-        elif "which all go:" in line:
+        elif "commands of the script, which all go:" in line:
             now = gone
         elif "the place of" in line:
-            now = made["fix" if "the place of fix" in line else "first"]
-    (own,) = (line for line in kept if line.startswith("fix 1 "))
+            fixes = re.findall(r"fix (\S+) \(", line)
+            now = made["fix" if fixes else "first"]
+        elif line.startswith("These name a fix that goes"):
+            lost = line.rstrip(".").partition("have to go, too: ")[2].split("; ")
+    own = [line for line in kept if line.startswith("fix ") and line.split()[1] in fixes]
+    assert len(own) == len(fixes) > 0
     gone = gone or [line for line in kept if line.startswith("read_data")]
     places = sorted(kept.index(line) for line in gone)
     assert len(places) == len(gone)
     kept[places[0]] = "\n".join(made["first"])
-    kept = [line for line in kept if line not in gone]
-    kept[kept.index(own)] = "\n".join(made["fix"])
+    kept[kept.index(own[-1])] = "\n".join(made["fix"])
+    kept = [line for line in kept if line not in (*gone, *own, *lost)]
     return "\n".join(kept) + "\n"
 
 
@@ -340,33 +338,158 @@ def test_lines_for_bodies_run_whatever_makes_the_atoms(kind, tmp_path, run_lammp
     assert new == pytest.approx(own, rel=1e-6)
 
 
-def test_lines_for_bodies_are_the_scripts_own():
-    """Locks out lines that LAMMPS refuses where they are said to stand, for the script's own fixes
-    are still there; another ensemble; a fix of no atoms; and parts that nothing holds together."""
-    fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": "fix 2 all nvt temp 300.5 300.5 200"}
-    said = {"fixes": fixes, "commands": ["bond_style zero", "read_data b.data"]}
-    said |= {"groups": ["all"], "states": []}
+MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what has to be printed
+    "nve": ("fix 1 all nve", [
+        "group points subtract all bodies",
+        'fix 1 bodies nosquish/nve custom i_body',
+        "fix 1_points points nve",
+    ]),
+    "langevin": ("fix 1 all nve\nfix 2 all langevin 300 300 100 5", ["fix 1_points points nve"]),
+    "chains": ("fix 1 all nvt temp 300.5 300.5 100 tchain 5", [
+        'fix 1 bodies nosquish/nvt custom i_body temp 300.5 300.5 100'
+        ' thermostat nh tchain 5',
+        "fix 1_points points nvt temp 300.5 300.5 100 tchain 5",
+    ]),
+    "shake": ("fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all nvt temp 300 300 100", [
+        "group points_4 subtract all bodies",
+        "fix 4 points_4 shake 1e-6 200 0 b 1 3 a 1",
+        "fix 1_points points nvt temp 300 300 100",
+    ]),
+    "shake of water alone": (
+        "fix 4 all shake 1e-6 200 0 b 1 a 1\nfix_modify 4 virial yes\n"
+        "fix 1 all nvt temp 300 300 100", ["fix 1_points points nvt temp 300 300 100"],
+    ),
+    "shake of the solute": (
+        "group solute type 3\nfix 4 solute shake 1e-6 200 0 b 2\nfix 1 all nve",
+        ["fix 1_points points nve"],
+    ),
+    "rattle": ("fix 1 all nve\nfix 4 all rattle 1e-6 200 0 b 1 3 a 1", [
+        "fix 4 points_4 rattle 1e-6 200 0 b 1 3 a 1",
+    ]),
+    "pressure": ("fix 1 all npt temp 300 300 100 iso 1 1 1000 drag 0.2", [
+        'fix 1 bodies nosquish/npt custom i_body temp 300 300 100 '
+        'iso 1 1 1000 thermostat nh barostat mtk points points',
+    ]),
+    "pressure and shake": (
+        "fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all npt temp 300 300 100 iso 1 1 1000\n"
+        "compute_modify 1_temp extra/dof 3", [
+            "fix 4 points_4 shake 1e-6 200 0 b 1 3 a 1",
+            "fix 1_points points nvt temp 300 300 100",
+            'fix 1 bodies nosquish/npt custom i_body temp 300 300 100 '
+            'iso 1 1 1000 thermostat nh barostat mtk dilate others',
+        ],
+    ),
+    "enthalpy": ("fix 1 all nph iso 1 1 1000", [
+        'fix 1 bodies nosquish/nph custom i_body iso 1 1 1000 '
+        'points points',
+    ]),
+    "a part stands still": ("group frozen id 82\ngroup mobile subtract all frozen\n"
+        "fix 1 mobile nve", ["group points subtract mobile bodies", "fix 1_points points nve"],
+    ),
+    "a part stands still, at constant pressure": (
+        "group frozen id 82\ngroup mobile subtract all frozen\n"
+        "fix 1 mobile npt temp 300 300 100 iso 1 1 1000",
+        ["group others subtract all bodies points"],
+    ),
+    "two fixes": ("group water molecule 1:27\ngroup solute subtract all water\n"
+        "fix 1 water nvt temp 300 300 100\nfix 2 solute nvt temp 280 280 50", [
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'thermostat nh',
+    ]),
+    "names that are taken": ("group bodies type 3\ngroup points id 1\nfix 1 all nve", [
+        "group own_points subtract all own_bodies",
+        'fix 1 own_bodies nosquish/nve custom i_body',
+    ]),
+    "rigid": ("group water molecule 1:27\ngroup solute subtract all water\nfix 2 solute nve\n"
+        "fix 1 water rigid/nvt/small molecule temp 300 300 100 tparam 4 1 3", [
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'thermostat nh tchain 4',
+    ]),
+    "rigid and noise": ("group water molecule 1:27\ngroup solute subtract all water\n"
+        "fix 2 solute nve\nfix 1 water rigid/small molecule langevin 300 300 100 77", [
+            'fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 '
+            'seed 4928',
+    ]),
+    "ours": (
+        "group water molecule 1:27\ngroup solute subtract all water\n"
+        "fix 1 water nosquish/npt molecule temp 300 300 100 seed 8 iso 1.5 1.5 1000 every 5 "
+        "points solute", [
+            "group points subtract solute bodies",
+            "fix 1 bodies nosquish/npt custom i_body temp 300 300 100 seed 8 iso 1.5 1.5 1000 "
+            "every 5 points points",
+    ]),
+    "ours in quotes": (
+        "group water molecule 1:27\ngroup solute subtract all water\n"
+        'fix 1 all python/move "fix_nosquish.NVT water molecule temp 300 300 100 seed 8 mrot 2 '
+        'points solute"', [
+            "group points subtract solute bodies",
+            "fix 1 bodies nosquish/nvt custom i_body temp 300 300 100 seed 8 mrot 2 points points",
+    ]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("which", MOVES)
+def test_what_bodies_prints_runs_as_it_is(which, tmp_path, run_lammps, capsys):
+    """Locks out lines that our fix or LAMMPS refuses, and motion that is another one without a
+    word: a thermostat of another kind, what shake held, atoms that stood still."""
+    text = scripts.solute(tmp_path).read_text()
+    (first,) = [line for line in text.splitlines() if line.startswith("fix hold")]
+    (second,) = [line for line in text.splitlines() if line.startswith("fix move")]
+    fixes, lines = MOVES[which]
+    text = text.replace(f"{first}\n{second}", fixes).replace("run 100", "run 20")
+    text = text.replace("timestep 1", "timestep 0.5\ncompute d all displace/atom\nthermo 10\n"
+        "compute far all reduce max c_d[4]\ngroup one id 82\ncompute still one reduce max c_d[4]\n"
+        "thermo_style custom step temp press pe etotal econserve c_far c_still")  # fmt: skip
+    (tmp_path / "in.solute").write_text(text)
+    assert main(["bodies", str(tmp_path / "in.solute"), "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().out
+    printed = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    assert not [line for line in lines if line not in printed], printed
+    done = run_lammps(with_lines(text, told), options=("-log", "log.lammps"))
+    assert "27 rigid bodies with 81 atoms" in done.log
+    rows = done.thermo
+    assert rows["Step"][-1] == 20 and rows["c_far"][-1] > 0.01
+    stands = "stands still" in which and "pressure" not in which
+    assert (rows["c_still"][-1] == 0) == stands
+    holds = which in ("shake", "rattle", "pressure and shake")
+    assert bool(re.search(r"^ *2 = # of size 2 clusters$", done.log, re.M)) == holds
+    assert ("keywords that ours does not have: drag 0.2" in told) == (which == "pressure")
+
+
+def test_lines_for_bodies_say_what_they_cannot(tmp_path, capsys):
+    """Locks out parts that nothing holds together, and constraints that are lost without a word."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
+    path.write_text(text)
+    (tmp_path / "rings.data").write_text(
+        (tmp_path / "rings.data").read_text().replace("13.019", "12.011")
+    )
+    assert main(["bodies", str(path), "--out", str(tmp_path / "out"), "--parts", "rings"]) == 0
+    assert "bond_style zero" not in capsys.readouterr().out  # whole molecules
+    said = {"commands": ["bond_style zero"]}
     atoms = {"bonds": np.array([[1, 1, 2], [1, 2, 3]])}
-    place = Path("/a/b.data")
-    told = bodies.told("molecule", said, atoms, np.array([1, 1, 1]), place)
-    assert told == [
-        "/a/b.data has them. In the script, in the place of its read_data:",
-        "    read_data /a/b.data",
-        "    group bodies molecule > 0",
-        "In the place of fix 1 (shake) and fix 2 (nvt):",
-        '    fix 2 bodies python/move "fix_nosquish.NVT bodies molecule temp 3005e-1 3005e-1 200'
-        ' seed 4928"',
-    ]
-    told = bodies.told("property", said, atoms, np.array([1, 1, 0]), place)
-    assert "    fix 2_points points nvt temp 300.5 300.5 200" in told
-    assert told[-2].startswith("What fix 1 holds") and "bond_style zero" in told[-1]
-    fixes = {"a": 'fix a w python/move "fix_nosquish.NPT w molecule temp 1 1 1 iso 1 1 9 seed 5"'}
-    told = bodies.told("molecule", said | {"fixes": fixes}, atoms, np.array([1, 1, 0]), place)
-    assert "In the place of fix a (python/move):" in told
-    (line,) = (one for one in told if one.startswith("    fix "))
-    assert line.endswith('molecule temp 1 1 1 iso 1 1 9 seed 4928 points points"')
+    assert bodies._torn(said, atoms, np.array([1, 1, 0]))
+    atoms |= {"type": [1, 1, 1], "mass": [1.0] * 3, "mask": np.ones(3, int)}
+    said |= {"groups": ["all"]}
+    shake = "fix 1 all shake 1e-4 100 0 b 1"
+    (told,) = bodies._cut(said, atoms, "1", shake, np.array([True, True, False]))
+    assert told.startswith("Fix 1 holds 1 bonds between bodies and other atoms")
     rigid = "fix 1 all rigid/nvt/small molecule temp 1 1 1"
     assert finding.kept_by(rigid) == finding.State(("1", "1", "1"))
+
+
+@pytest.mark.parametrize("name", ["Zürich", "two words", 'a"b'])
+def test_bodies_in_folders_with_other_letters(name, tmp_path, run_lammps, capsys):
+    """Locks out a data file that LAMMPS cannot write or find by the printed line."""
+    place = tmp_path / name
+    place.mkdir()
+    text = scripts.spce(place, fix="fix 1 all nve", number=3).read_text()
+    assert main(["bodies", str(place / "in.spce"), "--out", str(place / "out")]) == 0
+    changed = with_lines(text, capsys.readouterr().out)
+    (place / "in.changed").write_text(changed.replace("run 100", "run 2"))
+    command = [str(Path(sys.executable).with_name("lmp")), "-in", "in.changed", "-log", "log"]
+    subprocess.run(command, cwd=place, check=True, stdout=subprocess.DEVNULL)
+    assert "27 rigid bodies" in (place / "water.log").read_text()
 
 
 def test_bonded_pairs():
@@ -401,6 +524,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
             0,
         ],
         'python/move "fix_nosquish.NVE bodies molecule moments step points points"': [1, 1, 1, 0],
+        "nosquish/npt molecule temp 1 1 1 seed 5 iso 1 1 9 points points": [True] * 4,
         'python/move "other.Class bodies"': [True] * 4,
     }
     for text, wanted in words.items():
@@ -424,6 +548,8 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         (['python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 5 mrot 2"'], "yours"),
         (['python/move "fix_nosquish.NVT all molecule moments step temp 1 1 2 seed 5"'], "yours"),
         (['python/move "fix_nosquish.NVE all molecule"'], "nosquish"),
+        (["nosquish/nvt molecule temp 1.0 1.0 2.0 seed 17"], "nosquish"),
+        (["nosquish/nvt molecule temp 1 1 2 seed 17 mrot 2"], "yours"),
         (['python/move "fix_nosquish.Gear all molecule"'], "yours"),
         (["rigid/nvt/small molecule temp 1 1 2"], "rigid/nvt/small"),
         (["shake 1e-4 100 0 b 1", "nvt temp 1 1 2"], "shake"),
@@ -466,8 +592,10 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     assert {one.kind for one in those} == {"ours", "constraints"}
     assert all(tilts in " ".join(one.lines) for one in those)
     assert sum("angles of a box" in one for one in notes) == 1
-    (own,) = bodies.moves("molecule", "2", found.state, points=False)
-    assert "fix_nosquish.NPT bodies molecule temp 1 1 2" in own and tilts in own
+    made = bodies.moves("molecule", said, atoms, np.array([1, 1, 2, 2]), bodies.Names())
+    (own,) = made.lines
+    assert own.startswith("fix 2 bodies nosquish/npt molecule temp 1 1 2") and tilts in own
+    assert [*made.gone] == ["1", "2"]
     plain = finding.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
     assert not plain.tilts
 
@@ -489,10 +617,19 @@ def test_kinds_of_fixes():
 
 def test_native_styles_are_ours():
     """Locks out a script with a native style whose fix the harness takes for another's, or whose
-    group and words it reads at other places than those in quotes."""
-    words = "molecule temp 1.5 1.5 2.0 seed 5 mrot 2"
-    quoted = f'fix 1 water python/move "fix_nosquish.NVT water {words}"'
-    assert finding.in_quotes(f"fix 1 water nosquish/nvt {words}") == quoted
-    assert finding.kind_of(quoted) == "ours"
-    for other in "", "run 5", "fix 1 water", "fix 1 water nve", quoted:
-        assert finding.in_quotes(other) == other
+    group and words it reads at other places than those in quotes; and quotes in what is printed."""
+    words = "custom i_a temp 1.5 1.5 2.0 seed 5 mrot 2"
+    native = f"fix 1 water nosquish/nvt {words}"
+    quoted = f'fix 1 all python/move "fix_nosquish.NVT water {words}"'
+    wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
+    assert finding.words_of(native) == finding.words_of(quoted) == wanted
+    assert finding.words_of(quoted).fix("1") == native
+    for one in quoted, native:
+        assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
+    spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
+    assert finding.words_of(spaced).fix("1") == spaced
+    old = 'fix 1 a python/move "fix_nosquish.Gear a molecule"'  # which has no fix style
+    assert finding.words_of(old).fix("1") == old
+    others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
+    others += "fix 1 a python/move", "fix 1 a nosquish/nve", "fix 1 a rigid/nve/nosquish molecule"
+    assert not any(map(finding.words_of, others))

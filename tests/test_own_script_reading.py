@@ -51,17 +51,18 @@ def test_lines_words_and_branches_are_lammpss():
     assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
     assert script.without_files("fix 1 all rigid molecule infile file") != ""
     for line in (
-        'fix 1 all python/move "fix_nosquish.NVE output molecule{} mrot 2"',
-        'fix 1 all python/move "fix_nosquish.NVT all group 2 a output{} moments step"',
-        'fix 1 all python/move "fix_nosquish.HMC all molecule points output{} mrot 2"',
+        "fix 1 output nosquish/nve molecule{} mrot 2",
+        'fix 1 all nosquish/nvt group 2 a output{} moments step infile "a b"',
+        "fix 1 all nosquish/hmc molecule points output{} mrot 2",
+        'fix 1 all python/move "fix_nosquish.Gear all group 1 output{}"',
     ):
         assert finding.without_output(line.format("")) == (line.format(""), [])
         found = finding.without_output(line.format(" output  100\tv_csv"))
         assert found == (line.format(""), ["output 100 v_csv"])
-    for words in "", " python/move", ' python/move "fix_nosquish.NVE all"':
+    for words in "", " python/move", ' python/move "fix_nosquish.NVE all"', " nosquish/nve":
         assert finding.without_output(f"fix 1 all{words}") == (f"fix 1 all{words}", [])
-    bare = "fix 1 all python/move 'fix_nosquish.NVE all single output 5 v_csv'"
-    assert finding.without_output(bare)[0].endswith(' "fix_nosquish.NVE all single"')
+    bare = "fix 1 all python/move 'fix_nosquish.NVE own single output 5 v_csv'"
+    assert finding.without_output(bare)[0] == "fix 1 own nosquish/nve single"
     line = "pair_coeff * *  W 'W'\tW.snap X"
     other = script.with_words(line, lambda word: '"/p"' if word.text == "W" else word.quoted)
     assert other == 'pair_coeff * *  "/p" "/p"\tW.snap X'
@@ -249,7 +250,7 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     found = own.found
     assert (found.group, found.points, found.rest) == ("bodies", "points", True)
     assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
-    assert found.state == finding.State(("15e-1", "15e-1", "1"))
+    assert found.state == finding.State(("1.5", "1.5", "1"))
     assert found.dropped == ("moments equal 6",)
     assert shapes.temperature(own) == 1.5
     assert not any("fix_nosquish" in line for line in (*own.scene.setup, *own.scene.then))

@@ -32,7 +32,7 @@ def row(dt, name="nosquish", cost=COST, by_itself=None, **errors):
     return {
         **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix {name}"], "failed": None},
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
-        **{"cost": None, "rough": spent, "signed": {}, "independent": 100.0},
+        **{"cost": None, "rough": spent, "signed": {}, "independent": 100.0, "untold": None},
         **{"time": TIME, "alone": False},
         "errors": told,
         "by_itself": {key: Estimate(*one).plain() for key, one in (by_itself or errors).items()},

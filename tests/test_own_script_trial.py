@@ -17,6 +17,7 @@ from own_scripts import GAS, take
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
+from validation.choice import meets
 from validation.own import counted, shapes, shifted
 from validation.pages import console
 from validation.running import rounds, run
@@ -325,7 +326,7 @@ def test_error_bars_of_g_from_longer_steps_cover(size, grows):
         }
         for dt, own in covered.items():
             one = law.rms_by_law(dt, g, g[finer], finer)
-            own.append(abs(one.value - size * error(dt)) < one.margin)
+            own.append(one is not None and abs(one.value - size * error(dt)) < one.margin)
         alone = law.rms_by_law(1.0, {dt: g[dt] for dt in (finer, 1.0)}, g[finer], finer)
         together = law.rms_by_law(1.0, g, g[finer], finer)
         reach.append([one.value + one.margin for one in (together, alone)])
@@ -421,6 +422,140 @@ def test_parts_of_a_run_that_are_not_independent_make_no_error_of_g_smaller():
     assert np.mean(held) > 0.97
 
 
+SLOW = {  # noise of g(r) in a 20th of a run: fast, slow, and how many of these the slow one lasts
+    "fast": (0.05, 0.0, 1.0),
+    "a part": (0.0, 0.05, 1.0),
+    "half of the run": (0.0, 0.05, 10.0),
+    "the run": (0.0, 0.05, 20.0),
+    "longer than the run": (0.0, 0.05, 1000.0),
+    "a quarter, hidden by fast noise": (0.05, 0.03, 5.0),
+    "the run, hidden by fast noise": (0.05, 0.03, 20.0),
+    "longer, hidden by fast noise": (0.05, 0.03, 1000.0),
+}
+STEPS = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0), (1.0, 2.0, 3.0), (1.0, 2.0)
+
+
+def of_runs(random, noise, steps=STEPS[0], bias=0.0, trend=0.0, parts=errors.BLOCKS, bins=40):
+    """Of runs with several steps what `errors.of_g` takes: g(r) of successive parts, whose noise is
+    autoregressive.
+
+    Args:
+        noise: as in `SLOW`.
+        bias: rms error of g(r) at a step of 1, which grows as the square.
+        trend: of the potential energy, in its error bars.
+    """
+    shape = np.sqrt(2) * np.sin(np.linspace(0, 6 * np.pi, bins, endpoint=False))
+    fast, slow, time = noise
+    kept = np.exp(-1 / time)
+
+    def one(dt):
+        series = random.normal(size=(parts, bins))
+        for k in range(1, parts):
+            series[k] = kept * series[k - 1] + np.sqrt(1 - kept**2) * series[k]
+        off = fast * random.normal(size=(parts, bins)) + slow * series
+        settling = Estimate(trend + random.normal(), 1.0)
+        return {"rdf": 1 + bias * dt**2 * shape + off, "settling": settling}
+
+    return {dt: one(dt) for dt in steps}
+
+
+def verdicts(runs, target=0.02):
+    """Of each step whether its g(r) is within a target, and the estimates."""
+    first, *steps = runs
+    found = {dt: errors.of_g(dt, runs, runs[first], first)[0] for dt in steps}
+    rows = [
+        {"failed": None, "errors": {"rdf": one.plain()} if one else {}} for one in found.values()
+    ]
+    return dict(zip(found, (meets(row, {"rdf": target}) for row in rows))), found
+
+
+@pytest.mark.parametrize("steps", STEPS)
+@pytest.mark.parametrize("noise", SLOW)
+def test_noise_is_no_error_of_g(noise, steps):
+    """Locks out "no step is within the targets" from the noise of runs that are as short as a few
+    correlation times of g(r), or shorter: its parts look independent, and differ from the
+    reference's by chance."""
+    random, wrong, told = np.random.default_rng(12), [], []
+    for _ in range(50):
+        found, _ = verdicts(of_runs(random, SLOW[noise], steps))
+        wrong.append([one is False for one in found.values()])
+        told += [one is not None for one in found.values()]
+    assert np.mean(wrong) < 0.03 and not np.all(wrong, axis=1).any()
+    if noise == "fast":  # these runs are long enough
+        assert np.mean(told) > (0.9 if len(steps) > 3 else 0.3)
+    if "run" in noise and len(steps) > 2:
+        assert np.mean(told) < 0.06
+
+
+@pytest.mark.parametrize("noise", ["fast", "a part"])
+def test_an_error_of_g_that_grows_with_the_step_is_found(noise):
+    """Locks out a real error that is taken for noise: it is 0.005 at a step of 1, and within 0.02
+    up to a step of 2."""
+    random, covered, long, short = np.random.default_rng(13), [], [], []
+    for _ in range(50):
+        found, each = verdicts(of_runs(random, SLOW[noise], bias=0.005))
+        long += [found[4.0] is False, found[6.0] is False]
+        short.append(found[1.0] is not False)
+        covered += [abs(one.value - 0.005 * dt**2) < one.margin for dt, one in each.items() if one]
+    assert np.mean(long) > 0.9 and np.mean(short) > 0.95 and np.mean(covered) > 0.9
+
+
+@pytest.mark.parametrize("time", [0.5, 1.0, 2.0, 3.0])
+def test_parts_of_correlated_runs(time):
+    """Locks out error bars that take correlated parts of a run for independent ones: against the
+    known variance of the mean of an autoregressive series."""
+    random, parts = np.random.default_rng(15), 20
+    apart = np.abs(np.subtract.outer(np.arange(parts), np.arange(parts)))
+    exact = np.exp(-apart / time).mean()
+    numbers, ratios, seen = [], [], []
+    for _ in range(100):
+        runs = [one["rdf"] for one in of_runs(random, (0.0, 1.0, time), STEPS[1]).values()]
+        number, variance = measures.parts_of_runs(runs)
+        numbers.append(number)
+        ratios.append(variance / exact)
+        made = measures.independent(runs, int(number), variance)
+        assert all(np.allclose(one.mean(axis=0), own.mean(axis=0)) for one, own in zip(made, runs))
+        seen.append(np.mean([one.var(axis=0, ddof=1).mean() / len(one) for one in made]) / variance)
+    assert np.allclose(seen, 1.0)
+    assert 0.6 < np.median(ratios) < 1.1
+    assert np.median(numbers) == pytest.approx(1 / exact, rel=0.3)
+
+
+def test_no_verdict_on_a_structure_that_is_settling_or_does_not_follow_the_step():
+    """Locks out a verdict on g(r) where the start was not in equilibrium, and where a short step is
+    further off than a longer one."""
+    random = np.random.default_rng(14)
+    for trend, told in (0.0, 0), (10.0, 50):
+        runs = [of_runs(random, SLOW["fast"], bias=0.005, trend=trend) for _ in range(50)]
+        found = [errors.of_g(2.0, one, one[0.5], 0.5)[1] for one in runs]
+        assert abs(sum(one is not None and one.why == errors.SETTLING for one in found) - told) < 5
+    runs = of_runs(random, SLOW["fast"], STEPS[1])  # as seen: 0.050 at 2 fs, 0.014 at 3 fs
+    runs[2.0]["rdf"] += 0.05 * np.sqrt(2) * np.sin(np.arange(40))
+    error, untold = errors.of_g(2.0, runs, runs[1.0], 1.0)
+    assert error is None and untold.why == errors.ERRATIC
+    assert untold.plain(0.025)["longer"] == pytest.approx((3 * 0.05 / 0.025) ** 2, rel=0.2)
+
+
+def test_what_is_said_of_a_structure_that_is_not_told():
+    """Locks out an answer that does not say why there is none of g(r), and what to do."""
+    short = "Runs of 100 fs are shorter than 10 correlation times of g(r), so it cannot be decided."
+    noise = "With 2, 3 fs the error of g(r) does not follow the step, so it is noise, and g(r)"
+    for why, longer, said, then in (
+        (errors.SHORT, 4.0, f"{short} Runs of about 400 fs should tell.", "About --budget 20 "),
+        (errors.SHORT, 1.2, f"{short} Runs of about 200 fs should tell.", "About --budget 10 "),
+        (errors.ERRATIC, 25.0, f"{noise} cannot be decided. Runs of about 2500", "--budget 120 "),
+        (errors.ERRATIC, 1e4, f"{noise} cannot be decided.", "try about --budget 50 first"),
+        (errors.SETTLING, None, "The start is not in equilibrium", "Give a target that short"),
+    ):
+        rows = [row(dt, energy=Estimate(0.1, 0.01)) for dt in (2.0, 3.0)]
+        for one in rows:
+            one["untold"] = {"why": why, "longer": longer}
+        _, told, lines = report.answer(summary_of({"energy": 0.2, "rdf": 0.03}, *rows))
+        assert told[0].startswith(said) and not lines
+        assert then in told[1] and "No step" not in " ".join(told)
+        assert any("Nothing is known of g(r). But for that" in one for one in told)
+
+
 def test_integrators_whose_energy_says_nothing(taken):
     """Locks out a drift of rigid/nvt that is LAMMPS's bookkeeping, and such an integrator that is
     "not met" by it, or advised without a word."""
@@ -467,6 +602,7 @@ def row(dt, name="nosquish", cost=(1.0,), **errors):
         **{"is_reference": False, "asked": True, "uncounted": False, "ours": name == "nosquish"},
         **{"cost": spent, "rough": spent, "signed": {}},
         **{"errors": told, "by_itself": told, "time": 100.0, "alone": False},
+        **{"untold": None, "place": "In the place of fix 1 (nve)", "lost": []},
     }
 
 
@@ -524,10 +660,11 @@ def test_g_is_the_same_in_each_unit_of_length(unit):
 def test_g_of_runs_with_other_numbers_of_parts_is_compared():
     """Locks out a g(r) that is left out, for one run has room for fewer frames than another."""
     random = np.random.default_rng(3)
-    g = random.normal(size=(20, 7))
-    few = errors._joined(g, 13)
-    assert few.shape == (13, 7) and np.array_equal(errors._joined(g, 20), g)
-    assert np.allclose(errors._joined(g, 10).mean(axis=0), g.mean(axis=0))
+    runs = [random.normal(size=(parts, 7)) for parts in (20, 13)]
+    number, variance = measures.parts_of_runs(runs)
+    assert 5 < number <= 13
+    for one, own in zip(measures.independent(runs, 10, variance), runs):
+        assert one.shape == (10, 7) and np.allclose(one.mean(axis=0), own.mean(axis=0))
 
 
 def test_what_is_timed_could_be_advised():

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import scripts
-from conftest import Silent
+from conftest import Silent, read_thermo
 from own_scripts import take
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
@@ -19,12 +19,13 @@ from validation import command_line
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import report as check_report
+from validation.choice import Choice
 from validation.own import shapes
 from validation.pages import console
 from validation.running import run, store
 from validation.scenes.integrators import Integrator
 from validation.stability import stress
-from validation.trial import confirm, lists, measure, rest, timed, trial
+from validation.trial import confirm, lists, measure, report, rest, timed, trial
 
 
 def test_an_integrator_that_is_none_is_refused(capsys):
@@ -107,7 +108,7 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
     path = str(scripts.polymer(tmp_path))
     out = tmp_path / "compare"
     words = ["--ranks", "1", "--rounds", "1", "--segment", "20", "--only",
-             "fix_nosquish.NVT langevin", "rigid/nvt/small"]  # fmt: skip
+             "nosquish/nvt langevin", "rigid/nvt/small"]  # fmt: skip
     assert main(["compare", path, "--steps", "200", "--out", str(out), *words]) == 0
     summary = json.loads((out / "summary.json").read_text())
     assert [row["name"] for row in summary["integrators"]] == ["rigid/nvt/small", "nosquish"]
@@ -140,7 +141,7 @@ def test_advise_names_a_step_that_is_good_and_not_one_that_fails(tmp_path, monke
     assert good["dt"] == 4 and good["errors"]["energy"]["value"] < 0.2
     assert bad["failed"] or bad["errors"]["energy"]["value"] > 0.2
     page = (out / "report.html").read_text()
-    assert "fix_nosquish.NVE with a step of 4 fs" in page and "timestep 4" in page
+    assert "nosquish/nve with a step of 4 fs" in page and "timestep 4" in page
     assert "By default 0.01: " in page and len(good["cost"]["values"]) == timed.ROUNDS
     assert bad["cost"] is None  # it is not timed
     skins = [one["command"] for one in summary["lists"]]
@@ -201,6 +202,65 @@ def test_advise_runs_what_promises_most_for_longer(tmp_path, monkeypatch):
     assert begin == {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
 
 
+WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
+PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts`` and words
+    "two fixes": ("spce", {}, {}),
+    "in quotes": ("spce", {"fix": f"group water type 1 2\n{WATER}\nfix_modify 1 virial yes"}, {}),
+    "no rigid fix": (
+        "spce",
+        {"fix": "group water type 1 2\nfix move all nve"},
+        {"group": "water", "bodies": "molecule"},
+    ),
+    "others beside bodies": ("solute", {}, {}),
+    "points of ours": ("staged", {}, {}),
+    "pressure": ("co2", {}, {}),
+}
+
+
+def with_advice(text, told):
+    """A script with what ``advise`` tells of it."""
+    kept = text.replace("&\n", "").splitlines()
+    lines = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    (place,) = (line for line in told.splitlines() if line.startswith("In the place of"))
+    assert place.endswith("and of the script's timestep:")
+    ids = re.findall(r"fix (\S+) \(", place)
+    fixes = [
+        n for n, line in enumerate(kept) if line.split()[:1] == ["fix"] and line.split()[1] in ids
+    ]
+    kept[fixes[-1]] = "\n".join(lines)
+    lost = [n for n, line in enumerate(kept) if line.startswith("timestep")] + fixes[:-1]
+    for line in told.splitlines():
+        if line.startswith("These name a fix that goes"):
+            some = line.rstrip(".").partition("have to go, too: ")[2].split("; ")
+            lost += [kept.index(one) for one in some]
+    return "\n".join(line for n, line in enumerate(kept) if n not in lost) + "\n"
+
+
+@pytest.mark.parametrize("which", PRINTED)
+def test_what_advise_prints_runs_as_it_is(which, tmp_path, run_lammps, capsys):
+    """Locks out lines that LAMMPS refuses in the place where they are said to stand, or that begin
+    with another system than the one that was tried; and a place that is not said."""
+    kind, how, ask = PRINTED[which]
+    path = getattr(scripts, kind)(tmp_path, **how)
+    own = take(path, tmp_path / "out", **ask)
+    first = next(one for one in own.integrators.values() if one.kind in ("ours", "rigid"))
+    (start,), _ = check._starts(
+        replace(own, integrators={"": first}), tmp_path / "out", 1, 300.0, Silent()
+    )
+    text = path.read_text().replace("log water.log", "")
+    columns = "thermo_style custom step temp pe\nthermo_modify norm no\nrun 3"
+    text = re.sub(r"^run [1-9]\d*$(?!(.|\n)*^run )", columns, text, flags=re.M)
+    skins = [{"command": "neighbor 0.7 bin", "median": 0.9, "min": 0.8, "max": 0.95}]
+    for one in own.integrators.values():
+        row = trial._row(own, trial.Point(one, own.scene.dt), None, None)
+        choice = Choice({}, row, row)
+        lines = report.instead(choice, report._lines({"lists": skins}, choice))
+        done = run_lammps(with_advice(text, "\n".join(lines)))
+        rows = read_thermo(done.log[done.log.rindex("   Step") :])
+        assert rows["Step"][-1] - rows["Step"][0] == 3
+        assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
+
+
 def test_check_tells_of_a_mesh_that_runs_choose(tmp_path):
     """Locks out silence on a mesh that each run at constant pressure chooses anew, and a warning
     where the script gives it."""
@@ -210,8 +270,31 @@ def test_check_tells_of_a_mesh_that_runs_choose(tmp_path):
     path.write_text(path.read_text().replace("pppm 1e-3", "pppm 1e-3\nkspace_modify mesh 8 8 8"))
     (found,) = check._mesh(take(path, tmp_path / "two"))
     assert found.what.startswith("gewald that")
-    path.write_text(path.read_text().replace("8 8 8", "8 8 8 gewald 0.3"))
+    assert "(G vector, grid): kspace_modify mesh NX NY NZ gewald G" in found.note
+    log = (tmp_path / "one" / "script" / "log.lammps").read_text()
+    vector = re.search(r"G vector \(1/distance\) = (\S+)", log)[1]
+    grid = re.search(r"grid = (.*)", log)[1]
+    path.write_text(path.read_text().replace("8 8 8", f"{grid} gewald {vector}"))
     assert not [*check._mesh(take(path, tmp_path / "three"))]
+
+
+def test_what_check_advises_against_forces_within_bodies_does_it(tmp_path):
+    """Locks out a command that check names, and that LAMMPS refuses or that changes nothing."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("special_bonds lj/coul 0 0 0\n", "")
+    ones = "special_bonds lj/coul 1 1 1\n"
+    path.write_text(text.replace("run 0\n", f"{ones}run 0\n"))
+
+    def told(name):
+        own = take(path, tmp_path / name)
+        return next(one for one in check._script(own) if one.subject == "forces within bodies")
+
+    note = told("before").note
+    commands = re.findall(r"((?:neigh_modify|special_bonds) [\w/ ]+?) leaves out", note)
+    assert [one.split()[0] for one in commands] == ["special_bonds", "neigh_modify"]
+    for number, command in enumerate(commands):
+        path.write_text(text.replace("run 0\n", f"{ones}{command}\nrun 0\n"))
+        assert told(f"{number}").value == 0
 
 
 @pytest.mark.parametrize(

@@ -112,7 +112,7 @@ def test_a_command_between_runs(run_lammps):
         (fix("shadow 5") + "fix 2 all viscous 1.0\n", "would drift: unfix it, or leave"),
         (fix("shadow 5") + "run_style respa 2 2 pair 1\n", "use run_style verlet"),
         (fix("shadow 5", name="MatubayasiNakahara"), "for the steps of fix_nosquish.NVE"),
-        (fix("temp 2 2 1 seed 5 shadow 5", name="NVT"), "what the steps of fix_nosquish.NVE keep"),
+        (fix("temp 2 2 1 seed 5 shadow 5", name="NVT"), "steps of fix_nosquish.NVE conserve"),
     ],
 )
 @pytest.mark.parametrize("ranks", [1, 2])

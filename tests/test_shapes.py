@@ -372,7 +372,6 @@ TEMPLATES = {  # places and types of atoms; those of type 3 have next to no mass
         [*OXYGEN_AND_HYDROGENS, [0, -0.404, 0.571], [0, -0.404, -0.571]], [1, 2, 2, 3, 3],
     ),
     "four-site water": ([*OXYGEN_AND_HYDROGENS, [0, 0.15, 0]], [1, 2, 2, 3]),
-    "a row with a site beside it": ([[0, 0, 0], [1, 0, 0], [0.4, 0.5, 0]], [1, 2, 3]),
     "methane": ([[0, 0, 0], *CORNERS[[0, 3, 5, 6]]], [1, 2, 2, 2, 2]),
     "benzene": ([*ring(6, 1.4), *ring(6, 2.5)], [1] * 6 + [2] * 6),
     "cube": (CORNERS, [1] * 8),
@@ -414,6 +413,65 @@ run 1
         files={"mol.one": template},
     )
     assert ("27 bodies" in run.log and "differ in shape: 1 differ" in run.log) == deformed, run.log
+
+
+ROW = """units lj
+atom_style {style}
+region box block 0 20 0 20 0 20
+create_box 3 box
+molecule one mol.one
+create_atoms 0 single 3 3 3 mol one 4928
+create_atoms 0 single 13 13 13 mol one 4929
+{masses}
+pair_style zero 2
+pair_coeff * *
+group beside type 3
+fix push beside addforce 0.1 0.2 0.3
+{fix}
+thermo_style custom step ke
+thermo_modify norm no format float %.12g
+timestep 0.001
+run 100
+"""
+TWO_MASSES, EACH = "mass 1*2 1.0\nmass 3 {}", "set group all mass 1\nset group all diameter 0\n"
+
+
+def row(masses, beside, fix="fix 1 all nosquish/nve molecule"):
+    """A script with bodies of two atoms, and a third one beside their line; and its files."""
+    places = f"Coords\n\n1 0 0 0\n2 1 0 0\n3 0.4 {beside} 0"
+    template = f"one\n\n3 atoms\n\n{places}\n\nTypes\n\n1 1\n2 2\n3 3\n"
+    style = "hybrid sphere dipole molecular" if "dipole" in masses else "molecular"
+    return ROW.format(style=style, masses=masses, fix=fix), {"mol.one": template}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("masses", "beside", "says"),
+    [
+        (TWO_MASSES.format("1e-100"), 0.5, "atom 3 (mass 1e-100) is 0.5 away from it"),
+        (TWO_MASSES.format("1e-9"), 0.5, "atom 3 (mass 1e-09) is 0.5 away from it"),
+        (f"{EACH}set type 1 dipole 0.1 0.4 0.9", 0, "atom 1 (mass 1) has a dipole of"),
+    ],
+)
+def test_what_stands_beside_a_line_of_masses(refused, masses, beside, says, ranks):
+    """Locks out the torque of an atom without mass, or of a dipole, about the line in which the
+    masses of its body are: nothing has a moment of inertia there, so it was lost without a word."""
+    script, files = row(masses, beside)
+    refused(
+        script, f"the body of molecule 1 has its mass in a line, and {says}", files, ranks=ranks
+    )
+
+
+@pytest.mark.parametrize(("mass", "beside"), [("0.1", 0.5), ("1e-100", 0), ("1e-100", 1e-3)])
+def test_advice_for_a_line_of_masses(run_lammps, mass, beside):
+    """Locks out advice that does not help, and a refusal of atoms that are in the line but for what
+    a data file rounds: with a mass, or in the line, atoms turn the body as in fix rigid."""
+    energies = [
+        run_lammps(script, files=files).thermo["KinEng"][-1]
+        for fix in ("nosquish/nve molecule", "rigid/nve molecule")
+        for script, files in [row(TWO_MASSES.format(mass), beside, f"fix 1 all {fix}")]
+    ]
+    assert energies[0] > 1e-4 and energies[0] == pytest.approx(energies[1], rel=1e-6)
 
 
 @pytest.mark.parametrize("far_apart", [False, True])

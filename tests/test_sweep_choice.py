@@ -558,7 +558,7 @@ def test_advice_is_the_choice(capsys, folder):
         assert status == 0 and f"{best['label']} with a time step of {best['dt']:g} fs" in text
         assert (
             text.count("    timestep ") == 1
-            and f"    timestep {best['dt']:g}\n    " + "\n    ".join(best["lines"]) in text
+            and "\n    ".join(["", f"timestep {best['dt']:g}", *best["lines"]]) in text
         )
         assert all(sweep_report.named(points[n]) in text for n in ties) and bool(ties) == (
             "A tie:" in text

@@ -7,6 +7,7 @@ not, nothing is asserted of them.
 """
 
 import itertools
+import sys
 
 import numpy as np
 import pytest
@@ -408,6 +409,47 @@ def test_exception_on_one_rank(run_lammps, tmp_path, method):
         case.script, files={"mol.bent": BENT, "spoil.py": BREAKS}, ranks=4, check=False, timeout=60
     )
     assert_ended(run, (f"ValueError: no such luck in {method}",), tmp_path)
+
+
+LOST = """
+import numpy as np
+from ctypes import CFUNCTYPE, c_int64, c_void_p
+from fix_nosquish.host.hosts import hook
+from fix_nosquish.integrators.nve import NVE
+
+class Lost(NVE):
+    def __init__(self, ptr):
+        super().__init__(ptr, "NVE all molecule")
+    @hook
+    def final_integrate(self):
+        super().final_integrate()
+        if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
+            self.lammps.per_atom("x", columns=3)[0] = np.nan
+            flip, fix = map(int, self.host.flip_box)
+            CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(fix, np.zeros(12).ctypes.data)
+"""
+GOES_ON = """
+import gc, sys, lammps
+for k in range(5):
+    try:
+        lammps.lammps(cmdargs=["-screen", "none"]).file(sys.argv[1])
+    except Exception as error:
+        said = str(error)
+    gc.collect()
+sys.exit(said.split("\\n")[0])
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_error_of_lammps_below_python(run_lammps, tmp_path, ranks):
+    """Locks out a crash of the program that runs LAMMPS, or a hang, where LAMMPS itself ends the
+    run in a function of the plugin that loops or Python call: its exception went through both."""
+    how = {"launcher": [sys.executable, "-c", GOES_ON]} if ranks == 1 else {"ranks": ranks}
+    files = {"mol.bent": BENT, "spoil.py": LOST}
+    text = Case("", module="spoil.Lost").script
+    run = run_lammps(text, files=files, check=False, timeout=60, **how)
+    assert_ended(run, ("Non-numeric atom coords",), tmp_path)
+    assert run.code == 1
 
 
 # ---- the cases of the documentation

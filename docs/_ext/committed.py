@@ -1,6 +1,6 @@
 """The committed results as tables and numbers of the documentation: no page has one typed in.
 
-A page of `docs/results` is a Jinja template; `render` fills it. Each function in TABLES is a
+A page with such tables is a Jinja template; `render` fills it. Each function in TABLES is a
 Markdown table of that name. The README's table lies between two marks, and
 `python docs/_ext/committed.py` writes it anew.
 """
@@ -88,12 +88,16 @@ def code(text):
 
 
 def cell(text):
-    return str(text).replace("|", "\\|").replace("\n", " ")
+    """As a table shows it. Results name our styles as the classes that they are in quotes."""
+    styled = re.sub(
+        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", str(text)
+    )
+    return styled.replace("|", "\\|").replace("\n", " ")
 
 
 def markdown(head, body):
     """A Markdown table."""
-    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines = ["| " + " | ".join(map(cell, head)) + " |", "|" + "---|" * len(head)]
     return "\n".join([*lines, *("| " + " | ".join(map(cell, line)) + " |" for line in body)])
 
 
@@ -654,6 +658,32 @@ def paper_scaling():
     return _paper("scaling", "rigidity")
 
 
+def examples():
+    """LAMMPS's examples with the suffix: what comes of each, beside LAMMPS's own fix."""
+    body = []
+    for row in summary("examples")["rows"]:
+        begin, falls = row.get("begin"), row.get("falls", ())
+        motion = significant(max(begin[::2]), 1) if begin else NOTHING
+        half = " and ".join(f"{one:.1f}" for one in falls) or NOTHING
+        means = f"{len(row['outside'])} of {row['columns']}" if row.get("columns") else NOTHING
+        body.append([code(row["example"]), _outcome(row), motion, half, means])
+    head = "input", "result", "first 20 steps", "smaller with half the step", "means outside 95 %"
+    return markdown([*head], body)
+
+
+def _outcome(row):
+    """What came of an example, in words."""
+    if row["verdict"] == "agrees":
+        return "agrees"
+    if row["verdict"] == "known":
+        return f"differs: {row['why']}"
+    note = re.sub(r"^ERROR( on proc \d+)?: (Fix \S+ \S+: )?| \(\S+:\d+\)$", "", row["note"])
+    if row["verdict"] == "not with theirs":
+        ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
+        return f"LAMMPS's own fix ends ({ours}): {code(note)}"
+    return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
+
+
 def paper_zero():
     """The peptide's measure over several energies, which have no common zero."""
     body = [
@@ -763,15 +793,15 @@ def readme_table():
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
     lines = {
-        "water at 2 fs: spread of the energy, kcal/mol": energy,
-        "1,000 waters: time of a whole step, ours over this fix's": whole("water", 1000, 1),
+        "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
+        "1,000 waters: time per step of ours, relative to this fix": whole("water", 1000, 1),
         "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
-        f"of {cases} cases of the stability atlas: passed, failed": judged,
-        "a free body, 10⁷ steps: relative change of the energy": lambda fix: (
+        f"{cases} cases of the stability atlas: passed, failed": judged,
+        "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
-        "a run in two parts: distance from the same run in one, σ": broke("tops-runs"),
-        "`fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
+        "run in two parts: distance from one long run, σ": broke("tops-runs"),
+        "with `fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
     }
     body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
     return markdown(["", *map(code, fixes)], body)
@@ -787,11 +817,12 @@ def readme_sampling():
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (
-        f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) let water "
-        f"take steps of {step:g} fs.\n"
-        f"To the error of `shake` and `fix langevin` at {today['dt']:g} fs, its mean energy takes "
-        f"{energy} times less time, its squared torque {torque}.\n"
-        f"An independent sample of its dipole, which is slow, takes {less} times less."
+        f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) allow time "
+        f"steps of {step:g} fs for water.\n"
+        f"To reach the total error of `fix shake` and `fix langevin` at {today['dt']:g} fs, the "
+        f"mean potential energy then needs {energy} times less CPU time.\n"
+        f"The squared torque needs {torque} times less.\n"
+        f"An independent sample of the total dipole, which is slow, needs {less} times less."
     )
 
 
@@ -845,6 +876,7 @@ TABLES = [
     paper_gear,
     paper_scaling,
     paper_zero,
+    examples,
     readme_table,
 ]
 

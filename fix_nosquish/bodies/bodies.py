@@ -93,6 +93,7 @@ class Bodies:
         sharers: the `Sharers` of these bodies.
         start: None, or what is known of the start of the run: its step, and what
             `log.forces_at_start` says.
+        external: None, or what takes external forces; see `add_force`.
         loose: whether atoms may stand anywhere near where their bodies have them.
         planar: whether they turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].
@@ -152,6 +153,7 @@ class Bodies:
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
+    external = None
     rotors, turning = (
         property(lambda self, k=k: self.cells["kinds"].array[k].item()) for k in (0, 1)
     )
@@ -318,6 +320,24 @@ class Bodies:
         )
 
     # ------------------------------------------------------------- motion
+
+    def add_force(self, ids, force, torque=(0.0, 0.0, 0.0)):
+        """Hand in an external force and torque for each of these bodies; collective.
+
+        They act on the bodies from the next forces that LAMMPS computes, in all steps and runs
+        until the same body gets others here.  A body that goes takes them along.
+
+        Args:
+            ids: (n,) body IDs, as `output.table` has them; the same on all ranks, as all arguments.
+            force: (n, 3), on the centres of mass; or (3,), the same for each of them.
+            torque: (n, 3) or (3,), about the centres of mass.  All is in the space frame and in
+                LAMMPS's units.
+        Raises:
+            RunError: on all ranks, for IDs that no body has or that stand twice, for numbers that
+                are not finite or of another shape, if ranks hand in different ones, and in a run
+                that began without external forces.
+        """
+        self.external.give(ids, force, torque)
 
     def take_velocities(self, lammps, spins=None, given=None):
         """Set v and p to the rigid motion with the momenta of the atoms' velocities; collective.

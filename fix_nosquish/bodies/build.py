@@ -29,6 +29,9 @@ from .unfold import unfold
 
 TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
+# atoms further off a linear body's line than this part of its radius of gyration are beside it: a
+# data file may have rounded places
+_BESIDE = 1e-2
 
 
 def build(
@@ -97,6 +100,7 @@ def build(
         shared = members.inertia((mass / natoms)[members.body], r) + own
         return np.einsum("nak,abn,nbk->kn", axes, shared, axes)
 
+    _refuse_beside_line(members, moment, axes, r, particles, plane, given)
     chosen, slower = _chosen(lammps, membership.command, moment, plane, alike)
     state = np.concatenate([np.zeros((ROWS + own_rows, len(mass))), slower])
     state[MASS], state[NATOMS], state[MOMENT] = mass, natoms, chosen
@@ -123,7 +127,8 @@ def build(
 
 
 def _refuse_points(lammps, members, natoms, size, given):
-    """Raise an error if several atoms are at one point, and nothing else says what they are.
+    """Raise an error if the mass of several atoms is at one point, and nothing else says what they
+    are.
 
     Args:
         size: (n,) root of the trace of the atoms' inertia over their mass.
@@ -132,10 +137,49 @@ def _refuse_points(lammps, members, natoms, size, given):
     members.refuse(
         (natoms > 1) & point & (given.absent if given else True),
         lambda k: (
-            f"has {natoms[k]:.0f} atoms at one point, so it has no shape: move them apart, "
-            "or leave them out of the group"
+            f"has the mass of its {natoms[k]:.0f} atoms at one point, so it has no moment of "
+            "inertia: move them apart, give those that are elsewhere a mass, or leave them out of "
+            "the group"
         ),
     )
+
+
+def _refuse_beside_line(members, moment, axes, r, particles, plane, given):
+    """End the run if atoms or dipoles beside the line of a linear body may have a torque about it,
+    for which the body has no moment of inertia; collective.
+
+    Args:
+        moment (3, n), axes (n, 3, 3): see `principal.moments_and_axes`.
+        r: (m, 3) the atoms' places from the bodies' centres.
+        plane: whether bodies turn about z only.
+        given: bodies whose moments were given are as the user wants them.
+    """
+    linear = (moment[2] == 0) & (moment[0] > 0) & (given.absent if given else True)
+    if plane or not members.communicator.any(linear.any()):
+        return
+    here = linear[members.body]
+    line = axes[members.body, :, 2]
+    size = np.sqrt(moment[0] / members.total(members.mass)[0])[members.body]
+
+    def beside(vectors):
+        return np.linalg.norm(vectors - (vectors * line).sum(axis=1)[:, None] * line, axis=1)
+
+    off, problem = beside(r) * here, None
+    wrong, what = off > _BESIDE * size, "is {:.3g} away from it"
+    if particles is not None and not wrong.any():
+        dipole = particles.dipole.T
+        across, what = beside(dipole) * here, "has a dipole of {:.3g} across it"
+        off, wrong = across, across > _BESIDE * np.linalg.norm(dipole, axis=1)
+    if wrong.any():
+        k = np.argmax(off * wrong)
+        problem = (
+            f"{members.membership.name(members.ids[members.body[k]])} has its mass in a line, and "
+            f"atom {members.tag[k]} (mass {members.mass[k]:g}) {what.format(off[k])}: the body has "
+            "no moment of inertia about this line (less than 1e-7 of the largest one), so torques "
+            "about it would be lost. Give atoms beside the line a larger mass, or move them onto "
+            "it; those that feel no force can be left out of the group"
+        )
+    members.communicator.agree(problem)
 
 
 def least_moment(lammps, command):

@@ -174,5 +174,5 @@ def _line(membership, natoms, lowest, counts, differ, far, furthest):
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
         f"{text}. If like molecules are meant, give them one shape before the fix is defined "
-        "(minimize bends them, fix_nosquish.FIRE does not)"
+        "(minimize bends them, fix nosquish/fire does not)"
     )

@@ -62,31 +62,55 @@ OWN_KEYWORDS = {
     "dilate": "the ID of a group, whose atoms, of those in no body, move with the box",
     "compressibility": _NUMBER,
 }
-# keywords of LAMMPS's rigid fixes that this fix does not have, and what serves instead
+# keywords of other fixes, and of other integrators, and what serves instead
+_NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
 _ELSEWHERE = {
-    "langevin": "fix_nosquish.NVT has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
-    "bodyforces": "it is a word of fix_modify, behind this fix",
+    "langevin": "fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     **dict.fromkeys(
-        ("temp", "tchain", "thermostat", "seed", "separate"),
-        "this integrator keeps no temperature, fix_nosquish.NVT and NPT do",
+        ("bodyforces", "energy", "virial", "respa", "dynamic/dof", "external"),
+        "it is a word of fix_modify, behind this fix",
     ),
-    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix_nosquish.HMC does"),
+    "temp": "this integrator keeps no temperature, fix nosquish/nvt and fix nosquish/npt do",
+    **dict.fromkeys(
+        ("tchain", "thermostat", "separate"),
+        "this integrator has no thermostat, fix nosquish/nvt and fix nosquish/npt have",
+    ),
+    "seed": "this integrator draws no random numbers, fix nosquish/nvt, fix nosquish/npt and fix "
+    "nosquish/hmc do",
+    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix nosquish/hmc does"),
     **dict.fromkeys(
         QUENCH[2:],
-        "this integrator seeks no minimum, fix_nosquish.FIRE does",
+        "this integrator seeks no minimum, fix nosquish/fire does",
     ),
-    "moments": "only what fix_nosquish.NVT, NPT and HMC find does not depend on the moments",
-    "shadow": "it is what the steps of fix_nosquish.NVE keep",
-    "ptemp": "the piston of fix_nosquish.NPH is made for the temperature of the bodies",
-    "mtk": "barostat mtk is the piston of Martyna, Tobias and Klein",
-    **dict.fromkeys(("nreset", "drag"), "no piston of this package has it"),
-    "tparam": "the chains are integrated in one way; tchain gives their length",
+    "moments": "only averages over configurations do not depend on the moments, as of fix "
+    "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
+    "shadow": "it is what the steps of fix nosquish/nve conserve",
+    "ptemp": f"the piston of {_NPT_NPH} is made for the temperature of the bodies: leave it out",
+    "mtk": "barostat mtk of fix nosquish/npt, and that of fix nosquish/nph, is the piston of "
+    "Martyna, Tobias and Klein: leave it out",
+    **dict.fromkeys(("nreset", "drag"), "no piston of this package has it: leave it out"),
     **dict.fromkeys(
-        (*PRESSURES, "couple", "barostat", "every", "compressibility", "dilate"),
-        "this integrator keeps the volume, fix_nosquish.NPT and NPH change it",
+        ("tparam", "tloop", "ploop"),
+        "fix nosquish/nvt and fix nosquish/npt have thermostat nh with tchain N, and integrate "
+        "the chains in one way",
     ),
-    "pchain": "the chain of fix_nosquish.NPT's piston has the length tchain",
-    "fixedpoint": "the box of fix_nosquish.NPT and NPH changes about its centre",
+    **dict.fromkeys(
+        (*PRESSURES, "couple", "every", "dilate"),
+        f"this integrator keeps the volume, {_NPT_NPH} change it",
+    ),
+    **dict.fromkeys(
+        ("barostat", "compressibility"),
+        "fix nosquish/npt has it: without a thermostat the barostat is always the piston",
+    ),
+    "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
+    "fixedpoint": f"the box of {_NPT_NPH} changes about its centre: leave it out",
+    "flip": f"a box of {_NPT_NPH} that is tilted far always gets other vectors: leave it out",
+    **dict.fromkeys(
+        ("scalexy", "scaleyz", "scalexz"),
+        f"a tilt of {_NPT_NPH} that has no keyword of its own stretches with its edge: leave it "
+        "out",
+    ),
+    "update": "dipoles turn with their bodies: leave it out",
 }
 
 
@@ -123,6 +147,13 @@ class Line(NamedTuple):
         before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
         return cls(style, text, (group, *words), before, 3, replaces)
 
+    def naming(self, text):
+        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
+        LAMMPS's own fix python/move comes without these styles."""
+        if self.before is not None:
+            return text
+        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
+
     def wrong(self, what, word=None):
         """An error that shows the line.
 
@@ -133,7 +164,7 @@ class Line(NamedTuple):
         if word is not None and self.before is not None:
             argument = word - 1 + self.before
             said = f"word {argument + 2} of {said}"
-        return RunError(f"{what} (in {said})", everywhere=True, argument=argument)
+        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
 
 
 @dataclass(frozen=True)
@@ -261,9 +292,12 @@ class Command:
             )
         if line.replaces:
             rigid_fixes.give_meaning(values, known)
-        if "infile" in values:
-            # as in fix rigid: the file is the start, not the state of later runs
-            values["reinit"] = False
+        # as in fix rigid: the file is the start, not the state of later runs
+        if "infile" in values and values.setdefault("reinit", False):
+            raise line.wrong(
+                "keyword infile says how bodies begin, and they go on from run to run as they "
+                "are: leave out reinit yes"
+            )
         _check_thermostat(line, values, known)
         _check_trajectories(line, values, known)
         _check_quench(line, values, known)

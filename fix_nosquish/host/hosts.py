@@ -7,6 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ..errors import RunError
+
 
 class Host(Protocol):
     """The fix as its integrator sees it.
@@ -52,6 +54,9 @@ class Host(Protocol):
         rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
         stream_group: the bit of the group whose velocities change at periodic faces by these rates,
             as with its remap v; 0 for none.
+        pushes: whether the method `push` is to be called when the forces of a step are known.
+        told: (7,) the energy of external forces, and their virial on this rank (xx yy zz xy xz
+            yz), for LAMMPS; None where LAMMPS does not take them.
         command: the words of LAMMPS's last command; none where they are not known.
     """
 
@@ -84,6 +89,8 @@ class Host(Protocol):
     rate: np.ndarray | None
     stream_group: int
     turn_atom: np.ndarray | None
+    pushes: int
+    told: np.ndarray | None
     command: Sequence[str]
 
     def log(self, text):
@@ -127,6 +134,13 @@ class Host(Protocol):
     def gravity(self, fix_id):
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
 
+    def ask_for(self, words, *, energy, virial):
+        """Have LAMMPS tell what these words, variables and columns, are when it calls `push`, and
+        have it count the energy and the virial of external forces."""
+
+    def values(self):
+        """What the words of `ask_for` are now: of each an array, (n,) or (), in this order."""
+
     def advice(self, removed):
         """Lines for the log, on what to add to the input so that temp and press are right."""
 
@@ -139,6 +153,9 @@ class Host(Protocol):
 
     def set_bodies(self, body, mass):
         """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
+
+    def lend_array(self, rows):
+        """Lend LAMMPS all rows that ``compute_array`` gives now, as long as the bodies stay so."""
 
     def set_array_rows(self, n):
         """Tell LAMMPS how many rows ``compute_array`` gives now."""
@@ -191,6 +208,8 @@ def hook(method):
         try:
             return method(self, *arguments)
         except BaseException as error:
+            if isinstance(error, RunError):
+                error.args = (self.line.naming(str(error)),)
             if self.host:
                 self.host.end(error)
             raise

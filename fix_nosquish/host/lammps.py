@@ -62,6 +62,7 @@ def _library():
     for name, result, arguments in (
         ("command", c_void_p, [c_void_p, c_char_p]),
         ("extract_atom", c_void_p, [c_void_p, c_char_p]),
+        ("extract_fix", c_void_p, [c_void_p, c_char_p, c_int, c_int, c_int, c_int]),
         ("extract_global", c_void_p, [c_void_p, c_char_p]),
         ("extract_setting", c_int, [c_void_p, c_char_p]),
         ("extract_variable", c_void_p, [c_void_p, c_char_p, c_char_p]),
@@ -408,6 +409,13 @@ class Lammps:
         if word[:2] != "v_":
             return float(word)
         place = self._evaluate(self._named(word), None, _EQUAL)
+        value = c_double.from_address(place).value
+        self.lib.lammps_free(place)
+        return value
+
+    def scalar_of_fix(self, fix_id):
+        """The value f_ID of a fix as it is now; collective."""
+        place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value

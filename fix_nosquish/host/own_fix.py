@@ -29,7 +29,8 @@ class OwnFix:
     calls_setup = follows = velocities_set = scalar_pressure = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
-    phase = vflag = changes = 0
+    phase = vflag = changes = pushes = 0
+    told = None
 
     def __init__(self, lammps, communicator):
         self.lammps, self.communicator = lammps, communicator
@@ -66,6 +67,9 @@ class OwnFix:
     def gravity(self, fix_id):
         return None
 
+    def values(self):
+        return []
+
     def advice(self, removed):
         return (
             "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
@@ -76,9 +80,9 @@ class OwnFix:
         )
 
     def set_bodies(self, body, mass):
-        """Of no use here, as the next four."""
+        """Of no use here, as the next five."""
 
-    set_array_rows = call_always = keep_box = go_alone = lambda self, *_, **__: None
+    lend_array = set_array_rows = call_always = keep_box = go_alone = lambda self, *_, **__: None
 
     def carry(self, lammps, bodies):
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""

@@ -24,7 +24,6 @@ from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, I
-from ..run import thermo
 from ..run.other_fixes import READERS, WITH_SWITCHES
 from .constant_temperature import ConstantTemperature
 
@@ -110,6 +109,11 @@ class ConstantPressure(ConstantTemperature):
 
         The pressure takes from it what all forces do within bodies.
         """
+        if self.external.moves_centres and not self.external.has_virial:
+            yield (
+                "WARNING: the virial lacks the external forces on the bodies: the box follows a "
+                "pressure without them. Give fix_modify external the words virial yes"
+            )
         for fix in self.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
@@ -148,7 +152,7 @@ class ConstantPressure(ConstantTemperature):
         if self.host.set_box is None:
             raise RunError(
                 "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
-                "package where its plugin serves, or use fix_nosquish.NVT or NVE",
+                "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
                 everywhere=True,
             )
         for mate in self.mates:
@@ -244,7 +248,7 @@ class ConstantPressure(ConstantTemperature):
                 f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "
                 "that shake holds, or that stay where they are when the box changes, and the "
                 "virial counts those of the first one only. If the second one is a thermostat, "
-                "take another one that changes velocities, such as fix_nosquish.NPT for bodies "
+                "take another one that changes velocities, such as fix nosquish/npt for bodies "
                 "and fix nvt or temp/csvr for other atoms; else leave one of them out",
                 everywhere=True,
             )
@@ -309,8 +313,7 @@ class ConstantPressure(ConstantTemperature):
 
     @property
     def damping(self):
-        """PDAMP, which is one for all axes; in the place of a fix rigid, that which gives the box
-        the period that it has there."""
+        """PDAMP, which is one for all axes."""
         every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
         damping, *others = sorted(every)
         self.command.refuse_unless_positive("PDAMP", damping)
@@ -319,18 +322,7 @@ class ConstantPressure(ConstantTemperature):
                 f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: "
                 "give all axes the same"
             )
-        return damping * (self._slower() if self.command.line.replaces else 1.0)
-
-    def _slower(self):
-        """How much longer the period is with LAMMPS's fix rigid, for the same PDAMP; collective.
-
-        Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
-        step.
-        """
-        bodies, d, free = self.bodies, self.lammps.dimension, self.degrees()[0]
-        of_bodies = thermo.freedom(bodies, d)[bodies.sharers.owned].sum()
-        every = self.communicator.total(np.array([of_bodies]))[0]
-        return np.sqrt(2 * d * (every + d) / (free + d))
+        return damping
 
     def own_numbers(self):
         """The numbers of the barostat, (n,): see `cell`."""

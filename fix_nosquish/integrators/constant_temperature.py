@@ -157,6 +157,8 @@ class ConstantTemperature(Integrator):
         """What may change the bodies' total momentum, None if nothing does; collective."""
         if self.gravity is not None:
             return "keyword gravity"
+        if self.external.moves_centres:
+            return "external forces"
         if style := pushing_pair_style(self.host, self.lammps.setting("newton_pair")):
             return f"pair style {style}"
         found = next(filter(self._pushes, self.other_fixes.pushing()), None)
@@ -260,7 +262,7 @@ class ConstantTemperature(Integrator):
             raise RunError(
                 "keyword torque has one component off and another one on, and a thermostat acts on "
                 "the whole rotation of a body, or not at all: switch off all three, or use "
-                "fix_nosquish.NVE",
+                "fix nosquish/nve",
                 everywhere=True,
             )
 

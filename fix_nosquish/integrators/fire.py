@@ -188,7 +188,7 @@ def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, quenches: F1, stop: L1) ->
 
 
 class FIRE(Integrator):
-    """fix python/move "fix_nosquish.FIRE GROUP BODYSTYLE force FTOL torque TTOL ...".
+    """fix ID group nosquish/fire BODYSTYLE force FTOL torque TTOL ...
 
     It ends the run when no force and no torque on a body is above the tolerances.
 

@@ -101,7 +101,7 @@ def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
 
 
 class HMC(NVE):
-    """fix python/move "fix_nosquish.HMC GROUP BODYSTYLE temp T steps N seed S [mix X] ...".
+    """fix ID group nosquish/hmc BODYSTYLE temp T steps N seed S [mix X] ...
 
     A trajectory ends in each step that is a multiple of N.
 
@@ -177,13 +177,13 @@ class HMC(NVE):
             raise RunError(
                 "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
                 "it, and no forces anew: install this package where its plugin serves, or use "
-                "fix_nosquish.NVT",
+                "fix nosquish/nvt",
                 everywhere=True,
             )
         if self.command.force or self.command.torque:
             raise RunError(
                 "keywords force and torque are of no use to hybrid Monte Carlo, which draws all "
-                "momenta anew: use fix_nosquish.NVT",
+                "momenta anew: use fix nosquish/nvt",
                 everywhere=True,
             )
         if self.host.ghost_velocity:
@@ -195,9 +195,11 @@ class HMC(NVE):
         if style := pushing_pair_style(self.host, newton=True):
             raise RunError(
                 f"pair style {style} has friction or noise, which no energy tests: leave it out, "
-                "or use fix_nosquish.NVT with thermostat langevin",
+                "or use fix nosquish/nvt with thermostat langevin",
                 everywhere=True,
             )
+        if problem := self.external.without_energy():
+            raise RunError(f"hybrid Monte Carlo tests an energy, and {problem}", everywhere=True)
         for mate in self.mates:
             if mate is not self:
                 raise RunError(
@@ -210,7 +212,7 @@ class HMC(NVE):
             raise RunError(
                 f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
                 "with no energy that hybrid Monte Carlo could test: "
-                f"{remedy}, or use fix_nosquish.NVT",
+                f"{remedy}, or use fix nosquish/nvt",
                 everywhere=True,
             )
 

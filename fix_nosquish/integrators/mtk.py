@@ -67,6 +67,7 @@ from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import Operation
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from ..run import thermo
 from .constant_pressure import ConstantPressure
 from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
 
@@ -359,19 +360,35 @@ class Mtk(ConstantPressure):
 
     def own_numbers(self):
         numbers, d, axes = super().own_numbers(), self.lammps.dimension, self.axes
-        damping, freedom = self.damping, self.degrees()[0]
+        freedom = self.degrees()[0]
         if not freedom > 0:
             raise RunError(
                 "no centre of mass can move against another, so there is no pressure for the "
                 "piston: use more bodies, or thermostat langevin",
                 everywhere=True,
             )
+        damping = self.damping * (self._slower(freedom) if self.command.line.replaces else 1.0)
         inertia = (freedom + d) * self.heat() * damping**2
         for group in range(COMPONENTS):
             numbers[INERTIA + group] = (axes == group).sum() / d * inertia
         numbers[RATE], numbers[FREEDOM] = 1.0 / damping, freedom
         self._inertia = numbers[INERTIA : INERTIA + COMPONENTS]
         return numbers
+
+    def _slower(self, freedom):
+        """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
+        collective.
+
+        Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
+        step.
+
+        Args:
+            freedom: the degrees of freedom that the inertia counts here.
+        """
+        bodies, d = self.bodies, self.lammps.dimension
+        of_bodies = thermo.freedom(bodies, d)[bodies.sharers.owned].sum()
+        every = self.communicator.total(np.array([of_bodies]))[0]
+        return np.sqrt(2 * d * (every + d) / (freedom + d))
 
     def own_cells(self):
         return super().own_cells() | {"piston": Cell(F1, self.piston)}

@@ -28,7 +28,7 @@ def dilation(
 
 
 class NPH(Mtk):
-    """fix python/move "fix_nosquish.NPH GROUP BODYSTYLE iso PSTART PSTOP PDAMP ..."."""
+    """fix ID group nosquish/nph BODYSTYLE iso PSTART PSTOP PDAMP ..."""
 
     operations = NVE.operations | {"D": DILATION}
     splitting, prepares, thermostat = "B A D A B", dilation, False

@@ -5,7 +5,7 @@ from .constant_pressure import WITH_TEMPERATURE
 
 
 class NPT:
-    """fix python/move "fix_nosquish.NPT GROUP BODYSTYLE temp ... iso PSTART PSTOP PDAMP ...".
+    """fix ID group nosquish/npt BODYSTYLE temp ... iso PSTART PSTOP PDAMP ...
 
     Besides the words of `NVT` it takes those of `keywords`.  It makes what has the thermostat and
     the barostat.

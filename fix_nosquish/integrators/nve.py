@@ -14,7 +14,7 @@ from .shadow import ShadowEnergy
 
 
 class NVE(Integrator):
-    """fix python/move "fix_nosquish.NVE GROUP BODYSTYLE ...": NO_SQUISH at constant energy."""
+    """fix ID group nosquish/nve BODYSTYLE ...: NO_SQUISH at constant energy."""
 
     splitting = "B A B"
     operations: ClassVar = {
@@ -29,7 +29,7 @@ class NVE(Integrator):
         self.shadow = ShadowEnergy(self) if self.command.shadow else None
         if self.shadow:
             if (self.splitting, self.operations) != (NVE.splitting, NVE.operations):
-                raise self.command.wrong("keyword shadow is for the steps of fix_nosquish.NVE")
+                raise self.command.wrong("keyword shadow is for the steps of fix nosquish/nve")
             self.needs_energy, self.take_energy = True, self.shadow.take
             self.vector_extensive = *self.vector_extensive, True
 

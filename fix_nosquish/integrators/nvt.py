@@ -5,7 +5,7 @@ from .constant_temperature import ConstantTemperature
 
 
 class NVT:
-    """fix python/move "fix_nosquish.NVT GROUP BODYSTYLE temp TSTART TSTOP TDAMP ...".
+    """fix ID group nosquish/nvt BODYSTYLE temp TSTART TSTOP TDAMP ...
 
     Besides the words of `NVE` it takes those of `keywords`.  It makes what has the thermostat:
     `Langevin` or `Rescaling`.

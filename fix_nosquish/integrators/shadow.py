@@ -106,6 +106,8 @@ class ShadowEnergy:
                 f"fix {others[0]} moves atoms, too, and the shadow energy of keyword shadow is "
                 "that of one fix's steps: have one fix move all atoms, with keyword points"
             )
+        elif unknown := integrator.external.without_energy():
+            problem = f"the shadow energy of keyword shadow would drift: {unknown}"
         elif (found := integrator.other_fixes.without_energy()) is not None:
             fix, remedy = found
             problem = (

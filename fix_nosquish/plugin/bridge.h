@@ -113,6 +113,15 @@ struct Bridge {
   const int64_t *body_of;    // cells of the bodies; null if there are none
   const int64_t *displace;
   const int64_t *state;
+  const double *array;    // set by Python: all of the global array, as long as it calls no hook and does no pass
+  // external forces
+  int32_t pushes;      // set by Python: call push when the forces of a step are known
+  const char *words;    // set by Python: variables and columns whose values it needs there, with spaces between
+  int32_t tells_energy;    // set by Python: what of these forces LAMMPS is to count
+  int32_t tells_virial;
+  double *values;    // of the words, one after the other, and how many each has: 0 for one that is for all bodies
+  int32_t *sizes;
+  double *told;    // their energy, and their virial on this rank
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
@@ -141,6 +150,8 @@ struct Bridge {
   int (*post_neighbor)();
   int (*initial_integrate)(int vflag);
   int (*final_integrate)();
+  int (*modify_external)(const char *words);    // of fix_modify, behind external
+  int (*push)();
   int (*renewed)();    // the forces are those where atoms have gone back to
   int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
   int (*final_integrate_respa)(int ilevel, int iloop);

@@ -35,7 +35,7 @@ HOOKS = {
         *REQUIRED,
         *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
         *("initial_integrate_respa", "final_integrate_respa", "dof"),
-        *("write_restart_file", "write_restart", "renewed"),
+        *("write_restart_file", "write_restart", "renewed", "modify_external", "push"),
         *("zero_momentum", "zero_rotation", "reset_target", "rows_of_rank"),
         *("compute_scalar", "compute_vector", "compute_array"),
     )
@@ -206,8 +206,8 @@ def _hook(bridge, instance, name):
         except BaseException as problem:
             return failed(bridge, problem)
 
-    def call_with_name(path):
-        return call(os.fsdecode(path))
+    def call_with_text(text):
+        return call(os.fsdecode(text))
 
     def call_with_virial(*arguments):
         instance.virial_per_atom = _virial_per_atom(bridge)
@@ -225,8 +225,8 @@ def _hook(bridge, instance, name):
 
     if name in NUMBERS:
         return call_for_number
-    if name == "write_restart_file":
-        return call_with_name
+    if name in ("write_restart_file", "modify_external"):
+        return call_with_text
     return call_with_virial if bridge.wants_virial_per_atom and name in WITH_VIRIAL else call
 
 
@@ -253,7 +253,7 @@ def _release(address):
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
     if host:
         bridge.phase = NEW
-    for name in (*LISTS, "body", "masstotal", "arrays", "body_of", "displace", "state"):
+    for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.may_wait = False
     if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory

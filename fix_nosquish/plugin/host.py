@@ -69,6 +69,7 @@ class Host:
     counts = _shared("counts", int)
     begins, energy_step = _shared("begins", int), _shared("energy_step", int)
     stream_group = _shared("stream_group", int)
+    pushes = _shared("pushes", int)
     renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity = _asked("ghost_velocity")
     scalar_pressure = _asked("scalar_pressure")
@@ -81,6 +82,7 @@ class Host:
         self._last_step = bridge.last_step.contents
         self.forces_virial = as_array(bridge.forces_virial, (6,))
         self.told_box = as_array(bridge.told_box, (9,))
+        self.told, self._words = as_array(bridge.told, (7,)), 0
         self.rate = as_array(bridge.rate, (6,))
         self.set_box, self.flip_box, self.find_clusters, self.stop, self.turn_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
@@ -151,6 +153,18 @@ class Host:
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
         return array(address, (3,), float) if address else None
 
+    def ask_for(self, words, *, energy, virial):
+        self._words = len(words)
+        self._bridge.words = " ".join(words).encode()
+        self._bridge.tells_energy, self._bridge.tells_virial = energy, virial
+
+    def values(self):
+        address, found = cast(self._bridge.values, c_void_p).value, []
+        for count in self._bridge.sizes[: self._words]:
+            found.append(array(address, (count,) if count else (), float))
+            address += 8 * max(1, count)
+        return found
+
     def advice(self, removed):
         return ()
 
@@ -170,6 +184,10 @@ class Host:
         for name, lent in ("body", body), ("masstotal", mass):
             place = None if lent is None else _as(name, lent.ctypes.data)
             setattr(self._bridge, name, place)
+
+    def lend_array(self, rows):
+        self._array = rows
+        self._bridge.array = _as("array", rows.ctypes.data)
 
     def set_array_rows(self, n):
         self._bridge.set_array_rows(self._bridge.fix, int(n))

@@ -10,6 +10,7 @@
    up by name at run time, so that one compiled plugin serves every Python version. */
 
 #include "bridge.h"
+#include "external.h"
 #include "lammps_versions.h"
 #include "layout.h"
 #include "particles.h"
@@ -24,6 +25,7 @@
 #include "dihedral.h"
 #include "domain.h"
 #include "error.h"
+#include "exceptions.h"
 #include "fix.h"
 #include "force.h"
 #include "group.h"
@@ -41,16 +43,19 @@
 #include "update.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <exception>
 #include <sstream>
 #include <string>
 #include <thread>
 #include <unistd.h>
+#include <utility>
 #include <vector>
 #ifdef __linux__
 #include <csignal>
@@ -327,7 +332,12 @@ class FixPythonMove : public Fix {
   double kept_rate[6] = {};    // how fast fix deform's box vectors change, as a run begins
   static constexpr int INSERTED = 10;
   std::vector<double> inserted;    // molecules, so many numbers of each
+  std::vector<double> external;    // values of the words of fix_modify external
+  std::vector<int> sizes;
+  double told[7] = {};
+  std::array<int64_t, 3> array_when;    // bridge.array is of then
   Particles particles;
+  std::exception_ptr kept;    // what LAMMPS has thrown below loops
   std::string command;
   std::string virial_id;    // of a compute pressure, for which LAMMPS's forces tally their virial
   std::string energy_id;    // of a compute pe, for which they tally their energy
@@ -364,10 +374,16 @@ class FixPythonMove : public Fix {
   void ask_for_energy(bigint step) { own_compute(energy_id)->addstep(step); }
   void go_back();
   void renew_forces();
+  int modify_external(int, char **);
+  void push();
   std::string problem(const std::string &text) const;
-  void take_over_state(), refuse_casts() const;
+  void take_over_state(), refuse_casts() const, refuse_stale_forces() const;
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0);
+  [[noreturn]] void abort_all() const;
+  template <typename Function> int64_t kept_from_loops(Function function);
+  void throw_kept();
   void flush_log() const;
+  void log(const std::string &text) const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
   template <typename... Types, typename... Values>
@@ -386,6 +402,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   look_at_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
+  dynamic = 1;    // degrees of freedom are those of the bodies there are; fix_modify dynamic/dof may say otherwise
 
   if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
 
@@ -452,10 +469,7 @@ void FixPythonMove::fill_bridge()
   bridge.fix_id = id;
   bridge.group = group->names[igroup];
   bridge.virial = virial;
-  bridge.log = [](void *fix, const char *text) {
-    auto lmp = self(fix)->lmp;
-    if (lmp->comm->me == 0) utils::logmesg(lmp, std::string(text));
-  };
+  bridge.log = [](void *fix, const char *text) { self(fix)->log(text); };
   bridge.nth_fix = [](void *fix, int n, void *facts) {
     return self(fix)->describe(n, static_cast<FixFacts *>(facts));
   };
@@ -479,12 +493,16 @@ void FixPythonMove::fill_bridge()
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
   bridge.set_box = [](void *fix, const double *box) {
-    if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
-    self(fix)->set_box(box);
-    self(fix)->look_at_volume();
-    return (int64_t) 0;
+    return self(fix)->kept_from_loops([fix, box] {
+      if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
+      self(fix)->set_box(box);
+      self(fix)->look_at_volume();
+      return (int64_t) 0;
+    });
   };
-  bridge.flip_box = [](void *fix, const double *box) { return self(fix)->flip_box(box); };
+  bridge.flip_box = [](void *fix, const double *box) {
+    return self(fix)->kept_from_loops([fix, box] { return self(fix)->flip_box(box); });
+  };
   bridge.particles = [](void *fix, double *numbers) {
     auto &particles = self(fix)->particles;
     particles.find(self(fix)->atom);
@@ -507,7 +525,9 @@ void FixPythonMove::fill_bridge()
     const auto first = self(fix)->first_molecule();
     return (int) (first && Templates::read(self(fix)->atom, first[number], numbers));
   };
-  bridge.find_clusters = [](void *fix) { return self(fix)->find_clusters(); };
+  bridge.find_clusters = [](void *fix) {
+    return self(fix)->kept_from_loops([fix] { return self(fix)->find_clusters(); });
+  };
   bridge.stop = [](void *fix) { return self(fix)->stop(); };
   bridge.gravity = [](void *fix, const char *other) {
     int dimension;
@@ -519,6 +539,7 @@ void FixPythonMove::fill_bridge()
   bridge.rate = domain->h_rate;
   bridge.forces_virial = forces_virial;
   bridge.told_box = told_box;
+  bridge.told = told;
   bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
@@ -598,6 +619,7 @@ void FixPythonMove::look_at_accelerators() const
 FixPythonMove::~FixPythonMove()
 {
   if (bridge.follows_atoms && modify->get_fix_by_id(id)) atom->delete_callback(id, Atom::GROW);
+  if (stopped) timer->reset_timeout();
   let_go();
 }
 
@@ -606,6 +628,7 @@ FixPythonMove::~FixPythonMove()
 void FixPythonMove::let_go()
 {
   memory->destroy(origin);
+  if (bridge.words && modify->nfix) ExternalForces::replace(modify, std::string(id) + "_external", false, false);
   for (const auto &own : {virial_id, energy_id})
     if (!own.empty() && modify->get_compute_by_id(own)) modify->delete_compute(own);
   if (bridge.release) bridge.release(&bridge);
@@ -637,6 +660,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
 {
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
+  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
@@ -652,8 +676,49 @@ int FixPythonMove::modify_param(int narg, char **arg)
   return 2;
 }
 
+// external: forces and torques on the bodies, as Python reads the words; they go to the end of the command.
+
+int FixPythonMove::modify_external(int narg, char **arg)
+{
+  char **all = arg;
+  const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);    // f_ID[*]
+  std::string words;
+  for (int k = 1; k < n; k++) words += std::string(all[k]) + " ";
+  if (all != arg) {
+    for (int k = 0; k < n; k++) delete[] all[k];
+    memory->sfree(all);
+  }
+  call(bridge.modify_external, words.c_str());
+  ExternalForces::replace(modify, std::string(id) + "_external", bridge.tells_energy, bridge.tells_virial);
+  return narg;
+}
+
+// The forces of this step are known: what acts on the bodies besides?
+
+void FixPythonMove::push()
+{
+  if (!bridge.pushes) return;
+  std::istringstream words(bridge.words ? bridge.words : "");
+  external.clear();
+  sizes.clear();
+  modify->clearstep_compute();
+  forget_vectors(*input->variable);
+  for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
+  forget_vectors(*input->variable);    // they may have velocities between the halves of a step
+  modify->addstep_compute(update->ntimestep + 1);
+  bridge.values = external.data();
+  bridge.sizes = sizes.data();
+  call(bridge.push);
+  if (bridge.tells_energy || bridge.tells_virial) {
+    const auto telling = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(std::string(id) + "_external"));
+    if (!telling) error->all(FLERR, problem("fix " + std::string(id) + "_external is gone, which tells of external forces: leave out the unfix"));
+    telling->take(told);
+  }
+}
+
 void FixPythonMove::init()
 {
+  stopped = false;
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     error->all(FLERR, problem("its class has no methods for run_style respa"));
@@ -667,12 +732,31 @@ void FixPythonMove::init()
   }
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
+  refuse_stale_forces();
+  if (!dynamic && comm->me == 0)
+    error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
+  dynamic = 1;
   first_volume = volume();
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
   if (bridge.needs_energy) {
     ask_for_energy(update->ntimestep);
     ask_for_energy(bridge.energy_step);
   }
+}
+
+// LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
+
+void FixPythonMove::refuse_stale_forces() const
+{
+  const int bit = neighbor->includegroup ? group->bitmask[neighbor->includegroup] : 0;
+  tagint own = 0, atom_left = 0;
+  for (int i = 0; i < atom->nlocal && bit && origin; i++)
+    if (origin[i] != -1 && !(atom->mask[i] & bit)) own = atom->tag[i];
+  if (bit) MPI_Allreduce(&own, &atom_left, 1, MPI_LMP_TAGINT, MPI_MAX, world);
+  if (atom_left)
+    error->all(FLERR, problem("neigh_modify include leaves out atom " + std::to_string(atom_left) + ", which this fix moves, and LAMMPS "
+                              "computes no forces on such atoms: have all bodies and points in that group (and in that of atom_modify "
+                              "first), or leave it out"));
 }
 
 // What begins with rigid LAMMPS takes for its own class in places, without a look.
@@ -684,14 +768,12 @@ void FixPythonMove::refuse_casts() const
       if (name == other->style)
         error->all(FLERR, problem("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix "
                                   "rigid for its own: define it with the suffix on, or write " + name + SUFFIX));
-  for (const auto &other : modify->get_fix_by_style("^hmc"))
-    error->all(FLERR, problem("fix " + std::string(other->id) + " (style hmc) cannot take back the steps of this fix: use fix "
-                              "nosquish/hmc in the place of both"));
 }
 
 void FixPythonMove::setup(int vflag)
 {
   v_init(vflag);
+  push();
   take_virial();
   if (early) post_force(vflag);
   call_with_virial(bridge.setup, vflag);
@@ -787,6 +869,7 @@ void FixPythonMove::final_integrate()
 {
   const bigint step = update->ntimestep;
   auto falls_on = [step](int every) { return every && step % every == 0; };
+  push();
   const bool for_energy = step == bridge.energy_step, for_python = for_energy || falls_on(bridge.python_every);
   take_virial();
   if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
@@ -814,6 +897,7 @@ void FixPythonMove::final_integrate()
         bridge.renews = 0;
         go_back();
         renew_forces();
+        push();
         call_with_virial(bridge.renewed);
       }
       ask_for_energy(bridge.energy_step);
@@ -873,6 +957,7 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) call_with_virial(bridge.end_of_step);
+  if (stopped) timer->force_timeout();    // as fix halt ends a run; not before, as a run that fails leaves it so
 }
 
 void FixPythonMove::post_run()
@@ -984,7 +1069,11 @@ double FixPythonMove::compute_vector(int i)
 double FixPythonMove::compute_array(int i, int j)
 {
   double value = 0.0;
-  if (i < size_array_rows) call(bridge.compute_array, i, j, &value);    // LAMMPS asks for other rows too
+  if (i >= size_array_rows) return value;    // LAMMPS asks for other rows too
+  const std::array<int64_t, 3> now{update->ntimestep, bridge.phase, bridge.changes};
+  if (bridge.array && now == array_when && !bridge.late) return bridge.array[i * size_array_cols + j];
+  call(bridge.compute_array, i, j, &value);
+  array_when = {update->ntimestep, bridge.phase, bridge.changes};
   return value;
 }
 
@@ -1126,7 +1215,7 @@ void FixPythonMove::look_at_volume()
        << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
                        : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists for this box")
        << '\n';
-  if (comm->me == 0) utils::logmesg(lmp, "WARNING: " + problem(text.str()));
+  log("WARNING: " + problem(text.str()));
 }
 
 // The box has other vectors of the same lattice: to b, c that many of a are added, and to c of b. Nothing moves in space, but
@@ -1213,12 +1302,11 @@ void FixPythonMove::unpack_forward_comm(int n, int first, double *buffer)
   for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
 }
 
-// As fix halt ends a run.
+// End the run behind this step.
 
 int64_t FixPythonMove::stop()
 {
   stopped = true;
-  timer->force_timeout();
   return 0;
 }
 
@@ -1357,8 +1445,11 @@ void FixPythonMove::renew_forces()
 
 bool FixPythonMove::run(const Pass *pass)
 {
-  for (; pass->loop; pass++)
-    if (pass->loop(pass->cells)) return false;
+  for (; pass->loop; pass++) {
+    const bool failed = pass->loop(pass->cells);
+    throw_kept();
+    if (failed) return false;
+  }
   bridge.changes++;
   return true;
 }
@@ -1411,6 +1502,22 @@ int FixPythonMove::unpack_exchange(int i, double *buffer)
 double FixPythonMove::memory_usage()
 {
   return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0;
+}
+
+// Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
+
+void FixPythonMove::log(const std::string &text) const
+{
+  if (comm->me) return;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    if (line.rfind("WARNING", 0) == 0) {
+      const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
+      error->set_numwarn(count);
+      if (most != 0 && (most < 0 || count > most)) continue;
+    }
+    utils::logmesg(lmp, line + "\n");
+  }
 }
 
 // What LAMMPS has logged must not wait in a buffer when a signal ends the run.
@@ -1467,8 +1574,10 @@ template <typename... Types, typename... Values>
 void FixPythonMove::call(int (*hook)(Types...), Values... arguments)
 {
   if (!hook) return;
+  bridge.array = nullptr;    // it may change
   strcpy(bridge.message, "interrupted");
   const int outcome = hook(arguments...);
+  throw_kept();
   if (outcome == FAILED_ALIKE) error->all(FLERR, problem(bridge.message));
   if (outcome != DONE) end_run(bridge.message);
 }
@@ -1497,8 +1606,37 @@ void FixPythonMove::end_run(const std::string &text, double patience)
   if (logfile) fputs(report.c_str(), logfile);
   fflush(nullptr);
   std::this_thread::sleep_for(milliseconds(500));    // mpirun may drop what it has not yet read
+  abort_all();
+}
+
+void FixPythonMove::abort_all() const
+{
   MPI_Abort(universe->uworld, 1);
   abort();
+}
+
+// What a loop, or Python, calls must not throw into it. What LAMMPS throws on all ranks waits until they are back. An error of
+// one rank alone ends the run at once, as it is said already: the others wait for this rank.
+
+template <typename Function> int64_t FixPythonMove::kept_from_loops(Function function)
+{
+  try {
+    return function();
+  } catch (const LAMMPSAbortException &) {
+    if (universe->nprocs > 1) {
+      fflush(nullptr);
+      abort_all();
+    }
+    kept = std::current_exception();
+  } catch (...) {
+    kept = std::current_exception();
+  }
+  return 0;
+}
+
+void FixPythonMove::throw_kept()
+{
+  if (kept) std::rethrow_exception(std::exchange(kept, nullptr));
 }
 
 // ----------------------------------------------------------------------

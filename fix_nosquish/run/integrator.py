@@ -40,6 +40,7 @@ from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
 from . import log, output, passes, reports, threads
 from .declaration import Declaration
+from .external import External
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .switches import Switches
 
@@ -83,6 +84,7 @@ class Integrator(Declaration):
         streams: whether it is with remap v that this happens.
         waiting: with `middle`, the time step of the half kick that is left to the next run's first
             step: 0.0 if none is, None if it is that step's own.
+        external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
             a step.
@@ -105,13 +107,14 @@ class Integrator(Declaration):
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
         self.communicator = Communicator(self.lammps.communicator) if several else ALONE
-        self.name, self.number = line.name, next(self._numbers)
+        self.line, self.name, self.number = line, line.name, next(self._numbers)
         self.bodies = self.passes = self.notes = None
         self._ran = self._lost = self._stepped = self._has_rotors = False
         # of a step: it begins, with the forces of the last one; these are gathered anew; it is of
         # another length
         self._beginning = self._gathers_anew = self._resets = False
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
+        self.external = External(self)
         if not driven_by_plugin():
             self.host = OwnFix(self.lammps, self.communicator)
         self._begin(line)
@@ -164,7 +167,7 @@ class Integrator(Declaration):
                 "rotation, which {} does not"
             )
         elif rotor == "exact" and not self._can_be_exact:
-            problem = "keyword rotor exact is for the rotation of fix_nosquish.NVE, not that of {}"
+            problem = "keyword rotor exact is for the rotation of fix nosquish/nve, not that of {}"
         if problem:
             raise self.command.wrong(problem.format(self.name))
 
@@ -392,6 +395,7 @@ class Integrator(Declaration):
         if known and np.array_equal(np.sort(known[0]), np.sort(bodies.id)):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
+        bodies.external = self.external
         bodies.bind(self.lammps, self.membership)
         self._mass = self._mass_of_atoms()
         bodies.know_box(self.lammps.box)
@@ -433,6 +437,18 @@ class Integrator(Declaration):
             raise self.command.wrong(f"keyword gravity does not serve {problem}")
         return found
 
+    def _refuse_weight_twice(self):
+        """End the run if the fix of keyword gravity acts by itself, too; collective."""
+        name = self.command.gravity
+        for fix in self.other_fixes if name else ():
+            # with the word disable it knows no energy
+            if fix.id == name and self.acts_on_bodies(fix) and self.lammps.scalar_of_fix(name):
+                raise self.command.wrong(
+                    f"fix {name} acts on the atoms of the bodies, and keyword gravity on the "
+                    "bodies: bodies would have their weight twice. Give that fix its word "
+                    "disable, or leave keyword gravity out"
+                )
+
     def _refuse_streams(self):
         """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
         if not self.streams:
@@ -440,7 +456,7 @@ class Integrator(Declaration):
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{self.name} does not do so. Use fix_nosquish.NVE without keyword "
+                f"{self.name} does not do so. Use fix nosquish/nve without keyword "
                 "shadow, and fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
@@ -454,6 +470,7 @@ class Integrator(Declaration):
 
     def _bind(self):
         self.gravity = self._weight()
+        self.external.begin()
         self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
         own = [0.0] * PARAMETERS
         own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
@@ -497,6 +514,9 @@ class Integrator(Declaration):
     def setup(self, vflag):
         """The forces of the start are known; LAMMPS is about to print its step."""
         self._refuse_new_masses()
+        self._refuse_weight_twice()
+        if not self.host.calls_setup:
+            self.push()
         self.do("gather")
         self.reports.forget()
         if type(self).middle and not self.middle:
@@ -527,13 +547,13 @@ class Integrator(Declaration):
         movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
         self.bodies.suspects = movers and f", perhaps {movers}"
         if cause and not self.quenches:
-            self.host.log(f"WARNING: {cause}: {remedy}\n")
+            self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
 
     @hook
     def min_setup(self, vflag):
         """A minimisation begins: it would move the atoms one by one."""
         raise RunError(
-            "a minimisation would tear the rigid bodies apart: use fix_nosquish.FIRE and a run "
+            "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
             "instead, which keep their shapes",
             everywhere=True,
         )
@@ -628,23 +648,36 @@ class Integrator(Declaration):
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
-                f"{self.name} does not do in a run: use fix_nosquish.NVE or NVT, without "
-                "keyword shadow, or insert and delete between runs, with reinit yes",
+                f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+                "without keyword shadow, or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         self.reports.warn(lines)
         self._choose_rotor()
         self.parameters[MROT] = self._mrot
         self.mask = self._switches.mask(self.bodies)
+        self.external.learn()
         self.turned_over()
         self._mass = self._mass_of_atoms()
         self._tell_count()
         self.reports.forget()
 
     @hook
+    def modify_external(self, words):
+        """The words of fix_modify behind external."""
+        self.external.read(words)
+
+    @hook
+    def push(self):
+        """The forces of this step are known: find what else acts on the bodies; collective."""
+        self.external.find()
+
+    @hook
     def final_integrate(self):
         """The second half of a step, when it is not left to the plugin."""
         self._follow()
+        if not self.host.calls_setup:
+            self.push()
         self.do("end")
         self.phase = self.ended
         self.reports.forget()
@@ -705,6 +738,7 @@ class Integrator(Declaration):
             self._refuse_new_box(self.lammps.box.periodic)
             self.host.point()
             self.bodies.refuse_moved_atoms(self.lammps)
+            self.external.refuse_change()
             self.resumed()
             self._say_ignored("pre no")
             self.phase = self.ended
@@ -765,8 +799,8 @@ class Integrator(Declaration):
         if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {self.lammps.step}, and bodies do not move with it: "
-                "in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix_nosquish.NPT or NPH. The box may change between "
+                "in a run they do so with fix deform alone, with its remap x or v, and run_style "
+                "verlet, and with fix nosquish/npt or fix nosquish/nph. The box may change between "
                 "runs: bodies keep their shape when the next run makes them anew, with reinit yes "
                 "and without infile or 'pre no'",
                 everywhere=True,
@@ -940,8 +974,9 @@ class Integrator(Declaration):
         It is of all components, whether force and torque act on them or not; in the place of a fix
         rigid of those that these act on, as there.
         """
-        active = self.command.line.replaces and self._switches.choices
-        return self.reports.temperature_of_active() if active else self.reports.energies()[4]
+        if self.command.line.replaces and self._switches.choices:
+            return self.reports.temperature_of(self._switches.mask)
+        return self.reports.energies()[4]
 
     @hook
     def compute_vector(self, i):
@@ -951,7 +986,9 @@ class Integrator(Declaration):
     @hook
     def compute_array(self, i, j):
         """Value j of body i: see `output.global_array`; collective."""
-        return self.reports.array()[i, j]
+        rows = self.reports.array()
+        self.host.lend_array(rows)
+        return rows[i, j]
 
     @hook
     def rows_of_rank(self, words, groupbit, found):
@@ -989,6 +1026,7 @@ class Integrator(Declaration):
                 self.lammps, self.communicator, self.membership, self.told, former=self.former(),
                 **self.particles(),
             )[0]  # fmt: skip
+            bodies.bind(self.lammps, self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
         self.host.point()

@@ -8,7 +8,7 @@ from .. import __version__
 from ..bodies.build import least_moment
 from .thermo import freedom, removed_freedom
 
-APART = "relax the bodies by fix_nosquish.FIRE and a run, or move them apart"
+APART = "relax the bodies by fix nosquish/fire and a run, or move them apart"
 ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
@@ -138,6 +138,7 @@ def _passes(integrator, found, virial):
         (integrator.every, f"box, in one of {integrator.every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
+        (integrator.external.acts, "external forces and torques", ""),
         (late, f"velocities that {late} may change, at the end of a step", ""),
         (output, f"table of the bodies every {output} steps", ""),
         (

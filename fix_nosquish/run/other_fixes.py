@@ -29,7 +29,7 @@ WITH_SWITCHES = (
 # and what serves in the place of each
 _SWAPPING = {
     "thermal/conductivity": "use two fixes heat or ehex, with a region for each",
-    "viscosity": "use fix accelerate/cos, or fix deform with remap v and fix_nosquish.NVE",
+    "viscosity": "use fix accelerate/cos, or fix deform with remap v and fix nosquish/nve",
 }
 _MOVING = {
     "recenter": "use fix momentum with linear 1 1 1, which keeps them from drifting away, or take "
@@ -182,7 +182,7 @@ def _problem_beside(fix, both, integrator):
     command, host = integrator.command, integrator.host
     ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
     if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
-        ours_instead = "use fix_nosquish.NPT or NPH in its place"
+        ours_instead = "use fix nosquish/npt or fix nosquish/nph in its place"
         return (
             f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
             f"{WITH_SWITCHES if command.force or command.torque else ours_instead}"
@@ -215,7 +215,7 @@ def _problem_beside(fix, both, integrator):
         return (
             f"fix {fix.id} (style {fix.style}) keeps a temperature of atom {tag} of the rigid "
             f"bodies, as {ours} does: give it a group without the bodies' atoms, or use "
-            f"fix_nosquish.{'NPH' if integrator.every else 'NVE'}"
+            f"fix nosquish/{'nph' if integrator.every else 'nve'}"
         )
     if command.points and host.removed_freedom(fix.id, command.points):
         return (

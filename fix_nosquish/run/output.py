@@ -132,8 +132,10 @@ def _of_all_ranks(first, bodies, communicator):
 
 def global_array(rows):
     """Fix rigid's global array, (bodies, 15): centre, its velocity, force, torque, image flags."""
-    rows = np.sort(rows, order="body")
-    return np.concatenate([rows[name] for name in ("x", "v", "force", "torque", "image")], axis=1)
+    columns = np.concatenate(
+        [rows[name] for name in ("x", "v", "force", "torque", "image")], axis=1
+    )
+    return columns[np.argsort(rows["body"])]
 
 
 class BodyFile:

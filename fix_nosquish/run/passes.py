@@ -25,9 +25,10 @@ import numpy as np
 from ..bodies import extended
 from ..bodies.bodies import aligned
 from ..box import deform
-from ..loops.compiled import F1, F2, F64, Cell, F, I, loop
+from ..loops.compiled import F1, F2, F64, L1, Cell, F, I, loop
 from ..motion import step, virial
-from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, LANES, MASS, WHOLE
+from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, ID, LANES, MASS, MOMENT, WHOLE, Q, four
+from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
 from .threads import Threads
@@ -47,6 +48,37 @@ def weigh(state: F2, wrench: F2, gravity: F1):
     for row in range(3):
         for b in range(wrench.shape[1]):
             wrench[row, b] += state[MASS, b] * gravity[row]
+
+
+@loop
+def push(state: F2, kinds: L1, wrench: F2, pushed: F1, external: F2):
+    """Add external forces and torques, (n, 6), of the bodies with these IDs, (n,) in order.
+
+    A torque about an axis without moment, which a linear body and a point have, turns nothing.
+    """
+    for b in range(wrench.shape[1]):
+        low, high = 0, pushed.shape[0]
+        while low < high:
+            middle = (low + high) // 2
+            if pushed[middle] < state[ID, b]:
+                low = middle + 1
+            else:
+                high = middle
+        if low == pushed.shape[0] or pushed[low] != state[ID, b]:
+            continue
+        x, y, z = external[low, 3], external[low, 4], external[low, 5]
+        if b >= kinds[0]:
+            r = rotation_matrix(four(state, Q, b))
+            t1, t2, t3 = to_body(r, x, y, z)
+            t1 = t1 if state[MOMENT, b] > 0.0 else 0.0
+            t2 = t2 if state[MOMENT + 1, b] > 0.0 else 0.0
+            t3 = t3 if state[MOMENT + 2, b] > 0.0 else 0.0
+            x, y, z = to_space(r, t1, t2, t3)
+        for row in range(3):
+            wrench[row, b] += external[low, row]
+        wrench[3, b] += x
+        wrench[4, b] += y
+        wrench[5, b] += z
 
 
 def _follow_box(integrator, cells):
@@ -110,7 +142,8 @@ class Passes:
         after = velocities if half_step_velocities else []
         before, rest = self._before_and_behind(integrator)
         how = KEEPS if half_step_velocities else GATHERS
-        if mask is not None or bodies.spin or integrator.gravity is not None:
+        own = integrator.gravity is not None or integrator.external.acts
+        if mask is not None or bodies.spin or own:
             whole = [*gather, *before, self._advance(integrator, True)]
         elif communicator.size == 1:
             whole = [*before, self._advance(integrator, True, ALL, how)]
@@ -171,6 +204,8 @@ class Passes:
         gather += exchange
         if integrator.gravity is not None:
             gather.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
+        if integrator.external.acts:
+            gather.append(push.bind_to(self.cells, **integrator.external.cells))
         if self.mask is not None:
             gather.append(switch_off.bind_to(self.cells))
         return gather

@@ -65,7 +65,7 @@ class Reports:
         new = [line for line in lines if line not in self._warned]
         self._warned.update(new)
         if new:
-            self._integrator.host.log("\n".join([*new, ""]))
+            self._integrator.host.log(self._integrator.line.naming("\n".join([*new, ""])))
 
     def say_taken_over(self, at, fixes, before, now):
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms.
@@ -236,14 +236,13 @@ class Reports:
             forces=False,
         )
 
-    def temperature_of_active(self):
-        """The temperature of the components on which force and torque act; collective."""
-        integrator = self._integrator
+    def temperature_of(self, mask):
+        """The temperature of some components; collective. Args: mask: of `thermo.temperature_of`,
+        a function of the bodies."""
+        ranks, lammps = self._integrator.communicator, self._integrator.lammps
         return self._once(
             "active",
-            lambda bodies: thermo.temperature_of_active(
-                bodies, integrator.communicator, integrator.lammps, integrator.mask
-            ),
+            lambda bodies: thermo.temperature_of(mask(bodies), bodies, ranks, lammps),
             forces=False,
         )
 

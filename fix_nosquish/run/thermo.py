@@ -97,7 +97,7 @@ def energies(bodies, communicator, lammps):
     )
 
 
-def temperature_of_active(bodies, communicator, lammps, mask):
+def temperature_of(mask, bodies, communicator, lammps):
     """The temperature of some components of translation and of rotation; collective.
 
     Args:

@@ -104,7 +104,7 @@ def brush():
     return text + "\nBody\n\n" + "".join(f"{k} {one}\n" for k, one in enumerate(body, 1))
 
 
-OURS = 'fix 1 all python/move "fix_nosquish.{} all molecule {}"\n'
+OURS = "fix 1 all nosquish/{} molecule {}\n"
 ATOMS = f"units real\natom_style full\nread_data {START}\n"
 APART = "neigh_modify exclude molecule/intra all\n"
 # of each folder its data file, and how it comes to equilibrium
@@ -112,19 +112,19 @@ STARTS = {
     "water": (
         water,
         f"{ATOMS}include tip4p.inc\n{APART}velocity all create 298 3\ntimestep 2\n"
-        + OURS.format("NVT", "temp 298 298 100 seed 3")
+        + OURS.format("nvt", "temp 298.0 298.0 100.0 seed 3")
         + "run 6000\nwrite_data data.water nocoeff\n",
     ),
     "co2": (
         co2,
         f"{ATOMS}include trappe.inc\n{APART}velocity all create 250 3\ntimestep 2\n"
-        + OURS.format("NPT", "temp 250 250 200 seed 3 iso 60 60 1000")
+        + OURS.format("npt", "temp 250.0 250.0 200.0 seed 3 iso 60.0 60.0 1000.0")
         + "run 8000\nwrite_data data.co2 nocoeff\n",
     ),
     "benzene": (
         benzene,
         f"{ATOMS}include ff.lmp\n{APART}velocity all create 300 3\ntimestep 3\n"
-        + OURS.format("NPT", "temp 300 300 300 seed 3 iso 1 1 1000")
+        + OURS.format("npt", "temp 300.0 300.0 300.0 seed 3 iso 1.0 1.0 1000.0")
         + "run 6000\nwrite_restart restart.benzene\n",
     ),
     "brush": (
@@ -136,7 +136,7 @@ read_data {START} fix body NULL Body
 include brush.inc
 velocity all create 1.0 3
 timestep 0.004
-fix 1 sides python/move "fix_nosquish.NVT sides custom i_body temp 1 1 1 seed 3"
+fix 1 sides nosquish/nvt custom i_body temp 1.0 1.0 1.0 seed 3
 fix 2 backbone nve
 fix 3 backbone langevin 1 1 1 8
 run 2000

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import os
 import re
 import subprocess
 import sys
@@ -73,9 +74,9 @@ def run(arguments: Namespace) -> int:
         "commands": system.without_fixes(said),
         "arrays": str(out / "bodies.npz"),
         "kind": arguments.kind,
-        "data": str(data),
+        "data": os.path.relpath(data, folder / "inputs"),
         "log": str(out / "write.log"),
-        "styles": styles and str(styles),
+        "styles": styles and os.path.relpath(styles, folder / "inputs"),
     }
     (out / "write.json").write_text(json.dumps(plain))
     writer = Path(__file__).with_name("writer.py")
@@ -86,22 +87,25 @@ def run(arguments: Namespace) -> int:
     lost = _give_coefficients(said["commands"], folder / "inputs", data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
-    restart = _of_restart(said, styles, data.with_suffix(".coeffs")) if styles else making.NOTHING
-    print("\n".join(lines.told(arguments.kind, said, atoms, body, data, restart)))
+    restart = making.NOTHING
+    if styles:
+        restart = _of_restart(said, styles, data.with_suffix(".coeffs"), Path(ask.script).parent)
+    name = lines.named(data, Path(ask.script).parent)
+    print("\n".join(lines.told(arguments.kind, said, atoms, body, name, restart)))
     if lost:
         print(f"The coefficients in {lost} are not in it: give them by commands.")
     return 0
 
 
-def _of_restart(said: Mapping, styles: Path, file: Path):
+def _of_restart(said: Mapping, styles: Path, file: Path, folder: Path):
     """What a script that reads a restart file needs beside the data file; writes ``file``, which
     has its styles and coefficients."""
-    from validation.bodies import making  # heavy: not for --help
+    from validation.bodies import lines, making  # heavy: not for --help
 
     known = json.loads(styles.with_suffix(".json").read_text())
     first, lost, commands = making.styles(said, styles.with_suffix(".coeffs").read_text())
     file.write_text(commands)
-    return making.of_restart(said, known, first, lost, str(file))
+    return making.of_restart(said, known, first, lost, lines.named(file, folder))
 
 
 def coefficients(text: str) -> str:

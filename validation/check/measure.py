@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from validation.check import suffix
 from validation.own import counted, finding, shapes
 from validation.own.finding import Unclear
 from validation.own.script import texts
@@ -35,6 +36,7 @@ def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> 
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
+        "suffix": suffix.note(own.found, own.said["commands"]),
         "units": own.scene.units,
         "dt": own.scene.dt,
         "temperature": shapes.temperature(own),

@@ -58,8 +58,9 @@ def tables(summary: dict) -> list[Table]:
 
 
 def told(summary: dict) -> list[str]:
-    """What is to be said of the last table, in sentences."""
-    return counted.left_out([one["label"] for one in summary["integrators"] if one["uncounted"]])
+    """What is to be said of the last table, and of the suffix, in sentences."""
+    uncounted = [one["label"] for one in summary["integrators"] if one["uncounted"]]
+    return [*counted.left_out(uncounted), *summary["suffix"]]
 
 
 def write(summary: dict, out: Path) -> None:

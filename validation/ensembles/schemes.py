@@ -1,5 +1,6 @@
 """Thermostats and barostats with their integrators, for `ensembles` and `sampling`."""
 
+import re
 from dataclasses import dataclass, replace
 
 from validation.scenes import Scene
@@ -53,8 +54,7 @@ class Scheme:
     @property
     def ours(self) -> bool:
         """Whether it is this package's thermostat."""
-        kinds = "NVT", "NPT", "HMC"
-        return any(f"fix_nosquish.{one}" in self.integrator.lines[-1] for one in kinds)
+        return bool(re.search(r"nosquish[/.](nvt|npt|hmc)\b", self.integrator.lines[-1], re.I))
 
     def seeded(self, start: int) -> Integrator:
         """With the random numbers of a start, from 1."""

@@ -7,14 +7,16 @@ import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from validation.own.script import texts, with_words
+from validation.own.script import texts
 
-OURS = re.compile(r"fix_nosquish\.(NVE|NVT|NPT|NPH|MatubayasiNakahara|Gear)$")
+OURS = "NVE", "NVT", "NPT", "NPH", "MatubayasiNakahara", "Gear"  # others can take their place
+NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC", "FIRE"  # classes that have a fix style of the plugin
 CONSTRAINTS = "shake", "rattle"
 PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
 AXES = "iso", "aniso", "x", "y", "z"
@@ -24,6 +26,31 @@ FOLLOW = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
 FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
 KEPT = "force", "torque", "reinit"  # keywords that all rigid fixes have, but the ones for small
 FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
+
+
+class Words(NamedTuple):
+    """What a fix of this package says, native or in the quotes of fix python/move.
+
+    Attributes:
+        name: of the class.
+        group: of the bodies' atoms.  In quotes it is the class's, whatever the fix's own is.
+        bodies: the body style with its words.
+        keywords: all that stands behind these.
+    """
+
+    name: str
+    group: str
+    bodies: tuple[str, ...]
+    keywords: tuple[str, ...]
+
+    def fix(self, one: str) -> str:
+        """The command with this ID: native, but of a class without fix style."""
+        words = (*self.bodies, *self.keywords)
+        if self.name in NATIVE:
+            told = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
+            return f"fix {one} {self.group} nosquish/{self.name.lower()} {told}"
+        told = " ".join((f"fix_nosquish.{self.name}", self.group, *words))
+        return f'fix {one} {self.group} python/move "{told}"'
 
 
 class Unclear(SystemExit):
@@ -114,22 +141,34 @@ def style_of(line: str) -> str:
     return re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
 
 
-def in_quotes(line: str) -> str:
-    """A fix nosquish/nve or one of its kin as a fix python/move; other commands as they are."""
+def words_of(line: str) -> Words | None:
+    """What a fix of any class of this package says; None of another command, and of a fix that
+    lacks words, which LAMMPS tells."""
     word, *rest = texts(line) or [""]
-    if word != "fix" or len(rest) < 4 or not rest[2].startswith("nosquish/"):
-        return line
-    one, group, style, *words = rest
-    name = style.partition("/")[2].upper()
-    return f'fix {one} {group} python/move "fix_nosquish.{" ".join((name, group, *words)).strip()}"'
+    if word != "fix" or len(rest) < 4:
+        return None
+    _, group, style, *words = rest
+    if style.startswith("nosquish/"):
+        name = style.partition("/")[2].upper()
+    elif style == "python/move" and re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", words[0]):
+        name, group, *words = words[0].removeprefix("fix_nosquish.").split()
+    else:
+        return None
+    count = body_words(words)
+    return Words(name, group, tuple(words[:count]), tuple(words[count:]))
+
+
+def called(line: str) -> str:
+    """What a fix does, in a word: its style, or its class in quotes."""
+    style = style_of(line)
+    return texts(line)[4].split()[0] if style == "python/move" else style
 
 
 def kind_of(line: str) -> str | None:
     """What a fix is to the atoms; None if it is none that ours can take the place of."""
-    style, words = style_of(line), texts(line)
-    if style == "python/move":
-        name = words[4].split()[0] if len(words) > 4 and words[4].strip() else ""
-        return "ours" if OURS.match(name) else None
+    style, ours = style_of(line), words_of(line)
+    if ours:
+        return "ours" if ours.name in OURS else None
     if style == "rigid" or style.startswith("rigid/"):
         return "rigid"
     if style in CONSTRAINTS:
@@ -202,7 +241,7 @@ def find(
     if strange:
         raise Unclear(
             f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
-            "integrator can take: name one of these styles by --fix: fix_nosquish's, rigid*, "
+            "integrator can take: name one of these styles by --fix: nosquish/*, rigid*, "
             f"shake, rattle, {', '.join(PLAIN)}"
         )
     held = [one for one in known if kinds[one] != "plain"] or known
@@ -260,11 +299,11 @@ def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.n
 def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
     """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
     fix_nosquish those of the class's group, and its points, whatever the fix's group is."""
-    if not _has_class(line):
+    ours = words_of(line)
+    if not ours:
         return in_group(said, atoms, texts(line)[2])
-    group, _, keywords = _words_of_ours(line)
-    points = _points(keywords)
-    mask = in_group(said, atoms, group)
+    points = _points(ours.keywords)
+    mask = in_group(said, atoms, ours.group)
     return mask | in_group(said, atoms, points) if points else mask
 
 
@@ -277,19 +316,6 @@ def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) ->
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
         and (acted_on(said, atoms, line) & (found.body > 0)).any()
     }
-
-
-def _has_class(line: str) -> bool:
-    """Whether a fix has a class of this package, of any kind, with a group and a body style."""
-    style, text = (*texts(line), "", "", "")[3:5]  # LAMMPS tells words that are missing
-    return style == "python/move" and bool(re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", text))
-
-
-def _words_of_ours(line: str) -> tuple[str, list[str], list[str]]:
-    """The class's group, the words of the body style, and the keywords."""
-    _, group, *rest = texts(line)[4].split()
-    count = body_words(rest)
-    return group, rest[:count], rest[count:]
 
 
 def _points(keywords: Sequence[str]) -> str:
@@ -307,7 +333,7 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
     """Keywords with the words that follow them."""
     position = 0
     while position < len(words):
-        alone = words[position : position + 2] == ["moments", "step"]
+        alone = [*words[position : position + 2]] == ["moments", "step"]
         count = 2 if alone else 1 + FOLLOW.get(words[position], 1)
         yield tuple(words[position : position + count])
         position += count
@@ -316,16 +342,13 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 def without_output(line: str) -> tuple[str, list[str]]:
     """A fix of ours that writes no file, and the words that are left out; other commands as they
     are."""
-    if not _has_class(line):
-        return line, []
-    (group, bodies, keywords), text = _words_of_ours(line), texts(line)[4]
-    every = [*_split(keywords)]
+    ours = words_of(line)
+    every = [*_split(ours.keywords)] if ours else []
     cut = [" ".join(one) for one in every if one[0] == "output"]
-    if not cut:
+    if not (ours and cut):
         return line, []
     kept = itertools.chain(*(one for one in every if one[0] != "output"))
-    without = " ".join((text.split()[0], group, *bodies, *kept))
-    return with_words(line, lambda one: f'"{without}"' if one.text == text else one.quoted), cut
+    return ours._replace(keywords=tuple(kept)).fix(texts(line)[1]), cut
 
 
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
@@ -348,30 +371,36 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
     return State(temp, tuple(press), couple), kept, dropped
 
 
+def keywords_of(line: str) -> list[tuple[str, ...]]:
+    """The keywords of a fix that has a kind, see `kind_of`, each with the words that follow it."""
+    words, kind, ours = texts(line)[4:], kind_of(line), words_of(line)
+    if ours:
+        return [*_split(ours.keywords)]
+    if kind == "rigid":
+        words = words[body_words(words) :]
+    return [] if kind == "constraints" else [*_split(words)]
+
+
 def kept_by(line: str) -> State:
     """The temperature and pressure that a fix keeps which has a kind, see `kind_of`."""
-    words, kind = texts(line)[4:], kind_of(line)
-    if kind == "ours":
-        words = _words_of_ours(line)[2]
-    elif kind == "rigid":
-        words = words[body_words(words) :]
-    return State() if kind == "constraints" else state_of(words)[0]
+    return state_of([*itertools.chain(*keywords_of(line))])[0]
 
 
 def body_words(words: Sequence[str]) -> int:
     """How many words a body style takes."""
     if words[:1] == ["custom"]:
         return 2
-    return 2 + int(words[1]) if words[:1] == ["group"] else 1
+    counted = words[:1] == ["group"] and words[1:2] and words[1].isdigit()
+    return 2 + int(words[1]) if counted else 1
 
 
 def _of_rigid(said, atoms, one, line, kind) -> Found:
-    words, style = texts(line), style_of(line)
-    if kind == "ours":
-        group, bodies, keywords = _words_of_ours(line)
+    words, ours = texts(line), words_of(line)
+    if ours:
+        _, group, bodies, keywords = ours
     else:
         count = body_words(words[4:])
-        group, bodies, keywords = words[2], words[4 : 4 + count], words[4 + count :]
+        group, bodies, keywords = words[2], (*words[4 : 4 + count],), (*words[4 + count :],)
     points = _points(keywords)
     state, kept, dropped = state_of(keywords)
     body = numbers(said, atoms, group, bodies)
@@ -379,7 +408,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
     return Found(
         (one,),
         (line,),
-        words[4].split()[0] if kind == "ours" else style,
+        called(line),
         kind,
         group,
         " ".join(bodies),
@@ -516,7 +545,8 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    free = holder and _held(atoms, in_group(said, atoms, texts(holder)[2]), holder)[body == 0].any()
+    mask = in_group(said, atoms, texts(holder)[2]) if holder else body < 0
+    free = holder and held_atoms(atoms, mask, holder)[body == 0].any()
     return Found(
         tuple(ids),
         tuple(fixes[own] for own in ids),
@@ -553,7 +583,7 @@ def shake_words(line: str) -> str:
     return " ".join(words[:until])
 
 
-def _held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
+def held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
     """Which bonds, and which angles, a fix shake holds."""
     lists: dict[str, set[float]] = {"b": set(), "a": set(), "t": set(), "m": set()}
     kind = ""
@@ -576,9 +606,9 @@ def _held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
     return held, np.isin(angles[:, 0], list(lists["a"]))
 
 
-def _held(atoms, mask, line) -> np.ndarray:
+def held_atoms(atoms, mask, line) -> np.ndarray:
     """Which atoms are in a bond that a fix shake holds."""
-    held, _ = _held_bonds(atoms, mask, line)
+    held, _ = held_bonds(atoms, mask, line)
     found = np.zeros(len(atoms["type"]), bool)
     if len(held):
         found[np.asarray(atoms["bonds"])[held, 1:].ravel() - 1] = True
@@ -589,7 +619,7 @@ def rigid_clusters(said, atoms, line: str) -> np.ndarray:
     """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
     held; numbers from 1, 0 for other atoms."""
     mask = in_group(said, atoms, texts(line)[2])
-    held, bent = _held_bonds(atoms, mask, line)
+    held, bent = held_bonds(atoms, mask, line)
     bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
     number = len(atoms["type"])
     part = clusters(bonds, number)

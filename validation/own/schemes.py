@@ -10,8 +10,8 @@ import numpy as np
 import fix_nosquish
 from fix_nosquish.host.command import Command, Line
 from validation.own import finding
-from validation.own.finding import Found, State, style_of
-from validation.own.script import DONE, done_between, texts, undotted, words
+from validation.own.finding import Found, State, called, style_of
+from validation.own.script import DONE, done_between, texts, words
 from validation.scenes.integrators import OURS, Integrator
 
 SEED = 4928
@@ -62,16 +62,17 @@ def _fixes(lines):
 
 def _meant(line):
     """A command that means the same as others that are equal to it: a fix without its ID; of ours
-    all that the class reads, but for the seed, and not the fix's own group, which it passes over.
+    all that the class reads, but for the seed, and not the group of a fix python/move.
     """
     if not _fixes([line]):
         return texts(line)
     _, _, group, _, *words = texts(line)
-    if style_of(line) != "python/move":
+    ours = finding.words_of(line)
+    if not ours:
         return [style_of(line), group, *map(_value, words)]
-    text = words[0].removeprefix("fix_nosquish.")
-    known = fix_nosquish.of_style(text.split()[0].lower())
-    return known, replace(Command.parse(Line.quoted(text), known.keywords), line=None, seed=None)
+    known = fix_nosquish.of_style(ours.name.lower())
+    said = Line(ours.name, line, (ours.group, *ours.bodies, *ours.keywords))
+    return known, replace(Command.parse(said, known.keywords), line=None, seed=None)
 
 
 def _value(word):
@@ -86,24 +87,20 @@ def _literal(line: str) -> str:
 
 
 def _yours(found: Found) -> Integrator:
-    styles = " + ".join(dict.fromkeys(_called(line) for line in found.lines))
+    styles = " + ".join(dict.fromkeys(map(called, found.lines)))
     label = f"yours: {styles}"
     whole = found.kind == "rigid" and "small" in found.style
     lines = tuple(map(_literal, found.lines))
     return Integrator(YOURS, label, lines, whole, found.kind, then=found.modified)
 
 
-def _called(line):
-    return texts(line)[4].split()[0] if style_of(line) == "python/move" else style_of(line)
-
-
-def state_words(state, plain=False) -> str:
+def state_words(state) -> str:
     """Temperature and pressure as a fix has them."""
     told = ["temp", *state.temp] if state.temp else []
     for axis in state.press:
         told += axis
     told += ["couple", state.couple] if state.couple else []
-    return "".join(" " + (one if plain else undotted(one)) for one in told)
+    return "".join(" " + one for one in told)
 
 
 def steering(commands: Sequence[str]) -> set[int]:
@@ -130,7 +127,7 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
         group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
     if state.press or found.points:
         style = "nvt" if state.temp else "nve"
-        heat = state_words(State(state.temp), plain=True)
+        heat = state_words(State(state.temp))
         moves = [f"fix {REST} {group} {style}{heat}"]
     else:  # its own words
         head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
@@ -157,13 +154,12 @@ def _ours(found: Found, units: str) -> Iterator[Integrator]:
         rest, points = made, f" points {found.points or REST}"
         if found.holder:  # atoms that shake holds are no free points
             return
-    name = state.ensemble.upper()
+    style = f"nosquish/{state.ensemble}"
     for number, (kind, more) in enumerate(_kinds(state, units)):
         said = state_words(state) + more + found.keywords + points
-        own = f'"fix_nosquish.{name} {{group}} {{bodies}}{said}"'
-        lines = (*rest, f"fix {_id(found)} {{group}} python/move {own}")
+        lines = (*rest, f"fix {_id(found)} {{group}} {style} {{bodies}}{said}")
         title = f"{OURS}-{kind.split()[0]}" if number else OURS
-        yield Integrator(title, f"fix_nosquish.{name} {kind}".strip(), lines)
+        yield Integrator(title, f"{style} {kind}".strip(), lines)
 
 
 def _kinds(state: State, units: str) -> list[tuple[str, str]]:
@@ -186,7 +182,7 @@ def _rigid(found: Found) -> Iterator[Integrator]:
     if state.tilts or (state.press and found.rest and found.holder):
         return
     small = found.bodies.split()[0] in ("molecule", "custom")
-    more = state_words(state, plain=True)
+    more = state_words(state)
     for style in (f"rigid/{state.ensemble}", f"rigid/{state.ensemble}/small"):
         yield from _of_style(found, style, style, style, more, rest, small)
     if state.ensemble == "nve":
@@ -219,7 +215,7 @@ def _constrained(found: Found) -> Iterator[Integrator]:
     if found.points:
         group, made = ALL, [f"group {ALL} union {{group}} {found.points}"]
     of = texts(found.holder)[2] if found.holder else found.group
-    move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + state_words(state, plain=True)
+    move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + state_words(state)
     held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
     for style in ("shake", "rattle"):
         if style == "rattle" and state.press:
@@ -250,11 +246,31 @@ def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
     return made
 
 
+def place(gone: Mapping[str, str]) -> str:
+    """Where lines stand that take the place of fixes, by ID."""
+    fixes = [f"fix {one} ({style_of(line)})" for one, line in gone.items()]
+    if len(fixes) < 2:
+        return f"In the place of {(fixes or ['what moves its atoms'])[0]}"
+    return f"In the place of the last of {' and '.join(fixes)}, which all go"
+
+
+def naming(gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]) -> list[str]:
+    """What is to be said of commands that name fixes which go, or what these make, if these lines
+    come in their place."""
+    kept = {texts(line)[1]: style_of(line) for line in _fixes(lines)}
+    lost = {one for one, line in gone.items() if kept.get(one) != style_of(line)}
+    made = [one for one in commands if texts(one)[0] == "fix_modify" and texts(one)[1] in lost]
+    made += reading(lost, commands)
+    some = "; ".join(map(plain, made))
+    told = f"These name a fix that goes, or what it makes, and have to go, too: {some}."
+    return [told] * bool(made)
+
+
 def _ensemble(found, said, atoms):
     """What integrators keep, and which other fix keeps the temperature beside them."""
     name, baths = found.state.ensemble.upper(), finding.thermostats(said, atoms, found)
     if found.state.temp:
-        name += f" ({state_words(found.state, plain=True).strip()})"
+        name += f" ({state_words(found.state).strip()})"
     if found.state.temp or not baths:
         return f"Ensemble: {name}. All else of the script stays."
     keeps = "pressure and enthalpy" if found.state.press else "energy"
@@ -268,7 +284,7 @@ def _ensemble(found, said, atoms):
 def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
     """What was found, in sentences."""
     bodies, inside = int(found.body.max()), found.body > 0
-    told = " and ".join(f"fix {one} ({_called(line)})" for one, line in zip(found.ids, found.lines))
+    told = " and ".join(f"fix {one} ({called(line)})" for one, line in zip(found.ids, found.lines))
     moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
         f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {inside.sum():,} "

@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from decimal import Decimal, InvalidOperation
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -123,18 +122,6 @@ def without_step(line: str) -> str:
     told = [one.quoted for one in found]
     at = told.index("format") if "format" in told else len(told)  # which LAMMPS wants last
     return " ".join((*told[:at], "timestep no", *told[at:]))
-
-
-def undotted(word: str) -> str:
-    """A number as the words of fix python/move take it: without a point."""
-    if "." not in word:
-        return word
-    try:
-        _, digits, exponent = Decimal(word).normalize().as_tuple()
-    except InvalidOperation:
-        return word
-    sign = "-" if word.startswith("-") else ""
-    return f"{sign}{''.join(map(str, digits))}" + (f"e{exponent}" if exponent else "")
 
 
 def lines(text: str) -> Iterator[str]:

@@ -271,7 +271,7 @@ def moved(own: Own) -> Mapping[str, np.ndarray]:
     found: dict[str, np.ndarray] = {}
     for one, line in own.said["fixes"].items():
         style = finding.style_of(line)
-        mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move")
+        mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move", "nosquish")
         if mover or style == "python/move" or style.startswith("brownian"):
             found[one] = finding.acted_on(own.said, own.atoms, line)
     return found

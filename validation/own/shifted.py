@@ -19,9 +19,9 @@ CHOOSE = frozenset(
     (
         *("atom/swap", "bond/swap", "charge/regulation", "gcmc", "grem", "hmc", "mixed/swap"),
         *("mol/swap", "msst", "neighbor/swap", "nphug", "sgcmc", "widom"),
+        *("nosquish/hmc", "fix_nosquish.HMC"),
     )
 )
-OUR_HMC = "fix_nosquish.HMC"
 # first words of styles that follow a pressure, but for those whose work nobody counts
 PRESS = "nph", "npt", "box"
 NOTE = (
@@ -42,7 +42,7 @@ def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
     lines = own.said["fixes"].values()
     if found is None or found["shift"] or counted.lacking(own):
         return own
-    if any(OUR_HMC in line or finding.style_of(line) in CHOOSE for line in lines):
+    if any(finding.called(line) in CHOOSE for line in lines):
         return own
     if found["tail"] and _has_barostat(own):  # its pressure is to have it
         return own

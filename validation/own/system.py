@@ -208,7 +208,7 @@ def without_fixes(said: Mapping) -> list[str]:
     kept = [
         line
         for line in said["commands"]
-        if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix")
+        if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix", "compute_modify")
         or texts(line)[3:4] in (["property/atom"], ["cmap"])
     ]
     return [*kept, said["state"]]

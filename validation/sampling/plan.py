@@ -314,7 +314,7 @@ def _skinned(scheme: Scheme) -> Scheme:
 def _with(integrator, words):
     """One of ours with keywords more."""
     *first, last = integrator.lines
-    return replace(integrator, lines=(*first, f"{last[:-1]}{words}{last[-1]}"))
+    return replace(integrator, lines=(*first, f"{last}{words}"))
 
 
 def _after(scheme: Scheme, lines: tuple[str, ...]) -> Scheme:
@@ -409,7 +409,7 @@ def of_script(own: Own) -> Case:
         raise SystemExit(
             f"{scene.subject}: sampling needs units real and one constant temperature, kept by the "
             "fix whose place others take, in a box that does not change: give a run with fix nvt, "
-            "rigid/nvt or fix_nosquish.NVT"
+            "rigid/nvt or nosquish/nvt"
         )
     temperature = float(found.temp[0])
     made, models = {}, {}
@@ -428,6 +428,7 @@ def _held(own: Own, one: Integrator) -> int:
     """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
     random forces, or something else acts on the atoms."""
     words = " ".join(one.lines)
-    random = "langevin" in words or ("fix_nosquish" in words and " thermostat " not in words)
+    ours = one.kind == "ours"
+    random = "langevin" in words or (ours and " thermostat " not in words)
     alone = (own.found.body > 0).all() and all(own.said["periodic"]) and not counted.acting(own)
     return 0 if random or not alone else own.said["dimension"]

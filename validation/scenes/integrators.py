@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from validation.scenes import Scene
 
 OURS = "nosquish"
+OLDER = "MatubayasiNakahara", "Gear"
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
@@ -43,9 +44,11 @@ class Integrator:
 
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
-    """One of this package's classes with the keywords ``words``: its NO_SQUISH, or an older
-    ``scheme``."""
-    line = f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"'
+    """One of this package's integrators with the keywords ``words``: its NO_SQUISH, or an older
+    ``scheme``, which is no fix style."""
+    line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
+    if scheme in OLDER:
+        line = f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"'
     return Integrator(name, label, (line,))
 
 

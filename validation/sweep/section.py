@@ -172,7 +172,7 @@ def _in_short(points, targets, choice, own):
 
 def _of_us(point):
     """Whether a scheme is one of this package's, the older ones too."""
-    return "python/move" in " ".join(point["lines"])
+    return "nosquish" in " ".join(point["lines"])
 
 
 def _kinds(points):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from validation.own.system import Own
 from validation.running import run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, margin
 from validation.statistics.structure import Motion
 from validation.trial import law
 from validation.trial.targets import SPAN, has_rdf, steps_of_cost
@@ -19,6 +20,36 @@ BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 # of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more
 # so for a choice among several; if so many are not independent, their noise counts as error
 BLOCKS = 20
+# independent parts of a run, of two correlation times each, without which nothing is said of g(r)
+LEAST = 5
+NARROW = 3  # times below a target is noise with which a run tells whether an error is within
+SETTLED = 0.99  # the confidence by which a run is told to be still settling
+# why g(r) has no error
+SHORT, SETTLING, ERRATIC = "short", "settling", "erratic"
+
+
+class Untold(NamedTuple):
+    """Why g(r) has no error.
+
+    Attributes:
+        why: one of the words above.
+        parts: as how many independent parts a run counts, as far as it tells.
+        off: how far g(r) is off, rms, which is noise.
+    """
+
+    why: str
+    parts: float
+    off: float
+
+    def plain(self, target: float) -> dict:
+        """``why``, and how many times as long runs should tell whether the error is below a target;
+        None where longer ones of the same start do not."""
+        times = {
+            SHORT: LEAST / max(self.parts, 1.0),
+            SETTLING: None,
+            ERRATIC: (NARROW * self.off / target) ** 2,
+        }[self.why]
+        return {"why": self.why, "longer": times}
 
 
 def numbers(own: Own, dt: float, result: run.Result, settles: float, rest: int) -> dict:
@@ -55,6 +86,8 @@ def numbers(own: Own, dt: float, result: run.Result, settles: float, rest: int) 
             BIN * own.room,
             min(BLOCKS, frames - first),
         )
+        halves = np.array_split(thermo["PotEng"] / (own.bodies * shapes.thermal(own)), 2)
+        found["settling"] = measures.difference(*(measures.mean(half) for half in halves[::-1]))
     return found
 
 
@@ -136,17 +169,35 @@ def of_means(
             if error:
                 found[name] = error.times(1 / scale)
     if "rdf" in mine:
-        parts = min(len(said["rdf"]) for said in (held, *alike.values()))
-        g = {other: _joined(said["rdf"], parts) for other, said in alike.items()}
-        error = law.rms_by_law(dt, g, _joined(held["rdf"], parts), finer)
+        error, _ = of_g(dt, alike, held, finer)
         if error:
             found["rdf"] = error
     return found
 
 
-def _joined(g, number) -> np.ndarray:
-    """Of (parts, bins) so many parts."""
-    return np.array([some.mean(axis=0) for some in np.array_split(g, number)])
+def of_g(
+    dt: float, alike: Mapping[float, Mapping], held: Mapping, finer: float
+) -> tuple[Estimate | None, Untold | None]:
+    """The error of g(r), or why there is none: runs are too short, the start was not in
+    equilibrium, or the error does not follow the step.  For the arguments see `of_means`.
+
+    Parts of a run that are not independent would make noise an error.  How many are follows from
+    all these runs, which have the same motion and length.
+    """
+    runs = [held["rdf"], *(said["rdf"] for said in alike.values())]
+    number, variance = measures.parts_of_runs(runs)
+    settling, mine = held["settling"], alike[dt]["rdf"]
+    if mine.shape[1:] != held["rdf"].shape[1:]:
+        return None, None
+    off = float(np.sqrt(np.mean((mine.mean(axis=0) - held["rdf"].mean(axis=0)) ** 2)))
+    if number < LEAST:
+        return None, Untold(SHORT, number, off)
+    if abs(settling.value) > margin(settling.error, settling.freedom, SETTLED):
+        return None, Untold(SETTLING, number, off)
+    against, *others = measures.independent(runs, int(number), variance)
+    error = law.rms_by_law(dt, dict(zip(alike, others)), against, finer)
+    erratic = error is None and dt != finer
+    return error, Untold(ERRATIC, number, off) if erratic else None
 
 
 def _of_energy(own, mine) -> dict[str, Estimate]:

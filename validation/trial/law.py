@@ -67,6 +67,10 @@ def rms_by_law(
 ) -> Estimate | None:
     """The rms error of a function in bins, as g(r): `by_law` in each, with the same weights in all.
 
+    Where no such series is within the noise, this is larger than the parts of the runs say, and
+    there is no error to tell; unless it is only the longest steps that are out of it.  Of so few
+    steps that nothing tells whether the error follows them, it may be noise as a whole.
+
     Args:
         found: of each step the function, (parts, bins), of independent parts of the run; those with
             other bins than ``held`` are left out.
@@ -76,22 +80,61 @@ def rms_by_law(
     steps = _telling(dt, found, finer)
     if not steps:
         return None
-    off = np.array([found[other] - held for other in steps])
-    size = [float(np.sqrt(np.mean(one.mean(axis=0) ** 2))) for one in off]
-    errors = np.array([_noise(found[other]) for other in steps])
-    for fit in _fits(dt, steps, np.array(size), errors, _noise(held), finer):
-        own = off[: fit.number]
-        left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
-        if left.value <= left.margin:
-            return _counted(
-                _with(measures.without_noise(np.tensordot(part.weights, own, 1)), part.missed)
-                for part in fit.parts
+    off = {other: found[other] - held for other in sorted(found) if other != finer}
+    fit, excess = _series(dt, steps, off, found, held, finer)
+    if fit:
+        own = np.array([off[other] for other in steps[: fit.number]])
+        return _counted(
+            _with(
+                measures.without_noise(np.tensordot(part.weights, own, 1)),
+                part.missed,
+                excess * np.sqrt(part.error**2 - part.missed**2),
             )
+            for part in fit.parts
+        )
     alone = _alone(dt, steps, finer)
     if alone is None:
         return None
-    error = measures.without_noise(off[steps.index(alone)])
-    return _with(error.times(abs(_of_square(dt, alone, finer))))
+    each = {other: measures.without_noise(one) for other, one in off.items()}
+    error, every = each[alone], [*off]
+    factor = abs(_of_square(dt, alone, finer))
+    if len(every) <= _free(finer):  # nothing tells whether it follows the step: it may be noise
+        unsure = error.value / margin(1.0, error.freedom)
+        return _with(error.times(factor), factor * unsure)
+    fit, excess = _series(every[0], every, off, found, held, finer)
+    if not fit:
+        return None
+    last = every[fit.number - 1]
+    if alone > last and not _surely_less(each[last], error):
+        return None
+    if any(other > alone and _surely_less(one, error) for other, one in each.items()):
+        return None
+    noise = excess * np.hypot(_noise(found[alone]), _noise(held))
+    return _with(error.times(factor), factor * noise)
+
+
+def _series(
+    dt: float,
+    steps: Sequence[float],
+    off: Mapping[float, np.ndarray],
+    found: Mapping[float, np.ndarray],
+    held: np.ndarray,
+    finer: float,
+) -> "tuple[_Fit | None, float]":
+    """The series through how far most of these steps are off, as `rms_by_law` takes them, that is
+    within their noise; and how much more they scatter about it, in parts of that noise."""
+    size = [float(np.sqrt(np.mean(off[other].mean(axis=0) ** 2))) for other in steps]
+    errors = np.array([_noise(found[other]) for other in steps])
+    for fit in _fits(dt, steps, np.array(size), errors, _noise(held), finer):
+        own = np.array([off[other] for other in steps[: fit.number]])
+        left = measures.without_noise(np.concatenate(np.tensordot(fit.rest, own, 1), axis=1))
+        if left.value <= left.margin:
+            return fit, left.value
+    return None, np.inf
+
+
+def _surely_less(one: Estimate, other: Estimate) -> bool:
+    return one.value + one.margin < other.value - other.margin
 
 
 def _noise(parts: np.ndarray) -> float:
@@ -128,6 +171,12 @@ def _of_square(dt: float, other: float, finer: float) -> float:
     return dt**2 / (other**2 - finer**2)
 
 
+def _free(finer: float) -> int:
+    """Parameters of a series: the square, and an error that is the same at all steps, see
+    `by_law`."""
+    return 1 if finer else 2
+
+
 class _Part(NamedTuple):
     """The error at the step asked for, whole or without what is the same at all steps."""
 
@@ -160,7 +209,7 @@ def _fits(
         errors: standard errors of these means.
         held: that of what they are held against, which all have in common.
     """
-    free = 1 if finer else 2  # an error that is the same at all steps, and the square
+    free = _free(finer)
     exponents = 2 * np.arange(2 - free, POWERS + 1)
     powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents * bool(finer)
     covariance = np.diag(errors**2) + held**2

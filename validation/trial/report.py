@@ -1,8 +1,9 @@
 """From a trial of a script's integrators and steps to an answer, files and the terminal."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 
@@ -13,7 +14,7 @@ from validation.pages.said import Table
 from validation.pages.tables import ranks_of
 from validation.scenes.units import UNITS
 from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from validation.trial import confirm, lists, trial
+from validation.trial import confirm, errors, lists, trial
 from validation.trial.figures import draw
 from validation.trial.targets import ENERGIES, judged
 
@@ -30,7 +31,7 @@ def answer(summary: dict) -> tuple[Choice, list[str], list[str]]:
     wanted, time = summary["targets"], UNITS[summary["units"]].time
     points, rest = _asked(summary)
     choice = _chosen(summary, points, wanted)
-    told = list(_late(summary))
+    told = [*_late(summary), *_untold(summary)]
     if points or not rest:
         told += _told(summary, points, choice, wanted, time)
     told += _uncounted(summary, rest, wanted, time, alone=not points)
@@ -58,6 +59,40 @@ def _late(summary) -> Iterator[str]:
             "The budget was over before all steps were tried: it is small, or the machine is "
             "busier than when it began. The same command goes on."
         )
+
+
+def _untold(summary) -> Iterator[str]:
+    """Why nothing is said of g(r), where it is a target."""
+    if "rdf" not in summary["targets"]:
+        return
+    time, asked = UNITS[summary["units"]].time, [one for one in summary["points"] if one["asked"]]
+    told = {
+        why: [one for one in asked if one["untold"] and one["untold"]["why"] == why]
+        for why in (errors.SETTLING, errors.SHORT, errors.ERRATIC)
+    }
+    if told[errors.SETTLING]:
+        yield (
+            "The start is not in equilibrium: the mean potential energy changes within the run "
+            "that means are held against. So g(r) cannot be decided. Equilibrate first, and take "
+            "the later run by --run N."
+        )
+    if points := told[errors.SHORT]:
+        yield (
+            f"Runs of {points[0]['time']:.3g} {time} are shorter than {2 * errors.LEAST} "
+            f"correlation times of g(r), so it cannot be decided. {_of_length(points, time)}"
+        )
+    if points := told[errors.ERRATIC]:
+        steps = ", ".join(f"{one:g}" for one in sorted({one["dt"] for one in points}))
+        yield (
+            f"With {steps} {time} the error of g(r) does not follow the step, so it is noise, and "
+            f"g(r) cannot be decided. {_of_length(points, time)}"
+        )
+
+
+def _of_length(points, time) -> str:
+    """How long runs have to be to tell g(r)."""
+    long = min(max(2.0, one["untold"]["longer"]) * one["time"] for one in points)
+    return f"Runs of about {float(f'{long:.2g}'):g} {time} should tell."
 
 
 def _uncounted(summary, points, wanted, time, alone) -> Iterator[str]:
@@ -221,13 +256,9 @@ def _telling(summary, points, perhaps, wanted) -> int | None:
         before, level = [point for point in own if point["dt"] <= one["dt"]], summary["level"]
         if one["alone"]:
             before, level = [one], CONFIDENCE
-        if all(math.isfinite(bound(point, name)) for point in before for name in wanted):
-            each = (
-                _above(point, name, most, level)
-                for point in before
-                for name, most in wanted.items()
-            )
-            factors.append(max(each))
+        each = [_above(point, name, most, level) for point in before
+                for name, most in wanted.items()]  # fmt: skip
+        factors += [max(each)] * all(map(math.isfinite, each))
     if not factors:
         return None
     # the least that helps is some runs more
@@ -252,8 +283,12 @@ def _above(point, name, most, confidence) -> float:
 
     The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
     wander, to -3/2.  Of the error the noise is taken off.  What is as large as the target or larger
-    may be noise, too: `LEAST_ROOM`.
+    may be noise, too: `LEAST_ROOM`.  Infinite if no length tells.
     """
+    if name == "rdf" and point["untold"]:
+        return point["untold"]["longer"] or math.inf
+    if not math.isfinite(bound(point, name)):
+        return math.inf
     one = Estimate.of(point["errors"][name])
     seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
     room = max(most - seen, LEAST_ROOM * most)
@@ -275,6 +310,8 @@ def _resolved(summary, points, perhaps, wanted, time) -> Iterator[str]:
         told = f"Runs so short cannot tell {name} below {least:.2g}."
         if not math.isfinite(least):
             told = f"It takes another step of the same integrator to tell {name}."
+        if any(one["untold"] for one in perhaps if name == "rdf"):
+            told = "Nothing is known of g(r)."
         yield (
             f"{told} But for that, {best['label']} with {best['dt']:g} {time} is the fastest "
             f"within the targets, by {SURE}: {_within(best, rest)}."
@@ -312,6 +349,17 @@ def _lines(summary, choice) -> list[str]:
     best, skin = choice.best, lists.fastest(summary.get("lists", ()))
     more = [skin["command"]] if skin else []
     return [*best["lines"], f"timestep {best['dt']:g}", *more] if best else []
+
+
+def _place(best) -> str:
+    """Where the lines stand in the script."""
+    return f"{best['place']}, and of the script's timestep:"
+
+
+def instead(choice: Choice, lines: Sequence[str]) -> list[str]:
+    """The lines for the script, with what goes for them."""
+    best: Any = choice.best
+    return [_place(best), *(f"    {line}" for line in lines), *best["lost"]] if best else []
 
 
 def tables(summary: dict) -> list[Table]:
@@ -384,7 +432,9 @@ def write(summary: dict, out: Path) -> None:
     """Write all files into a folder."""
     choice, told, lines = answer(summary)
     wanted = summary["targets"]
+    best: Any = choice.best
     values: dict = {"told": told, "lines": lines, "shown": tables(summary)}
+    values |= {"place": best and _place(best), "lost": best and best["lost"]}
     figures = draw(summary, out)
     files = {"table": report.frame(_numbers(one, wanted) for one in summary["points"])}
     if longer := confirm.points(summary):
@@ -406,9 +456,7 @@ def show(console: Console, summary: dict, out: Path) -> bool:
     choice, told, lines = answer(summary)
     for line in told:
         console.print(line, markup=False, soft_wrap=True)
-    if lines:
-        console.print("In your script, in the place of your own lines:")
-        for line in lines:
-            console.print(f"    {line}", markup=False, soft_wrap=True)
+    for line in instead(choice, lines):
+        console.print(line, markup=False, soft_wrap=True)
     report.end(console, summary, out)
     return choice.best is not None and confirm.holds(summary) is not False

@@ -73,17 +73,28 @@ def plan(own: Own, summary: Mapping[str, Any], seconds: float) -> Plan | None:
         wanted = judged(asked[0], wanted) if asked else {}
     known = least_known(told or asked, wanted, summary["level"])
     rows = trial.able(told or asked, wanted)
-    rows = [row for row in rows if wanted and wanted.keys() <= row["by_itself"].keys()]
+    # short runs may not tell g(r): then the others decide, and a long one tells it
+    lost = {"rdf"} & wanted.keys() if 2 * sum(map(_tells_g, rows)) < len(rows) else set()
+    wanted = {name: most for name, most in wanted.items() if name not in lost}
+    rows = [
+        row
+        for row in rows
+        if wanted and wanted.keys() <= row["by_itself"].keys() & row["errors"].keys()
+    ]
     plans = []
     for row in rows:
         if least(row) < GAIN * known:
             alike = [one for one in told or asked if one["integrator"] == row["integrator"]]
             noise = _noise(row, alike, wanted)
             frames = statistics.median(one["independent"] for one in alike if one["independent"])
-            for again in _choices(wanted):
+            for again in (True,) if lost else _choices(wanted):
                 plans.append(_plan(own, summary, seconds, row, wanted, noise, frames, again))
     plans = [one for one in plans if one.times >= WORTH]
     return max(plans, key=lambda one: pays(one, known), default=None)
+
+
+def _tells_g(row) -> bool:
+    return "rdf" in row["errors"]
 
 
 def least_known(rows: Sequence[Any], wanted: Mapping[str, float], level: float) -> float:
@@ -199,8 +210,12 @@ def long_run(
     row = rows(own, tried, [one], found)[0]
     row |= {"alone": True, "held": best.time if held in found else None}
     if held not in found:
+        row["untold"] = best.row["untold"]
         for kind in ("errors", "signed"):
-            row[kind] |= {name: one for name, one in best.row[kind].items() if name in MEANS}
+            kept = {name: one for name, one in row[kind].items() if name not in MEANS}
+            row[kind] = kept | {
+                name: best.row[kind][name] for name in MEANS & best.row[kind].keys()
+            }
     summary["points"] = [
         row if (other["integrator"], other["dt"]) == (row["integrator"], row["dt"]) else other
         for other in summary["points"]

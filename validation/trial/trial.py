@@ -25,7 +25,7 @@ from validation.choice import (
     least,
     passes,
 )
-from validation.own import counted, shapes
+from validation.own import counted, schemes, shapes
 from validation.own.system import Own
 from validation.running import machine, rounds, run
 from validation.running.store import Store
@@ -410,11 +410,16 @@ def rows(
 def _row(own: Own, one: Point, done: Done | None, fails: str | None) -> dict:
     """A row of `rows`, without what was measured."""
     integrator = one.integrator
+    lines = [*own.found.setup, *integrator.commands(own.scene)]
+    gone = dict(zip(own.found.ids, own.found.lines))
+    lost = [] if integrator.then else schemes.naming(gone, own.said["commands"], lines)
     return {
         "integrator": integrator.name,
         "label": integrator.label,
         "ours": integrator.kind == "ours",
-        "lines": [*own.found.setup, *integrator.commands(own.scene)],
+        "lines": lines,
+        "place": schemes.place(gone),
+        "lost": lost,  # what of the script these lines cannot have beside them
         "dt": one.dt,
         "starts": 1,
         "time": done and done.time,
@@ -428,6 +433,7 @@ def _row(own: Own, one: Point, done: Done | None, fails: str | None) -> dict:
         "signed": {},
         "by_itself": {},
         "independent": None,  # so many frames
+        "untold": None,  # why g(r) has no error, of `errors.Untold`
     }
 
 
@@ -450,9 +456,13 @@ def _measured(
     mine = {one.dt: alike[one.dt]}
     by_itself = errors.errors(own, one.integrator, one.dt, mine, *against)
     signed = by_itself | errors.of_means(own, one.dt, alike, *against)
+    untold = None
+    if "rdf" in wanted and against[0] is not None:
+        _, untold = errors.of_g(one.dt, alike, *against)
     return {
         "rough": measures.spread(float(part.mean()) for part in parts if len(part)),
         "independent": done.numbers["independent"],
+        "untold": untold and untold.plain(wanted["rdf"]),
         "signed": {name: error.plain() for name, error in signed.items()},
         "errors": _sizes(signed, wanted),
         "by_itself": _sizes(by_itself, wanted),

@@ -1,0 +1,248 @@
+"""External forces: a force and a torque that are handed in for each body.
+
+They come from fix_modify external, whose words are numbers, variables, and columns of other fixes
+and computes, and from Python, by `bodies.Bodies.add_force`.  Each rank knows those of all bodies,
+by their IDs, so that they need not follow a body to another rank.
+"""
+
+import re
+import weakref
+from zlib import crc32
+
+import numpy as np
+
+from ..errors import RunError
+from ..loops.compiled import F1, F2, Cell
+
+ENERGY, COLUMNS = 6, 7  # behind three components of the force and three of the torque
+_PARTS = {"force": range(3), "torque": range(3, 6), "energy": range(6, 7)}
+_STANDS_FOR_NUMBERS = re.compile(r"v_\w+|[fc]_\w+(\[[1-9]\d*\])?")
+_EXPECTED = (
+    "a number, v_NAME of an equal-style or vector-style variable, or f_ID[i] or c_ID[i], a column "
+    "of the global array of a fix or a compute, is expected"
+)
+_COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
+
+
+def _wrong(problem):
+    return RunError(f"fix_modify external: {problem}", everywhere=True)
+
+
+class External:
+    """The external forces of an integrator's bodies.
+
+    Args:
+        integrator: the `Integrator`.
+
+    Attributes:
+        acts: whether there may be some in this run.
+        has_virial: whether LAMMPS counts their virial.
+        cells: of the loop `passes.push`: the IDs of all bodies, in order, and what acts on each.
+    """
+
+    def __init__(self, integrator):
+        self._integrator = weakref.proxy(integrator)
+        self.acts = self._changed = False
+        self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
+        self._forget_words()
+        self._forget_given()
+
+    def _forget_words(self):
+        self._python = self._has_energy = self.has_virial = False
+        self._numbers, self._words = np.zeros(COLUMNS), {}  # of each column, or the word there
+
+    def _forget_given(self):
+        self._ids, self._given = np.empty(0, np.int64), np.empty((0, 6))
+
+    @property
+    def moves_centres(self):
+        """Whether there may be forces, not torques alone."""
+        of_words = self._numbers[:3].any() or any(column < 3 for column in self._words)
+        return self.acts and bool(of_words or self._python or len(self._ids))
+
+    def without_energy(self):
+        """What to say of forces whose energy is not known; None if it is."""
+        if not self.acts or self._has_energy:
+            return None
+        return (
+            "external forces have none in the potential energy: give it behind the word energy of "
+            "fix_modify external"
+        )
+
+    # ------------------------------------------------------------- where they come from
+
+    def read(self, text):
+        """Read the words of fix_modify external, which replace those of before.
+
+        Raises:
+            RunError: naming the word, and what is expected.
+        """
+        if self._integrator.lammps.running:
+            raise _wrong("a run is under way: give it between runs")
+        left, said = text.split(), set()
+        self._forget_words()
+        while left:
+            part = left.pop(0)
+            if part in said:
+                raise _wrong(f"{part} stands twice")
+            said.add(part)
+            if part == "virial":
+                yes_or_no = left.pop(0) if left else "nothing"
+                if yes_or_no not in ("yes", "no"):
+                    raise _wrong(f"'{yes_or_no}' was given where virial expects yes or no")
+                self.has_virial = yes_or_no == "yes"
+            elif part in _PARTS:
+                for column in _PARTS[part]:
+                    self._take(column, part, left.pop(0) if left else "nothing")
+            elif part not in ("python", "none"):
+                raise _wrong(
+                    f"'{part}' was given where force FX FY FZ, torque TX TY TZ, energy E, virial "
+                    "yes or no, python, or none is expected"
+                )
+        if said == {"none"}:
+            self._forget_given()
+        elif "none" in said or not said & {"force", "torque", "python"}:
+            raise _wrong("expected at least one of force, torque and python, or none alone")
+        self._python, self._has_energy, self._changed = "python" in said, "energy" in said, True
+        self._integrator.host.ask_for(
+            self._words.values(), energy=self._has_energy, virial=self.has_virial
+        )
+
+    def _take(self, column, part, word):
+        """Take a number, or a word that stands for some."""
+        try:
+            self._numbers[column] = float(word)
+        except ValueError:
+            if not _STANDS_FOR_NUMBERS.fullmatch(word):
+                raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}") from None
+            self._words[column] = word
+        if not np.isfinite(self._numbers[column]):
+            raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
+
+    def give(self, ids, force, torque):
+        """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
+        integrator, communicator = self._integrator, self._integrator.communicator
+        if not self.acts and integrator.lammps.running:
+            raise RunError(
+                "add_force was called in a run that began without external forces: call it before "
+                "the run, or have 'fix_modify ID external python' before it",
+                everywhere=True,
+            )
+        ids, rows, problem = np.atleast_1d(ids), None, None
+        try:
+            rows = np.empty((len(ids), 6))
+            rows[:, :3], rows[:, 3:] = force, torque
+        except (TypeError, ValueError) as error:
+            problem = str(error)
+        known = self._ids_of_all()
+        if not problem and not np.isfinite(rows).all():
+            problem = "a force or torque is not finite"
+        if not problem and len(unknown := np.setdiff1d(ids, known)):
+            problem = f"there is no body with ID {unknown[0]}"
+        if not problem and len(np.unique(ids)) < len(ids):
+            problem = "a body's ID stands twice"
+        if problem:
+            problem = (
+                f"{problem}: expected IDs of bodies, a force (n, 3) and a torque (n, 3), or (3,) "
+                "for the same on all of them"
+            )
+        communicator.agree(problem and f"add_force: {problem}")
+        ids = ids.astype(np.int64)
+        own = crc32(ids.tobytes() + rows.tobytes())
+        communicator.agree(
+            "add_force: this rank hands in other forces than rank 0: hand in the same on all ranks"
+            if communicator.share(own) != own
+            else None
+        )
+        stay = ~np.isin(self._ids, ids)
+        self._ids = np.concatenate([self._ids[stay], ids])
+        self._given = np.concatenate([self._given[stay], rows])
+        self._changed |= not self.acts
+        integrator.host.pushes = self.acts
+
+    # ------------------------------------------------------------- a run
+
+    def begin(self):
+        """A run begins: find out whether there are external forces in it; collective.
+
+        Raises:
+            RunError: on all ranks, with run_style respa.
+        """
+        self._changed = False
+        self.acts = bool(
+            self._python or self._words or self._numbers[:ENERGY].any() or len(self._ids)
+        )
+        self._integrator.host.pushes = self.acts
+        if self.acts and self._integrator.lammps.respa_dt is not None:
+            raise RunError(
+                "external forces are not for run_style respa: use run_style verlet",
+                everywhere=True,
+            )
+        self.learn()
+
+    def refuse_change(self):
+        """End a run that is not set up, if it would not have the external forces that it is to."""
+        if self._changed:
+            raise RunError(
+                "external forces (fix_modify external, add_force) are new since the last run: "
+                "begin the run with 'pre yes'",
+                everywhere=True,
+            )
+
+    def learn(self):
+        """Know the bodies that there are now, and keep what acts on those of before; collective."""
+        if not self.acts:
+            return
+        before, rows = (cell.array for cell in self.cells.values())
+        ids = self._ids_of_all()
+        _, here, there = np.intersect1d(ids, before, return_indices=True)
+        external = np.zeros((len(ids), 6))
+        external[here] = rows[there]
+        self.cells["pushed"].set(ids.astype(float))
+        self.cells["external"].set(external)
+        stay = np.isin(self._ids, ids)
+        self._ids, self._given = self._ids[stay], self._given[stay]
+
+    def _ids_of_all(self):
+        """The IDs of all bodies, in order; collective."""
+        bodies = self._integrator.bodies
+        return np.sort(self._integrator.communicator.gather_to_all(bodies.id[bodies.listed]))
+
+    def find(self):
+        """The forces of a step are known: find what acts besides them; collective.
+
+        Raises:
+            RunError: on all ranks, for a word that stands for another number of numbers than there
+                are bodies, or for some that are not finite.
+        """
+        host = self._integrator.host
+        if not host.pushes:
+            return
+        ids, external = (cell.array for cell in self.cells.values())
+        external[:], energy = self._numbers[:ENERGY], self._numbers[ENERGY]
+        external[np.searchsorted(ids, self._ids)] += self._given
+        for (column, word), value in zip(self._words.items(), host.values(), strict=True):
+            if value.ndim and len(value) != len(ids):
+                raise _wrong(
+                    f"{word} has {len(value)} values, and there are {len(ids)} bodies: give it a "
+                    "value for each body, in the order of f_ID[i][j]"
+                )
+            if not np.isfinite(value).all():
+                raise _wrong(f"{word} is not finite in step {self._integrator.lammps.step}")
+            if column == ENERGY:
+                energy = value.sum()
+            else:
+                external[:, column] += value
+        if host.told is not None:
+            host.told[0] = energy
+            host.told[1:] = self._virial(ids, external) if self.has_virial else 0.0
+        host.pushes = bool(self._words or self.has_virial)  # else nothing changes
+
+    def _virial(self, ids, external):
+        """Of the forces on the bodies that are counted here, (6,), about the origin: as of fix
+        addforce on their atoms, with places that periodic faces do not cut."""
+        bodies = self._integrator.bodies
+        which = bodies.listed
+        force = external[np.searchsorted(ids, bodies.id[which]), :3].T
+        x = (bodies.x + self._integrator.lammps.box.h @ bodies.image)[:, which]
+        return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]

@@ -1,0 +1,393 @@
+"""Unchanged scripts with LAMMPS's rigid fixes, run by ``lmp -sf nosquish``."""
+
+import re
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from conftest import read_thermo
+from systems import mixture, script
+from test_native import AFTER
+
+from validation.check import suffix
+
+ON = ["-sf", "nosquish"]
+STYLES = {  # what stands behind molecule
+    "rigid": "",
+    "rigid/nve": "",
+    "rigid/nvt": "temp 1.25 1.5 0.75",
+    "rigid/npt": "temp 1.25 1.5 0.75 iso 1.5 1.5 2.5",
+    "rigid/nph": "iso 1.5 1.5 2.5",
+}
+# of 27 bodies: the inertia that fix rigid gives the box counts 6 x 27 + 3 degrees of freedom, ours
+# 3 x 27, which three axes share; and fix rigid pushes it for half of the time
+BOX = f"iso 1.5 1.5 {2.5 * np.sqrt(6 * 165 / 81):.17g} every 50"
+LINE = (
+    "id mol mass x y z xu yu zu vx vy vz fx fy fz ix iy iz tqx tqy tqz omegax omegay omegaz "
+    "angmomx angmomy angmomz quatw quati quatj quatk inertiax inertiay inertiaz"
+)
+VALUES = LINE.split()
+COMPUTES = f"""compute ke all ke/rigid 1
+compute er all erotate/rigid 1
+compute rl all rigid/local 1 {LINE}
+compute sum all reduce sum c_rl[*] inputs local
+compute most all reduce max c_rl[*] inputs local
+"""
+DUMP = "dump rl all local {} rows c_rl[*]\ndump_modify rl format float %.17g\n"
+BODIES = "solid planar"  # no two moments of which are equal
+
+
+def run_of(style, words=None, steps=20, **how):
+    """The script of bodies with one of LAMMPS's rigid fixes."""
+    words = STYLES.get(style, "") if words is None else words
+    how = {"group": "bodies", "dt": 0.5, "every": 5, **how}
+    fix = f"fix 1 {{group}} {style} molecule {words}"
+    return script(mixture(BODIES), fix, steps, words="", **how)
+
+
+@pytest.fixture
+def on(run_lammps):
+    """A function that runs a script with the suffix, or options in its place."""
+
+    def run(text, options=ON, **how):
+        return run_lammps(text, files=mixture(BODIES).files, options=options, **how)
+
+    return run
+
+
+def rows(path):
+    """What a dump local has of its last step, in the order of the bodies' molecule-IDs."""
+    text = path.read_text().rpartition("ITEM: ENTRIES")[2].partition("\n")[2]
+    table = np.array([line.split() for line in text.splitlines()], float)
+    return table[np.argsort(table[:, VALUES.index("mol")])]
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("style", ["rigid/nve", "rigid/nve/small"])
+def test_the_trajectory_of_fix_rigid(on, tmp_path, style, ranks):
+    """Locks out words, an order of axes or a step that are not those of the fix whose place is
+    taken, and computes that say something else of it."""
+    computes = COMPUTES if "small" in style else "".join(COMPUTES.splitlines(True)[:2])
+    columns = "c_ke c_er" + " c_sum[*] c_most[*]" * ("small" in style)
+    text = run_of(style, steps=40).replace("thermo_style custom", f"{computes}thermo_style custom")
+    text = text.replace("pyz ", f"pyz {columns}")
+    text = text.replace("run 40", (DUMP.format(20) if "small" in style else "") + "run 40")
+    tables = []
+    for options, n in ((), 1), (ON, ranks):
+        run = on(text, options, ranks=n)
+        assert ("takes the place of " + style in run.log) == bool(options)
+        tables.append((run.thermo, "small" in style and rows(tmp_path / "rows")))
+    (theirs, of_theirs), (ours, of_ours) = tables
+    for name in "PotEng", "TotEng", "c_ke", "c_er", "Temp":
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9, err_msg=name)
+    if "small" not in style:
+        return
+    for k, name in enumerate(VALUES):
+        if name == "id":  # theirs is the atom nearest to the middle of the body
+            continue
+        mine, other = of_ours[:, k], of_theirs[:, k]
+        if name.startswith("quat"):  # the axes may point the other way
+            mine, other = abs(mine), abs(other)
+            if name == "quatw":  # any of the four may be the scalar part
+                every = slice(k, k + 4)
+                turn = abs(of_ours[:, every]).max(axis=1) - abs(of_theirs[:, every]).max(axis=1)
+                np.testing.assert_allclose(turn, 0.0, atol=1e-8)
+            continue
+        scale = max(np.abs(other).max(), 1e-300)
+        np.testing.assert_allclose(mine / scale, other / scale, atol=1e-8, err_msg=name)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ending", ["", "/small", "/omp", "/small/omp", "/nosquish"])
+@pytest.mark.parametrize("style", STYLES)
+def test_each_style(on, style, ending, ranks):
+    """Locks out a style of which the suffix makes another integrator, or none, with or without the
+    endings that LAMMPS's styles have."""
+    kind = {"rigid": "nve"}.get(style, style[-3:])
+    words = {
+        "nve": "order 123",
+        "nvt": "temp 1.25 1.5 0.75 thermostat nh tchain 10 separate yes",
+        "npt": f"temp 1.25 1.5 0.75 thermostat nh tchain 10 separate yes barostat mtk {BOX}",
+        "nph": f"{BOX} order 123",
+    }[kind]
+    native = on(run_of(f"nosquish/{kind}", words), (), ranks=ranks).thermo
+    options = () if ending == "/nosquish" else ON
+    ours = on(run_of(style + ending, STYLES[style]), options, ranks=ranks).thermo
+    np.testing.assert_allclose(ours["PotEng"], native["PotEng"], rtol=1e-9)
+    assert np.ptp(ours["PotEng"]) > 0
+
+
+def test_langevin(on):
+    """Locks out keyword langevin that is not the thermostat of NVT, an f_ID that is not the
+    temperature there, and its energy in econserve."""
+    columns = "f_1 econserve"
+    native = run_of("nosquish/nvt", "temp 1.5 1.25 0.75 seed 4928 order 123 rotor split")
+    text = run_of("rigid/nve/small", "langevin 1.5 1.25 0.75 4928 rotor split", columns=columns)
+    ours = on(text)
+    np.testing.assert_array_equal(ours.thermo["PotEng"], on(native, ()).thermo["PotEng"])
+    table = ours.thermo
+    degrees = 6 * 27  # LAMMPS counts three less
+    np.testing.assert_allclose(table["f_1"] * degrees, table["Temp"] * (degrees - 3), rtol=1e-9)
+    np.testing.assert_array_equal(table["TotEng"], table["Econserve"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_components_that_are_off(on, ranks):
+    """Locks out an f_ID that counts the components of force and torque that fix rigid leaves
+    out."""
+    words = "force 1*5 off on off torque 3 off off off"
+    text = run_of("rigid", words, columns="f_1")
+    theirs = on(text.replace("run 20", "run 0"), ()).thermo["f_1"]
+    ours = on(text.replace("run 20", "run 0"), ranks=ranks).thermo["f_1"]
+    np.testing.assert_allclose(ours[0], theirs[0], rtol=1e-9)
+    plain = on(text.replace(words, "").replace("run 20", "run 0")).thermo["f_1"]
+    assert abs(plain[0] / ours[0] - 1) > 1e-3
+
+
+@pytest.mark.parametrize("pressure", ["iso 4 4 1", "x 4 4 1 y 4 4 1 couple xy"])
+def test_period_of_the_box(on, pressure):
+    """Locks out a PDAMP that gives the box another period than in fix rigid: both are released from
+    a start at another pressure, and their volumes swing."""
+    text = run_of("rigid/nph/small", pressure, steps=1000, columns="vol", every=10)
+    theirs, ours = (on(text, options).thermo["Volume"] for options in ((), ON))
+
+    turns = [volume[:100].argmin() for volume in (ours, theirs)]
+    assert 0 < turns[1] < 90 and abs(turns[0] / turns[1] - 1) < 0.15
+
+
+ZERO = "velocity all zero {} rigid 1\nrun 0\n"
+
+
+@pytest.mark.parametrize("words", ["", "reinit no"])
+@pytest.mark.parametrize("motion", ["linear", "angular"])
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_velocity_zero(on, motion, words, ranks):
+    """Locks out a motion that goes on, or one that was not named and stops: LAMMPS calls methods
+    of the fix that do nothing unless it has them."""
+    text = run_of("rigid/nve", words, columns="c_ke c_er", after=ZERO.format(motion))
+    text = text.replace("thermo_style", "".join(COMPUTES.splitlines(True)[:2]) + "thermo_style")
+    table = on(text, ranks=ranks).thermo
+    stopped, goes_on = ("c_ke", "c_er") if motion == "linear" else ("c_er", "c_ke")
+    assert table[stopped][-1] < 1e-20 and table[stopped][-2] > 1
+    np.testing.assert_allclose(table[goes_on][-1], table[goes_on][-2], rtol=1e-9)
+
+
+def test_defined_again(on):
+    """Locks out a style whose name is not the one under which LAMMPS looks a fix of the same ID
+    up."""
+    fix = "fix 1 bodies rigid/nve molecule"
+    text = run_of("rigid/nve")
+    again = on(text.replace(fix, f"{fix}\n{fix}")).thermo["PotEng"]
+    np.testing.assert_array_equal(again, on(text).thermo["PotEng"])
+
+
+TEMPER = """
+log           log.$w
+variable      T world 1.0 3.0
+pair_style    zero 1.0
+pair_coeff    * *
+fix           1 bodies {}
+thermo_style  custom step temp
+thermo        10
+timestep      0.01
+{}        2000 500 $T 1 3847 58728{}
+"""
+
+
+@pytest.mark.parametrize(
+    "command, pressure, words",
+    [
+        ("temper", "", "rigid/nvt/small molecule temp $T $T 0.2"),
+        ("temper", "", "rigid/nvt molecule temp $T $T 0.2"),
+        ("temper/npt", " 0.1", "rigid/npt molecule temp $T $T 0.2 iso 0.1 0.1 1000.0"),
+    ],
+)
+def test_temper(on, tmp_path, command, pressure, words):
+    """Locks out temperatures that command temper swaps in its log only: the thermostat has to take
+    over the new one. Without forces each swap is accepted."""
+    text = TEMPER.format(words, command, pressure)
+    text = f"variable w world 1 2\n{mixture(BODIES).setup}{text}"
+    options = [*ON, "-partition", "2x1", "-log", "log.both"]
+    on(text, options, ranks=2, launcher="lmp")
+    swaps = re.findall(r"^(\d+) (\d) (\d)$", (tmp_path / "log.both").read_text(), flags=re.M)
+    assert len({row[1:] for row in swaps}) == 2
+    for world in 0, 1:
+        table = read_thermo((tmp_path / f"log.{world + 1}").read_text())
+        for (first, *held), (last, *_) in pairwise(swaps):
+            inside = (table["Step"] > int(first) + 200) & (table["Step"] <= int(last))
+            expected = (1.0, 3.0)[int(held[world])]
+            assert abs(table["Temp"][inside].mean() / expected - 1) < 0.25
+
+
+FORMS = {
+    "quoted": 'python/move "fix_nosquish.NVT bodies molecule {}"',
+    "native": "nosquish/nvt molecule {}",
+    "suffix": "rigid/nvt molecule temp 1.25 1.25 0.75",
+    "explicit": "rigid/nvt/small/nosquish molecule temp 1.25 1.25 0.75",
+}
+CHAINS = "temp 1.25 1.25 0.75 thermostat nh tchain 10 separate yes"
+
+
+def of_form(name, steps, after="", before=""):
+    text = run_of("rigid/nvt", "", steps, after=after)
+    line = "fix 1 bodies " + FORMS[name].format(CHAINS)
+    text = text.replace("fix 1 bodies rigid/nvt molecule ", line)
+    if before:
+        text = f"{before}\n{AFTER}\n" + text.split("group bodies", 1)[1].split("\n", 1)[1]
+    return text, ON if name == "suffix" else ()
+
+
+@pytest.mark.parametrize("second", FORMS)
+@pytest.mark.parametrize("first", FORMS)
+def test_state_of_another_form(on, first, second):
+    """Locks out a thermostat that begins anew where the fix line before the restart had another
+    form."""
+    text, options = of_form(first, 40)
+    whole = on(text, options).thermo["PotEng"][-1]
+    text, options = of_form(first, 20, "write_restart half")
+    on(text, options)
+    text, options = of_form(second, 20, before="read_restart half")
+    run = on(text, options)
+    np.testing.assert_allclose(run.thermo["PotEng"][-1], whole, rtol=1e-10)
+
+
+def test_state_of_lammps_own(on):
+    """Locks out the state of LAMMPS's own fix that ours takes for its own, and ours that LAMMPS's
+    takes: with the suffix on, both have the same name in restart files."""
+    theirs = run_of("rigid/nvt", "temp 1.25 1.25 0.75", after="write_restart half")
+    on(theirs, ())
+    text, options = of_form("suffix", 20, before="read_restart half")
+    run = on(text, options)
+    assert "a state for this ID that this fix did not write" in run.log
+    text, options = of_form("suffix", 20, "write_restart half")
+    on(text, options)
+    continued, _ = of_form("suffix", 20, before="read_restart half")
+    chained = on(continued, ()).thermo["PotEng"]
+    anew = continued.replace("read_restart half", "read_restart plain")
+    on(text.replace("write_restart half", "unfix 1\nwrite_restart plain"), options)
+    np.testing.assert_allclose(chained, on(anew, ()).thermo["PotEng"], rtol=1e-12)
+
+
+REFUSED = {
+    "LAMMPS's compute on ours": (
+        "suffix off\ncompute 7 all {} 1\nsuffix on\n",
+        "rigid/nve/small",
+        "is LAMMPS's own, which takes each fix rigid for its own",
+    ),
+    "ours on LAMMPS's": (
+        "compute 7 all {}/nosquish 1\nsuffix off\nunfix 1\nfix 1 bodies rigid/nve/small molecule\n",
+        "rigid/nve/small",
+        "is no fix of fix_nosquish with rigid bodies",
+    ),
+}
+
+
+@pytest.mark.parametrize("compute", ["ke/rigid", "erotate/rigid", "rigid/local"])
+@pytest.mark.parametrize("what", REFUSED)
+def test_computes_of_the_other(on, tmp_path, what, compute):
+    """Locks out LAMMPS's computes on our fix, which they would take for their own class without a
+    look, and ours on LAMMPS's."""
+    lines, style, says = REFUSED[what]
+    lines = lines.format(compute)
+    if compute == "rigid/local":
+        says = says if "ours on" in what else "does not point to fix rigid/small"  # LAMMPS's words
+        lines = re.sub(r"(compute 7 .*)", r"\1 id mass", lines)
+    text = run_of(style).replace("thermo_style custom", f"{lines}thermo_style custom", 1)
+    run = on(text, check=False)
+    assert run.code and says in run.screen.replace("\n", " "), run.screen[-2000:]
+
+
+def test_hmc_of_lammps(on):
+    """Locks out LAMMPS's fix hmc, which takes each fix rigid/small for its own class."""
+    line = "fix 2 all hmc 10 4928 1.0 rigid 1\n"
+    text = run_of("rigid/nve/small").replace("thermo_style custom", f"{line}thermo_style custom", 1)
+    run = on(text, check=False)
+    assert run.code and "does not point to fix rigid/small" in run.screen
+
+
+@pytest.mark.parametrize("command", ["displace_atoms one move 0.01 0 0", "delete_atoms group one"])
+def test_no_false_warning(on, command):
+    """Locks out LAMMPS's warning that a change of atoms in rigid bodies has no effect: here it has
+    one, as the next run makes the bodies anew."""
+    text = run_of("rigid/nve", after=f"group one id 1\n{command}\nrun 0\n")
+    found = [on(text, options).log for options in ((), ON)]
+    warned = ["rigid bod" in "".join(re.findall("WARNING.*", log)) for log in found]
+    assert warned == [True, False]
+
+
+SUFFIXES = {  # lines before the fix: whether ours takes its place
+    "": True,
+    "suffix off": False,
+    "suffix off\nsuffix on": True,
+    "suffix omp": False,
+    "suffix hybrid nosquish omp": True,
+    "suffix hybrid omp nosquish": False,
+    "suffix opt": False,
+    "suffix opt\nsuffix nosquish": True,
+}
+
+
+@pytest.mark.parametrize("lines", SUFFIXES)
+def test_other_suffixes(on, lines):
+    """Locks out a word of verb check, or of the page, that LAMMPS takes ours where it does not."""
+    text = run_of("rigid/nve", before=lines)
+    taken = "takes the place of" in on(text).log
+    (said,) = suffix.note(
+        SimpleNamespace(kind="rigid", ids=["1"], style="rigid/nve", lines=[text]),
+        lines.splitlines(),
+    )
+    assert taken == SUFFIXES[lines] == said.endswith("without an edit.")
+    if not taken:
+        for advised in re.findall("'(suffix [^']*)'", said)[1:]:
+            assert "takes the place of" in on(run_of("rigid/nve", before=advised)).log
+
+
+def test_minimize(on):
+    """Locks out a minimisation that tears bodies apart, where fix rigid leaves them out of it."""
+    run = on(run_of("rigid/nve", after="minimize 0 0 10 10\n"), check=False)
+    assert run.code and "a minimisation would tear the rigid bodies apart" in run.screen
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_infile_of_custom(on, tmp_path, ranks):
+    """Locks out an infile whose bodies are taken by their values, where fix rigid with style custom
+    counts them from the smallest one; one that is written so, too."""
+    system = mixture(BODIES)
+    values = "".join(f"{k} {10 + m}\n" for k, m in enumerate(system.molecule, 1))
+    (tmp_path / "values").write_text(f"{len(system.molecule)}\n{values}")
+    own = (
+        "fix p all property/atom i_own ghost yes\nvariable own atomfile values\n"
+        "set atom * i_own v_own"
+    )
+    columns = [f"f_1[2][{k}]" for k in (1, 2, 3, 13, 14, 15, 4)]
+    how = {"before": own, "steps": 0, "columns": " ".join(columns)}
+    text = run_of("rigid/nve", "", **how).replace("molecule \n", "custom i_own\n")
+    found = on(text).thermo[0]
+    x, image = ([f"{found[c]:.17g}" for c in some] for some in (columns[:3], columns[3:6]))
+    row = f"2 50.0 {' '.join(x)} 9 10 11 0 0 0 0.5 0 0 0 0 0 {' '.join(image)}\n"
+    (tmp_path / "in.bodies").write_text("1\n" + row)
+    text = text.replace("custom i_own", "custom i_own infile in.bodies")
+    text = text.replace("run 0", "run 0\nwrite_restart left")
+    speeds, written = [], []
+    for options in (), ON:
+        speeds.append(on(text, options, ranks=ranks).thermo[columns[-1]][0])
+        lines = [line.split() for line in (tmp_path / "left.rigid").read_text().splitlines()]
+        written.append(sorted(int(words[0]) for words in lines if len(words) == 20))
+    assert speeds == [0.5, 0.5] and written[0] == written[1] == list(range(1, 28))
+
+
+BAD = {
+    "tparam": ("rigid/nve", "tparam 5 1 3", "unknown keyword 'tparam'"),
+    "langevin": ("rigid/nvt", "temp 1 1 1 langevin 1 1 1 5", "unknown keyword 'langevin'"),
+    "number": ("rigid/nvt", "temp 1 1 1 tparam 0 1 3", "word 11 of"),
+    "no temp": ("rigid/nvt", "", "keyword temp is missing"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_words(on, what):
+    """Locks out words that are read over, and errors that do not say which fix and word."""
+    style, words, says = BAD[what]
+    run = on(run_of(style, words), check=False)
+    assert run.code and says in run.screen and f"Fix 1 {style}/nosquish: " in run.screen
