@@ -45,8 +45,8 @@ copybutton_prompt_is_regexp = True
 
 
 def fill(app, docname, source):
-    """Fill the results' pages with what is committed; numbers like 1e-9 stay in one line."""
-    if docname.startswith("results/"):
+    """Fill pages that show results with what is committed; numbers like 1e-9 stay in one line."""
+    if "{{" in source[0]:
         text = committed.render(source[0])
         exponents = r"`[^`]*`|(?<=\de)-(?=\d)"  # not those in code
         source[0] = re.sub(exponents, lambda one: "\u2011" if one[0] == "-" else one[0], text)

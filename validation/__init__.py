@@ -32,6 +32,7 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     bodies        rigid parts of molecules, into a data file
     stability     what breaks where, case by case; criteria has every bound
     breaks        what users report of LAMMPS's rigid fixes, beside ours
+    examples      LAMMPS's examples with -sf nosquish, beside its own rigid fixes
     report        all results on one page
 
 A new scene is an entry in ``scenes/__init__.py``, a new integrator one in

@@ -1,6 +1,6 @@
 """The committed results as tables and numbers of the documentation: no page has one typed in.
 
-A page of `docs/results` is a Jinja template; `render` fills it. Each function in TABLES is a
+A page with such tables is a Jinja template; `render` fills it. Each function in TABLES is a
 Markdown table of that name. The README's table lies between two marks, and
 `python docs/_ext/committed.py` writes it anew.
 """
@@ -658,6 +658,32 @@ def paper_scaling():
     return _paper("scaling", "rigidity")
 
 
+def examples():
+    """LAMMPS's examples with the suffix: what comes of each, beside LAMMPS's own fix."""
+    body = []
+    for row in summary("examples")["rows"]:
+        begin, falls = row.get("begin"), row.get("falls", ())
+        motion = significant(max(begin[::2]), 1) if begin else NOTHING
+        half = " and ".join(f"{one:.1f}" for one in falls) or NOTHING
+        means = f"{len(row['outside'])} of {row['columns']}" if row.get("columns") else NOTHING
+        body.append([code(row["example"]), _outcome(row), motion, half, means])
+    head = "input", "result", "first 20 steps", "smaller with half the step", "means outside 95 %"
+    return markdown([*head], body)
+
+
+def _outcome(row):
+    """What came of an example, in words."""
+    if row["verdict"] == "agrees":
+        return "agrees"
+    if row["verdict"] == "known":
+        return f"differs: {row['why']}"
+    note = re.sub(r"^ERROR( on proc \d+)?: (Fix \S+ \S+: )?| \(\S+:\d+\)$", "", row["note"])
+    if row["verdict"] == "not with theirs":
+        ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
+        return f"LAMMPS's own fix ends ({ours}): {code(note)}"
+    return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
+
+
 def paper_zero():
     """The peptide's measure over several energies, which have no common zero."""
     body = [
@@ -850,6 +876,7 @@ TABLES = [
     paper_gear,
     paper_scaling,
     paper_zero,
+    examples,
     readme_table,
 ]
 

@@ -5,7 +5,7 @@ _DOF = (
     "so its mean temperature is higher than the target"
 )
 _BOX = (
-    "the run begins far from its pressure and ends before it is reached: LAMMPS's piston is pushed "
+    "the run begins far from its pressure and ends long before it is reached, which both fixes do: "
     "by the impulse in the pressure of step 0, and has another thermostat"
 )
 KNOWN = {
@@ -17,7 +17,7 @@ KNOWN = {
     "rigid/in.rigid.cubes.npt": _BOX,
     "rigid/in.rigid.cubes.nph": _BOX,
     "rigid/in.rigid.tnr": (
-        "LAMMPS's first half step lacks the random forces of the fix langevin behind it, and in the "
-        f"runs at constant pressure {_BOX}"
+        "the first half step of LAMMPS's fix lacks the random forces of the fix langevin behind "
+        f"it, and at constant pressure {_BOX}"
     ),
 }
