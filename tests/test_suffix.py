@@ -145,6 +145,23 @@ def test_components_that_are_off(on, ranks):
     assert abs(plain[0] / ours[0] - 1) > 1e-3
 
 
+@pytest.mark.parametrize(
+    "style, words",
+    [
+        ("rigid/nve", ""),
+        ("rigid", "force * off off on"),
+        ("rigid/nve/small", "langevin 1 1 1 5"),
+        ("rigid/nvt", "temp 1 1 1"),
+    ],
+)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_asked_before_a_first_run(on, style, words, ranks):
+    """Locks out a traceback where a script asks for f_ID before there are bodies."""
+    run = on(run_of(style, words).replace("run 20", "print $(f_1)"), check=False, ranks=ranks)
+    assert run.code and "there is nothing to tell of the bodies before" in run.screen
+    assert "Traceback" not in run.screen
+
+
 @pytest.mark.parametrize("pressure", ["iso 4 4 1", "x 4 4 1 y 4 4 1 couple xy"])
 def test_period_of_the_box(on, pressure):
     """Locks out a PDAMP that gives the box another period than in fix rigid: both are released from
