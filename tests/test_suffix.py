@@ -409,6 +409,14 @@ def test_infile_of_custom(on, tmp_path, ranks):
     assert speeds == [0.5, 0.5] and written[0] == written[1] == list(range(1, 28))
 
 
+def test_two_fixes_of_one_atom(on):
+    """Locks out a message on two fixes that says the same of both."""
+    other = "fix 2 solid rigid molecule\nthermo_style custom"
+    run = on(run_of("rigid/nve").replace("thermo_style custom", other, 1), check=False)
+    names = '"fix 1 bodies rigid/nve molecule" and "fix 2 solid rigid molecule"'
+    assert run.code and f"is claimed by two fixes: {names}" in run.screen
+
+
 BAD = {
     "tparam": ("rigid/nve", "tparam 5 1 3", "unknown keyword 'tparam'"),
     "langevin": ("rigid/nvt", "temp 1 1 1 langevin 1 1 1 5", "unknown keyword 'langevin'"),
