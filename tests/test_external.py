@@ -449,6 +449,8 @@ lmp.command("run 9")
         ("bodies.add_force([1], [lmp.extract_setting('world_rank'), 0, 0])", "other forces than"),
         ("bodies.add_force([1], [1, 0, 0]); lmp.command('run 1 pre no')", "'pre yes'"),
         (TOO_LATE, "have 'fix_modify ID external python' before it"),
+        ("lmp.command('unfix 1'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
+        ("lmp.command('clear'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
     ],
 )
 def test_what_python_cannot_hand_in(run_lammps, tmp_path, call, says, ranks):
@@ -465,6 +467,24 @@ def test_what_python_cannot_hand_in(run_lammps, tmp_path, call, says, ranks):
     )  # fmt: skip
     assert done.code != 0
     assert says in done.screen
+
+
+def test_words_of_a_command_that_failed(run_lammps, tmp_path):
+    """Locks out the first words of a command that failed, where a program catches the error and
+    runs on: those of the command before it stay."""
+    system = mixture("solid planar pair")
+    lines = (
+        "lmp.command('fix_modify 1 external force 0 0 2')\n"
+        "try: lmp.command('fix_modify 1 external force 1 2')\n"
+        "except Exception: lmp.command('thermo_style custom step f_1[8][7] f_1[8][9]')\n"
+        "lmp.command('run 0')\nlmp.command('fix_modify 1 external none')\nlmp.command('run 0')"
+    )
+    (tmp_path / "drive.py").write_text(DRIVE.format(ranks=1, lines=lines))
+    script = f"{system.setup}\n{NVE}"
+    done = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    pushed, free = done.thermo
+    assert pushed["f_1[8][7]"] == free["f_1[8][7]"]
+    assert pushed["f_1[8][9]"] - free["f_1[8][9]"] == pytest.approx(2.0, abs=1e-3)
 
 
 OWN = """
@@ -527,6 +547,10 @@ VARIABLES = (
         ("force 1 0 0\nrun_style respa 2 2 pair 1", "not for run_style respa"),
         ("force 1 0 0\nrun 1\nfix_modify 1 external none\nrun 1 pre no", "'pre yes'"),
         ("force 1 0 0 virial yes\nunfix 1_external", "fix 1_external is gone"),
+        (
+            "none\nfix 1_external all addforce 1 0 0\nfix_modify 1 external force 1 0 0",
+            "fix 1_external (style addforce) has the ID of",
+        ),
     ],
 )
 @pytest.mark.parametrize("ranks", [1, 2])

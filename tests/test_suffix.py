@@ -145,6 +145,23 @@ def test_components_that_are_off(on, ranks):
     assert abs(plain[0] / ours[0] - 1) > 1e-3
 
 
+@pytest.mark.parametrize(
+    "style, words",
+    [
+        ("rigid/nve", ""),
+        ("rigid", "force * off off on"),
+        ("rigid/nve/small", "langevin 1 1 1 5"),
+        ("rigid/nvt", "temp 1 1 1"),
+    ],
+)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_asked_before_a_first_run(on, style, words, ranks):
+    """Locks out a traceback where a script asks for f_ID before there are bodies."""
+    run = on(run_of(style, words).replace("run 20", "print $(f_1)"), check=False, ranks=ranks)
+    assert run.code and "there is nothing to tell of the bodies before" in run.screen
+    assert "Traceback" not in run.screen
+
+
 @pytest.mark.parametrize("pressure", ["iso 4 4 1", "x 4 4 1 y 4 4 1 couple xy"])
 def test_period_of_the_box(on, pressure):
     """Locks out a PDAMP that gives the box another period than in fix rigid: both are released from
@@ -390,6 +407,14 @@ def test_infile_of_custom(on, tmp_path, ranks):
         lines = [line.split() for line in (tmp_path / "left.rigid").read_text().splitlines()]
         written.append(sorted(int(words[0]) for words in lines if len(words) == 20))
     assert speeds == [0.5, 0.5] and written[0] == written[1] == list(range(1, 28))
+
+
+def test_two_fixes_of_one_atom(on):
+    """Locks out a message on two fixes that says the same of both."""
+    other = "fix 2 solid rigid molecule\nthermo_style custom"
+    run = on(run_of("rigid/nve").replace("thermo_style custom", other, 1), check=False)
+    names = '"fix 1 bodies rigid/nve molecule" and "fix 2 solid rigid molecule"'
+    assert run.code and f"is claimed by two fixes: {names}" in run.screen
 
 
 BAD = {

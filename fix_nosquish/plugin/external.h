@@ -51,7 +51,7 @@ class ExternalForces : public LAMMPS_NS::Fix {
   // in the place of the one that there is, if there is one
   static void replace(LAMMPS_NS::Modify *modify, const std::string &id, bool tells_energy, bool tells_virial)
   {
-    if (modify->get_fix_by_id(id)) modify->delete_fix(id);
+    if (dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id))) modify->delete_fix(id);
     if (!tells_energy && !tells_virial) return;
     const std::string style = "nosquish/external";    // known to LAMMPS for this moment: no script makes one
     (*modify->fix_map)[style] = [](LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) -> Fix * { return new ExternalForces(lmp, narg, arg); };

@@ -700,6 +700,11 @@ int FixPythonMove::modify_param(int narg, char **arg)
 
 int FixPythonMove::modify_external(int narg, char **arg)
 {
+  const std::string telling = std::string(id) + "_external";
+  Fix *there = modify->get_fix_by_id(telling);
+  if (there && !dynamic_cast<ExternalForces *>(there))
+    error->all(FLERR, problem("fix " + telling + " (style " + there->style + ") has the ID of the fix that tells of external forces: "
+                              "give it another ID"));
   char **all = arg;
   const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);    // f_ID[*]
   std::string words;
@@ -709,7 +714,7 @@ int FixPythonMove::modify_external(int narg, char **arg)
     memory->sfree(all);
   }
   call(bridge.modify_external, words.c_str());
-  ExternalForces::replace(modify, std::string(id) + "_external", bridge.tells_energy, bridge.tells_virial);
+  ExternalForces::replace(modify, telling, bridge.tells_energy, bridge.tells_virial);
   return narg;
 }
 

@@ -77,8 +77,16 @@ class External:
         """Read the words of fix_modify external, which replace those of before.
 
         Raises:
-            RunError: naming the word, and what is expected.
+            RunError: naming the word, and what is expected; the words of before stay.
         """
+        before = vars(self).copy()
+        try:
+            self._read(text)
+        except RunError:
+            vars(self).update(before)
+            raise
+
+    def _read(self, text):
         if self._integrator.lammps.running:
             raise _wrong("a run is under way: give it between runs")
         left, said = text.split(), set()
@@ -123,7 +131,15 @@ class External:
 
     def give(self, ids, force, torque):
         """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
-        integrator, communicator = self._integrator, self._integrator.communicator
+        integrator = self._integrator
+        try:
+            communicator = integrator.communicator
+        except ReferenceError:  # nobody holds the integrator any more
+            raise RunError(
+                "add_force: the fix of these bodies is gone, by unfix or with its LAMMPS: take "
+                "those of a fix that there is, by rigid_bodies",
+                everywhere=True,
+            ) from None
         if not self.acts and integrator.lammps.running:
             raise RunError(
                 "add_force was called in a run that began without external forces: call it before "

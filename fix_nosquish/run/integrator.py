@@ -981,8 +981,8 @@ class Integrator(Declaration):
         It is of all components, whether force and torque act on them or not; in the place of a fix
         rigid of those that these act on, as there.
         """
-        if self.command.line.replaces and self._switches.choices:
-            return self.reports.temperature_of(self._switches.mask)
+        if self.command.line.replaces and (self.command.force or self.command.torque):
+            return self.reports.temperature_of(lambda bodies: self._switches.mask(bodies))
         return self.reports.energies()[4]
 
     @hook

@@ -182,10 +182,14 @@ def refuse_other_integrators(integrator):
         theirs = Membership(integrator.lammps, integrator.communicator, mate.command).atoms()
         both = np.intersect1d(theirs, atoms) if mate is not integrator else ()
         if len(both):
+            names = [
+                f'"{one.line.prefix}{one.line.text}"'
+                for one in sorted((mate, integrator), key=lambda one: one.number)
+            ]
             problem = (
                 f"atom {integrator.lammps.tags[both[0]]} is claimed by two fixes: "
-                f'"{mate.command.text}" and "{integrator.command.text}". An atom can be in one '
-                "body only: use groups without common atoms"
+                f"{' and '.join(names)}. An atom can be in one body only: "
+                "use groups without common atoms"
             )
     integrator.communicator.agree(problem)
 
