@@ -22,7 +22,7 @@ STYLES = {  # what stands behind molecule
 }
 # of 27 bodies: the inertia that fix rigid gives the box counts 6 x 27 + 3 degrees of freedom, ours
 # 3 x 27, which three axes share; and fix rigid pushes it for half of the time
-BOX = f"iso 1.5 1.5 {2.5 * np.sqrt(6 * 165 / 81):.17g} every 50"
+BOX = f"iso 1.5 1.5 {2.5 * np.sqrt(6 * 165 / 81):.17g} every 1"
 LINE = (
     "id mol mass x y z xu yu zu vx vy vz fx fy fz ix iy iz tqx tqy tqz omegax omegay omegaz "
     "angmomx angmomy angmomz quatw quati quatj quatk inertiax inertiay inertiaz"
