@@ -9,6 +9,9 @@ import pytest
 from conftest import read_thermo
 from endings import assert_ended
 
+from fix_nosquish.plugin.host import OtherFix
+from fix_nosquish.run.other_fixes import OtherFixes
+
 CO2 = """
 units real
 boundary p p p
@@ -195,16 +198,62 @@ def test_advice_of_what_is_refused(run_lammps, tmp_path, name, ranks):
     case.holds(run_lammps(f"{case.setup}{case.advised}run 400\n", **how))
 
 
-def test_atoms_that_others_are_said_not_to_move(run_lammps, tmp_path):
-    """Locks out a run that ends because atoms were moved without the name of the fix that moves
-    them, where the group of that fix does not tell: recenter moves another one, too."""
-    script = (
-        f"{CO2}group some id 1:3\ngroup rest subtract all some\nunfix 1\n"
-        'fix 1 rest python/move "fix_nosquish.NVE rest molecule"\nvelocity some set 0.001 0 0\n'
-        "fix 2 some nve\nfix h some recenter INIT INIT INIT shift all\nrun 200\n"
-    )
-    run = run_lammps(script, files={"mol.co2": MOLECULE}, check=False)
-    assert_ended(run, ["something else moved it, perhaps fix h (style recenter)"], tmp_path)
+SOME = (
+    f"{CO2}group some id 1:3\ngroup rest subtract all some\nunfix 1\n"
+    "fix 1 rest nosquish/nve molecule\nfix 2 some nve\n"
+)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_recenter_of_another_group(run_lammps, tmp_path, ranks):
+    """Locks out a run that ends later because fix recenter moves the bodies' atoms, too, which its
+    group does not tell; and one that is refused although it moves other atoms alone, by which
+    nothing changes."""
+    how = {"files": {"mol.co2": MOLECULE}, "ranks": ranks}
+    line = "fix h some recenter INIT INIT INIT{}\n"
+    run = run_lammps(f"{SOME}{line.format(' shift all')}run 50\n", check=False, **how)
+    assert_ended(run, ["fix h (style recenter) moves atom", "use fix momentum with"], tmp_path)
+    assert "Step" not in run.log, "refused as the run begins"
+    end = "write_dump rest custom end id x y z modify sort id format float %.17g\n"
+    ends = []
+    for words in "", line.format(""), line.format(" shift some"):
+        run_lammps(f"{SOME}pair_style zero 9\npair_coeff * *\n{words}run 50\n{end}", **how)
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_array_equal(ends[0], ends[1])
+    np.testing.assert_array_equal(ends[0], ends[2])
+
+
+PUSH = """
+from fix_nosquish.host.lammps import Lammps
+
+class Push:
+    def __init__(self, ptr):
+        self.lammps = Lammps(ptr)
+    def final_integrate(self): pass
+    def initial_integrate(self, vflag):
+        self.lammps.per_atom("x", columns=3)[self.lammps.tags == 9] += 0.01
+"""
+
+
+def test_atoms_that_nobody_is_said_to_move(run_lammps, tmp_path):
+    """Locks out a run that ends because atoms were moved without the name of the fix that may have
+    done so: one with a user's code, whose group does not tell."""
+    script = f'{SOME}group none empty\nfix h none python/move "push.Push"\nrun 200\n'
+    files = {"mol.co2": MOLECULE, "push.py": PUSH}
+    run = run_lammps(script, files=files, check=False)
+    assert_ended(run, ["something else moved it, perhaps fix h (style python/move)"], tmp_path)
+
+
+def test_suspects():
+    """Locks out fix python/invoke, which needs no group, among those that cannot have moved atoms,
+    and those that change velocities alone among the others."""
+    nothing = dict.fromkeys(OtherFix._fields, 0)
+    fixes = [
+        OtherFix(**nothing | {"id": style, "style": style, "end_of_step": 1, "called": 1})
+        for style in ("python/invoke", "momentum", "ave/time", "temp/csvr", "deform", "new/style")
+    ]
+    found = [fix.style for fix in OtherFixes(fixes).suspects()]
+    assert found == ["python/invoke", "new/style"]
 
 
 def test_advice_of_noise_that_no_energy_tests(run_lammps, tmp_path):

@@ -128,6 +128,11 @@ class Host(Protocol):
         """Whether another fix has numbers of its own for each atom, as a field of an atom-style
         variable; not with a LAMMPS's own fix python/move, which knows no other fix."""
 
+    def moved_by(self, fix_id, x):
+        """Which atoms another fix would move at the begin of a step if it found all of them
+        elsewhere, (n,) bool, by trying: x, LAMMPS's places of this rank's atoms, (n, 3), is then as
+        it was; collective."""
+
     def pair_style(self, first):
         """Whether a pair style whose name begins with this is in use, perhaps in a hybrid style."""
 

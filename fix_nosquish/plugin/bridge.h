@@ -130,6 +130,7 @@ struct Bridge {
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   int (*varies)(void *fix, const char *other);    // another fix has numbers of its own for each atom
+  void (*begin_step_of)(void *fix, const char *other);    // another fix does its initial_integrate
   int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now

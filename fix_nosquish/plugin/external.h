@@ -13,8 +13,8 @@
 #include <string>
 #include <vector>
 
-// LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since: between
-// runs, or to where they were. Only its own classes may have it forget them.
+// LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
+// runs or to where they were, and the variable may be another one of the same number. Only its own classes may have it forget.
 
 template <auto member> struct Private {
   friend auto vectors_of(LAMMPS_NS::Variable &variable) { return variable.*member; }
@@ -69,6 +69,7 @@ inline int values_of(const std::string &word, const std::string &own, LAMMPS_NS:
 {
   const bool column = word[0] != 'v';
   if (column) variable.set(own + " vector " + word);
+  forget_vectors(variable);
   const std::string name = column ? own : word.substr(2);
   const int number = variable.find(name.c_str());
   int count = 0;

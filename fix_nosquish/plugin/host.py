@@ -146,6 +146,15 @@ class Host:
     def varies(self, fix_id):
         return bool(self._bridge.varies(self._bridge.fix, fix_id.encode()))
 
+    def moved_by(self, fix_id, x):
+        kept = x.copy()
+        x += 1e-3 * (1.0 + np.abs(x).max(initial=0.0))  # it may have nothing to do now
+        before = x.copy()
+        self._bridge.begin_step_of(self._bridge.fix, fix_id.encode())
+        moved = (x != before).any(axis=1)
+        x[:] = kept
+        return moved
+
     def pair_style(self, first):
         return bool(self._bridge.pair_style(self._bridge.fix, first.encode()))
 

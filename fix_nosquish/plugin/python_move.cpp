@@ -402,7 +402,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
   look_at_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
-  dynamic = 1;    // degrees of freedom are those of the bodies there are; fix_modify dynamic/dof may say otherwise
+  dynamic = 1;    // see init()
 
   if (universe->nprocs > 1) MPI_Comm_dup(world, &failing);
 
@@ -485,6 +485,9 @@ void FixPythonMove::fill_bridge()
   bridge.varies = [](void *fix, const char *other) {
     Fix *found = self(fix)->modify->get_fix_by_id(other);
     return (int) (found && found->memory_usage() > 0.0);
+  };
+  bridge.begin_step_of = [](void *fix, const char *other) {
+    if (Fix *found = self(fix)->modify->get_fix_by_id(other)) found->initial_integrate(0);
   };
   bridge.pair_style = [](void *fix, const char *first) {
     return (int) (self(fix)->force->pair_match(std::string("^") + first, 0, 1) != nullptr);
@@ -658,9 +661,9 @@ int FixPythonMove::setmask()
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
+  if (strcmp(arg[0], "external") == 0 && bridge.modify_external) return modify_external(narg, arg);
   if (!bridge.follows_atoms || narg < 2) return 0;
   const std::string word = arg[0], value = arg[1];
-  if (word == "external" && bridge.modify_external) return modify_external(narg, arg);
   if (word == "temp" || word == "press") {
     if (!bridge.changes_box) return 0;
     if (comm->me == 0)
@@ -702,7 +705,6 @@ void FixPythonMove::push()
   external.clear();
   sizes.clear();
   modify->clearstep_compute();
-  forget_vectors(*input->variable);
   for (std::string word; words >> word;) sizes.push_back(values_of(word, std::string(id) + "_external", *input->variable, error, external));
   forget_vectors(*input->variable);    // they may have velocities between the halves of a step
   modify->addstep_compute(update->ntimestep + 1);
@@ -733,7 +735,7 @@ void FixPythonMove::init()
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   call(bridge.init);
   refuse_stale_forces();
-  if (!dynamic && comm->me == 0)
+  if (!dynamic && bridge.follows_atoms && comm->me == 0)
     error->warning(FLERR, problem("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are"));
   dynamic = 1;
   first_volume = volume();

@@ -48,7 +48,7 @@ class External:
         self._forget_given()
 
     def _forget_words(self):
-        self._python = self._has_energy = self.has_virial = False
+        self._python = self.has_virial = False
         self._numbers, self._words = np.zeros(COLUMNS), {}  # of each column, or the word there
 
     def _forget_given(self):
@@ -61,8 +61,10 @@ class External:
         return self.acts and bool(of_words or self._python or len(self._ids))
 
     def without_energy(self):
-        """What to say of forces whose energy is not known; None if it is."""
-        if not self.acts or self._has_energy:
+        """What to say of forces whose energy LAMMPS does not count; None if it does."""
+        told = f"{self._integrator.host.fix_id}_external"
+        others = self._integrator.other_fixes
+        if not self.acts or any(fix.id == told and fix.energy_in_pe for fix in others):
             return None
         return (
             "external forces have none in the potential energy: give it behind the word energy of "
@@ -103,9 +105,9 @@ class External:
             self._forget_given()
         elif "none" in said or not said & {"force", "torque", "python"}:
             raise _wrong("expected at least one of force, torque and python, or none alone")
-        self._python, self._has_energy, self._changed = "python" in said, "energy" in said, True
+        self._python, self._changed = "python" in said, True
         self._integrator.host.ask_for(
-            self._words.values(), energy=self._has_energy, virial=self.has_virial
+            self._words.values(), energy="energy" in said, virial=self.has_virial
         )
 
     def _take(self, column, part, word):
@@ -172,7 +174,6 @@ class External:
         self.acts = bool(
             self._python or self._words or self._numbers[:ENERGY].any() or len(self._ids)
         )
-        self._integrator.host.pushes = self.acts
         if self.acts and self._integrator.lammps.respa_dt is not None:
             raise RunError(
                 "external forces are not for run_style respa: use run_style verlet",
@@ -191,6 +192,7 @@ class External:
 
     def learn(self):
         """Know the bodies that there are now, and keep what acts on those of before; collective."""
+        self._integrator.host.pushes = self.acts
         if not self.acts:
             return
         before, rows = (cell.array for cell in self.cells.values())
@@ -239,10 +241,15 @@ class External:
         host.pushes = bool(self._words or self.has_virial)  # else nothing changes
 
     def _virial(self, ids, external):
-        """Of the forces on the bodies that are counted here, (6,), about the origin: as of fix
-        addforce on their atoms, with places that periodic faces do not cut."""
-        bodies = self._integrator.bodies
-        which = bodies.listed
+        """Of the forces on the bodies that are counted here, (6,); faces do not cut their places.
+
+        It is about the origin, as that of fix addforce, which matters if the forces have a sum.  A
+        barostat stretches the box about its centre, so there this is the point.
+        """
+        integrator, bodies = self._integrator, self._integrator.bodies
+        box, which = integrator.lammps.box, bodies.listed
+        x = (bodies.x + box.h @ bodies.image)[:, which]
+        if integrator.every:
+            x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
         force = external[np.searchsorted(ids, bodies.id[which]), :3].T
-        x = (bodies.x + self._integrator.lammps.box.h @ bodies.image)[:, which]
         return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]

@@ -544,8 +544,8 @@ class Integrator(Declaration):
             self.reports.write()
         cause, remedy, spacing = log.forces_at_start(self)
         self.bodies.start = self.lammps.step, cause, remedy, spacing
-        movers = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.movers)
-        self.bodies.suspects = movers and f", perhaps {movers}"
+        names = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.suspects())
+        self.bodies.suspects = names and f", perhaps {names}"
         if cause and not self.quenches:
             self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
 

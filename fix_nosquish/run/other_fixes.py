@@ -39,6 +39,11 @@ _MOVING = {
 }
 # those of which it is known that they leave the atoms where they are; any other may not
 _STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy", "reaxff/"
+# fixes that change velocities at the end of a step, and surely no places; those that run the user's
+# code, and one whose own words can name another group of atoms to be moved
+_VELOCITIES = "momentum", "temp/", "heat", "ehex", "thermal/", "viscosity"
+_USERS = "python/", "external"
+_SHIFTING = "recenter"
 # fixes without an energy that change nothing of the bodies
 _HARMLESS = (*READERS, "property/", "balance", "enforce2d")
 # besides these, the fixes that are known to leave the total momentum as it is; any other may not
@@ -106,6 +111,15 @@ class OtherFixes:
     def __iter__(self):
         return iter(self._fixes)
 
+    def suspects(self):
+        """Those that may have moved atoms that something has moved: also at the end of a step."""
+        late = {fix.id for fix in self.late if not fix.style.startswith(_VELOCITIES)}
+        return [
+            fix
+            for fix in self
+            if fix in self.movers or fix.id in late or fix.style.startswith(_USERS)
+        ]
+
     def pushing(self):
         """Those that may change the total momentum of what they act on."""
         return [
@@ -158,7 +172,10 @@ def refuse_other_integrators(integrator):
     groups, atoms = integrator.lammps.groups, integrator.membership.atoms()
     problem = None
     for fix in integrator.other_fixes:
-        both = atoms[fix.has(groups[atoms])]
+        acts = fix.has(groups)
+        if fix.style.startswith(_SHIFTING):
+            acts = integrator.host.moved_by(fix.id, integrator.lammps.per_atom("x", columns=3))
+        both = atoms[acts[atoms]]
         problem = _problem_beside(fix, both, integrator) or problem
     for mate in integrator.mates:
         # its own membership may be older than a group that was deleted and made anew
