@@ -5,7 +5,7 @@ _DOF = (
     "so its mean temperature is higher than the target"
 )
 _BOX = (
-    "the run begins far from its pressure and ends long before it is reached, which both fixes do: "
+    "the run begins far from its pressure and ends before it is reached. LAMMPS's piston is pushed "
     "by the impulse in the pressure of step 0, and has another thermostat"
 )
 KNOWN = {
