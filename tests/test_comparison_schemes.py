@@ -30,10 +30,13 @@ from test_rotor import (
     tops,
 )
 
-from fix_nosquish.integrators import gear, matubayasi_nakahara
 from fix_nosquish.motion import block
+from validation.scenes.integrators import target
+from validation.schemes import gear, matubayasi_nakahara
 
-MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
+MN, GEAR = (
+    NVE.replace("fix_nosquish.NVE", target(name)) for name in ("MatubayasiNakahara", "Gear")
+)
 DIPOLE, E, G = (
     np.array([0.3, -0.5, 0.7]),
     np.array([0.2, 1.0, -0.4]),
@@ -536,3 +539,12 @@ def test_the_log_says_which(simulate):
     )
     assert re.search("Gear's predictor-corrector, fix_nosquish .*: Gear", logs[GEAR])
     assert "mrot 1" in logs[MN] and "mrot" not in logs[GEAR]
+
+
+@pytest.mark.parametrize("name", ["Gear", "MatubayasiNakahara"])
+def test_they_are_no_classes_of_the_package(refused, name):
+    """Locks out a fix line of before that ends with an error of Python's."""
+    fix = f'fix 1 all python/move "fix_nosquish.{name} all molecule"'
+    says = f"there is no integrator '{name}' in fix_nosquish: expected one of NVE, NVT,"
+    system = mixture("solid")
+    refused(f"{system.setup}\n{fix}\nrun 1\n", says, system.files)
