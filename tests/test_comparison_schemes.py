@@ -5,11 +5,14 @@ The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E
 vector fixed in the body: force and torque, coupled, without LAMMPS.
 """
 
+import ast
 import re
 from math import comb, factorial
+from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
 from systems import OURS as NVE
@@ -548,3 +551,16 @@ def test_they_are_no_classes_of_the_package(refused, name):
     says = f"there is no integrator '{name}' in fix_nosquish: expected one of NVE, NVT,"
     system = mixture("solid")
     refused(f"{system.setup}\n{fix}\nrun 1\n", says, system.files)
+
+
+@pytest.mark.parametrize("scheme", [gear, matubayasi_nakahara])
+def test_the_page_says_what_to_import(scheme):
+    """Locks out a scheme that needs more than what an integrator of one's own is told of."""
+    page = (ROOT / "docs" / "extending.md").read_text()
+    for one in ast.walk(ast.parse(Path(scheme.__file__).read_text())):
+        if isinstance(one, ast.ImportFrom) and one.module.startswith("fix_nosquish."):
+            place = one.module.removeprefix("fix_nosquish")
+            row = re.search(rf"(?m)^\| `{re.escape(place)}` \|.*", page)
+            assert row, place
+            names = {name.name for name in one.names if not name.name.isupper()}  # no rows
+            assert names <= set(re.findall(r"`(\w+)`", row[0])), place
