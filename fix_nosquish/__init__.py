@@ -33,8 +33,6 @@ INTEGRATORS = {
     "NPH": "nph",
     "HMC": "hmc",
     "FIRE": "fire",
-    "MatubayasiNakahara": "matubayasi_nakahara",
-    "Gear": "gear",
 }  # class: its module in `integrators`, which is imported when a fix line names the class
 
 

@@ -10,12 +10,15 @@ from pathlib import Path
 from validation.running import startup
 
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
+SCHEMES = "validation/schemes"  # which LAMMPS imports, too
 
 COMPILE = """
 from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
 from fix_nosquish.ranks import communicator
-machine_code.load(communicator.ALONE, *(one.name for one in modules()))
+from validation.schemes import gear, matubayasi_nakahara
+schemes = machine_code.of_package("validation")
+machine_code.load(communicator.ALONE, *(one.name for one in [*modules(), *schemes]))
 """
 
 
@@ -31,7 +34,8 @@ def tested():
         raise SystemExit(
             f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH"
         )
-    if other := differences(package, SOURCE):
+    places = package.parent / SCHEMES, SOURCE.parent / SCHEMES
+    if other := differences(package, SOURCE) + differences(*places):
         raise SystemExit(
             f"the fix_nosquish that is installed, {package}, is not the one of this checkout. "
             f"Files that are not the same: {', '.join(other)}. Install it first: pip install ."

@@ -5,11 +5,14 @@ The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E
 vector fixed in the body: force and torque, coupled, without LAMMPS.
 """
 
+import ast
 import re
 from math import comb, factorial
+from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
 from systems import OURS as NVE
@@ -30,10 +33,13 @@ from test_rotor import (
     tops,
 )
 
-from fix_nosquish.integrators import gear, matubayasi_nakahara
 from fix_nosquish.motion import block
+from validation.scenes.integrators import target
+from validation.schemes import gear, matubayasi_nakahara
 
-MN, GEAR = (NVE.replace("NVE", name) for name in ("MatubayasiNakahara", "Gear"))
+MN, GEAR = (
+    NVE.replace("fix_nosquish.NVE", target(name)) for name in ("MatubayasiNakahara", "Gear")
+)
 DIPOLE, E, G = (
     np.array([0.3, -0.5, 0.7]),
     np.array([0.2, 1.0, -0.4]),
@@ -536,3 +542,25 @@ def test_the_log_says_which(simulate):
     )
     assert re.search("Gear's predictor-corrector, fix_nosquish .*: Gear", logs[GEAR])
     assert "mrot 1" in logs[MN] and "mrot" not in logs[GEAR]
+
+
+@pytest.mark.parametrize("name", ["Gear", "MatubayasiNakahara"])
+def test_they_are_no_classes_of_the_package(refused, name):
+    """Locks out a fix line of before that ends with an error of Python's."""
+    fix = f'fix 1 all python/move "fix_nosquish.{name} all molecule"'
+    says = f"there is no integrator '{name}' in fix_nosquish: expected one of NVE, NVT,"
+    system = mixture("solid")
+    refused(f"{system.setup}\n{fix}\nrun 1\n", says, system.files)
+
+
+@pytest.mark.parametrize("scheme", [gear, matubayasi_nakahara])
+def test_the_page_says_what_to_import(scheme):
+    """Locks out a scheme that needs more than what an integrator of one's own is told of."""
+    page = (ROOT / "docs" / "extending.md").read_text()
+    for one in ast.walk(ast.parse(Path(scheme.__file__).read_text())):
+        if isinstance(one, ast.ImportFrom) and one.module.startswith("fix_nosquish."):
+            place = one.module.removeprefix("fix_nosquish")
+            row = re.search(rf"(?m)^\| `{re.escape(place)}` \|.*", page)
+            assert row, place
+            names = {name.name for name in one.names if not name.name.isupper()}  # no rows
+            assert names <= set(re.findall(r"`(\w+)`", row[0])), place

@@ -7,6 +7,7 @@ from test_nvt import SMOOTH, thermo
 from test_output import of, read
 
 from validation.scenes.boxes import LIKE_LAMMPS, RIGID, nearest
+from validation.scenes.integrators import target
 
 # lines of fix deform, and whether the box must be triclinic
 DEFORMED = {
@@ -97,7 +98,8 @@ def test_other_changes_are_refused(refused, words, change, says):
     change is taken for one to other vectors of the lattice, or the class is derived from NVE."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
     script = f"{system.setup}\n{SMOOTH}group some id 1 2\ntimestep 0.004\n"
-    script += f'fix 1 all python/move "fix_nosquish.{words}"\nfix box {change}\nrun 1000\n'
+    name, rest = words.split(maxsplit=1)
+    script += f'fix 1 all python/move "{target(name)} {rest}"\nfix box {change}\nrun 1000\n'
     refused(script, says, system.files)
 
 

@@ -18,6 +18,7 @@ from test_rotor import advance as advance_by
 from fix_nosquish.motion.operations import EXACT
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
+from validation.scenes.integrators import target
 from validation.theory import loops
 from validation.theory.top import free_top
 
@@ -314,7 +315,7 @@ def test_default(simulate):
 @pytest.mark.parametrize("scheme", ["Gear", "MatubayasiNakahara"])
 def test_refused_by_other_schemes(simulate, scheme):
     """Locks out a keyword that is taken and does nothing."""
-    fix = OURS.replace("NVE", scheme)
+    fix = OURS.replace("fix_nosquish.NVE", target(scheme))
     run = simulate(mixture("solid"), fix, 1, words="molecule rotor exact", check=False)
     says = f"rotor exact is for the rotation of fix_nosquish.NVE, not that of {scheme}"
     assert run.code != 0 and says in run.screen

@@ -5,6 +5,8 @@ import pytest
 from endings import assert_ended
 from test_nvt import DUMP, ends_alike
 
+from validation.scenes.integrators import target
+
 # Its centre is its centre of mass, at the origin: fix gcmc puts bodies of fix rigid/small elsewhere
 # than their atoms if not.
 MOLECULE = """bent
@@ -478,9 +480,10 @@ CASES = {
 def test_refused(run_lammps, tmp_path, name, ranks):
     """Locks out a hang, a message per rank and a silently wrong run where bodies cannot follow."""
     words, changes, says = CASES[name]
+    scheme, rest = words.split(maxsplit=1)
     script = SCRIPT.format(
         style="molecular", edge=8, masses=MASSES, first=MOLECULES.format(9), changes=changes,
-        fix=f'fix 1 mols python/move "fix_nosquish.{words}"', run="run 100",
+        fix=f'fix 1 mols python/move "{target(scheme)} {rest}"', run="run 100",
     )  # fmt: skip
     run = run_lammps(script, files={"mol.bent": MOLECULE}, ranks=ranks, check=False)
     assert_ended(run, [says], tmp_path)

@@ -7,13 +7,15 @@ import pytest
 from systems import mixture
 from test_nvt import FREE, thermo
 
+from validation.scenes.integrators import target
+
 # on each atom, with its energy
 SPRINGS = "fix 2 all spring/self 30.0\nfix_modify 2 energy yes\n"
 ROTATIONS = "order 321", "order 123", "mrot 2", "rotor exact"
 
 
 def fix(words, group="all", name="NVE"):
-    return f'fix 1 {group} python/move "fix_nosquish.{name} {group} molecule {words}"\n'
+    return f'fix 1 {group} python/move "{target(name)} {group} molecule {words}"\n'
 
 
 def spreads(rows):

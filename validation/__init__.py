@@ -5,6 +5,7 @@ those that stand before them:
 
     statistics    from series and atoms to numbers with errors, and numbers beside bounds
     scenes        what is simulated and by which fix: scenes, integrators, data files
+    schemes       the older schemes, as LAMMPS imports them: classes of one's own
     running       LAMMPS in processes of its own, in turn or counted; starts; the store of results
     pages         tables, figures, HTML pages and the terminal, as all reports share them
     own           a user's script as a scene: reading, finding, integrators

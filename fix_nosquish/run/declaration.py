@@ -1,6 +1,7 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
 from collections.abc import Callable
+from typing import ClassVar
 
 from ..loops.compiled import Loop
 from ..motion import step
@@ -62,7 +63,8 @@ class Declaration:
         start: of `starts`.
     """
 
-    splitting, operations, rows, kept, work = "", {}, 0, 0, 0
+    operations: ClassVar[dict] = {}
+    splitting, rows, kept, work = "", 0, 0, 0
     starts: Callable | None = None
     prepares: Loop | None = None
     unprepared, middle = "", False

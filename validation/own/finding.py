@@ -14,9 +14,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from validation.own.script import texts
+from validation.scenes.integrators import OLDER, target
 
-OURS = "NVE", "NVT", "NPT", "NPH", "MatubayasiNakahara", "Gear"  # others can take their place
+OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
 NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC", "FIRE"  # classes that have a fix style of the plugin
+# the text in quotes; committed results have the older schemes as classes of fix_nosquish
+QUOTED = re.compile(rf"({'|'.join(('fix_nosquish', *OLDER.values()))})\.\w+\s+\S+\s+\S")
 CONSTRAINTS = "shake", "rattle"
 PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
 AXES = "iso", "aniso", "x", "y", "z"
@@ -29,7 +32,8 @@ FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
 
 
 class Words(NamedTuple):
-    """What a fix of this package says, native or in the quotes of fix python/move.
+    """What a fix of this package, or of an older scheme, says, native or in the quotes of fix
+    python/move.
 
     Attributes:
         name: of the class.
@@ -49,7 +53,7 @@ class Words(NamedTuple):
         if self.name in NATIVE:
             told = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
             return f"fix {one} {self.group} nosquish/{self.name.lower()} {told}"
-        told = " ".join((f"fix_nosquish.{self.name}", self.group, *words))
+        told = " ".join((target(self.name), self.group, *words))
         return f'fix {one} {self.group} python/move "{told}"'
 
 
@@ -142,16 +146,17 @@ def style_of(line: str) -> str:
 
 
 def words_of(line: str) -> Words | None:
-    """What a fix of any class of this package says; None of another command, and of a fix that
-    lacks words, which LAMMPS tells."""
+    """What a fix of any class of this package, or of an older scheme, says; None of another
+    command, and of a fix that lacks words, which LAMMPS tells."""
     word, *rest = texts(line) or [""]
     if word != "fix" or len(rest) < 4:
         return None
     _, group, style, *words = rest
     if style.startswith("nosquish/"):
         name = style.partition("/")[2].upper()
-    elif style == "python/move" and re.match(r"fix_nosquish\.\w+\s+\S+\s+\S", words[0]):
-        name, group, *words = words[0].removeprefix("fix_nosquish.").split()
+    elif style == "python/move" and QUOTED.match(words[0]):
+        named, group, *words = words[0].split()
+        name = named.rpartition(".")[2]
     else:
         return None
     count = body_words(words)

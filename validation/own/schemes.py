@@ -12,7 +12,7 @@ from fix_nosquish.host.command import Command, Line
 from validation.own import finding
 from validation.own.finding import Found, State, called, style_of
 from validation.own.script import DONE, done_between, texts, words
-from validation.scenes.integrators import OURS, Integrator
+from validation.scenes.integrators import OLDER, OURS, Integrator
 
 SEED = 4928
 TOLERANCE = "1e-4"
@@ -68,7 +68,7 @@ def _meant(line):
         return texts(line)
     _, _, group, _, *words = texts(line)
     ours = finding.words_of(line)
-    if not ours:
+    if not ours or ours.name in OLDER:
         return [style_of(line), group, *map(_value, words)]
     known = fix_nosquish.of_style(ours.name.lower())
     said = Line(ours.name, line, (ours.group, *ours.bodies, *ours.keywords))

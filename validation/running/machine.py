@@ -69,11 +69,12 @@ def contents(path: Path) -> str:
 
 
 def package_hash() -> str:
-    """Of the code of the installed fix_nosquish."""
+    """Of the code of the installed fix_nosquish, and of the older schemes that come with it."""
     folder = startup.package()
     found = hashlib.sha256()
-    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so")]):
-        found.update(path.relative_to(folder).as_posix().encode() + path.read_bytes())
+    schemes = folder.parent.glob("validation/schemes/*.py")
+    for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so"), *schemes]):
+        found.update(path.relative_to(folder.parent).as_posix().encode() + path.read_bytes())
     return found.hexdigest()
 
 

@@ -5,7 +5,10 @@ from dataclasses import dataclass, replace
 from validation.scenes import Scene
 
 OURS = "nosquish"
-OLDER = "MatubayasiNakahara", "Gear"
+OLDER = {
+    "MatubayasiNakahara": "validation.schemes.matubayasi_nakahara",
+    "Gear": "validation.schemes.gear",
+}  # class: its module, which LAMMPS imports
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
@@ -44,12 +47,17 @@ class Integrator:
 
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
-    """One of this package's integrators with the keywords ``words``: its NO_SQUISH, or an older
+    """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or an older
     ``scheme``, which is no fix style."""
     line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
     if scheme in OLDER:
-        line = f'fix 1 {{group}} python/move "fix_nosquish.{scheme} {{group}} {{bodies}}{words}"'
+        line = f'fix 1 {{group}} python/move "{target(scheme)} {{group}} {{bodies}}{words}"'
     return Integrator(name, label, (line,))
+
+
+def target(scheme: str) -> str:
+    """The class of an integrator as a fix line names it in quotes."""
+    return f"{OLDER.get(scheme, 'fix_nosquish')}.{scheme}"
 
 
 def rigid(style: str) -> Integrator:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from validation.choice import choose, each, fastest, least, meets, ours
 from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
 from validation.pages.tables import ranks_of
+from validation.scenes.integrators import OLDER
 from validation.scenes.units import BOLTZMANN
 from validation.statistics.estimate import SURE
 from validation.sweep.figures import READ
@@ -172,7 +173,8 @@ def _in_short(points, targets, choice, own):
 
 def _of_us(point):
     """Whether a scheme is one of this package's, the older ones too."""
-    return "nosquish" in " ".join(point["lines"])
+    lines = " ".join(point["lines"])
+    return any(name in lines for name in ("nosquish", *OLDER.values()))
 
 
 def _kinds(points):

@@ -13,10 +13,10 @@ import numpy as np
 from scipy.linalg import block_diag, null_space
 
 from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q, V, X
-from fix_nosquish.integrators.matubayasi_nakahara import MatubayasiNakahara
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
+from validation.schemes.matubayasi_nakahara import MatubayasiNakahara
 from validation.theory.calculus import restricted
 from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from validation.running import machine, run
 from validation.scenes import Scene
-from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
+from validation.scenes.integrators import OLDER, Integrator, constrained, nosquish, rigid
 from validation.statistics import motion
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000, 3000, 10000
@@ -21,9 +21,10 @@ COMPARED = 10  # of these, that after which positions on the way are kept
 TOLERANCES = "1e-3", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12"
 ITERATIONS = 2000  # at most, of shake and rattle: a tolerance is reached, not given up
 
-OURS = "NVE", "MatubayasiNakahara", "Gear"  # those without a thermostat, barostat or quench
+OURS = "NVE", *OLDER  # those without a thermostat, barostat or quench
 INTEGRATORS = [
-    *(nosquish(name, f"fix_nosquish.{name}", scheme=name) for name in OURS),
+    nosquish("NVE", "fix_nosquish.NVE"),
+    *(nosquish(name, name, scheme=name) for name in OLDER),
     *(rigid(style) for style in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
     *(constrained(style, one, ITERATIONS) for style in ("shake", "rattle") for one in TOLERANCES),
 ]

@@ -34,13 +34,14 @@ bodies' state as this p.
 
 from math import sqrt
 
-from ..loops.compiled import inlined
-from ..motion.block import LANES, MOMENT, P, Q, four, three, write
-from ..motion.frames import angular_velocity, quaternion_momentum
-from ..motion.operations import free_motion
-from ..motion.rotor import dot, mix, s_times, sine_and_versine, turn
-from ..motion.step import Operation
-from .nve import NVE
+from fix_nosquish import of_fix_line
+from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.motion.block import LANES, MOMENT, P, Q, four, three, write
+from fix_nosquish.motion.frames import angular_velocity, quaternion_momentum
+from fix_nosquish.motion.operations import free_motion
+from fix_nosquish.motion.rotor import dot, mix, s_times, sine_and_versine, turn
+from fix_nosquish.motion.step import Operation
 
 
 @inlined
@@ -85,9 +86,13 @@ def rotate(block, dt, mrot):
 
 
 class MatubayasiNakahara(NVE):
-    """fix python/move "fix_nosquish.MatubayasiNakahara GROUP BODYSTYLE ...", as `NVE`."""
+    """fix python/move "validation.schemes.matubayasi_nakahara.MatubayasiNakahara GROUP BODYSTYLE
+    ...", as `NVE`."""
 
     operations = NVE.operations | {
         "A": Operation(free_motion(rotate), moves=True, named=False)
     }  # fmt: skip
     method = "Matubayasi and Nakahara's scheme"
+
+
+__getattr__ = of_fix_line(MatubayasiNakahara)

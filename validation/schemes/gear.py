@@ -30,8 +30,9 @@ with `reinit no`, where the derivatives go on.
 from math import sqrt
 from typing import ClassVar
 
-from ..loops.compiled import inlined
-from ..motion.block import (
+from fix_nosquish import of_fix_line
+from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.motion.block import (
     BLOCK_ROWS,
     FORCE,
     LANES,
@@ -48,11 +49,11 @@ from ..motion.block import (
     three,
     write,
 )
-from ..motion.frames import angular_velocity, quaternion_momentum, to_body
-from ..motion.operations import FTM2V
-from ..motion.rotor import dot, mix, s_times
-from ..motion.step import Operation, rotation_matrices
-from ..run.integrator import Integrator
+from fix_nosquish.motion.frames import angular_velocity, quaternion_momentum, to_body
+from fix_nosquish.motion.operations import FTM2V
+from fix_nosquish.motion.rotor import dot, mix, s_times
+from fix_nosquish.motion.step import Operation, rotation_matrices
+from fix_nosquish.run.integrator import Integrator
 
 ORDER = 5
 FIRST = 95 / 288, 1.0, 25 / 24, 35 / 72, 5 / 48, 1 / 120  # for equations of first order
@@ -240,7 +241,8 @@ def start(block, kind, dt, parameters):
 
 
 class Gear(Integrator):
-    """fix python/move "fix_nosquish.Gear GROUP BODYSTYLE ...": with all words of `NVE` but two.
+    """fix python/move "validation.schemes.gear.Gear GROUP BODYSTYLE ...", with all words of `NVE`
+    but two.
 
     Each step ends with the corrected positions, at which no force was computed: the potential
     energy is that of the predicted ones.  Velocities that another fix changes are taken over as
@@ -258,3 +260,6 @@ class Gear(Integrator):
     }
     rows, work, starts = WIDTH * ORDER, WIDTH * (ORDER + 2), start
     method, respa = "Gear's predictor-corrector", False
+
+
+__getattr__ = of_fix_line(Gear)
