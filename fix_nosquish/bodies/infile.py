@@ -48,7 +48,7 @@ def read(path: str, counts: bool, lammps: Lammps, members: Members, start: Start
             )
     communicator.agree(problem)
     rows = communicator.share(rows)
-    named = rows[:, 0].astype(np.int64) + counts * (_smallest(ids, communicator) - 1)
+    named = rows[:, 0].astype(np.int64) + _offset(counts, ids, communicator)
     here = np.isin(named, ids)
     order = np.argsort(ids)
     bodies = order[np.searchsorted(ids, named[here], sorter=order)]
@@ -73,9 +73,11 @@ def read(path: str, counts: bool, lammps: Lammps, members: Members, start: Start
     )  # fmt: skip
 
 
-def _smallest(ids, communicator):
-    """The smallest of the bodies' IDs on all ranks; collective."""
-    return int(communicator.gather_to_all(ids[ids < POINTS]).min(initial=POINTS))
+def _offset(counts, ids, communicator):
+    """By how much the bodies' IDs exceed those of a file that counts; else 0; collective."""
+    if not counts:
+        return 0
+    return int(communicator.gather_to_all(ids[ids < POINTS]).min(initial=POINTS)) - 1
 
 
 def _off_centre(lammps, members, start, off):
@@ -170,7 +172,7 @@ def write(path: str, counts: bool, bodies: Bodies, lammps: Lammps, communicator:
     inertia = np.einsum("abn,bn,cbn->acn", turn, bodies.moments_of_atoms, turn)
     rows = np.concatenate(
         [
-            bodies.id[None, :] - counts * (_smallest(bodies.id, communicator) - 1),
+            bodies.id[None, :] - _offset(counts, bodies.id, communicator),
             bodies.mass[None, :],
             bodies.x,
             inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
