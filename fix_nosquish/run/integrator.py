@@ -497,6 +497,13 @@ class Integrator(Declaration):
         """What `build` must know of atoms that are more than points."""
         return {"shapes": self.shapes(), "oriented": self.oriented}
 
+    def bodies_of_atoms(self):
+        """The `Bodies` that a run would make of the atoms as they are now; collective."""
+        return build(
+            self.lammps, self.communicator, self.membership, self.told, former=self.former(),
+            **self.particles(),
+        )[0]  # fmt: skip
+
     def former(self):
         """What the atoms were in the bodies of the last run, None if that says nothing; collective.
 
@@ -1029,10 +1036,7 @@ class Integrator(Declaration):
             bodies = self.bodies
         else:
             self.membership = Membership(self.lammps, self.communicator, self.command)
-            bodies = build(
-                self.lammps, self.communicator, self.membership, self.told, former=self.former(),
-                **self.particles(),
-            )[0]  # fmt: skip
+            bodies = self.bodies_of_atoms()
             bodies.bind(self.lammps, self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0

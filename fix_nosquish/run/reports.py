@@ -6,7 +6,6 @@ from contextlib import contextmanager
 import numpy as np
 
 from ..bodies import infile
-from ..bodies.build import build
 from ..errors import RunError
 from . import log, output, thermo
 
@@ -210,14 +209,7 @@ class Reports:
             return 0
         if not running or bodies is None or "scale" in sets:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-            bodies = build(
-                integrator.lammps,
-                integrator.communicator,
-                integrator.membership,
-                integrator.told,
-                former=integrator.former(),
-                **integrator.particles(),
-            )[0]
+            bodies = integrator.bodies_of_atoms()
         bit = 1 << group
         if "scale" in sets and not bodies.spin:
             return thermo.removed_freedom_to_scale(
