@@ -63,8 +63,8 @@ def of_style(style: str, words: Collection[str] = ()) -> Any:
     it replaces, such as rigid/nve, with these words."""
     from .host import rigid_fixes
 
-    if rigid_fixes.plain(style):
-        return _integrator(rigid_fixes.integrator(style, words))
+    if name := rigid_fixes.plain(style):
+        return _integrator(rigid_fixes.integrator(name, words))
     return _integrator({name.lower(): name for name in INTEGRATORS}[style.rpartition("/")[2]])
 
 

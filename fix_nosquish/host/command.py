@@ -1,66 +1,315 @@
 """The words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import partial
 from math import isfinite
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..errors import RunError
 from . import rigid_fixes
 
+
+class Line(NamedTuple):
+    """A fix line as its user wrote it, native or in the quotes of fix python/move.
+
+    Attributes:
+        name: of the integrator: nosquish/nve, or NVE.
+        text: the line from there on.
+        words: the group's ID, the body style and all that follows.
+        prefix: what stands before the text.
+        before: how many of LAMMPS's arguments stand before the body style; None in quotes.
+        replaces: the name of LAMMPS's rigid fix whose words these are, without /small and the like;
+            None if they are ours.
+    """
+
+    name: str
+    text: str
+    words: tuple[str, ...]
+    prefix: str = "fix_nosquish."
+    before: int | None = None
+    replaces: str | None = None
+
+    @classmethod
+    def quoted(cls, text: str) -> "Line":
+        """The words of fix python/move from the class on: NVE water molecule ..."""
+        name, *words = text.split()
+        return cls(name, text, tuple(words))
+
+    @classmethod
+    def native(cls, fix_id: str, group: str, style: str, words: Iterable[str]) -> "Line":
+        """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
+        text = " ".join((style, *words))
+        before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
+        return cls(style, text, (group, *words), before, 3, replaces)
+
+    def naming(self, text: str) -> str:
+        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
+        LAMMPS's own fix python/move comes without these styles."""
+        if self.before is not None:
+            return text
+        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
+
+    def wrong(self, what: str, word: int | None = None) -> RunError:
+        """An error that shows the line.
+
+        Args:
+            what: the message.  word: which one of `words` is wrong, None for none of them.
+        """
+        said, argument = f'"{self.prefix}{self.text}"', None
+        if word is not None and self.before is not None:
+            argument = word - 1 + self.before
+            said = f"word {argument + 2} of {said}"
+        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
+
+
+class Switch(NamedTuple):
+    """What keyword force or torque says of some bodies.
+
+    Attributes:
+        first, last: numbers of bodies, from 1 on; 0 for an open end.
+        on: whether the components x, y and z act.
+    """
+
+    first: int
+    last: int
+    on: tuple[bool, ...]
+
+
+class Output(NamedTuple):
+    """Keyword output: the file, or v_NAME, that gets the table of bodies every so many steps."""
+
+    steps: int
+    file: str
+
+
+class Moments(NamedTuple):
+    """Keyword moments.
+
+    Attributes:
+        how: "equal": bodies get this principal moment; "scale": those of their atoms, times this;
+            "alike": those of atoms that weigh alike; "step": those that the time step needs.
+        word: a word for a number, None for alike and step.
+    """
+
+    how: str
+    word: str | None = None
+
+
+class _Words:
+    """The words of a fix line, read one after the other.
+
+    Methods that read take what is expected there, for the message, and raise a RunError.
+    """
+
+    def __init__(self, line: Line) -> None:
+        self.line, self.left = line, list(line.words)
+
+    def wrong(self, what: str) -> RunError:
+        """An error about the last word that was taken."""
+        return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
+
+    def unexpected(self, word: str, expected: str) -> RunError:
+        """An error about the last word, where something else is expected."""
+        return self.wrong(f"'{word}' was given where {expected}")
+
+    def take(self, expected: str) -> str:
+        """The next word."""
+        if not self.left:
+            raise self.line.wrong(f"the fix line ends where {expected} is expected")
+        return self.left.pop(0)
+
+    def whole(self, expected: str, most: int = 2**63 - 1, why: str = "") -> int:
+        """The next word as a whole number from 1 to `most`. Args: why: of that limit."""
+        word = self.take(expected)
+        number = int(word) if word.isdecimal() else 0
+        if not 1 <= number <= most:
+            limit = f", and at most {most}{why}" if number else ""
+            raise self.unexpected(word, f"{expected} is expected{limit}")
+        return number
+
+    def one_of(self, expected: str, allowed: tuple[str, ...]) -> str:
+        """The next word, one of several."""
+        word = self.take(expected)
+        if word not in allowed:
+            raise self.unexpected(word, f"{expected} is expected")
+        return word
+
+    def choice(self, expected: str, allowed: tuple[str, str] = ("no", "yes")) -> bool:
+        """Which of two words comes next."""
+        word = self.take(expected)
+        if word not in allowed:
+            raise self.unexpected(word, f"{' or '.join(allowed)} is expected, of {expected}")
+        return word == allowed[1]
+
+    def number(self, expected: str) -> str:
+        """The next word, which is a number or names a variable."""
+        word = self.take(expected)
+        try:
+            finite = word[:2] == "v_" or isfinite(float(word))
+        except ValueError:
+            finite = False
+        if not finite:
+            raise self.unexpected(word, f"{expected} is expected")
+        return word
+
+    def numbers(self, expected: str, count: int = 3) -> tuple[str, ...]:
+        """The next words, which are numbers or name variables."""
+        return tuple(self.number(expected) for _ in range(count))
+
+    def switch(self, expected: str) -> Switch:
+        """A range of bodies, and three times on or off."""
+        word = self.take(expected)
+        match = re.fullmatch(r"([1-9]\d*)|([1-9]\d*)?\*([1-9]\d*)?", word)
+        if not match:
+            raise self.unexpected(word, f"{expected} is expected")
+        one, low, high = (int(part or 0) for part in match.groups())
+        on = tuple(self.choice(expected, ("off", "on")) for _ in "xyz")
+        return Switch(one or low, one or high, on)
+
+    def moments(self, expected: str) -> Moments:
+        """How the bodies' principal moments are chosen."""
+        how = self.one_of(expected, ("equal", "scale", "step"))
+        return Moments(how, None if how == "step" else self.number(expected))
+
+
+class Keyword(NamedTuple):
+    """A keyword of the fix line.
+
+    Attributes:
+        expected: what is expected behind it, as messages say it.
+        read: a function of the words and of `expected`, which gives the value.
+        within: the dictionary of `Command` in which the value is, "" for a field of its own.
+        repeats: whether it may stand several times; the field has a tuple of values then.
+    """
+
+    expected: str
+    read: Callable[[_Words, str], Any]
+    within: str = ""
+    repeats: bool = False
+
+
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
-_FILE = "a file: its name, or v_NAME of a string-style variable"
-# the most that a keyword may be, and why: each costs time in every step
-_MOST = {
-    "mrot": (1000, "rotor exact is what many inner steps come to, at the cost of one"),
-    "tchain": (1000, "more than some ten thermostats in a chain change nothing"),
-}
-KEYWORDS = {
-    "mrot": "the number of inner rotor steps, a whole number of at least 1",
-    "order": "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
-    "rotor": "exact (the free rotation as it is) or split (into rotations about one axis each)",
-    "force": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
-    "torque": "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
-    "reinit": "yes or no",
-    "infile": _FILE,
-    "output": "N, a whole number of at least 1, and " + _FILE,
-    "points": "the ID of a group, whose atoms are in no body",
-    "mol": "the ID of a molecule template, as fix deposit, pour or gcmc names it",
-    "gravity": "the ID of a fix gravity with its word disable, which gives the bodies' weight",
-}
-ROTORS = "exact", "split"
-_NUMBER = "a number, or v_NAME of an equal-style variable"
 THERMOSTATS = "langevin", "csvr", "nh"
 TILTS = "xy", "xz", "yz"
 PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
 BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
-# keywords of a minimisation: tolerances, and those of min_modify
-QUENCH = (
-    *("force FTOL", "torque TTOL", "dmax", "tmax", "tmin", "dtgrow", "dtshrink"),
-    *("alpha0", "alphashrink", "delaystep", "halfstepback"),
+_FILE = "a file: its name, or v_NAME of a string-style variable"
+_NUMBER = "a number, or v_NAME of an equal-style variable"
+_COUNT = "a whole number of at least 1"
+_SWITCHES = Keyword(
+    "M xflag yflag zflag (bodies n, m*n or *, and three times on or off)",
+    _Words.switch,
+    repeats=True,
 )
+_INTEGER, _LONGEST_CHAIN = 2**31 - 1, 1000
+_YES_OR_NO = Keyword("yes or no", _Words.choice)
+_integer = partial(_Words.whole, most=_INTEGER)
+
+
+def _one_of(allowed: tuple[str, ...]) -> Keyword:
+    """A keyword behind which one of these words stands."""
+    return Keyword(f"one of {', '.join(allowed)}", partial(_Words.one_of, allowed=allowed))
+
+
+KEYWORDS = {
+    "mrot": Keyword(
+        f"the number of inner rotor steps, {_COUNT}",
+        partial(
+            _Words.whole,
+            most=1000,  # each costs time in every step
+            why=": rotor exact is what many inner steps come to, at the cost of one",
+        ),
+    ),
+    "order": Keyword(
+        "321 (the axis of the smallest moment turns outermost) or 123 (of the largest)",
+        lambda words, expected: 123 if words.choice(expected, ("321", "123")) else 321,
+    ),
+    "rotor": Keyword(
+        "exact (the free rotation as it is) or split (into rotations about one axis each)",
+        partial(_Words.one_of, allowed=("exact", "split")),
+    ),
+    "force": _SWITCHES,
+    "torque": _SWITCHES,
+    "reinit": _YES_OR_NO,
+    "infile": Keyword(_FILE, _Words.take),
+    "output": Keyword(
+        f"N, {_COUNT}, and {_FILE}",
+        lambda words, expected: Output(words.whole(expected, _INTEGER), words.take(expected)),
+    ),
+    "points": Keyword("the ID of a group, whose atoms are in no body", _Words.take),
+    "mol": Keyword(
+        "the ID of a molecule template, as fix deposit, pour or gcmc names it", _Words.take
+    ),
+    "gravity": Keyword(
+        "the ID of a fix gravity with its word disable, which gives the bodies' weight",
+        _Words.take,
+    ),
+}
+# keywords of a minimisation: tolerances, and those of min_modify
+QUENCH = {
+    **dict.fromkeys(
+        (
+            *("force FTOL", "torque TTOL", "dmax", "tmax", "tmin", "dtgrow", "dtshrink"),
+            *("alpha0", "alphashrink"),
+        ),
+        Keyword(_NUMBER, _Words.number, "quench"),
+    ),
+    "delaystep": Keyword(_COUNT, lambda words, expected: str(words.whole(expected)), "quench"),
+    "halfstepback": Keyword(
+        "yes or no", lambda words, expected: str(int(words.choice(expected))), "quench"
+    ),
+}
 # keywords that only some integrators have; where one has other values, they stand behind it
 OWN_KEYWORDS = {
-    "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
-    "temp T": f"T, {_NUMBER}",
-    "steps": "a whole number of at least 1",
-    "shadow": "every how many steps, a whole number of at least 1",
-    "mix": f"{_NUMBER}, above 0 and at most 1",
-    **dict.fromkeys(QUENCH, _NUMBER),
-    "delaystep": "a whole number of at least 1",
-    "halfstepback": "yes or no",
-    "thermostat": f"one of {', '.join(THERMOSTATS)}",
-    "seed": "a whole number from 1 to 2147483647",
-    "tchain": "the length of the chain, a whole number of at least 1",
-    "separate": "yes or no",
-    "moments": f"equal VALUE (mass times length squared) or scale FACTOR, {_NUMBER}, or step",
-    **dict.fromkeys(PRESSURES, f"PSTART, PSTOP and PDAMP, each {_NUMBER}"),
-    "couple": f"one of {', '.join(COUPLES)}",
-    "barostat": f"one of {', '.join(BAROSTATS)}",
-    "every": "a whole number of at least 1",
-    "dilate": "the ID of a group, whose atoms, of those in no body, move with the box",
-    "compressibility": _NUMBER,
+    "temp": Keyword(f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers),
+    "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
+    "steps": Keyword(_COUNT, _integer),
+    "shadow": Keyword(f"every how many steps, {_COUNT}", _integer),
+    "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number),
+    **QUENCH,
+    "thermostat": _one_of(THERMOSTATS),
+    "seed": Keyword("a whole number from 1 to 2147483647", _integer),
+    "tchain": Keyword(
+        f"the length of the chain, {_COUNT}",
+        partial(
+            _Words.whole,
+            most=_LONGEST_CHAIN,  # each costs time in every step
+            why=": more than some ten thermostats in a chain change nothing",
+        ),
+    ),
+    "separate": _YES_OR_NO,
+    "moments": Keyword(
+        f"equal VALUE (mass times length squared) or scale FACTOR, {_NUMBER}, or step",
+        _Words.moments,
+    ),
+    **dict.fromkeys(
+        PRESSURES,
+        Keyword(f"PSTART, PSTOP and PDAMP, each {_NUMBER}", _Words.numbers, "pressure"),
+    ),
+    "couple": _one_of(COUPLES),
+    "barostat": _one_of(BAROSTATS),
+    "every": Keyword(_COUNT, _integer),
+    "dilate": Keyword(
+        "the ID of a group, whose atoms, of those in no body, move with the box", _Words.take
+    ),
+    "compressibility": Keyword(_NUMBER, _Words.number),
+}
+# keywords of LAMMPS's rigid fixes: see `rigid_fixes.give_meaning`
+OF_RIGID_FIXES = {
+    "langevin": Keyword(
+        f"TSTART, TSTOP, TDAMP and a seed: three numbers and {_COUNT}",
+        lambda words, expected: (*words.numbers(expected), words.whole(expected, _INTEGER)),
+    ),
+    "tparam": Keyword(
+        "the length of the chains, iterations and order, three whole numbers of at least 1",
+        lambda words, expected: tuple(
+            words.whole(expected, most) for most in (_LONGEST_CHAIN, _INTEGER, _INTEGER)
+        ),
+    ),
+    "pchain": Keyword(f"the length of the barostat's chain, {_COUNT}", _Words.whole),
 }
 # keywords of other fixes, and of other integrators, and what serves instead
 _NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
@@ -79,7 +328,7 @@ _ELSEWHERE = {
     "nosquish/hmc do",
     **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix nosquish/hmc does"),
     **dict.fromkeys(
-        QUENCH[2:],
+        list(QUENCH)[2:],
         "this integrator seeks no minimum, fix nosquish/fire does",
     ),
     "moments": "only averages over configurations do not depend on the moments, as of fix "
@@ -114,59 +363,6 @@ _ELSEWHERE = {
 }
 
 
-class Line(NamedTuple):
-    """A fix line as its user wrote it, native or in the quotes of fix python/move.
-
-    Attributes:
-        name: of the integrator: nosquish/nve, or NVE.
-        text: the line from there on.
-        words: the group's ID, the body style and all that follows.
-        prefix: what stands before the text.
-        before: how many of LAMMPS's arguments stand before the body style; None in quotes.
-        replaces: the name of LAMMPS's rigid fix whose words these are, without /small and the like;
-            None if they are ours.
-    """
-
-    name: str
-    text: str
-    words: tuple
-    prefix: str = "fix_nosquish."
-    before: int | None = None
-    replaces: str | None = None
-
-    @classmethod
-    def quoted(cls, text):
-        """The words of fix python/move from the class on: NVE water molecule ..."""
-        name, *words = text.split()
-        return cls(name, text, tuple(words))
-
-    @classmethod
-    def native(cls, fix_id, group, style, words):
-        """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
-        text = " ".join((style, *words))
-        before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
-        return cls(style, text, (group, *words), before, 3, replaces)
-
-    def naming(self, text):
-        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
-        LAMMPS's own fix python/move comes without these styles."""
-        if self.before is not None:
-            return text
-        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
-
-    def wrong(self, what, word=None):
-        """An error that shows the line.
-
-        Args:
-            what: the message.  word: which one of `words` is wrong, None for none of them.
-        """
-        said, argument = f'"{self.prefix}{self.text}"', None
-        if word is not None and self.before is not None:
-            argument = word - 1 + self.before
-            said = f"word {argument + 2} of {said}"
-        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
-
-
 @dataclass(frozen=True)
 class Command:
     """What one fix line asks for.
@@ -180,12 +376,10 @@ class Command:
         order: 321 or 123, the order of the axes in a rotor step, outermost first, with
             I_1 >= I_2 >= I_3.
         rotor: exact or split, as asked for by this keyword or by mrot or order; None for neither.
-        force, torque: what each of these keywords says, in their order: (first body, last body,
-            (x, y, z)); bodies count from 1, 0 stands for the open end of a range, x y z are True
-            for on.
+        force, torque: what each of these keywords says, in their order.
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
-        output: (N, file) for the table of bodies every N steps, None for none.
+        output: the table of bodies, None for none.
         points: ID of the group whose atoms move as points, each by itself; None for none.
         mol: ID of the molecule template of which fixes insert bodies, None for none.
         gravity: ID of the fix gravity that gives the bodies' weight, None for none.
@@ -194,10 +388,7 @@ class Command:
         shadow: every how many steps the shadow energy is wanted, None for never.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
-        moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
-            those of their atoms, each a word for a number; ("alike", None) for those of atoms that
-            weigh alike; ("step", None) for those that the time step needs; None for those of the
-            atoms.
+        moments: the principal moments that bodies get, None for those of their atoms.
         quench: dictionary from keywords of a minimisation to words for numbers.
         pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
@@ -210,19 +401,19 @@ class Command:
     line: Line
     group: str
     style: str
-    arguments: tuple = ()
+    arguments: tuple[str, ...] = ()
     mrot: int = 1
     order: int = 321
     rotor: str | None = None
-    force: tuple = ()
-    torque: tuple = ()
+    force: tuple[Switch, ...] = ()
+    torque: tuple[Switch, ...] = ()
     reinit: bool = True
     infile: str | None = None
-    output: tuple | None = None
+    output: Output | None = None
     points: str | None = None
     mol: str | None = None
     gravity: str | None = None
-    temp: tuple | None = None
+    temp: tuple[str, ...] | None = None
     steps: int | None = None
     shadow: int | None = None
     mix: str = "1"
@@ -230,9 +421,9 @@ class Command:
     seed: int | None = None
     tchain: int = 3
     separate: bool = False
-    moments: tuple | None = None
-    quench: dict = field(default_factory=dict)
-    pressure: dict = field(default_factory=dict)
+    moments: Moments | None = None
+    quench: dict[str, str] = field(default_factory=dict)
+    pressure: dict[str, tuple[str, ...]] = field(default_factory=dict)
     couple: str = "none"
     barostat: str = BAROSTATS[0]
     every: int | None = None
@@ -240,31 +431,32 @@ class Command:
     compressibility: str | None = None
 
     @property
-    def text(self):
+    def text(self) -> str:
         """The line from the integrator's name on."""
         return self.line.text
 
-    def pressure_of(self, part):
+    def pressure_of(self, part: str) -> tuple[str, ...] | None:
         """The words (PSTART, PSTOP, PDAMP) for an axis or a tilt, x, y, z, xy, xz or yz; None if it
         does not change."""
-        given = [self.pressure.get(part), self.pressure.get("tri")]
+        given = self.pressure
         if part not in TILTS:
-            given += [self.pressure.get("iso"), self.pressure.get("aniso")]
-        elif given[1]:
-            given[1] = "0", "0", given[1][2]
-        return next(filter(None, given), None)
+            return next(
+                (given[word] for word in (part, "tri", "iso", "aniso") if word in given), None
+            )
+        tilted = ("0", "0", given["tri"][2]) if "tri" in given else None
+        return given.get(part, tilted)
 
-    def refuse_unless_positive(self, name, value):
+    def refuse_unless_positive(self, name: str, value: float) -> None:
         """Raise an error for a number, of this name on the fix line, that is not above zero."""
         if not value > 0:
             raise self.wrong(f"{name} is {value:g}, and must be above zero")
 
-    def wrong(self, what):
+    def wrong(self, what: str) -> RunError:
         """The error for words that cannot be for these bodies, or for this integrator."""
         return self.line.wrong(what)
 
     @classmethod
-    def parse(cls, line, own=()):
+    def parse(cls, line: Line, own: Iterable[str] = ()) -> "Command":
         """Read a `Line`.
 
         Args:
@@ -272,22 +464,19 @@ class Command:
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
-        words = _Words(line)
-        group = words.take("the ID of a group and a body style (" + STYLES + ")")
+        words, entries = _Words(line), KEYWORDS | OWN_KEYWORDS
+        group = words.take(f"the ID of a group and a body style ({STYLES})")
         style, arguments = _body_style(words)
-        entries = {entry.split()[0]: entry for entry in (*KEYWORDS, *own)}
-        known = {keyword: (KEYWORDS | OWN_KEYWORDS)[entry] for keyword, entry in entries.items()}
+        known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *own)}
         if line.replaces:
-            of_rigid = rigid_fixes.keywords(line.replaces)
-            entries |= {keyword: keyword for keyword in of_rigid}
-            known |= of_rigid
-        values = {}
+            known |= {name: OF_RIGID_FIXES[name] for name in rigid_fixes.keywords(line.replaces)}
+        values: dict[str, Any] = {}
         while words.left:
-            _read_keyword(words, values, entries, known)
-        split = [keyword for keyword in ("mrot", "order") if keyword in values]
-        if split and values.setdefault("rotor", "split") == "exact":
+            _read_keyword(words, values, known)
+        splits = [name for name in ("mrot", "order") if name in values]
+        if splits and values.setdefault("rotor", "split") == "exact":
             raise line.wrong(
-                f"keyword {split[0]} says how the rotation is split, and rotor exact splits none: "
+                f"keyword {splits[0]} says how the rotation is split, and rotor exact splits none: "
                 "leave one of them out"
             )
         if line.replaces:
@@ -298,246 +487,149 @@ class Command:
                 "keyword infile says how bodies begin, and they go on from run to run as they "
                 "are: leave out reinit yes"
             )
-        _check_thermostat(line, values, known)
-        _check_trajectories(line, values, known)
-        _check_quench(line, values, known)
-        _check_pressure(line, values, known)
+        if "thermostat" in known:
+            _check_thermostat(line, values, "barostat" in known)
+        if "steps" in known:
+            _check_trajectories(line, values, known)
+        if "dmax" in known:
+            _check_quench(line, values)
+        if "iso" in known:
+            _check_pressure(line, values)
         return cls(line, group, style, arguments, **values)
 
 
-def _body_style(words):
+def _body_style(words: _Words) -> tuple[str, tuple[str, ...]]:
     """The body style, and its arguments.
 
     Raises:
         RunError: naming the word.
     """
-    style = words.take("a body style (" + STYLES + ")")
-    arguments = ()
+    style = words.take(f"a body style ({STYLES})")
     if style == "custom":
-        arguments = (words.take("i_NAME or v_NAME"),)
-        if arguments[0][:2] not in ("i_", "v_") or len(arguments[0]) < 3:
-            raise words.wrong(
-                f"'{arguments[0]}' was given where custom expects i_NAME (a whole number per "
-                "atom, of fix property/atom) or v_NAME (an atom-style variable)"
+        name = words.take("i_NAME or v_NAME")
+        if name[:2] not in ("i_", "v_") or len(name) < 3:
+            raise words.unexpected(
+                name,
+                "custom expects i_NAME (a whole number per "
+                "atom, of fix property/atom) or v_NAME (an atom-style variable)",
             )
-    elif style == "group":
+        return style, (name,)
+    if style == "group":
         count = words.whole("the number of groups")
-        arguments = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
-        if len(set(arguments)) < count:
+        names = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
+        if len(set(names)) < count:
             raise words.wrong("one group is named twice: each is one body")
-    elif style not in ("single", "molecule"):
+        return style, names
+    if style not in ("single", "molecule"):
         raise words.wrong(f"unknown body style '{style}': expected {STYLES}")
-    return style, arguments
+    return style, ()
 
 
-def _read_keyword(words, values, entries, known):
+def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keyword]) -> None:
     """Read a keyword and what follows it into `values`.
 
     Args:
-        entries, known: dictionaries from the class's keywords to their entry in the tables, and to
-            what is expected behind them.
+        values: of the fields of `Command`, by name.  known: the keywords that the class has.
     Raises:
         RunError: naming the word.
     """
-    keyword = words.take("a keyword")
-    expected = known.get(keyword)
-    if expected is None:
-        raise words.wrong(
-            f"unknown keyword '{keyword}': "
-            + _ELSEWHERE.get(keyword, "expected " + ", ".join(known))
-        )
-    entry = entries[keyword]
-    before = {*values, *values.get("pressure", ()), *values.get("quench", ())}
-    if keyword in before and entry not in ("force", "torque"):
-        raise words.wrong(f"keyword {keyword} stands twice")
-    if entry in ("force", "torque"):
-        bodies = words.bodies(expected)
-        flags = tuple(words.choice(("off", "on"), expected) for _ in "xyz")
-        values[keyword] = (*values.get(keyword, ()), (*bodies, flags))
-    elif entry in QUENCH:
-        values.setdefault("quench", {})[keyword] = _READ[entry](words, expected)
-    elif keyword in PRESSURES:
-        values.setdefault("pressure", {})[keyword] = words.numbers(3, expected)
-    else:
-        values[keyword] = _READ[entry](words, expected)
+    name = words.take("a keyword")
+    if name not in known:
+        instead = _ELSEWHERE.get(name, f"expected {', '.join(known)}")
+        raise words.wrong(f"unknown keyword '{name}': {instead}")
+    keyword = known[name]
+    place = values.setdefault(keyword.within, {}) if keyword.within else values
+    if name in place and not keyword.repeats:
+        raise words.wrong(f"keyword {name} stands twice")
+    value = keyword.read(words, keyword.expected)
+    place[name] = (*place.get(name, ()), value) if keyword.repeats else value
 
 
-def _check_pressure(line, values, known):
+def _refuse(line: Line, *problems: tuple[object, str]) -> None:
+    """Raise an error with the message of the first of these problems that there is."""
+    for there, message in problems:
+        if there:
+            raise line.wrong(message)
+
+
+def _missing(name: str, expected: str) -> str:
+    return f"keyword {name} is missing: give it {expected}"
+
+
+def _check_pressure(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if the words of a barostat do not go together."""
-    if "iso" not in known:
-        return
-    given = set(values.get("pressure", ()))
-    if not given:
-        raise line.wrong(
+    given, couple = set(values.get("pressure", ())), values.get("couple", "none")
+    several = len(given & {"iso", "aniso", "tri"}) > (not given & set("xyz"))
+    _refuse(
+        line,
+        (
+            not given,
             "the pressure is missing: give iso, aniso, tri, or some of x, y, z, xy, xz, yz "
-            + OWN_KEYWORDS["iso"]
-        )
-    if len(given & {"iso", "aniso", "tri"}) > (not given & set("xyz")) or (
-        "tri" in given and given & set(TILTS)
-    ):
-        raise line.wrong(
+            + OWN_KEYWORDS["iso"].expected,
+        ),
+        (
+            several or ("tri" in given and given & set(TILTS)),
             "of the keywords iso, aniso, tri and x, y, z only one kind can stand; "
-            "tilts xy, xz, yz beside another kind than tri"
-        )
-    if {"xy", "yz"} <= given and "xz" not in given:
-        raise line.wrong("where tilts xy and yz change, xz follows them: give xz, too")
-    if "iso" in given and "couple" in values:
-        raise line.wrong("keyword couple is for aniso and x, y, z: iso couples all axes")
-    couple = values.get("couple", "none")
-    if not (couple == "none" or given & {"aniso", "tri"} or given >= set(couple)):
-        raise line.wrong(f"keyword couple {couple}: give each of these axes")
-    if "compressibility" in values and values.get("barostat") == "mtk":
-        raise line.wrong("keyword compressibility is of no use to this barostat: leave it out")
+            "tilts xy, xz, yz beside another kind than tri",
+        ),
+        (
+            {"xy", "yz"} <= given and "xz" not in given,
+            "where tilts xy and yz change, xz follows them: give xz, too",
+        ),
+        (
+            "iso" in given and "couple" in values,
+            "keyword couple is for aniso and x, y, z: iso couples all axes",
+        ),
+        (
+            not (couple == "none" or given & {"aniso", "tri"} or given >= set(couple)),
+            f"keyword couple {couple}: give each of these axes",
+        ),
+        (
+            "compressibility" in values and values.get("barostat") == "mtk",
+            "keyword compressibility is of no use to this barostat: leave it out",
+        ),
+    )
 
 
-def _check_thermostat(line, values, known):
+def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) -> None:
     """Raise an error if the words of a thermostat do not go together."""
-    if "thermostat" not in known:
-        return
-    if "temp" not in values:
-        raise line.wrong(f"keyword temp is missing: give it {OWN_KEYWORDS['temp']}")
     thermostat = values.get("thermostat", THERMOSTATS[0])
     chains = thermostat == "nh"
-    rescales = "iso" in known and values.get("barostat", BAROSTATS[0]) == "crescale"
+    rescales = has_barostat and values.get("barostat", BAROSTATS[0]) == "crescale"
     draws = "barostat" if rescales else "" if chains else "thermostat"
-    if draws and "seed" not in values:
-        raise line.wrong(
+    no_use = "keyword {} is of no use to this thermostat: leave it out"
+    _refuse(
+        line,
+        ("temp" not in values, _missing("temp", OWN_KEYWORDS["temp"].expected)),
+        (
+            draws and "seed" not in values,
             f"keyword seed is missing: this {draws} draws random numbers, so give it "
-            + OWN_KEYWORDS["seed"]
-        )
-    for keyword, serves in ("seed", draws), ("tchain", chains):
-        if keyword in values and not serves:
-            raise line.wrong(f"keyword {keyword} is of no use to this thermostat: leave it out")
-    if values.get("separate") and thermostat == "langevin":
-        raise line.wrong(
+            + OWN_KEYWORDS["seed"].expected,
+        ),
+        ("seed" in values and not draws, no_use.format("seed")),
+        ("tchain" in values and not chains, no_use.format("tchain")),
+        (
+            values.get("separate") and thermostat == "langevin",
             "keyword separate is for thermostats csvr and nh: "
-            "langevin acts on each motion by itself"
-        )
+            "langevin acts on each motion by itself",
+        ),
+    )
 
 
-def _check_trajectories(line, values, known):
+def _check_trajectories(line: Line, values: dict[str, Any], known: dict[str, Keyword]) -> None:
     """Raise an error if words that trajectories need are missing."""
-    if "steps" in known:
-        for keyword in "temp", "steps", "seed":
-            if keyword not in values:
-                raise line.wrong(f"keyword {keyword} is missing: give it {known[keyword]}")
+    needed = "temp", "steps", "seed"
+    _refuse(line, *((name not in values, _missing(name, known[name].expected)) for name in needed))
 
 
-def _check_quench(line, values, known):
+def _check_quench(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if a tolerance is missing; have moments that serve a quench."""
-    if "dmax" in known:
-        for keyword in "force", "torque":
-            if keyword not in values.get("quench", ()):
-                raise line.wrong(
-                    f"keyword {keyword} is missing: give it the largest {keyword} on a body that "
-                    f"may be left at the end, {_NUMBER}"
-                )
-        values["moments"] = "alike", None
-
-
-class _Words:
-    """The words of a fix line, taken one after the other."""
-
-    def __init__(self, line):
-        self.line, self.left = line, list(line.words)
-
-    def wrong(self, what):
-        """An error about the last word that was taken."""
-        return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
-
-    def take(self, expected):
-        """The next word."""
-        if not self.left:
-            raise self.line.wrong(f"the fix line ends where {expected} is expected")
-        return self.left.pop(0)
-
-    def whole(self, expected, most=2**63, why=""):
-        """The next word as a whole number of at least 1."""
-        word = self.take(expected)
-        if not word.isdigit() or not 1 <= int(word) < most:
-            high = f", and at most {most - 1}" if word.isdigit() and int(word) >= most else ""
-            raise self.wrong(
-                f"'{word}' was given where {expected} is expected{high}{why * bool(high)}"
-            )
-        return int(word)
-
-    def choice(self, allowed, expected):
-        """Which of two words comes next, as a bool."""
-        word = self.take(expected)
-        if word not in allowed:
-            raise self.wrong(
-                f"'{word}' was given where {' or '.join(allowed)} is expected, of {expected}"
-            )
-        return word == allowed[1]
-
-    def numbers(self, count, expected):
-        """The next words, which are numbers or name variables."""
-        return tuple(self.number(expected) for _ in range(count))
-
-    def number(self, expected):
-        """The next word, which is a number or names a variable."""
-        word = self.take(expected)
-        try:
-            finite = word[:2] == "v_" or isfinite(float(word))
-        except ValueError:
-            finite = False
-        if not finite:
-            raise self.wrong(f"'{word}' was given where {expected} is expected")
-        return word
-
-    def one_of(self, allowed, expected):
-        """The next word, one of several."""
-        word = self.take(expected)
-        if word not in allowed:
-            raise self.wrong(f"'{word}' was given where {expected} is expected")
-        return word
-
-    def bodies(self, expected):
-        """The next word as a range of numbers, (first, last), 0 for an open end."""
-        word = self.take(expected)
-        match = re.fullmatch(r"([1-9]\d*)|([1-9]\d*)?\*([1-9]\d*)?", word)
-        if not match:
-            raise self.wrong(f"'{word}' was given where {expected} is expected")
-        one, low, high = (int(part or 0) for part in match.groups())
-        return (one, one) if one else (low, high)
-
-
-_READ = {  # what the words behind a keyword give
-    **{
-        keyword: lambda words, expected, most=most, why=why: words.whole(
-            expected, most + 1, f": {why}"
-        )
-        for keyword, (most, why) in _MOST.items()
-    },
-    "order": lambda words, expected: (321, 123)[words.choice(("321", "123"), expected)],
-    "rotor": lambda words, expected: words.one_of(ROTORS, expected),
-    "reinit": lambda words, expected: words.choice(("no", "yes"), expected),
-    "infile": _Words.take,
-    "output": lambda words, expected: (words.whole(expected, 2**31), words.take(expected)),
-    **dict.fromkeys(("points", "mol", "gravity", "dilate"), _Words.take),
-    "temp": lambda words, expected: words.numbers(3, expected),
-    "temp T": lambda words, expected: words.numbers(1, expected),
-    "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
-    **dict.fromkeys(
-        ("seed", "every", "steps", "shadow"),
-        lambda words, expected: words.whole(expected, 2**31),
-    ),
-    "separate": lambda words, expected: words.choice(("no", "yes"), expected),
-    "moments": lambda words, expected: (
-        how := words.one_of(("equal", "scale", "step"), expected),
-        None if how == "step" else words.number(expected),
-    ),
-    "langevin": lambda words, expected: (
-        *words.numbers(3, expected),
-        words.whole(expected, 2**31),
-    ),
-    "tparam": lambda words, expected: tuple(
-        words.whole(expected, most + 1) for most in (_MOST["tchain"][0], 2**31, 2**31)
-    ),
-    "pchain": lambda words, expected: words.whole(expected),
-    "couple": lambda words, expected: words.one_of(COUPLES, expected),
-    "barostat": lambda words, expected: words.one_of(BAROSTATS, expected),
-    **dict.fromkeys(("compressibility", "mix", *QUENCH), _Words.number),
-    "delaystep": lambda words, expected: str(words.whole(expected)),
-    "halfstepback": lambda words, expected: str(int(words.choice(("no", "yes"), expected))),
-}
+    largest = "the largest {0} on a body that may be left at the end, {1}"
+    _refuse(
+        line,
+        *(
+            (name not in values.get("quench", ()), _missing(name, largest.format(name, _NUMBER)))
+            for name in ("force", "torque")
+        ),
+    )
+    values["moments"] = Moments("alike")

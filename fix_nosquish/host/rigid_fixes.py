@@ -5,24 +5,26 @@ The styles are rigid, rigid/nve, rigid/nvt, rigid/npt and rigid/nph, with /small
 behind.  The words of our own integrators may stand behind those of the fix, too.
 """
 
+from collections.abc import Collection
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:  # which imports this file
+    from .command import Command
+
 # they keep no temperature but by keyword langevin, and f_ID is a temperature
 BODIES = "rigid", "rigid/nve"
-KEYWORDS = {
-    "langevin": "TSTART, TSTOP, TDAMP and a seed: three numbers and a whole number of at least 1",
-    "tparam": "the length of the chains, iterations and order, three whole numbers of at least 1",
-    "pchain": "the length of the barostat's chain, a whole number of at least 1",
-}
-# which of these each has, as there
+# which of `command.OF_RIGID_FIXES` each has, as there
 _HAVE = {
-    **dict.fromkeys((*BODIES, "rigid/nph"), ("langevin",)),
+    "rigid": ("langevin",),
+    "rigid/nve": ("langevin",),
     "rigid/nvt": ("tparam",),
     "rigid/npt": ("tparam", "pchain"),
+    "rigid/nph": ("langevin", "pchain"),
 }
-_HAVE["rigid/nph"] += ("pchain",)
 CHAIN, ITERATIONS, ORDER = 10, 1, 3  # of keyword tparam, in LAMMPS
 
 
-def plain(style):
+def plain(style: str) -> str | None:
     """The style without /small, /omp and /nosquish; None if it is none of LAMMPS's rigid fixes."""
     name = style
     for part in "/nosquish", "/omp", "/small":
@@ -30,20 +32,24 @@ def plain(style):
     return name if name in _HAVE else None
 
 
-def integrator(style, words):
-    """The name of the class that takes the place of a fix: NVE, NVT, NPT or NPH."""
-    name, warmed = plain(style), "langevin" in words
+def integrator(name: str, words: Collection[str]) -> str:
+    """The name of the class that takes the place of a fix: NVE, NVT, NPT or NPH.
+
+    Args:
+        name: of the fix, as `plain` gives it.
+    """
+    warmed = "langevin" in words
     if name in BODIES:
         return "NVT" if warmed else "NVE"
     return "NPT" if name == "rigid/nph" and warmed else name[-3:].upper()
 
 
-def keywords(name):
-    """Those of `KEYWORDS` that the fix of this `plain` name has, with what is expected behind."""
-    return {keyword: KEYWORDS[keyword] for keyword in _HAVE[name]}
+def keywords(name: str) -> tuple[str, ...]:
+    """Those of `command.OF_RIGID_FIXES` that the fix of this `plain` name has."""
+    return _HAVE[name]
 
 
-def give_meaning(values, known):
+def give_meaning(values: dict[str, Any], known: Collection[str]) -> None:
     """Put the meaning that keywords have in LAMMPS's fix, and those that are left out, in the place
     of what was read.
 
@@ -66,13 +72,17 @@ def give_meaning(values, known):
         values.setdefault("every", 1)  # as there: jumps take it elsewhere from a far start
 
 
-def story(fix_id, command):
-    """Lines for the log: what takes whose place, what stays, and what differs.
+def story(fix_id: str, command: "Command") -> str | None:
+    """Lines for the log: what takes the place of which rigid fix, what stays, and what differs.
 
     Args:
-        command: the `Command`, which has `give_meaning`.
+        command: with the values that `give_meaning` has made.
+    Returns:
+        None if the line is not that of a rigid fix.
     """
     name, words = command.line.replaces, command.line.words
+    if not name:
+        return None
     kind = integrator(name, words)
     how = []
     if command.temp:
@@ -113,7 +123,7 @@ def story(fix_id, command):
     )
 
 
-def _other_order(words):
+def _other_order(words: tuple[str, ...]) -> bool:
     """Whether keyword tparam gives iterations or an order that ours does not have."""
     place = words.index("tparam") if "tparam" in words else len(words)
     return words[place + 2 : place + 4] not in ((), (str(ITERATIONS), str(ORDER)))

@@ -247,8 +247,7 @@ class Integrator(Declaration):
     @property
     def story(self):
         """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
-        replaces = self.command.line.replaces
-        return rigid_fixes.story(self.host.fix_id, self.command) if replaces else None
+        return rigid_fixes.story(self.host.fix_id, self.command)
 
     @property
     def phase(self):

@@ -19,6 +19,7 @@ TOLERANCE = "1e-4"
 REST = "own_rest"  # group of the atoms that the script's fixes move, and that are in no body
 ALL = "own_all"  # these and the bodies
 YOURS = "yours"
+NO_LINE = Line("", "", ())
 
 
 def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]:
@@ -72,7 +73,7 @@ def _meant(line):
         return [style_of(line), group, *map(_value, words)]
     known = fix_nosquish.of_style(ours.name.lower())
     said = Line(ours.name, line, (ours.group, *ours.bodies, *ours.keywords))
-    return known, replace(Command.parse(said, known.keywords), line=None, seed=None)
+    return known, replace(Command.parse(said, known.keywords), line=NO_LINE, seed=None)
 
 
 def _value(word):
