@@ -231,7 +231,7 @@ class Push:
         self.lammps = Lammps(ptr)
     def final_integrate(self): pass
     def initial_integrate(self, vflag):
-        self.lammps.per_atom("x", columns=3)[self.lammps.tags == 9] += 0.01
+        self.lammps.x[self.lammps.tags == 9] += 0.01
 """
 
 

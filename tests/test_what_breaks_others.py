@@ -424,7 +424,7 @@ class Lost(NVE):
     def final_integrate(self):
         super().final_integrate()
         if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
-            self.lammps.per_atom("x", columns=3)[0] = np.nan
+            self.lammps.x[0] = np.nan
             flip, fix = map(int, self.host.flip_box)
             CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(fix, np.zeros(12).ctypes.data)
 """

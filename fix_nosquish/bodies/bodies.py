@@ -348,7 +348,7 @@ class Bodies:
                 known otherwise.
         """
         mass, wrench = lammps.masses, self.wrench.copy()
-        momenta = mass[:, None] * lammps.per_atom("v", columns=3)
+        momenta = mass[:, None] * lammps.v
         gather.bind_to(self.cells, atom_f=momenta, every=True)()
         momentum = self.wrench.copy()
         if spins is not None:
@@ -410,7 +410,7 @@ class Bodies:
 
     def kinetic_of_atoms(self, lammps):
         """Kinetic energy of the velocity of each atom, mass times velocity squared, (m,)."""
-        v = lammps.per_atom("v", columns=3)[self.index]
+        v = lammps.v[self.index]
         return 0.5 * lammps.masses[self.index] * (v**2).sum(axis=1)
 
     def kinetic(self):

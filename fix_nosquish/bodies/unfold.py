@@ -25,7 +25,7 @@ def unfold(lammps, members):
         were put together by the nearest images, (n,) bool; a warning, None for none.
     """
     box, body = lammps.box, members.body
-    x = lammps.per_atom("x", columns=3)[members.atoms]
+    x = lammps.x[members.atoms]
     image = lammps.images[members.atoms]
     first, place, flags = _first_atoms(members, x, image)
     # differences of the images are whole numbers: far from the origin nothing is lost

@@ -6,8 +6,10 @@ another one, is not needed.
 """
 
 import ctypes
+from collections.abc import Callable
 from ctypes import c_char_p, c_double, c_int, c_int64, c_void_p
 from functools import cached_property
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,13 +18,63 @@ from ..loops.compiled import F1, F2, I1, L1, L2, Cell, array, cells
 from ..motion.periodic import invert
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
+_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
+_STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
+
+
+class _Kind(NamedTuple):
+    """Atoms that this fix does not move as they should.
+
+    Attributes:
+        array: the per-atom array that an atom style with such atoms has, of this dtype, (natoms,)
+            or (natoms, columns).
+        what: what they are, and what of them this fix does not move.
+        which: which atoms of this array are such ones; None for all.
+    """
+
+    array: str
+    what: str
+    which: Callable[[np.ndarray], np.ndarray] | None = None
+    dtype: type = float
+    columns: int = 0
+
+
 _MISSING = "this fix does not advance"
-_TURNS = (
+_NO_ORIENTATION = (
     "whose orientation this LAMMPS does not give, or not as the versions that are known: install "
     "this package where its plugin serves, and use the atom style without a suffix"
 )
-_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
-_STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
+_WITH_SHAPE = tuple(
+    _Kind(name, f"{what}, {_NO_ORIENTATION}", lambda index: index >= 0, np.int32)
+    for name, what in (("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"))
+)
+_UNKNOWN = (
+    _Kind("body", f"a body particle, whose shape {_MISSING}", lambda body: body >= 0, np.int32),
+    _Kind(
+        "sp",
+        f"a magnetic spin, whose precession {_MISSING}",
+        lambda spin: spin[:, 3] > 0,
+        columns=4,
+    ),
+    _Kind("quat", f"a particle of atom style bpm/sphere, whose orientation {_MISSING}", columns=4),
+    _Kind(
+        "spin", f"an electron, whose radius {_MISSING}", lambda spin: np.abs(spin) == 1, np.int32
+    ),
+    _Kind(
+        "rheo_status",
+        f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)",
+        lambda phase: phase & 1 == 0,
+        np.int32,
+    ),
+)
+# atom styles with velocities for the forces, which only their own integrators extrapolate: an array
+# that each has besides `vest`, but for tdpd; style mdpd has rho, but its forces are of v
+_EXTRAPOLATED = {
+    "esph": f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso",
+    "edpd_temp": f"a DPD particle of atom style edpd, whose temperature {_MISSING}",
+    "rho": "",
+}
+_TDPD = f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"
 
 # LAMMPS's arrays as loops take them, and two that the plugin makes for `free_atoms`, in its order
 ARRAYS = {
@@ -46,18 +98,18 @@ ARRAYS = {
 }
 
 
-def pointer(ptr):
+def pointer(ptr: Any) -> int:
     """The address in what LAMMPS hands a class: a capsule, an integer or c_void_p."""
     if isinstance(ptr, int):
         return ptr
     if isinstance(ptr, c_void_p):
-        return ptr.value
+        return ptr.value or 0
     capsule = ctypes.pythonapi.PyCapsule_GetPointer
     capsule.restype, capsule.argtypes = c_void_p, [ctypes.py_object, c_char_p]
     return capsule(ptr, None)
 
 
-def _library():
+def _library() -> ctypes.CDLL:
     lib = ctypes.CDLL(None)
     for name, result, arguments in (
         ("command", c_void_p, [c_void_p, c_char_p]),
@@ -80,6 +132,14 @@ def _library():
     return lib
 
 
+class _View(NamedTuple):
+    """A view of a per-atom array, and what it is a view of."""
+
+    address: int
+    shape: tuple[int, ...]
+    array: np.ndarray
+
+
 class Box:
     """The periodic box as LAMMPS has it; `periodic.PeriodicBox` is that of loops.
 
@@ -91,33 +151,45 @@ class Box:
         farthest: the largest coordinate of a corner.
     """
 
-    def __init__(self, lo, hi, tilt, periodic):
+    def __init__(
+        self, lo: np.ndarray, hi: np.ndarray, tilt: list[float], periodic: np.ndarray
+    ) -> None:
         xy, yz, xz = tilt
         edge = hi - lo
         self.h = np.array([[edge[0], xy, xz], [0.0, edge[1], yz], [0.0, 0.0, edge[2]]])
         self.inverse = np.zeros((3, 3))
         invert(self.h, self.inverse)
-        self.lo, self.periodic, self.wrap, self.size = (
-            lo,
-            periodic,
-            periodic.astype(float),
-            np.abs(self.h).max(),
-        )
+        self.lo, self.periodic, self.wrap = lo, periodic, periodic.astype(float)
+        self.size = np.abs(self.h).max()
         self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
-    def lattice(self, vectors):
+    def lattice(self, vectors: np.ndarray) -> np.ndarray:
         """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""
         return np.rint(vectors @ self.inverse.T) * self.periodic
 
-    def cells(self, positions):
+    def cells(self, positions: np.ndarray) -> np.ndarray:
         """How many box vectors each position is away from the box itself, (n, 3)."""
         return np.floor((positions - self.lo) @ self.inverse.T) * self.periodic
 
 
 class Lammps:
-    """One LAMMPS instance on this rank."""
+    """One LAMMPS instance on this rank.
 
-    def __init__(self, ptr):
+    Args:
+        ptr: what LAMMPS hands a class: see `pointer`.
+    Raises:
+        RunError: on all ranks, for a LAMMPS without a box, or one that does not serve.
+    Attributes:
+        handle: its address.
+        step_cell: the cell of the number of the step, for loops.
+        ftm2v, mvv2e, boltz, nktv2p: conversions of LAMMPS's units, and Boltzmann's constant.
+        units: the unit style.
+        tagint: the type of atom IDs.
+        table, cells: what loops that stay bound take of LAMMPS's atoms, `ARRAYS`; a `Host` points
+            the cells at the arrays.
+    """
+
+    def __init__(self, ptr: Any) -> None:
         self.handle = pointer(ptr)
         self.lib = _library()
         if not self.setting("box_exist"):
@@ -136,27 +208,24 @@ class Lammps:
         self._dt = self._scalar("dt", c_double)
         self._step = self._scalar("ntimestep", c_int64)
         self._all_atoms = self._scalar("natoms", c_int64)
-        # the number of the step for loops, which read it there
         self.step_cell = Cell(L1, array(self._global("ntimestep"), (1,), np.int64))
-        self.ftm2v = self._scalar("ftm2v", c_double).value
-        self.mvv2e = self._scalar("mvv2e", c_double).value
-        self.boltz = self._scalar("boltz", c_double).value
-        self.nktv2p = self._scalar("nktv2p", c_double).value
+        self.ftm2v, self.mvv2e, self.boltz, self.nktv2p = (
+            self._scalar(name, c_double).value for name in ("ftm2v", "mvv2e", "boltz", "nktv2p")
+        )
         self.units = ctypes.string_at(self._global("units")).decode()
-        tag = self.setting("tagint")
-        self.tagint = {4: np.int32, 8: np.int64}[tag]
-        self.imageint = {4: np.int32, 8: np.int64}[self.setting("imageint")]
-        self._image_bits = _IMAGE_BITS[self.setting("imageint")]
+        integers, size = {4: np.int32, 8: np.int64}, self.setting("imageint")
+        self.tagint = integers[self.setting("tagint")]
+        self._imageint, self._image_bits = integers[size], _IMAGE_BITS[size]
         self.dimension = self.setting("dimension")
         self.ranks = self.setting("world_size")
         self.rank = self.setting("world_rank")
-        self._box_then = None
-        self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
-        # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays
+        self._box_then = b""
+        self._box: Box
+        self._views: dict[str, _View] = {}  # of per-atom arrays, by name
         self.table, self.cells = cells(ARRAYS)
         self.cells["arrays"] = Cell(L2, self.table)
 
-    def _global(self, name):
+    def _global(self, name: str) -> int:
         address = self.lib.lammps_extract_global(self.handle, name.encode())
         if not address:
             raise RunError(
@@ -164,15 +233,15 @@ class Lammps:
             )
         return address
 
-    def _scalar(self, name, ctype):
+    def _scalar(self, name: str, ctype: Any) -> Any:
         return ctype.from_address(self._global(name))
 
-    def setting(self, name):
+    def setting(self, name: str) -> int:
         """An integer of LAMMPS's lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
 
     @cached_property
-    def openmp(self):
+    def openmp(self) -> list[int | None] | None:
         """The addresses of functions of the OpenMP that LAMMPS runs with: one that has each thread
         of a team call a function, the number of a thread, the size of its team; None without it.
 
@@ -185,73 +254,74 @@ class Lammps:
             return None
 
     @property
-    def threads(self):
+    def threads(self) -> int:
         """How many threads LAMMPS uses on this rank: see its command package omp."""
         return max(1, self.setting("nthreads")) if self.openmp else 1
 
     @property
-    def dt(self):
+    def dt(self) -> float:
         """The time step."""
         return self._dt.value
 
     @property
-    def step(self):
+    def step(self) -> int:
         """The number of the step."""
         return self._step.value
 
     @property
-    def natoms(self):
+    def natoms(self) -> int:
         """How many atoms there are on all ranks, as LAMMPS counts them."""
         return self._all_atoms.value
 
     @property
-    def time(self):
+    def time(self) -> float:
         """The simulated time."""
         return self.lib.lammps_get_thermo(self.handle, b"time")
 
     @property
-    def respa_dt(self):
+    def respa_dt(self) -> np.ndarray | None:
         """The time steps of run_style respa's levels, innermost first; None without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).copy() if count else None
 
     @property
-    def innermost_dt(self):
+    def innermost_dt(self) -> float:
         """The time step with which bodies move."""
         levels = self.respa_dt
         return self.dt if levels is None else levels[0]
 
     @property
-    def running(self):
+    def running(self) -> bool:
         """Whether a run or minimisation is under way (or being set up)."""
         return bool(self.lib.lammps_is_running(self.handle))
 
     @property
-    def neighbor_builds(self):
+    def neighbor_builds(self) -> float:
         """How many times the neighbour lists were built in this run."""
         return self.lib.lammps_get_thermo(self.handle, b"nbuild")
 
     @cached_property
-    def bounds(self):
-        """Views of the box's numbers (lo, hi, tilt, periodic) as they change."""
-        lo, hi = (array(self._global(name), (3,), float) for name in ("boxlo", "boxhi"))
-        tilt = [self._scalar(name, c_double) for name in ("xy", "yz", "xz")]
-        return lo, hi, tilt, array(self._global("periodicity"), (3,), np.int32)
+    def _bounds(self) -> tuple[np.ndarray, ...]:
+        """Views of the box's numbers as they change: lo (3,), hi (3,), xy (1,), yz (1,), xz (1,)
+        and periodicity (3,)."""
+        sizes = {"boxlo": 3, "boxhi": 3, "xy": 1, "yz": 1, "xz": 1}
+        bounds = [array(self._global(name), (size,), float) for name, size in sizes.items()]
+        return *bounds, array(self._global("periodicity"), (3,), np.int32)
 
     @property
-    def box(self):
+    def box(self) -> Box:
         """The box as it is now; the same `Box` as before if nothing has changed."""
-        lo, hi, tilt, periodic = self.bounds
-        now = lo.tobytes(), hi.tobytes(), periodic.tobytes(), *[t.value for t in tilt]
+        now = b"".join(bound.tobytes() for bound in self._bounds)
         if now != self._box_then:
-            self._box_then, self._box = (
-                now,
-                Box(lo.copy(), hi.copy(), [t.value for t in tilt], periodic.astype(bool)),
+            lo, hi, *tilt, periodic = self._bounds
+            self._box_then = now
+            self._box = Box(
+                lo.copy(), hi.copy(), [one.item() for one in tilt], periodic.astype(bool)
             )
         return self._box
 
-    def per_atom(self, name, dtype=float, columns=0):
+    def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
         """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same
         as long as it holds; None if absent."""
         n = self._natoms.value
@@ -261,62 +331,84 @@ class Lammps:
         address = self.lib.lammps_extract_atom(self.handle, name.encode())
         if not address:
             return None
-        where = c_void_p.from_address(address).value if columns else address, shape
+        if columns:  # LAMMPS has pointers to the rows, which lie behind one another
+            address = c_void_p.from_address(address).value
         known = self._views.get(name)
-        if not known or known[0] != where:
-            known = self._views[name] = where, array(*where, dtype)
-        return known[1]
+        if not known or (known.address, known.shape) != (address, shape):
+            known = self._views[name] = _View(address, shape, array(address, shape, dtype))
+        return known.array
+
+    def _each_has(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray:
+        """As `per_atom`, of an array that all atom styles have."""
+        values = self.per_atom(name, dtype, columns)
+        assert values is not None, name
+        return values
 
     @property
-    def tags(self):
+    def x(self) -> np.ndarray:
+        """The atoms' positions, (natoms, 3)."""
+        return self._each_has("x", columns=3)
+
+    @property
+    def v(self) -> np.ndarray:
+        """The atoms' velocities, (natoms, 3)."""
+        return self._each_has("v", columns=3)
+
+    @property
+    def types(self) -> np.ndarray:
+        """The atoms' types, from 1 on, (natoms,)."""
+        return self._each_has("type", np.int32)
+
+    @property
+    def tags(self) -> np.ndarray:
         """Atom IDs, (natoms,)."""
-        return self.per_atom("id", self.tagint)
+        return self._each_has("id", self.tagint)
 
     @property
-    def masses(self):
+    def masses(self) -> np.ndarray:
         """Mass of each atom, (natoms,)."""
         mass = self.per_atom("rmass")
-        return self.type_masses[self.per_atom("type", np.int32)] if mass is None else mass
+        return self.type_masses[self.types] if mass is None else mass
 
     @property
-    def type_masses(self):
+    def type_masses(self) -> np.ndarray:
         """Mass of each type of atoms, from 1 on, where atoms have none of their own."""
         address = self.lib.lammps_extract_atom(self.handle, b"mass")
         return array(address, (self.setting("ntypes") + 1,), float)
 
     @property
-    def groups(self):
+    def groups(self) -> np.ndarray:
         """The bits of the groups that each atom is in, (natoms,)."""
-        return self.per_atom("mask", np.uint32)
+        return self._each_has("mask", np.uint32)
 
     @property
-    def images(self):
+    def images(self) -> np.ndarray:
         """Image flags (natoms, 3): how many box vectors an atom is from its place in the box."""
-        packed = self.per_atom("image", self.imageint).astype(np.int64)
+        packed = self._each_has("image", self._imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
             [(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1
         )
 
-    def image_difference(self, difference):
+    def image_difference(self, difference: np.ndarray) -> np.ndarray:
         """What a difference of image flags means: their counters start again at the other end."""
         half = 1 << (self._image_bits - 1)
         return (difference + half) % (2 * half) - half
 
     @property
-    def radius(self):
+    def radius(self) -> np.ndarray | None:
         """The spheres' radii, (natoms,), 0 for a point; None where the atom style has none."""
         # asked of the settings, because a rank without atoms must give the same answer
         flags = "radius_flag", "omega_flag", "torque_flag"
         return self.per_atom("radius") if all(self.setting(flag) > 0 for flag in flags) else None
 
     @property
-    def orients(self):
+    def orients(self) -> bool:
         """Whether atoms of this atom style can have an orientation."""
         names = b"ellipsoid", b"line", b"tri", b"mu"
         return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
 
-    def unknown(self, shapes):
+    def unknown(self, shapes: np.ndarray | None) -> np.ndarray | None:
         """What atoms are that this fix does not move.
 
         Args:
@@ -325,45 +417,25 @@ class Lammps:
             (natoms,) what an atom is, and what of it this fix does not move, '' for none; None if
             there is none in this atom style.
         """
-        kinds = {}
-        for name, what in ("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"):
-            index = self.per_atom(name, np.int32)
-            if index is not None and shapes is None:
-                kinds[f"{what}, {_TURNS}"] = index >= 0
-        body = self.per_atom("body", np.int32)
-        if body is not None:
-            kinds[f"a body particle, whose shape {_MISSING}"] = body >= 0
-        spins = self.per_atom("sp", columns=4)
-        if spins is not None:
-            kinds[f"a magnetic spin, whose precession {_MISSING}"] = spins[:, 3] > 0
-        spin, phase = (self.per_atom(name, np.int32) for name in ("spin", "rheo_status"))
-        if self.per_atom("quat", columns=4) is not None:
-            kinds[f"a particle of atom style bpm/sphere, whose orientation {_MISSING}"] = True
-        if spin is not None:
-            kinds[f"an electron, whose radius {_MISSING}"] = np.abs(spin) == 1
-        if phase is not None:
-            kinds[
-                f"a fluid particle of RHEO, whose density {_MISSING}; give it rheo/status 1 (solid)"
-            ] = phase & 1 == 0
-        if (
-            self.per_atom("vest", columns=3) is not None
-        ):  # velocities for the forces, which only these styles' own integrators extrapolate
-            if self.per_atom("esph") is not None:
-                kinds[
-                    f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso"
-                ] = True
-            elif self.per_atom("edpd_temp") is not None:
-                kinds[f"a DPD particle of atom style edpd, whose temperature {_MISSING}"] = True
-            elif self.per_atom("rho") is None:  # style mdpd has it, whose forces are of v
-                kinds[f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"] = True
-        every = [np.broadcast_to(which, self._natoms.value) for which in kinds.values()]
-        return np.select(every, list(kinds), "") if kinds else None
+        found = {}
+        for kind in (*(_WITH_SHAPE if shapes is None else ()), *_UNKNOWN):
+            values = self.per_atom(kind.array, kind.dtype, kind.columns)
+            if values is not None:
+                found[kind.what] = kind.which(values) if kind.which else True
+        if self.per_atom("vest", columns=3) is not None:
+            styles = (
+                what for name, what in _EXTRAPOLATED.items() if self.per_atom(name) is not None
+            )
+            if what := next(styles, _TDPD):
+                found[what] = True
+        which = [np.broadcast_to(one, self._natoms.value) for one in found.values()]
+        return np.select(which, list(found), "") if found else None
 
-    def has(self, category, name):
+    def has(self, category: str, name: str) -> bool:
         """Whether a group, variable, fix … of this ID is defined."""
         return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
 
-    def group_bit(self, name):
+    def group_bit(self, name: str) -> int:
         """The bit of a group in the atoms' mask."""
         buffer = ctypes.create_string_buffer(256)
         for bit in range(32):
@@ -372,14 +444,14 @@ class Lammps:
                 return 1 << bit
         raise RunError(f"there is no group {name}", everywhere=True)
 
-    def variable(self, name, group):
+    def variable(self, name: str, group: str) -> np.ndarray:
         """Values of an atom-style variable, (natoms,); collective."""
         address = self._evaluate(name, group, _ATOM_STYLE)
         values = array(address, (self._natoms.value,), float).copy()
         self.lib.lammps_free(address)
         return values
 
-    def text(self, word):
+    def text(self, word: str) -> str:
         """A word of the fix line, or the value of the variable that v_NAME names; collective.
 
         Raises:
@@ -399,7 +471,7 @@ class Lammps:
                 everywhere=True,
             ) from None
 
-    def number(self, word):
+    def number(self, word: str) -> float:
         """A word of the fix line as a number: what stands there, or the value now of the variable
         that v_NAME names; collective.
 
@@ -413,14 +485,14 @@ class Lammps:
         self.lib.lammps_free(place)
         return value
 
-    def scalar_of_fix(self, fix_id):
+    def scalar_of_fix(self, fix_id: str) -> float:
         """The value f_ID of a fix as it is now; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value
 
-    def _named(self, word):
+    def _named(self, word: str) -> str:
         """The name in v_NAME, of a variable that there is."""
         name = word[2:]
         if not self.has("variable", name):
@@ -429,7 +501,7 @@ class Lammps:
             )
         return name
 
-    def _evaluate(self, name, group, style):
+    def _evaluate(self, name: str, group: str | None, style: int) -> int:
         """The address of a variable's value; collective."""
         style_of = getattr(
             self.lib, "lammps_extract_variable_datatype", None
@@ -451,23 +523,25 @@ class Lammps:
         return address
 
     @property
-    def communicator(self):
+    def communicator(self) -> int:
         """Fortran handle of LAMMPS's own communicator."""
         return self.lib.lammps_get_mpi_comm(self.handle)
 
-    def print(self, text):
+    def print(self, text: str) -> None:
         """Write lines to screen and log with LAMMPS's print command; collective."""
         for line in text.splitlines():
             self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
 
-    def call_in_post_force(self, fix, function):
+    def call_in_post_force(self, fix: str, function: Callable[[], None]) -> Any:
         """Have a `fix external … pf/callback` call function() once the forces are known."""
         prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
 
-        def call(_, step, natoms, tags, x, forces):
+        def call(_: int, step: int, natoms: int, tags: int, x: int, forces: int) -> None:
             if natoms:  # the fix adds its own array of forces, which holds what memory held
                 ctypes.memset(
-                    c_void_p.from_address(forces).value, 0, natoms * 3 * ctypes.sizeof(c_double)
+                    c_void_p.from_address(forces).value or 0,
+                    0,
+                    natoms * 3 * ctypes.sizeof(c_double),
                 )
             function()
 
@@ -477,7 +551,7 @@ class Lammps:
         )
         return callback
 
-    def set_external_virial(self, fix, virial):
+    def set_external_virial(self, fix: str, virial: np.ndarray) -> None:
         """Give a fix external the virial of all ranks (xx yy zz xy xz yz)."""
         virial = np.ascontiguousarray(virial)
         self.lib.lammps_fix_external_set_virial_global(

@@ -101,7 +101,7 @@ class OwnFix:
         mass = lammps.per_atom("rmass")
         cells["atom_mass"].set(empty if mass is None else mass)
         cells["type_mass"].set(empty if mass is not None else lammps.type_masses)
-        cells["type"].set(lammps.per_atom("type", np.int32))
+        cells["type"].set(lammps.types)
         cells["atom_virial"].set(np.empty((0, 9)))
         cells["groups"].set(lammps.groups.view(np.int32))
         origins, moved = self._find_origins()

@@ -391,7 +391,7 @@ class Integrator(Declaration):
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
         if kept and kept.text and not bodies.loose:
-            self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
+            self.lammps.x[kept.atoms] += kept.shift
             self.host.log(kept.text)
         if kept and kept.turned:
             self.host.log(
@@ -866,7 +866,7 @@ class Integrator(Declaration):
 
     def _velocities_changed(self):
         """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
-        index, v = self.bodies.index, self.lammps.per_atom("v", columns=3)
+        index, v = self.bodies.index, self.lammps.v
         expected = np.empty_like(v)
         step.set_velocities.bind_to(self.bodies.cells, atom_v=expected)()
         if self.streams and not self.is_over:
@@ -1039,7 +1039,7 @@ class Integrator(Declaration):
             bodies.bind(self.lammps, self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
-        atom_v = self.lammps.per_atom("v", columns=3)  # before a first run no cell points there
+        atom_v = self.lammps.v  # before a first run no cell points there
         step.set_velocities.bind_to(bodies.cells, atom_v=atom_v)()
         self.reports.forget()
 

@@ -174,7 +174,7 @@ def refuse_other_integrators(integrator):
     for fix in integrator.other_fixes:
         acts = fix.has(groups)
         if fix.style.startswith(_SHIFTING):
-            acts = integrator.host.moved_by(fix.id, integrator.lammps.per_atom("x", columns=3))
+            acts = integrator.host.moved_by(fix.id, integrator.lammps.x)
         both = atoms[acts[atoms]]
         problem = _problem_beside(fix, both, integrator) or problem
     for mate in integrator.mates:

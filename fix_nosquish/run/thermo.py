@@ -54,7 +54,7 @@ def removed_freedom_to_scale(bodies, communicator, bit, lammps):
         bodies: the `Bodies` of these velocities, whose atoms are points.  bit: of the group.
         Else as for `removed_freedom`.
     """
-    v, mass = lammps.per_atom("v", columns=3), lammps.masses
+    v, mass = lammps.v, lammps.masses
     of_group = np.flatnonzero(lammps.groups & bit)
     squares = mass * (v**2).sum(axis=1)
     inside = lammps.groups[bodies.index] & bit != 0
