@@ -90,11 +90,11 @@ class Moments(NamedTuple):
     Attributes:
         how: "equal": bodies get this principal moment; "scale": those of their atoms, times this;
             "alike": those of atoms that weigh alike; "step": those that the time step needs.
-        word: a word for a number, None for alike and step.
+        word: a word for a number, "" for alike and step.
     """
 
     how: str
-    word: str | None = None
+    word: str = ""
 
 
 class _Words:
@@ -171,7 +171,7 @@ class _Words:
     def moments(self, expected: str) -> Moments:
         """How the bodies' principal moments are chosen."""
         how = self.one_of(expected, ("equal", "scale", "step"))
-        return Moments(how, None if how == "step" else self.number(expected))
+        return Moments(how, "" if how == "step" else self.number(expected))
 
 
 class Keyword(NamedTuple):

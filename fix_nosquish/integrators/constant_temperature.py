@@ -190,7 +190,7 @@ class ConstantTemperature(Integrator):
         bodies, owned = self.bodies, self.bodies.sharers.owned
         mass, v = bodies.mass[owned], bodies.v[:, owned]
         whole, *momentum = self.communicator.total(np.array([mass.sum(), *(mass * v).sum(axis=1)]))
-        kinetic = thermo.energies(bodies, self.communicator, self.lammps)[:2].sum()
+        kinetic = thermo.energies(bodies, self.communicator, self.lammps).kinetic
         return 0.5 * self.lammps.mvv2e * np.square(momentum).sum() / (whole * kinetic or np.inf)
 
     @hook

@@ -220,7 +220,7 @@ class HMC(NVE):
 
     def _total_energy(self):
         """Of the bodies, and LAMMPS's potential energy; collective."""
-        kinetic = thermo.energies(self.bodies, self.communicator, self.lammps)[:2].sum()
+        kinetic = thermo.energies(self.bodies, self.communicator, self.lammps).kinetic
         return kinetic + self.host.energy
 
     def begin_trajectory(self):

@@ -39,7 +39,7 @@ class NPH(Mtk):
 
     def heat(self):
         if not self.piston[INERTIA_KT]:
-            kelvin = energies(self.bodies, self.communicator, self.lammps)[4]
+            kelvin = energies(self.bodies, self.communicator, self.lammps).temperature
             if not self.lammps.running:  # but a file is written, perhaps before they move
                 return self.lammps.boltz * kelvin
             if not kelvin > 0:

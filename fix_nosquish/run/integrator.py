@@ -17,10 +17,12 @@ from enum import IntEnum
 from functools import partial
 from itertools import count as count_from_zero
 from math import gcd
+from typing import Any
 
 import numpy as np
 
 from ..bodies import extended, infile, templates, turnover
+from ..bodies.bodies import Bodies
 from ..bodies.build import build, count
 from ..bodies.extended import particles_of
 from ..bodies.kinds import compare
@@ -29,7 +31,7 @@ from ..box import deform
 from ..errors import RunError
 from ..host import rigid_fixes
 from ..host.command import Command, Line
-from ..host.hosts import driven_by_plugin, hook
+from ..host.hosts import Host, driven_by_plugin, hook
 from ..host.lammps import Lammps, pointer
 from ..host.own_fix import OwnFix
 from ..loops import machine_code
@@ -90,7 +92,10 @@ class Integrator(Declaration):
             a step.
     """
 
-    host = parameters = told_box = gravity = None
+    host: Host = None  # type: ignore[assignment]  # until the plugin has made it
+    bodies: Bodies
+    notes: dict[str, Any]
+    parameters = told_box = gravity = None
     streams = rigid_flag = exact = False
     follows_atoms = True
     virial = virial_per_atom = waiting = None
@@ -989,7 +994,7 @@ class Integrator(Declaration):
         """
         if self.command.line.replaces and (self.command.force or self.command.torque):
             return self.reports.temperature_of(lambda bodies: self._switches.mask(bodies))
-        return self.reports.energies()[4]
+        return self.reports.energies().temperature
 
     @hook
     def compute_vector(self, i):

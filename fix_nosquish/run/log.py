@@ -1,12 +1,19 @@
 """What the log says of the bodies as a run begins: what they are, what is done, what is odd."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from .. import __version__
+from ..bodies.bodies import Bodies
 from ..bodies.build import least_moment
+from ..host.command import Command, Moments
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
 from .thermo import freedom, removed_freedom
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
 
 APART = "relax the bodies by fix nosquish/fire and a run, or move them apart"
 ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
@@ -30,7 +37,7 @@ class _Counts(NamedTuple):
     shared: int
 
 
-def summary(integrator, virial):
+def summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
     """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
 
     Args:
@@ -42,21 +49,18 @@ def summary(integrator, virial):
     owned = freedom(bodies, lammps.dimension)[bodies.sharers.owned]
     own = communicator.total(np.array([owned.sum()]))[0]
     done, left = _passes(integrator, found, virial)
+    points = f"; {found.points} points, the atoms of group {command.points}"
     lines = [
         f"Rigid bodies by {integrator.method}, fix_nosquish {__version__}: {command.text}",
         f"  {found.bodies} rigid bodies with {found.atoms} atoms: {_kinds(bodies, found)}"
-        + (
-            f"; {found.points} points, the atoms of group {command.points}"
-            if command.points
-            else ""
-        ),
+        f"{points if command.points else ''}",
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         f"  start velocities: {_start(notes, own, lammps)}",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     if command.moments:
-        lines.append(f"  principal moments: {_moments(command, lammps)}")
+        lines.append(f"  principal moments: {_moments(command.moments, command, lammps)}")
     if notes["rebuilt"]:
         lines.append(
             f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
@@ -65,7 +69,7 @@ def summary(integrator, virial):
     return lines, removed
 
 
-def _counted(integrator):
+def _counted(integrator: "Integrator") -> _Counts:
     bodies = integrator.bodies
     owned, listed, flat = bodies.sharers.owned, bodies.listed, bodies.flat
     rotors, turning, shared = bodies.rotors, bodies.turning, bodies.sharers.bodies
@@ -84,7 +88,7 @@ def _counted(integrator):
     return _Counts(*integrator.communicator.total(np.array(counts, float)).astype(int))
 
 
-def _kinds(bodies, found):
+def _kinds(bodies: Bodies, found: _Counts) -> str:
     """How many bodies there are of each kind."""
     if bodies.planar:
         kinds = {"in the plane": found.solid + found.flat}
@@ -94,7 +98,7 @@ def _kinds(bodies, found):
     return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
 
 
-def _start(notes, own, lammps):
+def _start(notes: Any, own: float, lammps: Lammps) -> str:
     """What was taken from the atoms' velocities, so that they are rigid motion.
 
     There is no temperature of the atoms before: another fix may have held them, with as many
@@ -111,21 +115,21 @@ def _start(notes, own, lammps):
     )
 
 
-def projected(notes):
+def projected(notes: Any) -> bool:
     """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
     return notes["removed"] > ROUNDING * notes["kinetic"]
 
 
-def _passes(integrator, found, virial):
+def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[list[str], list[str]]:
     """What the passes of a step do, and what they leave out: two lists."""
     bodies, command, fixes = integrator.bodies, integrator.command, integrator.other_fixes
-    late, every = " ".join(fix.id for fix in fixes.late), fixes.velocities_every
+    late, read = " ".join(fix.id for fix in fixes.late), fixes.velocities_every
     split = f" (mrot {command.mrot}, order {command.order})" if integrator.splits else ""
     how = " (exact)" if integrator.exact else split
     rotors = (found.rotors, f"rotation of rotors{how}", "no rotors")
     lines = (found.lines, "rotation of linear bodies", "no linear bodies")
     in_plane = (found.rotors, "rotation in the plane", "no rotation")
-    output = command.output and command.output[0]
+    output = command.output and command.output.steps
     # what asks for it, what is said of it, and of its absence
     known = (
         *([in_plane] if bodies.planar else [rotors, lines]),
@@ -147,8 +151,8 @@ def _passes(integrator, found, virial):
             "no body shared between ranks",
         ),
         (
-            every,
-            f"velocities of the atoms {_often(every)} and with output",
+            read,
+            f"velocities of the atoms {_often(read)} and with output",
             "velocities of the atoms on steps without output",
         ),
         (
@@ -162,37 +166,31 @@ def _passes(integrator, found, virial):
     return done, [left for needed, _, left in known if left and not needed]
 
 
-def _often(steps):
+def _often(steps: tuple[int, ...]) -> str:
     """How often something is done that is done every so many steps, for each of these numbers."""
     if 1 in steps:
         return "each step"
     return f"every {' and '.join(str(n) for n in steps)} steps"
 
 
-def _moments(command, lammps):
-    """What keyword moments makes of them."""
-    how, word = command.moments
+def _moments(moments: Moments, command: Command, lammps: Lammps) -> str:
+    """What keyword moments makes of the principal moments."""
+    how, word = moments
     if how == "alike":
         return "those of atoms that share the mass of their body alike"
     if how == "step":
         least = least_moment(lammps, command)
         chosen = f"at least {least:.4g}, for a step of {lammps.innermost_dt:g}"
     else:
-        value = lammps.number(word)
-        chosen = (
-            f"{value:g} "
-            + {
-                "equal": "instead of the atoms' own",
-                "scale": "times those of the atoms' own",
-            }[how]
-        )
+        what = {"equal": "instead of the atoms' own", "scale": "times those of the atoms' own"}
+        chosen = f"{lammps.number(word):g} {what[how]}"
     return (
         f"{chosen}. Averages over configurations and velocities stay as they are; how long bodies "
         "take to turn does not"
     )
 
 
-def warnings(integrator):
+def warnings(integrator: "Integrator") -> list[str]:
     """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
     lines, group, notes = [], integrator.command.group, integrator.notes
     if integrator.host.group not in (None, group):
@@ -225,7 +223,7 @@ def warnings(integrator):
     return lines
 
 
-def forces_at_start(integrator):
+def forces_at_start(integrator: "Integrator") -> tuple[str, str, float]:
     """What the forces of the start tell of atoms that overlap; collective.
 
     Returns:
@@ -235,21 +233,14 @@ def forces_at_start(integrator):
     """
     bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    push = (
-        0.5
-        * lammps.innermost_dt**2
-        * lammps.ftm2v
-        * np.sqrt((bodies.force**2).sum(axis=0))
-        / bodies.mass
-    )
+    force = np.sqrt((bodies.force**2).sum(axis=0))
+    push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * force / bodies.mass
     size = np.sqrt(bodies.moments_of_atoms.max(axis=0) / bodies.mass)
     k = [push.argmax()] if len(push) else []
-    pushes, ids, sizes = communicator.gather_to_all(
-        np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
-    ).T
-    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / max(
-        1, communicator.count(len(lammps.groups))
-    )
+    rows = np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
+    pushes, ids, sizes = communicator.gather_to_all(rows).T
+    atoms = max(1, communicator.count(len(lammps.groups)))
+    space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / atoms
     spacing = max(space ** (1 / dimension), sizes.max(initial=0.0))
     many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
     if not many:
@@ -258,17 +249,16 @@ def forces_at_start(integrator):
     causes = ["atoms overlap at the start", "the time step is too long"]
     remedies = [APART, "use a shorter time step"]
     first, second = (0, 1) if many <= 0.1 * of else (1, 0)
-    cause = f"{causes[first]}, or {causes[second]}"
-    remedy = f"{remedies[first]}, or {remedies[second]}"
     furthest = integrator.membership.name(int(ids[pushes.argmax()]))
     return (
-        f"{cause}: the force on {furthest} moves it by {pushes.max():.3g} in the first step",
-        remedy,
+        f"{causes[first]}, or {causes[second]}: the force on {furthest} moves it by "
+        f"{pushes.max():.3g} in the first step",
+        f"{remedies[first]}, or {remedies[second]}",
         spacing,
     )
 
 
-def _fastest(bodies, communicator, dt):
+def _fastest(bodies: Bodies, communicator: Alone, dt: float) -> tuple[float, int]:
     """The angle by which the fastest body turns in a step, and its ID; collective."""
     turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
     k = [turns.argmax()] if len(turns) else []

@@ -1,12 +1,19 @@
 """The other fixes of a run: what they read and change, and which ones cannot stand beside ours."""
 
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from math import gcd
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..bodies.membership import Membership
-from . import reports
+from ..host.hosts import Host
+
+if TYPE_CHECKING:
+    from ..plugin.host import OtherFix
+    from .integrator import Integrator
+
+TEMPER = "command temper"  # which changes velocities, as some fixes do
 
 # fixes that change the box and tell rigid fixes, or do not in a run
 _FOLLOWED = "deform", "box/relax"
@@ -66,11 +73,11 @@ class Swaps(NamedTuple):
     nevery: int
 
 
-def _swaps(command, step):
+def _swaps(command: Sequence[str], step: int) -> list[Swaps]:
     """The `Swaps` of these words, temper N M ..., from this step on; an empty list for others."""
     if not command or not command[0].startswith("temper"):
         return []
-    return [Swaps(reports.TEMPER, "temper", gcd(int(command[2]), step))]
+    return [Swaps(TEMPER, "temper", gcd(int(command[2]), step))]
 
 
 class OtherFixes:
@@ -92,12 +99,20 @@ class OtherFixes:
         movers: those that may move atoms besides their integrator, before the forces of a step.
     """
 
-    def __init__(self, fixes, ours=(), command=(), step=0):
+    def __init__(
+        self,
+        fixes: "Iterable[OtherFix] | None",
+        ours: Collection[str | None] = (),
+        command: Sequence[str] = (),
+        step: int = 0,
+    ) -> None:
         unknown = fixes is None
-        self._fixes = fixes = [] if unknown else [fix for fix in fixes if fix.id not in ours]
+        self._fixes = fixes = [fix for fix in fixes or () if fix.id not in ours]
         self.change_forces = unknown or any(fix.post_force for fix in fixes)
-        ending = [fix for fix in fixes if fix.end_of_step and fix.style not in _IDLE]
-        ending += _swaps(command, step)
+        ending: list[OtherFix | Swaps] = [
+            *(fix for fix in fixes if fix.end_of_step and fix.style not in _IDLE),
+            *_swaps(command, step),
+        ]
         self.late = [fix for fix in ending if not fix.style.startswith((*READERS, "dt/reset"))]
         between = [fix for fix in fixes if fix.between]
         self.half_step = unknown or not all(f.style.startswith(_BLIND_BETWEEN) for f in between)
@@ -108,10 +123,10 @@ class OtherFixes:
         self.movers = [fix for fix in fixes if fix.moves and not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
 
-    def __iter__(self):
+    def __iter__(self) -> "Iterator[OtherFix]":
         return iter(self._fixes)
 
-    def suspects(self):
+    def suspects(self) -> "list[OtherFix]":
         """Those that may have moved atoms that something has moved: also at the end of a step."""
         late = {fix.id for fix in self.late if not fix.style.startswith(_VELOCITIES)}
         return [
@@ -120,7 +135,7 @@ class OtherFixes:
             if fix in self.movers or fix.id in late or fix.style.startswith(_USERS)
         ]
 
-    def pushing(self):
+    def pushing(self) -> "list[OtherFix]":
         """Those that may change the total momentum of what they act on."""
         return [
             fix
@@ -128,7 +143,7 @@ class OtherFixes:
             if fix.called and not fix.style.startswith(_CONSERVING) and not _is_harmless(fix)
         ]
 
-    def without_energy(self):
+    def without_energy(self) -> "tuple[OtherFix, str] | None":
         """The first one that may change positions, momenta or forces with no energy in LAMMPS's
         potential energy, and a remedy; None if there is no such fix."""
         for fix in self:
@@ -140,7 +155,7 @@ class OtherFixes:
         return None
 
 
-def pushing_pair_style(host, newton):
+def pushing_pair_style(host: Host, newton: bool) -> str | None:
     """The first words of a pair style in use that changes the total momentum, or None.
 
     Args:
@@ -150,20 +165,20 @@ def pushing_pair_style(host, newton):
     return next(filter(host.pair_style, styles), None)
 
 
-def _is_harmless(fix):
+def _is_harmless(fix: "OtherFix") -> bool:
     return fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
 
 
-def _stays(fix):
+def _stays(fix: "OtherFix") -> bool:
     return fix.constrains or fix.style.startswith(_STAYING) or _is_harmless(fix)
 
 
-def _first(table, style):
+def _first(table: dict[str, str], style: str) -> str | None:
     """What a dictionary has for the beginning of a style's name, None for nothing."""
     return next((value for begin, value in table.items() if style.startswith(begin)), None)
 
 
-def refuse_other_integrators(integrator):
+def refuse_other_integrators(integrator: "Integrator") -> None:
     """End the run if another fix moves, constrains or thermostats atoms of its bodies; collective.
 
     Raises:
@@ -178,9 +193,11 @@ def refuse_other_integrators(integrator):
         both = atoms[acts[atoms]]
         problem = _problem_beside(fix, both, integrator) or problem
     for mate in integrator.mates:
+        if mate is integrator:
+            continue
         # its own membership may be older than a group that was deleted and made anew
         theirs = Membership(integrator.lammps, integrator.communicator, mate.command).atoms()
-        both = np.intersect1d(theirs, atoms) if mate is not integrator else ()
+        both = np.intersect1d(theirs, atoms)
         if len(both):
             names = [
                 f'"{one.line.prefix}{one.line.text}"'
@@ -194,59 +211,56 @@ def refuse_other_integrators(integrator):
     integrator.communicator.agree(problem)
 
 
-def _problem_beside(fix, both, integrator):
+def _problem_beside(fix: "OtherFix", both: np.ndarray, integrator: "Integrator") -> str | None:
     """Why a fix cannot act beside an integrator, or None; collective.
 
     Args:
         both: indices of the atoms on this rank that both have.
     """
     command, host = integrator.command, integrator.host
-    ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
+    theirs, ours = f"fix {fix.id} (style {fix.style})", f'fix {host.fix_id} ("{command.text}")'
     if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
         ours_instead = "use fix nosquish/npt or fix nosquish/nph in its place"
         return (
-            f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
+            f"{theirs} changes the box, and bodies do not move with it: "
             f"{WITH_SWITCHES if command.force or command.torque else ours_instead}"
         )
-    swaps = _first(_SWAPPING, fix.style)
-    if swaps or fix in integrator.other_fixes.movers:
-        if not len(both):
-            return None
-        atom = f"atom {integrator.lammps.tags[both[0]]} of the rigid bodies"
-        if swaps:
-            return (
-                f"fix {fix.id} (style {fix.style}) exchanges the velocity of {atom} with "
-                "that of another one: this is no rigid motion, so energy would be lost, and f_"
-                f"{fix.id} would count more than was carried: {swaps}"
-            )
-        other = "give that fix a group without the bodies' atoms"
-        return (
-            f"fix {fix.id} (style {fix.style}) moves {atom} besides {ours}, which keeps its own "
-            f"places: {_first(_MOVING, fix.style) or other}"
-        )
-    if moves or (integrator.thermostat and fix.style.startswith(_THERMOSTATS)):
+    swaps, moves = _first(_SWAPPING, fix.style), fix in integrator.other_fixes.movers
+    warms = integrator.thermostat and fix.style.startswith(_THERMOSTATS)
+    if swaps or moves or fix.time_integrate or warms:
         if not len(both):
             return None
         tag = integrator.lammps.tags[both[0]]
+        without = "a group without the bodies' atoms"
+        if swaps:
+            return (
+                f"{theirs} exchanges the velocity of atom {tag} of the rigid bodies with "
+                "that of another one: this is no rigid motion, so energy would be lost, and f_"
+                f"{fix.id} would count more than was carried: {swaps}"
+            )
         if moves:
             return (
-                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by fix '
-                f"{fix.id} (style {fix.style}): give that fix a group without the bodies' atoms"
+                f"{theirs} moves atom {tag} of the rigid bodies besides {ours}, which keeps its "
+                f"own places: {_first(_MOVING, fix.style) or f'give that fix {without}'}"
+            )
+        if fix.time_integrate:
+            return (
+                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by '
+                f"{theirs}: give that fix {without}"
             )
         return (
-            f"fix {fix.id} (style {fix.style}) keeps a temperature of atom {tag} of the rigid "
-            f"bodies, as {ours} does: give it a group without the bodies' atoms, or use "
-            f"fix nosquish/{'nph' if integrator.every else 'nve'}"
+            f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
+            f"give it {without}, or use fix nosquish/{'nph' if integrator.every else 'nve'}"
         )
     if command.points and host.removed_freedom(fix.id, command.points):
         return (
-            f"fix {fix.id} (style {fix.style}) constrains atoms of group '{command.points}', which "
+            f"{theirs} constrains atoms of group '{command.points}', which "
             "keyword points moves as points: unfix it, or leave them out of the group"
         )
-    ids = [[command.group]] + [command.arguments] * (command.style == "group")
-    if all(any(host.removed_freedom(fix.id, group) for group in some) for some in ids):
+    groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
+    if all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups):
         return (
-            f"fix {fix.id} (style {fix.style}) constrains atoms of the rigid bodies, which {ours} "
+            f"{theirs} constrains atoms of the rigid bodies, which {ours} "
             "holds rigid: unfix it, or give it a group without the bodies' atoms"
         )
     return None

@@ -2,49 +2,85 @@
 
 import contextlib
 import io
+from collections.abc import Callable
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from ..bodies.bodies import matrices
+from ..bodies.bodies import Bodies, matrices
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
 
-# mass, length, time, velocity, force, torque in each of LAMMPS's unit styles
+
+class _Units(NamedTuple):
+    """The units of one of LAMMPS's unit styles."""
+
+    mass: str
+    length: str
+    time: str
+    velocity: str
+    force: str
+    torque: str
+
+
+class _Field(NamedTuple):
+    """A field of the table of bodies.
+
+    Attributes:
+        columns: of the file, one for each component.
+        frame: in which the components are, "" for none.
+        unit: in terms of `_Units`, "" for none.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    frame: str = ""
+    unit: str = ""
+
+
 _UNITS = {
-    "lj": ("mass", "sigma", "tau", "sigma/tau", "epsilon/sigma", "epsilon"),
-    "real": ("g/mol", "Angstrom", "fs", "Angstrom/fs", "kcal/mol/Angstrom", "kcal/mol"),
-    "metal": ("g/mol", "Angstrom", "ps", "Angstrom/ps", "eV/Angstrom", "eV"),
-    "si": ("kg", "m", "s", "m/s", "N", "N m"),
-    "cgs": ("g", "cm", "s", "cm/s", "dyne", "dyne cm"),
-    "electron": ("amu", "Bohr", "fs", "Bohr/fs", "Hartree/Bohr", "Hartree"),
-    "micro": ("pg", "um", "us", "um/us", "pg um/us^2", "pg um^2/us^2"),
-    "nano": ("ag", "nm", "ns", "nm/ns", "ag nm/ns^2", "ag nm^2/ns^2"),
+    "lj": _Units("mass", "sigma", "tau", "sigma/tau", "epsilon/sigma", "epsilon"),
+    "real": _Units("g/mol", "Angstrom", "fs", "Angstrom/fs", "kcal/mol/Angstrom", "kcal/mol"),
+    "metal": _Units("g/mol", "Angstrom", "ps", "Angstrom/ps", "eV/Angstrom", "eV"),
+    "si": _Units("kg", "m", "s", "m/s", "N", "N m"),
+    "cgs": _Units("g", "cm", "s", "cm/s", "dyne", "dyne cm"),
+    "electron": _Units("amu", "Bohr", "fs", "Bohr/fs", "Hartree/Bohr", "Hartree"),
+    "micro": _Units("pg", "um", "us", "um/us", "pg um/us^2", "pg um^2/us^2"),
+    "nano": _Units("ag", "nm", "ns", "nm/ns", "ag nm/ns^2", "ag nm^2/ns^2"),
 }
 
-# field, its components as columns of the file, frame, unit
 _FIELDS = (
-    ("step", ("step",), "", ""),
-    ("time", ("time",), "", "{time}"),
-    ("body", ("body",), "", ""),
-    ("natoms", ("natoms",), "", ""),
-    ("mass", ("mass",), "", "{mass}"),
-    ("x", ("x", "y", "z"), "space frame", "{length}"),
-    ("image", ("ix", "iy", "iz"), "", ""),
-    ("v", ("vx", "vy", "vz"), "space frame", "{velocity}"),
-    ("q", ("q0", "q1", "q2", "q3"), "principal to space frame", ""),
-    ("angmom", ("angmomx", "angmomy", "angmomz"), "space frame", "{mass} {length} {velocity}"),
-    ("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{time}"),
-    ("force", ("fx", "fy", "fz"), "space frame", "{force}"),
-    ("torque", ("tqx", "tqy", "tqz"), "space frame", "{torque}"),
+    _Field("step", ("step",)),
+    _Field("time", ("time",), unit="{time}"),
+    _Field("body", ("body",)),
+    _Field("natoms", ("natoms",)),
+    _Field("mass", ("mass",), unit="{mass}"),
+    _Field("x", ("x", "y", "z"), "space frame", "{length}"),
+    _Field("image", ("ix", "iy", "iz")),
+    _Field("v", ("vx", "vy", "vz"), "space frame", "{velocity}"),
+    _Field("q", ("q0", "q1", "q2", "q3"), "principal to space frame"),
+    _Field(
+        "angmom", ("angmomx", "angmomy", "angmomz"), "space frame", "{mass} {length} {velocity}"
+    ),
+    _Field("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{time}"),
+    _Field("force", ("fx", "fy", "fz"), "space frame", "{force}"),
+    _Field("torque", ("tqx", "tqy", "tqz"), "space frame", "{torque}"),
 )
 _WHOLE = "step", "body", "natoms", "image"
+
 DTYPE = np.dtype(
     [
-        (name, np.int64 if name in _WHOLE else float, (len(parts),) if len(parts) > 1 else ())
-        for name, parts, *_ in _FIELDS
+        (
+            field.name,
+            np.int64 if field.name in _WHOLE else float,
+            (len(field.columns),) if len(field.columns) > 1 else (),
+        )
+        for field in _FIELDS
     ]
 )
 
 
-def table(bodies, lammps):
+def table(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     """The bodies that are counted on this rank: each of the simulation's bodies is on one rank.
 
     Atoms of keyword points are not among them.
@@ -56,23 +92,21 @@ def table(bodies, lammps):
         and omega, and, of the last forces that LAMMPS computed, force and torque about the centre
         of mass.
     """
-    turn = matrices(bodies.q)
+    frames = matrices(bodies.q)
     rows = np.empty(len(bodies), DTYPE)
     rows["step"], rows["time"] = lammps.step, lammps.time
     rows["body"], rows["natoms"], rows["mass"] = bodies.id, bodies.natoms, bodies.mass
-    rows["x"], rows["image"], rows["v"], rows["q"] = (
-        bodies.x.T,
-        bodies.image.T,
-        bodies.v.T,
-        bodies.q.T,
-    )
+    rows["x"], rows["image"] = bodies.x.T, bodies.image.T
+    rows["v"], rows["q"] = bodies.v.T, bodies.q.T
     rows["angmom"] = bodies.momenta()[3:].T
-    rows["omega"] = np.einsum("abn,bn->na", turn, bodies.angular_velocity() * bodies.slowness)
+    rows["omega"] = np.einsum("abn,bn->na", frames, bodies.angular_velocity() * bodies.slowness)
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
     return rows[bodies.listed]
 
 
-def rows_of_rank(bodies, lammps, communicator, words, groupbit):
+def rows_of_rank(
+    bodies: Bodies, lammps: Lammps, communicator: Alone, words: list[str], groupbit: int
+) -> np.ndarray:
     """What LAMMPS's compute rigid/local says of the bodies that are counted on this rank, (n,
     words); collective.
 
@@ -80,23 +114,22 @@ def rows_of_rank(bodies, lammps, communicator, words, groupbit):
         words: values, as the compute names them.  groupbit: of a group in which the atom of a body
             is that has the smallest ID; "id" and "mol" are those of this atom.
     """
-    rows, listed, first = table(bodies, lammps), bodies.listed, _first_atoms(bodies, lammps)
-    first = _of_all_ranks(first, bodies, communicator)[listed]
-    unwrapped = rows["x"] + rows["image"] @ lammps.box.h.T
+    listed = bodies.listed
+    rows, first = table(bodies, lammps), _first_atoms(bodies, lammps, communicator)[listed]
     columns = {"id": first["tag"], "mol": first["molecule"], "mass": rows["mass"]}
     for names, values in (
-        (("x", "y", "z"), rows["x"]),
-        (("xu", "yu", "zu"), unwrapped),
-        (("ix", "iy", "iz"), rows["image"]),
-        (("vx", "vy", "vz"), rows["v"]),
-        (("fx", "fy", "fz"), rows["force"]),
-        (("tqx", "tqy", "tqz"), rows["torque"]),
-        (("omegax", "omegay", "omegaz"), rows["omega"]),
-        (("angmomx", "angmomy", "angmomz"), rows["angmom"]),
-        (("quatw", "quati", "quatj", "quatk"), rows["q"]),
-        (("inertiax", "inertiay", "inertiaz"), bodies.moments_of_atoms[:, listed].T),
+        ("x y z", rows["x"]),
+        ("xu yu zu", rows["x"] + rows["image"] @ lammps.box.h.T),
+        ("ix iy iz", rows["image"]),
+        ("vx vy vz", rows["v"]),
+        ("fx fy fz", rows["force"]),
+        ("tqx tqy tqz", rows["torque"]),
+        ("omegax omegay omegaz", rows["omega"]),
+        ("angmomx angmomy angmomz", rows["angmom"]),
+        ("quatw quati quatj quatk", rows["q"]),
+        ("inertiax inertiay inertiaz", bodies.moments_of_atoms[:, listed].T),
     ):
-        columns |= dict(zip(names, values.T, strict=True))
+        columns |= dict(zip(names.split(), values.T, strict=True))
     wanted = np.array([columns[word] for word in words], float).reshape(len(words), -1).T
     return np.ascontiguousarray(wanted[first["groups"] & groupbit != 0])
 
@@ -106,8 +139,8 @@ _ATOM = np.dtype(
 )
 
 
-def _first_atoms(bodies, lammps):
-    """The atom with the smallest ID that each body has on this rank, (n,) of `_ATOM`."""
+def _first_atoms(bodies: Bodies, lammps: Lammps, communicator: Alone) -> np.ndarray:
+    """The atom with the smallest ID that each body has on any rank, (n,) of `_ATOM`; collective."""
     order = np.lexsort((bodies.tag, bodies.body))
     found, places = np.unique(bodies.body[order], return_index=True)
     atoms = bodies.index[order[places]]
@@ -118,11 +151,6 @@ def _first_atoms(bodies, lammps):
     first["groups"][found] = lammps.groups[atoms]
     if molecule is not None:
         first["molecule"][found] = molecule[atoms]
-    return first
-
-
-def _of_all_ranks(first, bodies, communicator):
-    """The same, of the atoms that shared bodies have on all ranks; collective."""
     shared = bodies.sharers.bodies
     rows = np.sort(communicator.gather_to_all(first[shared]), order=("body", "tag"))
     ids, places = np.unique(rows["body"], return_index=True)
@@ -130,7 +158,7 @@ def _of_all_ranks(first, bodies, communicator):
     return first
 
 
-def global_array(rows):
+def global_array(rows: np.ndarray) -> np.ndarray:
     """Fix rigid's global array, (bodies, 15): centre, its velocity, force, torque, image flags."""
     columns = np.concatenate(
         [rows[name] for name in ("x", "v", "force", "torque", "image")], axis=1
@@ -151,39 +179,37 @@ class BodyFile:
         RunError: on all ranks, if the file cannot be written.
     """
 
-    def __init__(self, path, units, communicator):
+    def __init__(self, path: str, units: str, communicator: Alone) -> None:
         self.path, self.communicator = path, communicator
-        self.last = None  # the last step in it
-        self._file, self._size = None, 0
-        self._do(lambda: (self._open(), self._append(header(units))))
+        self.last: int | None = None  # the last step in it
+        self._file: BinaryIO  # of rank 0, for the rest of the run
+        self._size = 0
+        self._do(lambda: self._open(header(units)))
 
-    def write(self, step, rows):
+    def write(self, step: int, rows: np.ndarray) -> None:
         """Append a step's rows, of all ranks and in the order of the bodies."""
         rows = self.communicator.gather(rows)
         self._do(lambda: self._append(_text(np.sort(rows, order="body"))))
         self.last = step
 
-    def _do(self, work):
+    def _do(self, work: Callable[[], None]) -> None:
         problem = None
         if self.communicator.rank == 0:
             try:
                 work()
             except OSError as error:
-                kept = (
-                    "nothing is in it"
-                    if self.last is None
-                    else f"it is whole up to step {self.last}"
-                )
+                whole = f"it is whole up to step {self.last}"
                 problem = (
                     f"cannot write the table of bodies (keyword output) to {self.path}: "
-                    f"{error.strerror}; {kept}"
+                    f"{error.strerror}; {'nothing is in it' if self.last is None else whole}"
                 )
         self.communicator.agree(problem)
 
-    def _open(self):
-        self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115  for the rest of the run
+    def _open(self, text: bytes) -> None:
+        self._file = open(self.path, "wb", buffering=0)  # noqa: SIM115
+        self._append(text)
 
-    def _append(self, text):
+    def _append(self, text: bytes) -> None:
         try:
             rest = memoryview(text)
             while rest:
@@ -195,23 +221,20 @@ class BodyFile:
         self._size += len(text)
 
 
-def header(units):
-    """The line of column names, as bytes: each says its frame and unit."""
-    symbols = dict(zip(("mass", "length", "time", "velocity", "force", "torque"), _UNITS[units]))
-    names = []
-    for _, parts, frame, unit in _FIELDS:
-        says = "; ".join(word for word in (frame, unit.format(**symbols)) if word)
-        names += [f"{part} ({says})" if says else part for part in parts]
+def header(units: str) -> bytes:
+    """The line of column names: each says its frame and unit."""
+    symbols, names = _UNITS[units]._asdict(), []
+    for field in _FIELDS:
+        says = "; ".join(filter(None, (field.frame, field.unit.format(**symbols))))
+        names += [f"{name} ({says})" if says else name for name in field.columns]
     return (",".join(names) + "\n").encode()
 
 
-def _text(rows):
-    columns = [np.atleast_2d(rows[name].T) for name in DTYPE.names]
-    formats = [
-        "%d" if name in _WHOLE else "%.17g"
-        for name, column in zip(DTYPE.names, columns)
-        for _ in column
-    ]
+def _text(rows: np.ndarray) -> bytes:
+    columns, formats = [], []
+    for field in _FIELDS:
+        columns += [*np.atleast_2d(rows[field.name].T)]
+        formats += ["%d" if field.name in _WHOLE else "%.17g"] * len(field.columns)
     text = io.BytesIO()
-    np.savetxt(text, np.concatenate(columns).T, fmt=formats, delimiter=",")
+    np.savetxt(text, np.transpose(columns), fmt=formats, delimiter=",")
     return text.getvalue()

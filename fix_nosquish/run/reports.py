@@ -1,19 +1,25 @@
 """What LAMMPS and the user are told of bodies: log, degrees of freedom, virial, thermo, table."""
 
 import weakref
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from ..bodies import infile
+from ..bodies.bodies import Bodies
 from ..errors import RunError
-from . import log, output, thermo
+from . import log, other_fixes, output, thermo
 
-TEMPER = "command temper"  # which changes velocities, as some fixes do
+if TYPE_CHECKING:
+    from .integrator import Integrator
+
+Found = TypeVar("Found")
 
 
 @contextmanager
-def _as_they_are(bodies):
+def _as_they_are(bodies: Bodies) -> Iterator[None]:
     """Have the bodies afterwards as they are now, whatever is tried with them."""
     kept = bodies.state.copy()
     yield
@@ -30,24 +36,32 @@ class Reports:
         file: the `output.BodyFile` of keyword output, None if there is none (yet).
     """
 
-    def __init__(self, integrator):
-        self._integrator = weakref.proxy(integrator)  # no circle: it goes when LAMMPS lets go
-        self.file = None
-        self._said, self._warned, self._heard, self._known = None, set(), False, {}
+    def __init__(self, integrator: "Integrator") -> None:
+        self._integrator: Integrator = weakref.proxy(
+            integrator
+        )  # no circle: it goes when LAMMPS lets go
+        self.file: output.BodyFile | None = None
+        self._said: list[str] = []  # of the log's lines
+        self._warned: set[str] = set()
+        self._heard = False  # whether this run's log tells of velocities that were taken over
+        self._known: dict[str, Any] = {}  # what was found out of the bodies
+        self._known_when: tuple | None = None  # of which state of the bodies
+        # kinetic energy that the end of the last step gives; that was lost as velocities were taken
+        # over; and the least that is no rounding
         self._gained_at_end = self._lost = self._least = 0.0
 
-    def begin(self):
+    def begin(self) -> None:
         """A run begins."""
         self._heard, self._lost, self._least = False, 0.0, 0.0
         self.forget()
 
-    def forget(self):
+    def forget(self) -> None:
         """What was found out of the bodies is no longer so."""
-        self._known = {}
+        self._known_when = None
 
     # ------------------------------------------------------------- the log
 
-    def say(self, virial):
+    def say(self, virial: bool) -> None:
         """Log what the bodies are, if that has changed, and what was taken from velocities."""
         integrator = self._integrator
         lines, removed = log.summary(integrator, virial)
@@ -59,14 +73,14 @@ class Reports:
             integrator.host.log(lines[3] + "\n")
         self.warn(warnings)
 
-    def warn(self, lines):
+    def warn(self, lines: Sequence[str]) -> None:
         """Log these lines, each of them once."""
         new = [line for line in lines if line not in self._warned]
         self._warned.update(new)
         if new:
             self._integrator.host.log(self._integrator.line.naming("\n".join([*new, ""])))
 
-    def say_taken_over(self, at, fixes, before, now):
+    def say_taken_over(self, at: int, fixes: list[str], before: float, now: float) -> None:
         """Log, once a run, that bodies took over the velocities that these fixes gave atoms.
 
         Args:
@@ -78,7 +92,7 @@ class Reports:
         if not self._heard:
             self._heard = True
             names = " or ".join(fixes)
-            names = names if fixes[0] == TEMPER else f"fix {names}"
+            names = names if fixes[0] == other_fixes.TEMPER else f"fix {names}"
             kept = " (not those of the infile)" if self._integrator.infile else ""
             if self._integrator.keeps_bodies and not kept:
                 kept = " (not those with a mass, com or inertia of their molecule template)"
@@ -89,7 +103,7 @@ class Reports:
                 f"{names}): the bodies take them over, as rigid motion{kept}{lost}\n"
             )
 
-    def say_lost(self):
+    def say_lost(self) -> None:
         """Log, at the end of a run, how much kinetic energy was lost as velocities were taken
         over."""
         if self._lost > self._least:
@@ -100,12 +114,12 @@ class Reports:
 
     # ------------------------------------------------------------- the table of bodies
 
-    def open(self):
+    def open(self) -> None:
         """Open the file of keyword output, if there is to be one and it is not open."""
         integrator = self._integrator
         if not integrator.command.output or self.file:
             return
-        path = integrator.lammps.text(integrator.command.output[1])
+        path = integrator.lammps.text(integrator.command.output.file)
         files = [mate.reports.file for mate in integrator.mates]
         if any(file and file.path == path for file in files):
             raise RunError(
@@ -121,24 +135,24 @@ class Reports:
             )
         self.file = output.BodyFile(path, integrator.lammps.units, integrator.communicator)
 
-    def due(self):
+    def due(self) -> bool:
         """Whether the table of this step is to be written."""
-        now = self._integrator.lammps.step
-        return self.file and now % self._integrator.command.output[0] == 0 and self.file.last != now
+        now, asked = self._integrator.lammps.step, self._integrator.command.output
+        return bool(self.file and asked and now % asked.steps == 0 and self.file.last != now)
 
-    def write(self):
+    def write(self) -> None:
         """Write the table of this step, if it is due."""
-        if self.due():
+        if self.file and self.due():
             integrator = self._integrator
             integrator.come_to_rest()
             rows = output.table(integrator.bodies, integrator.lammps)
             self.file.write(integrator.lammps.step, rows)
 
-    def table(self):
+    def table(self) -> np.ndarray:
         """The bodies that are counted on this rank as they are now: see `output.table`."""
         return output.table(self.made(), self._integrator.lammps)
 
-    def write_restart_file(self, name):
+    def write_restart_file(self, name: str) -> None:
         """Keep the bodies beside a restart file, to be read as infile, if their atoms do not tell
         all of them; collective."""
         integrator = self._integrator
@@ -151,7 +165,7 @@ class Reports:
             integrator.communicator,
         )  # fmt: skip
 
-    def made(self, forces=True):
+    def made(self, forces: bool = True) -> Bodies:
         """The bodies, with their forces, if wanted, as a step that is looked at leaves them.
 
         Raises:
@@ -168,7 +182,7 @@ class Reports:
 
     # ------------------------------------------------------------- thermodynamics
 
-    def add_constraint_virial(self, virial=None):
+    def add_constraint_virial(self, virial: np.ndarray | None = None) -> None:
         """Add the constraint virial to LAMMPS's, or to this array (6,)."""
         integrator = self._integrator
         virial = integrator.virial if virial is None else virial
@@ -179,14 +193,14 @@ class Reports:
         cells["atom_virial"].set(np.empty((0, 9)) if of_atoms is None else of_atoms)
         integrator.do("constraint_virial")
 
-    def virial_of_all(self):
+    def virial_of_all(self) -> np.ndarray:
         """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
         virial = np.zeros(6)
         for mate in self._integrator.mates:
             mate.reports._add_early(virial)
         return self._integrator.communicator.total(virial)
 
-    def _add_early(self, virial):
+    def _add_early(self, virial: np.ndarray) -> None:
         integrator = self._integrator
         if integrator.has_begun and not integrator.host.vflag:
             return
@@ -197,7 +211,7 @@ class Reports:
             integrator.do("close" if integrator.has_begun and not integrator.middle else "gather")
             self.add_constraint_virial(virial)
 
-    def removed_freedom(self, group):
+    def removed_freedom(self, group: int) -> int:
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
         integrator = self._integrator
         bodies, running = integrator.bodies, integrator.lammps.running
@@ -218,17 +232,16 @@ class Reports:
         inside = integrator.lammps.groups[bodies.index] & bit != 0
         return thermo.removed_freedom(bodies, integrator.communicator, inside, integrator.lammps)
 
-    def energies(self):
+    def energies(self) -> thermo.Energies:
         """Kinetic energies and temperatures: see `thermo.energies`; collective."""
         self._see_changed_velocities()
-        integrator = self._integrator
-        return self._once(
-            "energies",
-            lambda bodies: thermo.energies(bodies, integrator.communicator, integrator.lammps),
-            forces=False,
-        )
+        return self._once("energies", self._energies, forces=False)
 
-    def temperature_of(self, mask):
+    def _energies(self, bodies: Bodies) -> thermo.Energies:
+        integrator = self._integrator
+        return thermo.energies(bodies, integrator.communicator, integrator.lammps)
+
+    def temperature_of(self, mask: Callable[[Bodies], np.ndarray]) -> float:
         """The temperature of some components; collective. Args: mask: of `thermo.temperature_of`,
         a function of the bodies."""
         ranks, lammps = self._integrator.communicator, self._integrator.lammps
@@ -238,56 +251,56 @@ class Reports:
             forces=False,
         )
 
-    def kinetic_at_end(self):
+    def kinetic_at_end(self) -> tuple[float, float]:
         """The kinetic energy of the bodies at the end of the step, and that of the velocities that
         the atoms have, in LAMMPS's units; collective."""
-        integrator, now = self._integrator, self.energies()[:2].sum()
+        integrator, now = self._integrator, self.energies().kinetic
 
-        def closed(bodies):
+        def closed(bodies: Bodies) -> float:
             if integrator.middle and integrator.is_over:  # LAMMPS's atoms may be other ones now
                 return now + self._gained_at_end
             if not integrator.middle or integrator.phase != integrator.ended:
                 return now
             with _as_they_are(bodies):
                 integrator.do("close")
-                return thermo.energies(bodies, integrator.communicator, integrator.lammps)[:2].sum()
+                return self._energies(bodies).kinetic
 
         return self._once("kinetic", closed, forces=False), now
 
-    def end_run(self):
+    def end_run(self) -> None:
         """A run is over: keep what is to be known between runs; collective."""
-        end, middle = self.kinetic_at_end()
-        self._gained_at_end = end - middle
+        end, now = self.kinetic_at_end()
+        self._gained_at_end = end - now
 
-    def array(self):
+    def array(self) -> np.ndarray:
         """What fix rigid gives as its global array: see `output.global_array`; collective."""
         self._see_changed_velocities()
         integrator = self._integrator
 
-        def gathered(bodies):
+        def gathered(bodies: Bodies) -> np.ndarray:
             rows = output.table(bodies, integrator.lammps)
             return output.global_array(integrator.communicator.gather_to_all(rows))
 
         return self._once("array", gathered)
 
-    def _once(self, name, make, forces=True):
+    def _once(self, name: str, make: Callable[[Bodies], Found], forces: bool = True) -> Found:
         """What make(bodies) returned, if nothing has changed the bodies since it was called.
 
         Args:
             forces: whether it needs the bodies' forces.
         """
-        if self._known.get("when") != self._when() or name not in self._known:
+        if self._known_when != self._when() or name not in self._known:
             bodies = self.made(forces)  # which may change them
-            if self._known.get("when") != self._when():
-                self._known = {"when": self._when()}
+            if self._known_when != self._when():
+                self._known_when, self._known = self._when(), {}
             self._known[name] = make(bodies)
         return self._known[name]
 
-    def _when(self):
+    def _when(self) -> tuple[int, int, int]:
         integrator = self._integrator
         return integrator.lammps.step, integrator.phase, integrator.host.changes
 
-    def _see_changed_velocities(self):
+    def _see_changed_velocities(self) -> None:
         integrator = self._integrator
         if integrator.lammps.running and integrator.is_set and integrator.host.velocities_set:
             integrator.take_changed_velocities(integrator.lammps.step)

@@ -1,9 +1,25 @@
 """Keywords force and torque: which components of force and torque act on a body."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from ..bodies.bodies import Bodies
 from ..bodies.membership import POINTS
 from ..errors import RunError
+from ..host.command import Command
+from ..ranks.communicator import Alone
+
+_FORCE, _TORQUE = slice(0, 3), slice(3, 6)  # rows of a wrench
+
+
+class _Choice(NamedTuple):
+    """Which components of force or torque act on bodies with IDs in a range."""
+
+    lowest: int
+    highest: int
+    rows: slice
+    on: tuple[bool, ...]
 
 
 class Switches:
@@ -17,63 +33,63 @@ class Switches:
         bodies: the `Bodies`.
     Raises:
         RunError: for numbers without a body, and in two dimensions for what cannot be on.
+    Attributes:
+        choices: what the keywords say, in their order.
     """
 
-    def __init__(self, command, dimension, communicator, bodies):
-        self._plane = dimension == 2
-        self.choices = []  # (lowest ID, highest ID, rows of the wrench, 0 or 1 for each)
-        asked = [
-            (choice, rows)
-            for choices, rows in ((command.force, slice(0, 3)), (command.torque, slice(3, 6)))
-            for choice in choices
-        ]
+    def __init__(
+        self, command: Command, dimension: int, communicator: Alone, bodies: Bodies
+    ) -> None:
+        self._in_plane = dimension == 2
+        self.choices: list[_Choice] = []
+        asked = [(switch, _FORCE) for switch in command.force]
+        asked += [(switch, _TORQUE) for switch in command.torque]
         if not asked:
             return
-        owned = bodies.listed
-        count = communicator.count(owned.sum())
-        ends = []
-        for (low, high, flags), rows in asked:
-            first, last = low or 1, high or count
-            text = f"keyword {'torque' if rows.start else 'force'}: "
-            if (low or high) and not 1 <= first <= last <= count:
+        ids = np.sort(bodies.id[bodies.listed])
+        count = communicator.count(len(ids))
+        ends = [[switch.first or 1, switch.last or count] for switch, _ in asked]
+        for (switch, rows), (first, last) in zip(asked, ends):
+            name, off = ("torque", "x and y are") if rows is _TORQUE else ("force", "z is")
+            if (switch.first or switch.last) and not 1 <= first <= last <= count:
                 raise RunError(
-                    text
-                    + f"bodies {first} to {last} were asked for, and there are bodies 1 to {count}",
+                    f"keyword {name}: bodies {first} to {last} were asked for, and there are "
+                    f"bodies 1 to {count}",
                     everywhere=True,
                 )
-            if self._plane and (any(flags[:2]) if rows.start else flags[2]):
+            if self._in_plane and any(switch.on[:2] if rows is _TORQUE else switch.on[2:]):
                 raise RunError(
-                    text
-                    + ("x and y are" if rows.start else "z is")
-                    + " off in two dimensions: say off",
-                    everywhere=True,
+                    f"keyword {name}: {off} off in two dimensions: say off", everywhere=True
                 )
-            ends += [first, last]
-        ends = _id_of_number(np.array(ends), communicator, np.sort(bodies.id[owned]))
-        for ((low, high, flags), rows), first, last in zip(asked, ends[::2], ends[1::2]):
-            ids = first if low else -2 * POINTS, last if high else POINTS - 1
-            self.choices.append((*ids, rows, flags))
+        found = _id_of_number(np.array(ends), communicator, ids)
+        for (switch, rows), (low, high) in zip(asked, found):
+            lowest = low if switch.first else -2 * POINTS
+            highest = high if switch.last else POINTS - 1
+            self.choices.append(_Choice(lowest, highest, rows, switch.on))
 
-    def mask(self, bodies):
+    def mask(self, bodies: Bodies) -> np.ndarray | None:
         """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""
         if not self.choices:
-            return np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if self._plane else None
+            plane = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]])
+            return plane if self._in_plane else None
         mask, ids = np.ones((6, len(bodies))), bodies.id
-        for low, high, rows, flags in self.choices:
-            mask[rows, (low <= ids) & (ids <= high)] = np.array(flags, float)[:, None]
-        if self._plane:
+        for one in self.choices:
+            chosen = (one.lowest <= ids) & (ids <= one.highest)
+            mask[one.rows, chosen] = np.array(one.on, float)[:, None]
+        if self._in_plane:
             mask[2:5] = 0.0
         return mask
 
 
-def _id_of_number(numbers, communicator, ids):
-    """The ID at each of these numbers when all ranks' IDs are in order.
+def _id_of_number(numbers: np.ndarray, communicator: Alone, ids: np.ndarray) -> np.ndarray:
+    """The ID at each of these numbers when all ranks' IDs are in order; collective.
 
-    ids: this rank's, in order.
+    Args:
+        numbers: of any shape.  ids: this rank's, in order.
     """
-    low, high = np.full(len(numbers), -(2**62)), np.full(len(numbers), 2**62)
+    low, high = np.full(numbers.shape, -(2**62)), np.full(numbers.shape, 2**62)
     while (low < high).any():
-        middle = (low + high) // 2
-        enough = communicator.total(np.searchsorted(ids, middle, "right")) >= numbers
-        low, high = np.where(enough, low, middle + 1), np.where(enough, middle, high)
+        mid = (low + high) // 2
+        enough = communicator.total(np.searchsorted(ids, mid, "right")) >= numbers
+        low, high = np.where(enough, low, mid + 1), np.where(enough, mid, high)
     return low

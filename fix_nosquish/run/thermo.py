@@ -1,11 +1,37 @@
 """What LAMMPS must know of the bodies: degrees of freedom, energies, temperatures."""
 
+from typing import NamedTuple
+
 import numpy as np
 
+from ..bodies.bodies import Bodies
 from ..bodies.extended import DIPOLE, ORIENT
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
 
 
-def freedom(bodies, dimension):
+class Energies(NamedTuple):
+    """What the bodies' motion has, in LAMMPS's units.
+
+    Attributes:
+        translation, rotation: kinetic energies.
+        t_translation, t_rotation, temperature: temperatures of these, and of both together; 0 where
+            there is no such degree of freedom.
+    """
+
+    translation: float
+    rotation: float
+    t_translation: float
+    t_rotation: float
+    temperature: float
+
+    @property
+    def kinetic(self) -> float:
+        """The kinetic energy of both."""
+        return self.translation + self.rotation
+
+
+def freedom(bodies: Bodies, dimension: int) -> np.ndarray:
     """Degrees of freedom of each body, (n,): 6, 5 or 3; in two dimensions 3 or 2."""
     result = np.full(len(bodies), dimension)
     result[: bodies.turning] = 5 if dimension == 3 else 3
@@ -13,7 +39,7 @@ def freedom(bodies, dimension):
     return result
 
 
-def removed_freedom(bodies, communicator, inside, lammps):
+def removed_freedom(bodies: Bodies, communicator: Alone, inside: np.ndarray, lammps: Lammps) -> int:
     """Degrees of freedom that rigidity takes from a group of atoms; collective.
 
     Args:
@@ -21,7 +47,7 @@ def removed_freedom(bodies, communicator, inside, lammps):
         inside: (m,) bool, which of the bodies' atoms on this rank are in the group.
         lammps: the `Lammps`.
     Returns:
-        int: the sum, over the bodies that are wholly in the group, of the degrees of freedom of
+        the sum, over the bodies that are wholly in the group, of the degrees of freedom of
         their atoms (3, of a sphere 6; in two dimensions 2 and 3), less their own (as LAMMPS's fix
         rigid counts).
     """
@@ -36,14 +62,16 @@ def removed_freedom(bodies, communicator, inside, lammps):
     return round(communicator.total(np.array([removed]))[0])
 
 
-def _of_whole(bodies, inside, *of_atoms):
+def _of_whole(
+    bodies: Bodies, inside: np.ndarray, *of_atoms: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Which bodies are counted here and wholly in a group, (n,) bool, and sums over the atoms of
     each, (len(of_atoms), n); collective. Args: inside: as for `removed_freedom`."""
     sums = bodies.sharers.total(bodies.body, inside, *of_atoms)
     return (sums[0] == bodies.natoms) & bodies.sharers.owned, sums[1:]
 
 
-def removed_freedom_to_scale(bodies, communicator, bit, lammps):
+def removed_freedom_to_scale(bodies: Bodies, communicator: Alone, bit: int, lammps: Lammps) -> int:
     """What to give for `removed_freedom` so that LAMMPS, which scales the velocities of all atoms
     of a group to a temperature, gives the bodies that temperature; collective.
 
@@ -60,8 +88,8 @@ def removed_freedom_to_scale(bodies, communicator, bit, lammps):
     inside = lammps.groups[bodies.index] & bit != 0
     whole, (of_atoms,) = _of_whole(bodies, inside, squares[bodies.index])
     lost = of_atoms[whole].sum() - 2.0 * bodies.kinetic()[:, whole].sum()
-    found = communicator.total(np.array([squares[of_group].sum(), lost, len(of_group)]))
-    kinetic, lost, atoms = found
+    sums = np.array([squares[of_group].sum(), lost, len(of_group)])
+    kinetic, lost, atoms = communicator.total(sums)
     removed = removed_freedom(bodies, communicator, inside, lammps)
     degrees = lammps.dimension * (atoms - 1)  # compute temp leaves out those of the momentum
     if not kinetic - lost > 0.0:
@@ -69,35 +97,19 @@ def removed_freedom_to_scale(bodies, communicator, bit, lammps):
     return round(degrees - (degrees - removed) * kinetic / (kinetic - lost))
 
 
-def energies(bodies, communicator, lammps):
-    """Kinetic energies and temperatures of the bodies; collective.
-
-    Returns:
-        (5,): kinetic energy of translation and of rotation, their temperatures, the temperature of
-        both together, in LAMMPS's units; a temperature is 0 where there is no such degree of
-        freedom.
-    """
+def energies(bodies: Bodies, communicator: Alone, lammps: Lammps) -> Energies:
+    """Kinetic energies and temperatures of the bodies; collective."""
     owned = bodies.sharers.owned
     translation = np.full(len(bodies), lammps.dimension)
     rotation = freedom(bodies, lammps.dimension) - translation
-    sums = communicator.total(
-        np.array(
-            [
-                *bodies.kinetic()[:, owned].sum(axis=1),
-                translation[owned].sum(),
-                rotation[owned].sum(),
-            ]
-        )
-    )
-    energy, degrees = lammps.mvv2e * sums[:2], sums[2:]
-    energy, degrees = np.append(energy, energy.sum()), np.append(degrees, degrees.sum())
-    return np.append(
-        energy[:2],
-        np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0),
-    )
+    own = [*bodies.kinetic()[:, owned].sum(axis=1), translation[owned].sum(), rotation[owned].sum()]
+    sums = communicator.total(np.array(own))
+    energy, degrees = (np.append(part, part.sum()) for part in (lammps.mvv2e * sums[:2], sums[2:]))
+    temperatures = np.divide(2 * energy, degrees * lammps.boltz, out=np.zeros(3), where=degrees > 0)
+    return Energies(*energy[:2], *temperatures)
 
 
-def temperature_of(mask, bodies, communicator, lammps):
+def temperature_of(mask: np.ndarray, bodies: Bodies, communicator: Alone, lammps: Lammps) -> float:
     """The temperature of some components of translation and of rotation; collective.
 
     Args:
