@@ -64,6 +64,11 @@ class Line(NamedTuple):
         return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
 
 
+_WHOLE = re.compile(r"0*[1-9]\d*")
+_CUSTOM = re.compile(r"[iv]_.+")
+_BODIES = re.compile(r"[1-9]\d*|([1-9]\d*)?\*([1-9]\d*)?")
+
+
 class Switch(NamedTuple):
     """What keyword force or torque says of some bodies.
 
@@ -97,6 +102,14 @@ class Moments(NamedTuple):
     word: str = ""
 
 
+def is_number(word: str) -> bool:
+    """Whether a word is a finite number."""
+    try:
+        return isfinite(float(word))
+    except ValueError:
+        return False
+
+
 class _Words:
     """The words of a fix line, read one after the other.
 
@@ -110,49 +123,41 @@ class _Words:
         """An error about the last word that was taken."""
         return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
 
-    def unexpected(self, word: str, expected: str) -> RunError:
-        """An error about the last word, where something else is expected."""
-        return self.wrong(f"'{word}' was given where {expected}")
+    def take(
+        self, expected: str, fits: Callable[[str], object] = bool, but: str = "{} is expected"
+    ) -> str:
+        """The next word.
 
-    def take(self, expected: str) -> str:
-        """The next word."""
+        Args:
+            fits: whether a word can be the one.  but: what the message says of one that cannot.
+        """
         if not self.left:
             raise self.line.wrong(f"the fix line ends where {expected} is expected")
-        return self.left.pop(0)
-
-    def whole(self, expected: str, most: int = 2**63 - 1, why: str = "") -> int:
-        """The next word as a whole number from 1 to `most`. Args: why: of that limit."""
-        word = self.take(expected)
-        number = int(word) if word.isdecimal() else 0
-        if not 1 <= number <= most:
-            limit = f", and at most {most}{why}" if number else ""
-            raise self.unexpected(word, f"{expected} is expected{limit}")
-        return number
+        word = self.left.pop(0)
+        if not fits(word):
+            raise self.wrong(f"'{word}' was given where {but.format(expected)}")
+        return word
 
     def one_of(self, expected: str, allowed: tuple[str, ...]) -> str:
         """The next word, one of several."""
-        word = self.take(expected)
-        if word not in allowed:
-            raise self.unexpected(word, f"{expected} is expected")
-        return word
+        return self.take(expected, allowed.__contains__)
 
     def choice(self, expected: str, allowed: tuple[str, str] = ("no", "yes")) -> bool:
         """Which of two words comes next."""
-        word = self.take(expected)
-        if word not in allowed:
-            raise self.unexpected(word, f"{' or '.join(allowed)} is expected, of {expected}")
-        return word == allowed[1]
+        but = f"{' or '.join(allowed)} is expected, of {{}}"
+        return self.take(expected, allowed.__contains__, but) == allowed[1]
+
+    def whole(self, expected: str, most: int = 2**63 - 1, why: str = "") -> int:
+        """The next word as a whole number from 1 to `most`. Args: why: of that limit."""
+        number = int(self.take(expected, _WHOLE.fullmatch))
+        if number > most:
+            limit = f"and at most {most}{why}"
+            raise self.wrong(f"'{number}' was given where {expected} is expected, {limit}")
+        return number
 
     def number(self, expected: str) -> str:
         """The next word, which is a number or names a variable."""
-        word = self.take(expected)
-        try:
-            finite = word[:2] == "v_" or isfinite(float(word))
-        except ValueError:
-            finite = False
-        if not finite:
-            raise self.unexpected(word, f"{expected} is expected")
-        return word
+        return self.take(expected, lambda word: word[:2] == "v_" or is_number(word))
 
     def numbers(self, expected: str, count: int = 3) -> tuple[str, ...]:
         """The next words, which are numbers or name variables."""
@@ -160,13 +165,9 @@ class _Words:
 
     def switch(self, expected: str) -> Switch:
         """A range of bodies, and three times on or off."""
-        word = self.take(expected)
-        match = re.fullmatch(r"([1-9]\d*)|([1-9]\d*)?\*([1-9]\d*)?", word)
-        if not match:
-            raise self.unexpected(word, f"{expected} is expected")
-        one, low, high = (int(part or 0) for part in match.groups())
+        low, star, high = self.take(expected, _BODIES.fullmatch).partition("*")
         on = tuple(self.choice(expected, ("off", "on")) for _ in "xyz")
-        return Switch(one or low, one or high, on)
+        return Switch(int(low or 0), int((high if star else low) or 0), on)
 
     def moments(self, expected: str) -> Moments:
         """How the bodies' principal moments are chosen."""
@@ -469,7 +470,7 @@ class Command:
         style, arguments = _body_style(words)
         known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *own)}
         if line.replaces:
-            known |= {name: OF_RIGID_FIXES[name] for name in rigid_fixes.keywords(line.replaces)}
+            known |= {name: OF_RIGID_FIXES[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
         values: dict[str, Any] = {}
         while words.left:
             _read_keyword(words, values, known)
@@ -490,7 +491,8 @@ class Command:
         if "thermostat" in known:
             _check_thermostat(line, values, "barostat" in known)
         if "steps" in known:
-            _check_trajectories(line, values, known)
+            needed = ((name, known[name].expected) for name in ("temp", "steps", "seed"))
+            _refuse(line, *((name not in values, _missing(name, what)) for name, what in needed))
         if "dmax" in known:
             _check_quench(line, values)
         if "iso" in known:
@@ -506,14 +508,11 @@ def _body_style(words: _Words) -> tuple[str, tuple[str, ...]]:
     """
     style = words.take(f"a body style ({STYLES})")
     if style == "custom":
-        name = words.take("i_NAME or v_NAME")
-        if name[:2] not in ("i_", "v_") or len(name) < 3:
-            raise words.unexpected(
-                name,
-                "custom expects i_NAME (a whole number per "
-                "atom, of fix property/atom) or v_NAME (an atom-style variable)",
-            )
-        return style, (name,)
+        but = (
+            "custom expects i_NAME (a whole number per atom, of fix property/atom) or v_NAME (an "
+            "atom-style variable)"
+        )
+        return style, (words.take("i_NAME or v_NAME", _CUSTOM.fullmatch, but),)
     if style == "group":
         count = words.whole("the number of groups")
         names = tuple(words.take(f"the ID of group {k + 1} of {count}") for k in range(count))
@@ -614,12 +613,6 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
             "langevin acts on each motion by itself",
         ),
     )
-
-
-def _check_trajectories(line: Line, values: dict[str, Any], known: dict[str, Keyword]) -> None:
-    """Raise an error if words that trajectories need are missing."""
-    needed = "temp", "steps", "seed"
-    _refuse(line, *((name not in values, _missing(name, known[name].expected)) for name in needed))
 
 
 def _check_quench(line: Line, values: dict[str, Any]) -> None:

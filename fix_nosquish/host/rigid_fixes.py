@@ -13,8 +13,8 @@ if TYPE_CHECKING:  # which imports this file
 
 # they keep no temperature but by keyword langevin, and f_ID is a temperature
 BODIES = "rigid", "rigid/nve"
-# which of `command.OF_RIGID_FIXES` each has, as there
-_HAVE = {
+# of each fix, by its `plain` name: which of `command.OF_RIGID_FIXES` it has
+KEYWORDS = {
     "rigid": ("langevin",),
     "rigid/nve": ("langevin",),
     "rigid/nvt": ("tparam",),
@@ -29,7 +29,7 @@ def plain(style: str) -> str | None:
     name = style
     for part in "/nosquish", "/omp", "/small":
         name = name.removesuffix(part)
-    return name if name in _HAVE else None
+    return name if name in KEYWORDS else None
 
 
 def integrator(name: str, words: Collection[str]) -> str:
@@ -42,11 +42,6 @@ def integrator(name: str, words: Collection[str]) -> str:
     if name in BODIES:
         return "NVT" if warmed else "NVE"
     return "NPT" if name == "rigid/nph" and warmed else name[-3:].upper()
-
-
-def keywords(name: str) -> tuple[str, ...]:
-    """Those of `command.OF_RIGID_FIXES` that the fix of this `plain` name has."""
-    return _HAVE[name]
 
 
 def give_meaning(values: dict[str, Any], known: Collection[str]) -> None:

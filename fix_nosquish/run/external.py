@@ -13,6 +13,7 @@ from zlib import crc32
 import numpy as np
 
 from ..errors import RunError
+from ..host.command import is_number
 from ..loops.compiled import F1, F2, Cell
 
 if TYPE_CHECKING:
@@ -283,10 +284,12 @@ def _read(words: list[str]) -> _Said:
         elif part in _PARTS:
             for column in _PARTS[part]:
                 word = left.pop(0) if left else "nothing"
-                if _STANDS_FOR_NUMBERS.fullmatch(word):
+                if is_number(word):
+                    numbers[column] = float(word)
+                elif _STANDS_FOR_NUMBERS.fullmatch(word):
                     named[column] = word
                 else:
-                    numbers[column] = _number(word, part)
+                    raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
         elif part not in ("python", "none"):
             raise _wrong(
                 f"'{part}' was given where force FX FY FZ, torque TX TY TZ, energy E, virial "
@@ -297,14 +300,3 @@ def _read(words: list[str]) -> _Said:
     if "none" in parts or not parts & {"force", "torque", "python"}:
         raise _wrong("expected at least one of force, torque and python, or none alone")
     return _Said(numbers, named, "python" in parts, yes_or_no == "yes", "energy" in parts)
-
-
-def _number(word: str, part: str) -> float:
-    """A word behind force, torque or energy as a number."""
-    try:
-        number = float(word)
-    except ValueError:
-        number = np.nan
-    if not np.isfinite(number):
-        raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
-    return number
