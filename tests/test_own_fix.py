@@ -26,6 +26,7 @@ import fix_nosquish
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.own_fix import OwnFix
 from fix_nosquish.ranks.communicator import ALONE
+from fix_nosquish.run import registry
 from fix_nosquish.run.integrator import Integrator
 from validation.scenes.data_file import data_file
 
@@ -350,14 +351,14 @@ def test_bodies_of_one_of_several_fixes(monkeypatch):
 
     def one():
         return SimpleNamespace(
-            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None)
+            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None), number=0
         )
 
     lammps = 4096
     first = one()
-    monkeypatch.setattr(Integrator, "_all", [first])
+    monkeypatch.setattr(registry, "_all", [first])
     assert Integrator.of_fix(lammps, "2") is first
-    monkeypatch.setattr(Integrator, "_all", [first, one()])
+    monkeypatch.setattr(registry, "_all", [first, one()])
     with pytest.raises(RunError, match="which of several fixes has the ID 2"):
         Integrator.of_fix(lammps, "2")
 

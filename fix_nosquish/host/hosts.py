@@ -16,7 +16,7 @@ class Host(Protocol):
     Attributes:
         fix_id, group: the fix's ID and its group; None if that is not known.
         phase: an `integrator.Phase`.
-        velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
+        facts: the bits of `schedule.When` that hold for longer than a step.
         vflag: what virial LAMMPS asks for in this step; 0 for none.
         changes: a number that changes when bodies do without Python.
         calls_setup: whether LAMMPS calls setup before the first step of a run.
@@ -26,13 +26,11 @@ class Host(Protocol):
         scalar_pressure: whether of the long-range forces only the mean pressure of all axes is
             known, as with kspace_style msm.
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        begins, energy_step: the next step that Python begins, and the next one that it ends, if
-            there are any; where the integrator needs it with the potential energy, for which
-            energy_step is None if LAMMPS does not give it.
-        energy: that of all atoms there, the same on all ranks.
-        renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
-            when the method that ends the step returns, to compute the forces there, and to call the
-            method `renewed`.
+        begins: the next step that Python begins, by its method `begin_trajectory`; -1 for none.
+        energy_step: the next step at whose end Python needs the potential energy; -1 for none, and
+            None where LAMMPS does not give it.
+        energy: the potential energy of the last forces, the same on all ranks, as a step begins or
+            at the end of that one.
         last_step: the last step of the run.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
@@ -44,9 +42,9 @@ class Host(Protocol):
             forces before those of fixes; what shake and rattle do is then left out of the virial.
         find_clusters: (2,) address of a function that fills the cell `clusters` of these atoms, and
             its argument; set_box does so before it changes the box.  None where LAMMPS has none.
-        turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
-            first argument; those behind are the atom's index and the address of a quaternion.  None
-            where LAMMPS has none.
+        orient_atom: (2,) int64, the address of a function that gives an atom an orientation, and
+            its first argument; those behind are the atom's index and the address of a quaternion.
+            None where LAMMPS has none.
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
         told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
@@ -65,7 +63,7 @@ class Host(Protocol):
     fix_id: str | None
     group: str | None
     phase: int
-    velocities_set: bool
+    facts: int
     vflag: int
     changes: int
     calls_setup: bool
@@ -77,7 +75,6 @@ class Host(Protocol):
     begins: int | None
     energy_step: int | None
     energy: float
-    renews: int
     last_step: int
     span: tuple | None
     changes_box: int
@@ -90,7 +87,7 @@ class Host(Protocol):
     told_box: np.ndarray | None
     rate: np.ndarray | None
     stream_group: int
-    turn_atom: np.ndarray | None
+    orient_atom: np.ndarray | None
     pushes: int
     told: np.ndarray | None
     command: Sequence[str]
@@ -183,20 +180,24 @@ class Host(Protocol):
     def keep_box(self):
         """What follows the atoms is for the box as it is now."""
 
-    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
-        """Leave calls out, and do lists of passes instead, from now on until `call_always`.
+    def now(self):
+        """What holds now, bits of `schedule.When`."""
+
+    def follow_schedule(self, lists, *, velocities_every, table_every):
+        """Follow the schedule from now on until `follow_no_schedule`, and do these lists of passes.
 
         Args:
-            lists: see `passes`.
-            velocities_every, python_every: every how many steps something may read the atoms'
-                velocities, or Python has something to do at the step's end; 0 for never.
-            ended: the phase at the end of a step that something looks at.
-            late: whether something may have changed the atoms' velocities by then.
-            without: names of lists that it may not do by itself.
+            lists: see `passes`; None if Python follows it, because the class has hooks of its own.
+            velocities_every, table_every: every how many steps something may read the atoms'
+                velocities, or Python writes a table, at the step's end; 0 for never.
         """
 
-    def call_always(self):
-        """Call every method again."""
+    def follow_no_schedule(self):
+        """Call the integrator's hooks again."""
+
+    def go_back(self):
+        """Move the bodies' atoms by what is in place of their velocities, and compute the forces
+        there; collective."""
 
     def end(self, error):
         """End the run on all ranks, with the error's message, where LAMMPS does not."""

@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import RunError
 from ..ranks.lookup import describe, fetch, find, look_up
 from ..ranks.migration import OF_BODY
+from ..run.schedule import When
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks = {}  # LAMMPS's address -> what its fix external calls
@@ -24,12 +25,12 @@ class OwnFix:
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     find_clusters, held, counts = None, 0, 0
-    begins = energy_step = stop = turn_atom = rate = None
+    begins = energy_step = stop = orient_atom = rate = None
     stream_group, rotor = 0, -1
-    calls_setup = follows = velocities_set = scalar_pressure = False
+    calls_setup = follows = scalar_pressure = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
-    phase = vflag = changes = pushes = 0
+    phase = facts = vflag = changes = pushes = 0
     told = None
 
     def __init__(self, lammps, communicator):
@@ -80,9 +81,14 @@ class OwnFix:
         )
 
     def set_bodies(self, body, mass):
-        """Of no use here, as the next five."""
+        """Of no use here, as the next three."""
 
-    lend_array = set_array_rows = call_always = keep_box = go_alone = lambda self, *_, **__: None
+    lend_array = set_array_rows = keep_box = lambda self, *_, **__: None
+    follow_schedule = follow_no_schedule = lambda self, *_, **__: None  # Python follows it
+
+    def now(self):
+        """It is not known what is read at the end of a step: all that there may be is done."""
+        return self.facts | When.SHOWN | When.TABLE
 
     def carry(self, lammps, bodies):
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""

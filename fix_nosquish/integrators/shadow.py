@@ -62,14 +62,9 @@ class ShadowEnergy:
         integrator.host.energy_step = step + max(1, every - step % every - (STEPS - 1))
 
     def take(self):
-        """Take a step, at its end; collective.
-
-        Returns:
-            True: the state stays.
-        """
+        """Take a step, at its end; collective."""
         self._take(self._integrator.lammps.step)
         self._name_next()
-        return True
 
     def take_start(self):
         """Take the start of a run, as its first step begins; collective."""

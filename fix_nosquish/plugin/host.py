@@ -6,13 +6,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.ctypeslib import as_array
 
+from ..errors import RunError
 from ..loops.compiled import array
-from .structs import Bridge, FixFacts
+from ..run.schedule import ACTIONS, SCHEDULE
+from .structs import Action, Bridge, FixFacts
 
-LISTS = (  # of passes, that the plugin does by itself: see `passes`
-    *("begin", "end", "whole", "velocities", "constraint_virial", "follow"),
-    *("pressure", "cell", "flip", "deform", "flipped"),
-)
+AT = "at_"  # what the fields of lists of actions begin with, behind which the hook's name follows
+LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))
 
 
 class OtherFix(NamedTuple):
@@ -63,15 +63,14 @@ class Host:
 
     calls_setup = follows = True
     has_virial = False  # not known early
-    phase, velocities_set = _shared("phase", int), _shared("velocities_set", bool)
+    phase, facts = _shared("phase", int), _shared("facts", int)
     vflag, changes = _shared("vflag", int), _shared("changes", int)
     rotor = _shared("rotor", int)
     changes_box, held = _shared("changes_box", int), _shared("held", int)
     counts = _shared("counts", int)
-    begins, energy_step = _shared("begins", int), _shared("energy_step", int)
+    begins = _shared("begins", int)
     stream_group = _shared("stream_group", int)
     pushes = _shared("pushes", int)
-    renews, energy = _shared("renews", int), _shared("energy", float)
     ghost_velocity = _asked("ghost_velocity")
     scalar_pressure = _asked("scalar_pressure")
 
@@ -85,11 +84,11 @@ class Host:
         self.told_box = as_array(bridge.told_box, (9,))
         self.told, self._words = as_array(bridge.told, (7,)), 0
         self.rate = as_array(bridge.rate, (6,))
-        self.set_box, self.flip_box, self.find_clusters, self.stop, self.turn_atom = (
+        self.set_box, self.flip_box, self.find_clusters, self.stop, self.orient_atom = (
             np.array([cast(function, c_void_p).value, bridge.fix or 0])
             for function in (
                 *(bridge.set_box, bridge.flip_box, bridge.find_clusters),
-                *(bridge.stop, bridge.turn),
+                *(bridge.stop, bridge.orient),
             )
         )
         self.span = tuple(as_array(step, (1,)) for step in (bridge.begin_step, bridge.end_step))
@@ -202,21 +201,40 @@ class Host:
     def set_array_rows(self, n):
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
-    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
-        some = [name for name in LISTS if name in lists and name not in without]
-        tables = {name: _table(lists[name]) for name in some}
-        for name, table in tables.items():
-            setattr(self._bridge, name, table.ctypes.data)
-        self._kept = lists, tables
-        self._bridge.velocities_every, self._bridge.python_every = velocities_every, python_every
-        self._bridge.ended, self._bridge.late = ended, late
-        self._bridge.may_wait = True
+    def now(self):
+        return self._bridge.now(self._bridge.fix)
 
-    def call_always(self):
-        self._bridge.may_wait = False
+    def follow_schedule(self, lists, *, velocities_every, table_every):
+        self._bridge.velocities_every, self._bridge.table_every = velocities_every, table_every
+        if lists is not None:
+            passes = {name: _passes(some) for name, some in lists.items()}
+            tables = {name: _actions(name[len(AT) :], passes) for name in LISTS}
+            self._kept = lists, passes, tables
+            for name, table in tables.items():
+                place = _as(name, table.ctypes.data) if len(table) > 1 else None
+                setattr(self._bridge, name, place)
+
+    def follow_no_schedule(self):
         for name in LISTS:
             setattr(self._bridge, name, None)
         self._kept = None
+
+    @property
+    def energy(self):
+        return self._bridge.potential(self._bridge.fix)
+
+    @property
+    def energy_step(self):
+        return self._bridge.energy_step
+
+    @energy_step.setter
+    def energy_step(self, step):
+        self._bridge.energy_step = step
+        self._bridge.ask_for_energy(self._bridge.fix, step)
+
+    def go_back(self):
+        if self._bridge.go_back(self._bridge.fix):
+            raise RunError("LAMMPS has found an error where atoms go back to", everywhere=True)
 
     def keep_box(self):
         self._keep(self._bridge.fix)
@@ -233,11 +251,25 @@ class Host:
         self._point(self._bridge.fix)
 
 
-def _table(passes):
+def _passes(bound):
     """Bound loops as C++ has them, (n + 1, 2): their addresses and those of their arguments."""
-    table = np.zeros((len(passes) + 1, 2), np.int64)
-    for row, one in zip(table, passes, strict=False):
+    table = np.zeros((len(bound) + 1, 2), np.int64)
+    for row, one in zip(table, bound, strict=False):
         row[:] = one.func.address, np.frombuffer(one.args[0], np.int64).ctypes.data
+    return table
+
+
+def _actions(hook, passes):
+    """The actions of a hook as C++ has them, (n + 1,), but those whose passes the run has not."""
+    some = [one for one in SCHEDULE[hook] if one.passes is None or one.passes in passes]
+    table = np.zeros(len(some) + 1, np.dtype(Action))
+    for row, one in zip(table, some, strict=False):
+        row["phases"] = sum(1 << phase for phase in one.phases)
+        row["passes"] = 0 if one.passes is None else passes[one.passes].ctypes.data
+        row["number"] = ACTIONS.index(one) if one.call or one.passes else -1
+        row["then"] = -1 if one.then is None else one.then
+        for name in "when", "unless", "sets", "clears":
+            row[name] = getattr(one, name)
     return table
 
 

@@ -3,21 +3,19 @@
     begin        the first half of a step
     close        its second half, when the forces are known
     whole        the end of a step and the begin of the next one, in one pass where that is possible
-    end          what a step that is looked at ends with: its second half; where atoms carry the
-                 velocities of the step's middle, nothing
     velocities   the atoms' velocities
     constraint_virial
     follow       the bodies follow LAMMPS's atoms
     pressure     what the forces say of the pressure, every so many steps
     cell         the box changes, in the next step
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
-    turn         the orientations of atoms that have one
+    orient       the orientations of atoms that have one
     deform       another fix has changed the box: bodies move with it
     flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
-The plugin does them by itself; where it does not, or there is none, Python does them, by `do`.
+When each of them is done, the `schedule` says.
 """
 
 import numpy as np
@@ -138,7 +136,7 @@ class Passes:
             added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)]
         gather = self._gather(integrator, bodies, [*shared, *added])
         kick_begins, kick_ends = self._kicks(integrator)
-        velocities, turn = self._velocities_and_turn(integrator, bodies)
+        velocities, orient = self._velocities_and_orient(integrator, bodies)
         after = velocities if half_step_velocities else []
         before, rest = self._before_and_behind(integrator)
         how = KEEPS if half_step_velocities else GATHERS
@@ -152,17 +150,16 @@ class Passes:
             undivided = self._advance(integrator, True, WHOLE, how)
             divided = self._advance(integrator, True, DIVIDED, how)
             whole = [some, *shared, *before, undivided, *added, divided]
-        close = [*gather, kick_ends, *turn]
+        close = [*gather, kick_ends, *orient]
         of_bodies = [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
-            "begin": [*before, self._advance(integrator, False), *rest, *turn, *after],
+            "begin": [*before, self._advance(integrator, False), *rest, *orient, *after],
             "close": close,
-            "whole": [*whole, *rest, *turn, *after],
-            "end": [] if integrator.middle else close,
+            "whole": [*whole, *rest, *orient, *after],
             "kick": [*gather, kick_begins],
             "velocities": velocities,
-            "turn": turn,
+            "orient": orient,
             "constraint_virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
             "follow": [bodies.following],
         }
@@ -210,7 +207,7 @@ class Passes:
             gather.append(switch_off.bind_to(self.cells))
         return gather
 
-    def _velocities_and_turn(self, integrator, bodies):
+    def _velocities_and_orient(self, integrator, bodies):
         """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
         velocities = [self.threads.bind(step.set_velocities, self.cells)]
         if integrator.streams:
@@ -219,8 +216,8 @@ class Passes:
             velocities.append(extended.set_spins.bind_to(self.cells))
         if not bodies.oriented:
             return velocities, []
-        to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
-        return velocities, [extended.turn.bind_to(self.cells, **to)]
+        to = {"orient_atom": integrator.host.orient_atom, "quat": np.empty(4)}
+        return velocities, [extended.orient.bind_to(self.cells, **to)]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
