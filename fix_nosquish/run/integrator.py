@@ -1,6 +1,5 @@
 """What LAMMPS drives: an integrator, whose hooks follow the schedule of a step (see `schedule`)."""
 
-from math import gcd
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from ..bodies import extended
 from ..bodies.bodies import Bodies
 from ..bodies.membership import Membership
-from ..box import deform
 from ..errors import RunError
 from ..host import rigid_fixes
 from ..host.command import Command, Line
@@ -18,21 +16,22 @@ from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
 from ..motion.block import ROWS
-from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
+from ..motion.operations import MROT
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import log, making, output, passes, refusals, registry, reports, rotation, schedule
+from . import beginning, levels, making, passes, refusals, registry, reports, rotation, schedule
 from . import velocities as velocities_of
+from .answers import Answers
 from .declaration import Declaration
 from .external import External
-from .other_fixes import OtherFixes, refuse_other_integrators
+from .other_fixes import OtherFixes
 from .schedule import Phase, When
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
 
 
-class Integrator(Declaration):
+class Integrator(Answers, Declaration):
     """What LAMMPS's fix python/move drives; a derived class declares how bodies move.
 
     LAMMPS calls the hooks; `schedule` says what happens at each of them.  The documentation says
@@ -123,7 +122,7 @@ class Integrator(Declaration):
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
         if self.host:
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
-            self._look_at_box()
+            beginning.look_at_box(self)
             making.make(self)
             self.reports.say(False)
         else:
@@ -195,7 +194,12 @@ class Integrator(Declaration):
     @property
     def steps_made(self) -> bool:
         """Whether this run has made a step, in which a command rerun makes none."""
-        return self.lammps.step != self._first_step and self.host.command[:1] != ["rerun"]
+        return self.lammps.step != self.first_step and self.host.command[:1] != ["rerun"]
+
+    @property
+    def has_own_hooks(self) -> bool:
+        """Whether the class has hooks of its own, so that Python follows the schedule."""
+        return any(getattr(type(self), name) is not getattr(Integrator, name) for name in HOOKS)
 
     def acts_on_bodies(self, fix: Any) -> bool:
         """Whether atoms of the bodies are in another fix's group; collective."""
@@ -234,109 +238,15 @@ class Integrator(Declaration):
         elif found:  # a step begins with the forces of the last one
             self.blame(found, self.lammps.step - (action.hook == "begin"))
 
-    # ------------------------------------------------------------- before the first step
+    # ------------------------------------------------------------- a run begins
 
     @hook
     def init(self) -> None:
         """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
-        refusals.refuse_levels(self)
-        refusals.refuse_time_step(self)
-        self.host.follow_no_schedule()
-        self.note_waiting()
-        self._first_step = self.lammps.step
-        self.middle = type(self).middle and self.lammps.respa_dt is None
-        self.host.phase = Phase.NEW
-        self.reports.begin()
-        self.host.set_bodies(None, None)  # the atoms are not those of the last run
-        # nor are the groups: deleted ones leave their bits to others
-        self.membership = Membership(self.lammps, self.communicator, self.command)
-        self._look_at_fixes()
-        refusals.refuse_streams(self)
-        anew = not self.goes_on
-        if anew:
-            making.make(self)
-        else:
-            self.bodies.bind(self.lammps, self.membership)
-        self._bind()
-        if anew:
-            self._give_start_velocities()
-        refuse_other_integrators(self)
-        self.take_time_step()
-        self.reports.open()
-        self._plan()
-        if self.middle and self.waiting not in (None, self.dt):
-            self.passes.level_dt.set(self.waiting)
-            self.host.facts |= When.RESETS
-        self.host.begin_run(self.reports.virial_of_all)
-        if not self.host.calls_setup:
-            self.reports.say(self.host.has_virial)
-        self._tell_count()
+        beginning.begin_run(self)
 
-    def _look_at_fixes(self) -> None:
-        """Find out what other fixes may read and change."""
-        ours = {mate.host.fix_id for mate in self.mates}
-        self.other_fixes = OtherFixes(self.host.fixes(), ours, self.host.command, self.lammps.step)
-        self.half_step_velocities = self.host.ghost_velocity or self.other_fixes.half_step
-        self._look_at_box()
-
-    def _look_at_box(self) -> None:
-        deforms = self.other_fixes.deform and self.lammps.respa_dt is None and not self.every
-        self.told_box = self.host.told_box if deforms else None
-        self.streams = self.told_box is not None and bool(self.host.stream_group)
-        if self.told_box is not None:
-            machine_code.load(self.communicator, deform.__name__)
-        self.unchanged = refusals.Kept(self)
-
-    def _give_start_velocities(self) -> None:
-        """Have the atoms move as the bodies that were made of them."""
-        if self.streams:  # velocities are those that bodies have where the box has them
-            self.bodies.settle(self.lammps)
-            velocities_of.take(self)
-        self.passes.do("orient")
-        self.set_velocities()
-        if self.streams and not self.runs:
-            velocities_of.set_plain(self)
-
-    @property
-    def _mrot(self) -> int:
-        """How the rotation is split, as operations have it."""
-        return EXACT if self.exact else self.command.mrot
-
-    def _bind(self) -> None:
-        self.gravity = refusals.weight(self)
-        self.external.begin()
-        self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
-        own = [0.0] * PARAMETERS
-        own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
-        self.mask = self.switches.mask(self.bodies)
-        self.parameters = np.array([*own, *self.own_parameters()])
-        self.passes = passes.Passes(
-            self, self.bodies, self.lammps, self.communicator, self.mask,
-            self.half_step_velocities, self.own_cells(),
-        )  # fmt: skip
-
-    def _plan(self) -> None:
-        """Tell the host what holds in this run, and have it follow the schedule."""
-        kept, fixes = self.unchanged, self.other_fixes
-        looks = kept.box_may_change or kept.masses_may_change or self.rigid_flag
-        holds = {
-            When.SEEN: self.host.facts & When.SEEN,
-            When.LATE: fixes.late,
-            When.MID_STEP: self.middle,
-            When.LEVELS: self.respa_dt is not None,
-            When.WATCHED: kept.box_may_change,
-            When.LOOKS: looks or self.switches.choices,
-        }
-        self.host.facts = sum(bit for bit, so in holds.items() if so)
-        output = self.command.output[:1] if self.reports.file else ()
-        own = any(getattr(type(self), name) is not getattr(Integrator, name) for name in HOOKS)
-        self.host.follow_schedule(
-            None if own else self.passes.lists,
-            velocities_every=gcd(*fixes.velocities_every),
-            table_every=gcd(*output),
-        )
-
-    def _tell_count(self) -> None:
+    def tell_count(self) -> None:
+        """Tell LAMMPS how many bodies there are; collective."""
         self.host.set_array_rows(self.communicator.count(self.bodies.listed.sum()))
 
     @hook
@@ -347,37 +257,22 @@ class Integrator(Declaration):
         schedule.follow(self, "setup")
 
     def start_run(self) -> None:
-        """Begin a run, whose first forces are known."""
-        self.unchanged.refuse_new_masses(self)
-        refusals.refuse_weight_twice(self)
-        self.do("gather")
-        self.reports.forget()
-        if type(self).middle and not self.middle:
-            self._end_waiting()
-        if self.start and not self.started:
-            self.start.bind_to(self.passes.cells)()
-        self.started = True
-        if self.goes_on:
-            if not self.streams:  # where LAMMPS has just taken an atom into the box, it is faster
-                own = "some have what their molecule template says"
-                velocities_of.say_ignored(self, own if self.command.reinit else "reinit no")
-            self.set_velocities()
-        self.ran = True
-        # LAMMPS asks the fixes behind this one for their forces after it
-        if self.other_fixes.change_forces and not self.middle:
-            self.host.facts |= When.GATHERS
+        """Begin to move, now that the first forces are known; collective."""
+        beginning.start_run(self)
 
     def tell_start(self) -> None:
-        """Tell the user of the bodies as a run begins."""
-        if self.host.calls_setup:
-            self.reports.say(bool(self.host.vflag))
-            self.reports.write()
-        cause, remedy, spacing = log.forces_at_start(self)
-        self.bodies.start = self.lammps.step, cause, remedy, spacing
-        names = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.suspects())
-        self.bodies.suspects = names and f", perhaps {names}"
-        if cause and not self.quenches:
-            self.host.log(self.line.naming(f"WARNING: {cause}: {remedy}\n"))
+        """Tell the user of the bodies as a run begins; collective."""
+        beginning.tell_start(self)
+
+    def set_up(self) -> None:
+        """The first step of a run begins, and LAMMPS has called no setup before it."""
+        self.resumed()
+        self.follow_atoms()
+        self.setup(0)
+
+    def continue_run(self) -> None:
+        """Begin a run that is not set up, with 'pre no'; collective."""
+        beginning.continue_run(self)
 
     @hook
     def min_setup(self, vflag: int) -> None:
@@ -410,15 +305,6 @@ class Integrator(Declaration):
         if self.stepped:
             self.waiting, self.stepped = self.dt if self.middle else 0.0, False
 
-    def _end_waiting(self) -> None:
-        """Do what a run without levels has left: with levels a step ends with its second half."""
-        if self.waiting:
-            self.passes.level_dt.set(self.waiting)
-            self.do("close")
-            self.take_time_step()
-            self.set_velocities()
-            self.waiting = 0.0
-
     # ------------------------------------------------------------- a step
 
     @hook
@@ -426,21 +312,6 @@ class Integrator(Declaration):
         """The first half of a step."""
         self.host.vflag = vflag
         schedule.follow(self, "begin")
-
-    def set_up(self) -> None:
-        """The first step of a run begins, and nothing was called before it."""
-        self.resumed()
-        self.follow_atoms()
-        self.setup(0)
-
-    def go_on(self) -> None:
-        """A run that is not set up begins, with 'pre no'."""
-        self.unchanged.refuse_new_box(self, self.lammps.box.periodic)
-        self.host.point()
-        self.bodies.refuse_moved_atoms(self.lammps)
-        self.external.refuse_change()
-        self.resumed()
-        velocities_of.say_ignored(self, "pre no")
 
     def take_late_velocities(self) -> None:
         """Take over velocities that other fixes may have changed at the end of the last step."""
@@ -470,17 +341,12 @@ class Integrator(Declaration):
 
     def _turn_over(self) -> None:
         making.turn_over(self)
-        self.parameters[MROT] = self._mrot
+        self.parameters[MROT] = rotation.inner_steps(self)
         self.mask = self.switches.mask(self.bodies)
         self.external.learn()
         self.turned_over()
-        self._tell_count()
+        self.tell_count()
         self.reports.forget()
-
-    @hook
-    def modify_external(self, words: str) -> None:
-        """The words of fix_modify behind external."""
-        self.external.read(words)
 
     @hook
     def push(self) -> None:
@@ -538,105 +404,19 @@ class Integrator(Declaration):
         if self.middle:
             self.reports.end_run()
 
-    # ------------------------------------------------------------- a step of run_style respa
-
     @hook
     def initial_integrate_respa(self, vflag: int, ilevel: int, iloop: int) -> None:
-        """A level begins a step; the innermost one moves the bodies."""
-        outermost = ilevel == len(self.respa_dt) - 1
-        if outermost:
-            self.host.vflag = vflag
-            schedule.follow(self, "begin")
-        elif self.host.atoms_moved():
-            self.follow_atoms()
-        self.passes.level_dt.set(self.respa_dt[ilevel])
-        self.do("kick", self.lammps.step - outermost)
-        if ilevel == 0:
-            schedule.follow(self, "move")
+        """A level of run_style respa begins a step."""
+        self.host.vflag = vflag
+        levels.begin_step(self, ilevel)
 
     @hook
     def final_integrate_respa(self, ilevel: int, iloop: int) -> None:
-        """A level's new forces end its step."""
-        if self.host.atoms_moved():
-            self.follow_atoms()
-        if self.unchanged.box_may_change:
-            self.refuse_new_box()
-        self.passes.level_dt.set(self.respa_dt[ilevel])
-        self.do("close")
-        self.reports.forget()
-        if ilevel == len(self.respa_dt) - 1 or self.half_step_velocities:
-            self.set_velocities()
+        """A level of run_style respa ends its step."""
+        levels.end_step(self, ilevel)
 
     @hook
     def end_of_step(self) -> None:
         """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
         self.reports.forget()
         schedule.follow(self, "end_levels")
-
-    # ------------------------------------------------------------- what LAMMPS asks
-
-    vector_extensive, array_columns = (True, True, False, False), 15
-
-    @hook
-    def dof(self, group: int) -> int:
-        """Degrees of freedom that the bodies take from LAMMPS's group of this number;
-        collective."""
-        return self.reports.removed_freedom(group)
-
-    @hook
-    def compute_scalar(self) -> float:
-        """Temperature of the bodies; collective.
-
-        It is of all components, whether force and torque act on them or not; in the place of a fix
-        rigid of those that these act on, as there.
-        """
-        if self.command.line.replaces and (self.command.force or self.command.torque):
-            return self.reports.temperature_of(lambda bodies: self.switches.mask(bodies))
-        return self.reports.energies()[4]
-
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """Kinetic energy of translation and of rotation, temperature of each; collective."""
-        return self.reports.energies()[i]
-
-    @hook
-    def compute_array(self, i: int, j: int) -> float:
-        """Value j of body i: see `output.global_array`; collective."""
-        rows = self.reports.array()
-        self.host.lend_array(rows)
-        return rows[i, j]
-
-    @hook
-    def rows_of_rank(self, words: bytes, groupbit: int, found: Any) -> None:
-        """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
-
-        Args:
-            words: the values, with a space between.  groupbit: of the compute's group.
-            found: (2,) gets the address of the rows, which stay until the next call, and how many
-                there are.
-        """
-        bodies = self.reports.made()
-        self._rows = output.rows_of_rank(
-            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
-        )
-        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
-
-    @hook
-    def zero_momentum(self) -> None:
-        """Stop the bodies' translation, between runs; collective."""
-        velocities_of.zero(self, "v")
-
-    @hook
-    def zero_rotation(self) -> None:
-        """Stop the bodies' rotation, between runs; collective."""
-        velocities_of.zero(self, "p")
-
-    @hook
-    def write_restart_file(self, name: str) -> None:
-        """LAMMPS writes a restart file: keep bodies of which more is known than their atoms beside
-        it; collective."""
-        self.reports.write_restart_file(name)
-
-    def table(self) -> np.ndarray:
-        """The bodies that are counted on this rank as they are now: see `output.table`."""
-        return self.reports.table()

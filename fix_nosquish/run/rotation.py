@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from ..motion.operations import EXACT
+
 if TYPE_CHECKING:
     from .integrator import Integrator
 
@@ -56,3 +58,8 @@ def _exact_by_default(integrator: "Integrator") -> bool:
     moment = bodies.moment[:, : bodies.rotors]
     equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
     return not integrator.communicator.any(not equal.all())
+
+
+def inner_steps(integrator: "Integrator") -> int:
+    """How the rotation is split, as operations have it."""
+    return EXACT if integrator.exact else integrator.command.mrot

@@ -81,7 +81,7 @@ ACTIONS = (
     # initial_integrate: the first half of a step
     A("begin", (WAITING, SET), when=LATE | SEEN, call="take_late_velocities"),
     A("begin", (NEW,), call="set_up"),  # LAMMPS's own fix python/move knows no setup
-    A("begin", (OVER,), call="go_on"),  # nor does a run with 'pre no'
+    A("begin", (OVER,), call="continue_run"),  # nor does a run with 'pre no'
     A("begin", (OVER,), when=MID_STEP, then=WAITING),
     A("begin", (OVER,), then=SET),
     A("begin", (WAITING,), when=RESETS, passes="close", then=SET, clears=SEEN),
