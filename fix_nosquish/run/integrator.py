@@ -429,7 +429,7 @@ class Integrator(Declaration):
             return None
         found = self.host.gravity(name)
         problem = (
-            "hybrid Monte Carlo and keyword shadow, whose energy would lack the weight's: "
+            f"{self.method}, whose energy would lack the weight's: "
             f"use fix {name} without its word disable, and fix_modify {name} energy yes"
             if self.needs_energy
             else "with run_style respa: use fix gravity without its word disable"
@@ -463,8 +463,8 @@ class Integrator(Declaration):
         if not self.crosses or self.needs_energy:
             raise RunError(
                 "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-                f"{self.name} does not do so. Use fix nosquish/nve without keyword "
-                "shadow, and fix langevin with fix_modify temp for a temperature",
+                f"{self.name} does not do so. Use fix nosquish/nve, and "
+                "fix langevin with fix_modify temp for a temperature",
                 everywhere=True,
             )
         atoms, streams = self.membership.atoms(), self.host.stream_group & 0xFFFFFFFF
@@ -663,7 +663,7 @@ class Integrator(Declaration):
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
                 f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
-                "without keyword shadow, or insert and delete between runs, with reinit yes",
+                "or insert and delete between runs, with reinit yes",
                 everywhere=True,
             )
         self.reports.warn(lines)
