@@ -38,7 +38,7 @@ from ..motion.block import ROWS
 from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
-from . import log, output, passes, reports, threads
+from . import log, output, passes, reports
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes, refuse_other_integrators
@@ -124,8 +124,6 @@ class Integrator(Declaration):
         modules = [step, migration, sharing, virial, passes]
         if self.communicator.size > 1 or self.host:
             modules.append(lookup)
-        if self.lammps.threads > 1:
-            modules.append(threads)
         names = [module.__name__ for module in modules]
         machine_code.load(
             self.communicator,
