@@ -20,7 +20,6 @@ from endings import BENT, SECONDS, SPOIL, left_behind
 from systems import OURS as NVE
 from systems import apart, mixture
 from test_bad_input import CASES
-from test_threads import FEW
 
 import fix_nosquish
 from fix_nosquish.errors import RunError
@@ -125,8 +124,7 @@ def run_water(run_lammps, tmp_path, known):
         key = script, str(launcher), ranks, own_ranks
         if key not in known:
             how = dict(launcher=launcher or debian(ranks), ranks=own_ranks)
-            few = FEW.replace("post_run", "final_integrate")  # LAMMPS's own fix does not call that
-            done = run_lammps(script, files={"data.ice": ice(), "few.py": few}, **how)
+            done = run_lammps(script, files={"data.ice": ice()}, **how)
             known[key] = done, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
         return known[key]
 
@@ -311,16 +309,6 @@ def test_constant_temperature(run_water, words, ranks):
     _, plugin = run_water(fix, launcher="lmp")
     _, own = run_water(fix, ranks=ranks)
     assert np.abs(plugin - own).max() < 1e-7
-
-
-def test_threads(run_water):
-    """Locks out threads that need the plugin: LAMMPS's own fix has the same motion with them, but
-    for the rounding of its Fourier transforms, which use them, too."""
-    fix = OURS.replace("fix_nosquish.", "few.")
-    _, one = run_water(fix)
-    run, several = run_water(fix, launcher=["env", "OMP_NUM_THREADS=3", *debian(1)])
-    np.testing.assert_allclose(several, one, rtol=0, atol=1e-12)
-    assert re.search(r"BLOCKS 1 1 0", run.screen), run.screen
 
 
 def test_ramp_needs_the_end_of_the_run(run_lammps):

@@ -45,7 +45,6 @@ OWN_KEYWORDS = {
     "temp": f"TSTART, TSTOP and TDAMP, each {_NUMBER}",
     "temp T": f"T, {_NUMBER}",
     "steps": "a whole number of at least 1",
-    "shadow": "every how many steps, a whole number of at least 1",
     "mix": f"{_NUMBER}, above 0 and at most 1",
     **dict.fromkeys(QUENCH, _NUMBER),
     "delaystep": "a whole number of at least 1",
@@ -84,7 +83,6 @@ _ELSEWHERE = {
     ),
     "moments": "only averages over configurations do not depend on the moments, as of fix "
     "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
-    "shadow": "it is what the steps of fix nosquish/nve conserve",
     "ptemp": f"the piston of {_NPT_NPH} is made for the temperature of the bodies: leave it out",
     "mtk": "barostat mtk of fix nosquish/npt, and that of fix nosquish/nph, is the piston of "
     "Martyna, Tobias and Klein: leave it out",
@@ -191,7 +189,6 @@ class Command:
         gravity: ID of the fix gravity that gives the bodies' weight, None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
         steps: those of a trajectory, None for none.  mix: a word for a number.
-        shadow: every how many steps the shadow energy is wanted, None for never.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: ("equal", value), the principal moments that bodies get, or ("scale", factor) of
@@ -224,7 +221,6 @@ class Command:
     gravity: str | None = None
     temp: tuple | None = None
     steps: int | None = None
-    shadow: int | None = None
     mix: str = "1"
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None
@@ -519,7 +515,7 @@ _READ = {  # what the words behind a keyword give
     "temp T": lambda words, expected: words.numbers(1, expected),
     "thermostat": lambda words, expected: words.one_of(THERMOSTATS, expected),
     **dict.fromkeys(
-        ("seed", "every", "steps", "shadow"),
+        ("seed", "every", "steps"),
         lambda words, expected: words.whole(expected, 2**31),
     ),
     "separate": lambda words, expected: words.choice(("no", "yes"), expected),

@@ -29,7 +29,6 @@ from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, ID, LANES, MASS, MOMENT, WH
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
-from .threads import Threads
 
 
 @loop
@@ -88,11 +87,6 @@ def _follow_box(integrator, cells):
     return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
 
-def _sums(integrator):
-    """How a loop adds up numbers of all bodies, for `Threads.bind`."""
-    return {"sums": "parameters", "count": len(integrator.parameters)}
-
-
 class Passes:
     """The lists of loops of a run.
 
@@ -112,7 +106,6 @@ class Passes:
         begins: cell, whether the motion begins with what stands before it in the splitting; with
             respa each level begins by itself.
         mask: cell.
-        threads: the `Threads`.
     """
 
     def __init__(
@@ -127,8 +120,7 @@ class Passes:
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        self.cells, self.threads = cells, Threads(lammps, cells)
-        bind = self.threads.bind
+        self.cells = cells
         # the ranks send each other force and torque of bodies that they share, and add what comes
         shared, added = [], []
         if communicator.size > 1:
@@ -146,12 +138,12 @@ class Passes:
         elif communicator.size == 1:
             whole = [*before, self._advance(integrator, True, ALL, how)]
         else:  # messages are under way while the bodies that need none move
-            some = bind(step.gather, cells, every=False)
+            some = step.gather.bind_to(cells, every=False)
             undivided = self._advance(integrator, True, WHOLE, how)
             divided = self._advance(integrator, True, DIVIDED, how)
             whole = [some, *shared, *before, undivided, *added, divided]
         close = [*gather, kick_ends, *orient]
-        of_bodies = [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)]
+        of_bodies = [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
             "begin": [*before, self._advance(integrator, False), *rest, *orient, *after],
@@ -172,30 +164,27 @@ class Passes:
 
     def _kicks(self, integrator):
         """The kick that begins a level of run_style respa, and the one that ends a step."""
-        half, sums = self.cells | {"dt": self.level_dt}, _sums(integrator)
-        begins = self.threads.bind(integrator.kick, half, **sums, ends=False, begins=True)
-        ends = self.threads.bind(integrator.kick, half, **sums, ends=True, begins=False)
-        return begins, ends
+        half = self.cells | {"dt": self.level_dt}
+        begins = integrator.kick.bind_to(half, ends=False, begins=True)
+        return begins, integrator.kick.bind_to(half, ends=True, begins=False)
 
     def _advance(self, integrator, ends, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
-        return self.threads.bind(
-            integrator.advance, self.cells, **_sums(integrator),
-            ends=ends, begins=self.begins, gathers=gathers, part=part,
-        )  # fmt: skip
+        how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
+        return integrator.advance.bind_to(self.cells, **how)
 
     def _before_and_behind(self, integrator):
         """Two lists of loops: before the bodies' motion, and behind it."""
         prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
         if not integrator.go_on:
             return prepares, []
-        second = self.threads.bind(integrator.go_on, self.cells, **_sums(integrator))
+        second = integrator.go_on.bind_to(self.cells)
         return [], [*prepares, second, *integrator.loops_behind(self.cells)]
 
     def _gather(self, integrator, bodies, exchange):
         """The list of loops for force and torque of each body; `exchange` has those for what other
         ranks know of it."""
-        gather = [self.threads.bind(step.gather, self.cells, every=True)]
+        gather = [step.gather.bind_to(self.cells, every=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(self.cells))
         gather += exchange
@@ -209,7 +198,7 @@ class Passes:
 
     def _velocities_and_orient(self, integrator, bodies):
         """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
-        velocities = [self.threads.bind(step.set_velocities, self.cells)]
+        velocities = [step.set_velocities.bind_to(self.cells)]
         if integrator.streams:
             velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
         if bodies.spin:

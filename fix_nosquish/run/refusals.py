@@ -47,7 +47,7 @@ def weight(integrator: "Integrator") -> np.ndarray | None:
         return None
     found = integrator.host.gravity(name)
     problem = (
-        "hybrid Monte Carlo and keyword shadow, whose energy would lack the weight's: "
+        f"{integrator.method}, whose energy would lack the weight's: "
         f"use fix {name} without its word disable, and fix_modify {name} energy yes"
         if integrator.needs_energy
         else "with run_style respa: use fix gravity without its word disable"
@@ -84,8 +84,8 @@ def refuse_streams(integrator: "Integrator") -> None:
     if not integrator.crosses or integrator.needs_energy:
         raise RunError(
             "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-            f"{integrator.name} does not do so. Use fix nosquish/nve without keyword "
-            "shadow, and fix langevin with fix_modify temp for a temperature",
+            f"{integrator.name} does not do so. Use fix nosquish/nve, and "
+            "fix langevin with fix_modify temp for a temperature",
             everywhere=True,
         )
     atoms, streams = integrator.membership.atoms(), integrator.host.stream_group & 0xFFFFFFFF
@@ -102,7 +102,7 @@ def refuse_turnover(integrator: "Integrator") -> None:
         raise RunError(
             f"bodies came or are gone by step {integrator.lammps.step}, which the integrator "
             f"{integrator.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
-            "without keyword shadow, or insert and delete between runs, with reinit yes",
+            "or insert and delete between runs, with reinit yes",
             everywhere=True,
         )
 
