@@ -108,7 +108,7 @@ FOLLOWING = """
 from mpi4py import MPI
 from fix_nosquish.bodies.bodies import Bodies
 from fix_nosquish.integrators.nve import NVE
-from fix_nosquish.run.schedule import When
+from fix_nosquish.run.schedule import LOOKS
 
 class Lazy(NVE):
     calls = 0
@@ -127,7 +127,7 @@ Bodies.follow = follow
 class Busy(Lazy):
     def init(self):
         super().init()
-        self.host.facts |= When.LOOKS
+        self.host.facts |= LOOKS
 
 def __getattr__(name):
     if name.startswith("__"):

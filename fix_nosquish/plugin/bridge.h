@@ -6,25 +6,10 @@
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
 enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 
-// what holds in a step, a bit each: see run/schedule.py. The first of them hold in a whole run, or until an action says otherwise;
-// the others are found out anew at each hook
+// what holds in a step, a bit each: see run/schedule.py
 enum When {
-  SEEN,         // the atoms' velocities are those of the bodies at the end of the last step
-  LATE,         // other fixes may change velocities at the end of a step
-  MID_STEP,     // the atoms' velocities at the end of a step are those of its middle
-  LEVELS,       // run_style respa
-  WATCHED,      // another fix may change the box, and bodies do not move with it
-  LOOKS,        // Python has something to do where atoms are followed
-  RESETS,       // the next step has another length
-  GATHERS,      // forces and torques of bodies are summed once more when the next step begins
-  CALLED,       // Python begins this step
-  SHOWN,        // something may read velocities at the end of this step
-  VIRIAL_ASKED, // LAMMPS wants the virial of this step
-  TABLE,        // Python writes a table at its end
-  ENERGY,       // Python takes the potential energy at its end
-  MOVES_BOX,    // the box changes in this step
-  PRESSURE,     // the forces of this step are those before or behind a change of the box
-  OTHER_BOX     // the box is not the one that the passes know
+  SEEN, LATE, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS,
+  CALLED, SHOWN, VIRIAL_ASKED, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX
 };
 
 // cells for LAMMPS's arrays, in the order of host/lammps.py

@@ -1,7 +1,8 @@
 """The `hosts.Host` of a class that the plugin drives."""
 
+from collections.abc import Callable, Sequence
 from ctypes import byref, c_void_p, cast
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.ctypeslib import as_array
@@ -97,10 +98,10 @@ class Host:
             bridge.point,
         )  # ctypes makes a function at each access
 
-    def log(self, text):
+    def log(self, text: str) -> None:
         self._bridge.log(self._bridge.fix, text.encode())
 
-    def fixes(self):
+    def fixes(self) -> list | None:
         facts, found, n = FixFacts(), [], 0
         while self._bridge.nth_fix(self._bridge.fix, n, byref(facts)):
             if facts.id is not None:  # not this fix itself
@@ -123,30 +124,30 @@ class Host:
     def last_step(self):
         return self._last_step.value
 
-    def shapes(self, natoms):
+    def shapes(self, natoms: int) -> np.ndarray | None:
         numbers = np.zeros((natoms, 7))
         known = self._bridge.particles(self._bridge.fix, _as("virial", numbers.ctypes.data))
         return numbers if known else None
 
-    def inserted(self):
+    def inserted(self) -> np.ndarray:
         ask, fix = self._bridge.inserted, self._bridge.fix
         numbers = np.empty((ask(fix, None), 10))
         if len(numbers):
             ask(fix, _as("virial", numbers.ctypes.data))
         return numbers
 
-    def molecule(self, number):
+    def molecule(self, number: int) -> np.ndarray | None:
         numbers = np.empty(13)
         known = self._bridge.molecule(self._bridge.fix, number, _as("virial", numbers.ctypes.data))
         return numbers if known else None
 
-    def removed_freedom(self, fix_id, group):
+    def removed_freedom(self, fix_id: str, group: str) -> int:
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
 
-    def varies(self, fix_id):
+    def varies(self, fix_id: str) -> bool:
         return bool(self._bridge.varies(self._bridge.fix, fix_id.encode()))
 
-    def moved_by(self, fix_id, x):
+    def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
         kept = x.copy()
         x += 1e-3 * (1.0 + np.abs(x).max(initial=0.0))  # it may have nothing to do now
         before = x.copy()
@@ -155,56 +156,58 @@ class Host:
         x[:] = kept
         return moved
 
-    def pair_style(self, first):
+    def pair_style(self, first: str) -> bool:
         return bool(self._bridge.pair_style(self._bridge.fix, first.encode()))
 
-    def gravity(self, fix_id):
+    def gravity(self, fix_id: str) -> np.ndarray | None:
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
         return array(address, (3,), float) if address else None
 
-    def ask_for(self, words, *, energy, virial):
+    def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         self._words = len(words)
         self._bridge.words = " ".join(words).encode()
         self._bridge.tells_energy, self._bridge.tells_virial = energy, virial
 
-    def values(self):
+    def values(self) -> list[np.ndarray]:
         address, found = cast(self._bridge.values, c_void_p).value, []
         for count in self._bridge.sizes[: self._words]:
             found.append(array(address, (count,) if count else (), float))
             address += 8 * max(1, count)
         return found
 
-    def advice(self, removed):
+    def advice(self, removed: int) -> Sequence[str]:
         return ()
 
-    def begin_run(self, virial):
+    def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
         """Of no use here, as the next ones."""
 
     noted = end = lambda self, *_: None
 
-    def atoms_moved(self):
+    def atoms_moved(self) -> bool:
         return False  # there is a hook for it
 
-    def cut_cluster(self):
+    def cut_cluster(self) -> int:
         return self._bridge.find_clusters(self._bridge.fix)
 
-    def set_bodies(self, body, mass):
+    def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
         self._lent = body, mass
         for name, lent in ("body", body), ("masstotal", mass):
             place = None if lent is None else _as(name, lent.ctypes.data)
             setattr(self._bridge, name, place)
 
-    def lend_array(self, rows):
+    def lend_array(self, rows: np.ndarray) -> None:
         self._array = rows
         self._bridge.array = _as("array", rows.ctypes.data)
 
-    def set_array_rows(self, n):
+    def set_array_rows(self, n: int) -> None:
         self._bridge.set_array_rows(self._bridge.fix, int(n))
 
-    def now(self):
+    def now(self) -> int:
         return self._bridge.now(self._bridge.fix)
 
-    def follow_schedule(self, lists, *, velocities_every, table_every):
+    def follow_schedule(
+        self, lists: dict | None, *, velocities_every: int, table_every: int
+    ) -> None:
         self._bridge.velocities_every, self._bridge.table_every = velocities_every, table_every
         if lists is not None:
             passes = {name: _passes(some) for name, some in lists.items()}
@@ -214,7 +217,7 @@ class Host:
                 place = _as(name, table.ctypes.data) if len(table) > 1 else None
                 setattr(self._bridge, name, place)
 
-    def follow_no_schedule(self):
+    def follow_no_schedule(self) -> None:
         for name in LISTS:
             setattr(self._bridge, name, None)
         self._kept = None
@@ -232,14 +235,14 @@ class Host:
         self._bridge.energy_step = step
         self._bridge.ask_for_energy(self._bridge.fix, step)
 
-    def go_back(self):
+    def go_back(self) -> None:
         if self._bridge.go_back(self._bridge.fix):
             raise RunError("LAMMPS has found an error where atoms go back to", everywhere=True)
 
-    def keep_box(self):
+    def keep_box(self) -> None:
         self._keep(self._bridge.fix)
 
-    def carry(self, lammps, bodies):
+    def carry(self, lammps: Any, bodies: Any) -> None:
         """The class asks for it with an attribute ``carries``: how many numbers go with an atom."""
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and _as("arrays", lammps.table.ctypes.data)
@@ -247,7 +250,7 @@ class Host:
             place = None if bodies is None else bodies.cells[cell].address
             setattr(bridge, name, place and _as(name, place))
 
-    def point(self):
+    def point(self) -> None:
         self._point(self._bridge.fix)
 
 

@@ -1,18 +1,21 @@
 """What LAMMPS and its users ask of the bodies, at any time from the first run on."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from ..host.command import Command
 from ..host.hosts import Host, hook
 from ..host.lammps import Lammps
-from ..ranks.communicator import Communicator
+from ..ranks.communicator import Alone, Communicator
 from . import output
 from . import velocities as velocities_of
 from .external import External
 from .reports import Reports
 from .switches import Switches
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
 
 
 class Answers:
@@ -20,7 +23,7 @@ class Answers:
 
     command: Command
     lammps: Lammps
-    communicator: Communicator
+    communicator: Communicator | Alone
     host: Host
     reports: Reports
     external: External
@@ -75,12 +78,12 @@ class Answers:
     @hook
     def zero_momentum(self) -> None:
         """Stop the bodies' translation, between runs; collective."""
-        velocities_of.zero(self, "v")
+        velocities_of.zero(cast("Integrator", self), "v")
 
     @hook
     def zero_rotation(self) -> None:
         """Stop the bodies' rotation, between runs; collective."""
-        velocities_of.zero(self, "p")
+        velocities_of.zero(cast("Integrator", self), "p")
 
     @hook
     def write_restart_file(self, name: str) -> None:

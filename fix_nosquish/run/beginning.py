@@ -12,7 +12,7 @@ from ..motion.operations import FTM2V, MROT, PARAMETERS
 from . import log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .passes import Passes
-from .schedule import Phase, When
+from .schedule import GATHERS, LATE, LEVELS, LOOKS, MID_STEP, RESETS, SEEN, WATCHED, Phase
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -70,22 +70,22 @@ def plan(integrator: "Integrator") -> None:
     kept, fixes, host = integrator.unchanged, integrator.other_fixes, integrator.host
     looks = kept.box_may_change or kept.masses_may_change or integrator.rigid_flag
     holds = {
-        When.SEEN: host.facts & When.SEEN,
-        When.LATE: fixes.late,
-        When.MID_STEP: integrator.middle,
-        When.LEVELS: integrator.respa_dt is not None,
-        When.WATCHED: kept.box_may_change,
-        When.LOOKS: looks or integrator.switches.choices,
-        When.RESETS: integrator.middle and integrator.waiting not in (None, integrator.dt),
+        SEEN: host.facts & SEEN,
+        LATE: fixes.late,
+        MID_STEP: integrator.middle,
+        LEVELS: integrator.respa_dt is not None,
+        WATCHED: kept.box_may_change,
+        LOOKS: looks or integrator.switches.choices,
+        RESETS: integrator.middle and integrator.waiting not in (None, integrator.dt),
     }
     host.facts = sum(bit for bit, so in holds.items() if so)
-    output = integrator.command.output[:1] if integrator.reports.file else ()
-    if host.facts & When.RESETS:
+    table = integrator.command.output if integrator.reports.file else None
+    if host.facts & RESETS:
         integrator.passes.level_dt.set(integrator.waiting)
     host.follow_schedule(
         None if integrator.has_own_hooks else integrator.passes.lists,
         velocities_every=gcd(*fixes.velocities_every),
-        table_every=gcd(*output),
+        table_every=table[0] if table else 0,
     )
 
 
@@ -144,7 +144,7 @@ def start_run(integrator: "Integrator") -> None:
     integrator.ran = True
     # LAMMPS asks the fixes behind this one for their forces after it
     if integrator.other_fixes.change_forces and not integrator.middle:
-        integrator.host.facts |= When.GATHERS
+        integrator.host.facts |= GATHERS
 
 
 def _end_waiting(integrator: "Integrator") -> None:

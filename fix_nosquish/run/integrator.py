@@ -1,6 +1,6 @@
 """What LAMMPS drives: an integrator, whose hooks follow the schedule of a step (see `schedule`)."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -18,14 +18,16 @@ from ..motion import step, virial
 from ..motion.block import ROWS
 from ..motion.operations import MROT
 from ..ranks import lookup, migration, sharing
-from ..ranks.communicator import ALONE, Communicator
+from ..ranks.communicator import ALONE, Alone, Communicator
 from . import beginning, levels, making, passes, refusals, registry, reports, rotation, schedule
 from . import velocities as velocities_of
 from .answers import Answers
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
-from .schedule import Phase, When
+from .passes import Passes
+from .schedule import SEEN, Phase
+from .switches import Switches
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
@@ -72,10 +74,16 @@ class Integrator(Answers, Declaration):
             numbers of the bodies' own have been set; a step was made since `waiting` was noted.
     """
 
-    host: Host | None = None
     virial: np.ndarray | None = None
     virial_per_atom: np.ndarray | None = None
-    parameters = told_box = gravity = waiting = None
+    told_box: np.ndarray | None = None
+    gravity: np.ndarray | None = None
+    waiting: float | None = None
+    parameters: np.ndarray
+    switches: Switches
+    unchanged: refusals.Kept
+    mask: np.ndarray | None
+    first_step: int
     streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
     follows_atoms = True
 
@@ -85,18 +93,21 @@ class Integrator(Answers, Declaration):
         line = Line.quoted(line) if isinstance(line, str) else line
         self.lammps = Lammps(ptr)
         several = self.lammps.ranks > 1
-        self.communicator = Communicator(self.lammps.communicator) if several else ALONE
+        self.communicator: Communicator | Alone = (
+            Communicator(self.lammps.communicator) if several else ALONE
+        )
         self.line, self.name, self.number = line, line.name, registry.next_number()
-        self.bodies = self.passes = self.notes = None
+        self.let_bodies_go()
+        self.notes = cast(dict, None)  # until bodies are made
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external = External(self)
-        if not driven_by_plugin():
-            self.host = OwnFix(self.lammps, self.communicator)
+        own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
+        self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)
 
     @hook
     def _define(self, line: Line) -> None:
-        several = self.communicator.size > 1 or self.host
+        several = self.communicator.size > 1 or not driven_by_plugin()
         modules = step, migration, sharing, virial, passes, *((lookup,) if several else ())
         machine_code.load(
             self.communicator,
@@ -120,7 +131,7 @@ class Integrator(Answers, Declaration):
             )
         refusals.refuse_time_step(self)
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
-        if self.host:
+        if not driven_by_plugin():
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
             beginning.look_at_box(self)
             making.make(self)
@@ -128,6 +139,10 @@ class Integrator(Answers, Declaration):
         else:
             self.array_rows = making.count_bodies(self)
             self.rigid_flag = self.lammps.radius is not None
+
+    def let_bodies_go(self) -> None:
+        """There are no bodies, until others are made."""
+        self.bodies, self.passes = cast(Bodies, None), cast(Passes, None)
 
     def let_go(self) -> None:
         """The fix is gone, and what this object knew of LAMMPS's memory with it."""
@@ -167,7 +182,9 @@ class Integrator(Answers, Declaration):
     def phase(self) -> Phase:
         return Phase(self.host.phase) if self.host else Phase.NEW
 
-    is_over = property(lambda self: self.phase == Phase.OVER)
+    @property
+    def is_over(self) -> bool:
+        return self.phase == Phase.OVER
 
     @property
     def counts_from_one(self) -> bool:
@@ -331,7 +348,7 @@ class Integrator(Answers, Declaration):
             self._turn_over()
         self.host.noted()
         self.host.keep_box()
-        if self.switches.choices:
+        if self.switches.choices and self.passes.mask:
             self.passes.mask.set(self.switches.mask(bodies))
         self.unchanged.refuse_new_masses(self)
         if self.rigid_flag:
@@ -380,7 +397,7 @@ class Integrator(Answers, Declaration):
         """Give the atoms the velocities that the bodies' motion gives them."""
         self.passes.do("velocities")
         facts, between = self.host.facts, self.phase == Phase.HALF
-        self.host.facts = facts & ~When.SEEN if between else facts | When.SEEN
+        self.host.facts = facts & ~SEEN if between else facts | SEEN
 
     @hook
     def post_run(self) -> None:
@@ -393,7 +410,7 @@ class Integrator(Answers, Declaration):
         self.stepped |= self.steps_made
         self.unchanged.refuse_new_masses(self)
         self.come_to_rest()
-        if not self.host.facts & When.SEEN:
+        if not self.host.facts & SEEN:
             self.set_velocities()
         velocities_of.take_late(self, self.lammps.step)
         self.reports.say_lost()

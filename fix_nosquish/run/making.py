@@ -69,10 +69,12 @@ def former(integrator: "Integrator") -> Any:
 def make(integrator: "Integrator") -> None:
     """Make the bodies of a run of the atoms as they are; collective."""
     lammps, host, command = integrator.lammps, integrator.host, integrator.command
-    before = integrator.bodies and (integrator.bodies.id, integrator.bodies.wrench.copy())
+    before = integrator.bodies
+    ids = before.id if before else np.empty(0)
+    wrench = before.wrench.copy() if before else np.empty((6, 0))
     of_last_run = former(integrator)
     host.carry(None, None)
-    integrator.bodies = integrator.passes = None  # there may be no room for both
+    integrator.let_bodies_go()  # there may be no room for both
     integrator.lost = of_last_run is not None
     bodies, notes = build(
         lammps, integrator.communicator, integrator.membership, _told(integrator),
@@ -90,9 +92,9 @@ def make(integrator: "Integrator") -> None:
     # a rerun is to tell of the atoms as they stand in the file, which has rounded places
     bodies.loose = command.reinit and "rerun" in host.command[:1]
     _say_kept(integrator, notes.pop("kept"))
-    if before and np.array_equal(np.sort(before[0]), np.sort(bodies.id)):
+    if np.array_equal(np.sort(ids), np.sort(bodies.id)):
         # commands like write_data compute no forces
-        bodies.wrench[:, np.argsort(bodies.id)] = before[1][:, np.argsort(before[0])]
+        bodies.wrench[:, np.argsort(bodies.id)] = wrench[:, np.argsort(ids)]
     bodies.external = integrator.external
     bodies.bind(lammps, integrator.membership)
     bodies.know_box(lammps.box)

@@ -8,7 +8,7 @@ import numpy as np
 from ..bodies import infile
 from ..errors import RunError
 from . import log, output, thermo, velocities
-from .schedule import Phase, When
+from .schedule import SEEN, Phase
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
@@ -281,6 +281,6 @@ class Reports:
 
     def _see_changed_velocities(self):
         integrator = self._integrator
-        seen = integrator.phase != Phase.NEW and integrator.host.facts & When.SEEN
+        seen = integrator.phase != Phase.NEW and integrator.host.facts & SEEN
         if integrator.lammps.running and seen:
             velocities.take_late(integrator, integrator.lammps.step)

@@ -9,10 +9,8 @@ does the same in Python: for LAMMPS's own fix python/move, and for a class that 
 own.  Between hooks LAMMPS moves atoms to their ranks, builds lists of neighbors, computes forces.
 """
 
-from enum import IntEnum, IntFlag
+from enum import IntEnum, IntFlag, auto
 from typing import TYPE_CHECKING, NamedTuple
-
-from ..plugin.structs import WHEN
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -28,17 +26,34 @@ class Phase(IntEnum):
     OVER = 4  # the run is over: what changes velocities now is a script
 
 
-# What holds in a step.  The plugin has the same names (`plugin/bridge.h`).
-When = IntFlag("When", {name: 1 << k for k, name in enumerate(WHEN)})
-# what holds in a whole run, or until an action says otherwise; the host keeps these bits
+class When(IntFlag):
+    """What holds in a step.  The plugin has the same names in the same order (plugin/bridge.h)."""
+
+    # in a whole run, or until an action says otherwise; the host keeps these
+    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
+    LATE = auto()  # other fixes may change velocities at the end of a step
+    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
+    LEVELS = auto()  # run_style respa
+    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
+    LOOKS = auto()  # Python has something to do where atoms are followed
+    RESETS = auto()  # the next step has another length
+    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
+    # in one step
+    CALLED = auto()  # Python begins it
+    SHOWN = auto()  # something may read velocities at its end
+    VIRIAL_ASKED = auto()  # LAMMPS wants its virial
+    TABLE = auto()  # Python writes a table at its end
+    ENERGY = auto()  # Python takes the potential energy at its end
+    MOVES_BOX = auto()  # the box changes in it
+    PRESSURE = auto()  # its forces are those before or behind a change of the box
+    OTHER_BOX = auto()  # the box is not the one that the passes know
+
+
 SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
 WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
-# what holds in one step
-SHOWN, VIRIAL, TABLE, ENERGY = When.SHOWN, When.VIRIAL_ASKED, When.TABLE, When.ENERGY
-CALLED, MOVES_BOX, PRESSURE, OTHER_BOX = (
-    When.CALLED, When.MOVES_BOX, When.PRESSURE, When.OTHER_BOX,
-)  # fmt: skip
-
+CALLED, SHOWN, VIRIAL, TABLE = When.CALLED, When.SHOWN, When.VIRIAL_ASKED, When.TABLE
+ENERGY, MOVES_BOX = When.ENERGY, When.MOVES_BOX
+PRESSURE, OTHER_BOX = When.PRESSURE, When.OTHER_BOX
 NEW, SET, HALF, WAITING, OVER = Phase
 ANY = tuple(Phase)
 BEGUN = tuple(phase for phase in Phase if phase != NEW)
@@ -129,9 +144,10 @@ ACTIONS = (
     # post_run
     A("post_run", BEGUN, call="end_run", then=OVER),
 )
-SCHEDULE = {action.hook: () for action in ACTIONS}
-for _action in ACTIONS:
-    SCHEDULE[_action.hook] += (_action,)
+SCHEDULE = {
+    hook: tuple(action for action in ACTIONS if action.hook == hook)
+    for hook in dict.fromkeys(action.hook for action in ACTIONS)
+}
 
 
 def follow(integrator: "Integrator", hook: str) -> None:

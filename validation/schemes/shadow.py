@@ -63,7 +63,7 @@ class Shadowed(NVE):
         self._take(self.lammps.step - 1)
 
     def take_energy(self) -> None:
-        """Take a step, at its end; collective. Returns: True: the state stays."""
+        """Take a step, at its end; collective."""
         self._take(self.lammps.step)
         self._name_next()
 
