@@ -79,7 +79,7 @@ def test_shapes_stay(run_lammps, tmp_path, words, ranks):
         ("NVE all molecule", "all deform 1 xy erate 0.01 remap none", "with its remap x or v"),
         ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
         ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
-        ("NVE all molecule shadow 5", "all deform 1 xy erate 0.3 remap v", "does not do so"),
+        ("Shadowed all molecule", "all deform 1 xy erate 0.3 remap v", "Shadowed does not do so"),
         (
             "NVT all molecule temp 1 1 1 seed 5",
             "all deform 1 xy erate 0.3 remap v",

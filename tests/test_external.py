@@ -10,10 +10,12 @@ import test_insertion as insertion
 from systems import SHAPES, assemble, mixture
 from test_own_fix import debian, obstacle
 
+from validation.scenes.integrators import target
 from validation.statistics import motion
 
 ALL = "solid planar pair row single"
 NVE = "fix 1 all nosquish/nve molecule\n"
+SHADOWED = f'python/move "{target("Shadowed")} all molecule"'
 THERMO = (
     "thermo_style custom step pe ke etotal press pxx pyy pzz pxy pxz pyz {}\n"
     "thermo_modify format float %.16g norm no\n"
@@ -207,18 +209,18 @@ def test_harmonic_trap(run_bodies):
 @pytest.mark.parametrize(
     "fix",
     [
-        "nve molecule",
-        "nve molecule shadow 10",
-        "nvt molecule temp 1 1 5.0 seed 7",
-        "nvt molecule temp 1 1 5.0 seed 7 thermostat csvr",
-        "nvt molecule temp 1 1 5.0 thermostat nh",
+        "nosquish/nve molecule",
+        SHADOWED,
+        "nosquish/nvt molecule temp 1 1 5.0 seed 7",
+        "nosquish/nvt molecule temp 1 1 5.0 seed 7 thermostat csvr",
+        "nosquish/nvt molecule temp 1 1 5.0 thermostat nh",
     ],
 )
 def test_energy_in_a_trap(run_bodies, fix):
     """Locks out an energy of external forces that econserve lacks, and a total momentum that a
     thermostat takes as constant while a trap pushes."""
     system = mixture("solid planar pair", seed=3)
-    lines = f"{GAS}fix 1 all nosquish/{fix}\n{trap(system, 2.0)}" + THERMO.format("econserve")
+    lines = f"{GAS}fix 1 all {fix}\n{trap(system, 2.0)}" + THERMO.format("econserve")
     off = []
     for dt, steps in (0.02, 250), (0.01, 500):
         more = f"timestep {dt}\nthermo {steps // 50}\nrun {steps}"
@@ -562,14 +564,16 @@ def test_what_is_refused(refused, words, says, ranks):
 
 
 @pytest.mark.parametrize(
-    "fix", ["hmc molecule temp 1 steps 2 seed 5", "nve molecule shadow 1"], ids=["hmc", "shadow"]
+    "fix",
+    ["nosquish/hmc molecule temp 1 steps 2 seed 5", SHADOWED],
+    ids=["hmc", "shadow"],
 )
 @pytest.mark.parametrize("words", ["force 1 0 0", "torque 1 0 0 virial yes", "python"])
 def test_energy_is_needed(run_lammps, refused, fix, words):
     """Locks out trajectories that are tested without the energy of external forces; the message's
     advice is followed."""
     system = mixture("solid planar pair")
-    script = f"{system.setup}\nfix 1 all nosquish/{fix}\nfix_modify 1 external {words} {{}}\nrun 2"
+    script = f"{system.setup}\nfix 1 all {fix}\nfix_modify 1 external {words} {{}}\nrun 2"
     refused(script.format(""), "the word energy of fix_modify external", system.files)
     script = script.format("energy 0")
     run_lammps(script, files=system.files)

@@ -11,6 +11,8 @@ from conftest import read_thermo
 from systems import LIKE_LAMMPS, RIGID, SMALL, apart, mixture
 from test_output import read
 
+from validation.scenes.integrators import target
+
 THERMO = (
     "thermo_style custom step temp pe ke {}\nthermo_modify norm no format float %.16g\nthermo 10\n"
 )
@@ -268,7 +270,7 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
         (GRAVITY, "NVE all molecule gravity h", "", "'h', which is no fix gravity"),
         ("", "NVE all molecule gravity g", GRAVITY, "that stands before this fix"),
         (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
-        (GRAVITY, "NVE all molecule gravity g shadow 5", "", "fix_modify g energy yes"),
+        (GRAVITY, "Shadowed all molecule gravity g", "", "fix_modify g energy yes"),
         (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
     ],
     ids=["none", "behind", "respa", "shadow", "HMC"],
@@ -276,7 +278,8 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
 def test_gravity_that_is_refused(refused, system, before, words, after, says):
     """Locks out bodies without the weight that is asked for, or with that of several levels, and a
     test of an energy without that of the weight."""
-    line = f'fix 1 all python/move "fix_nosquish.{words}"'
+    scheme, rest = words.split(maxsplit=1)
+    line = f'fix 1 all python/move "{target(scheme)} {rest}"'
     refused(f"{system.setup}\n{before}\n{line}\n{after}\nrun 0\n", says, system.files)
 
 

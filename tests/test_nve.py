@@ -472,3 +472,14 @@ def test_migration(simulate, grid):
     assert apart(many, alone, system.h) < 1e-8
     np.testing.assert_allclose(system.mass @ many.v, 0, atol=1e-10)
     np.testing.assert_allclose(many.thermo["TotEng"], alone.thermo["TotEng"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("molecule", [1, 125])
+def test_forces_that_are_not_finite(refused, molecule):
+    """Locks out bad forces on the first body or the last that go unseen."""
+    system = mixture(side=5, spacing=2.9)
+    push = f"group one molecule {molecule}\nvariable push equal exp(1000.0*(step>9))\n"
+    push += "fix push one addforce v_push 0 0\n"
+    fix = OURS.format(group="all", words="molecule")
+    says = f"the force on the body of molecule {molecule} is not finite at step 10"
+    refused(f"{system.setup}\n{fix}\n{push}run 20\n", says, system.files)

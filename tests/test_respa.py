@@ -85,11 +85,20 @@ def test_equal_steps_are_verlet(simulate, style, ranks):
     )
 
 
-@pytest.mark.parametrize("style", ["run_style respa 2 4 pair 2", "run_style respa 3 2 2 pair 3"])
+@pytest.mark.parametrize(
+    "style",
+    [
+        "run_style respa 2 4 pair 2",
+        "run_style respa/omp 2 4 pair 2",
+        "run_style respa 3 2 2 pair 3",
+    ],
+)
 def test_levels_without_force_are_inner_rotor_steps(simulate, style):
     """Locks out a kick of an inner level with the outer level's force (as rigid/nve's first one
     is): without forces of their own, four inner steps are one step of Verlet with mrot 4."""
     system = smooth()
+    if "/omp" in style:
+        system = system._replace(setup=f"package omp 2\n{system.setup}")
     verlet = simulate(system, OURS, 30, dt=4, words="molecule mrot 4")
     alike(simulate(system, OURS, 30, dt=4, before=style), verlet, system.h)
     other = simulate(system, OURS, 30, dt=4)

@@ -1,4 +1,4 @@
-"""Keyword shadow: the energy that NVE's steps keep to the fourth order."""
+"""The shadow energy, which NVE's steps keep to the fourth order."""
 
 import re
 
@@ -14,7 +14,7 @@ SPRINGS = "fix 2 all spring/self 30.0\nfix_modify 2 energy yes\n"
 ROTATIONS = "order 321", "order 123", "mrot 2", "rotor exact"
 
 
-def fix(words, group="all", name="NVE"):
+def fix(words="", group="all", name="Shadowed"):
     return f'fix 1 {group} python/move "{target(name)} {group} molecule {words}"\n'
 
 
@@ -30,7 +30,7 @@ def runs(run_lammps, system, forces, words, dt, parts):
     found = []
     for part in parts:
         script = f"{system.setup}\nreset_timestep 0\n{forces}timestep {dt / part}\n"
-        script += fix(f"shadow {part} {words}") + thermo("etotal f_1[5]", part)
+        script += fix(f"every {part} {words}") + thermo("etotal f_1[5]", part)
         done = run_lammps(script + f"run {200 * part}\n", files=system.files)
         found.append(spreads(done.thermo))
     return np.array(found)
@@ -65,7 +65,7 @@ def test_every(run_lammps):
     system, values = mixture(side=3, temperature=20.0), []
     for ranks, every in (1, 1), (1, 5), (2, 5), (4, 1), (8, 5):
         script = f"{system.setup}\nreset_timestep 0\n{FREE}{SPRINGS}timestep 0.004\n"
-        script += fix(f"shadow {every}") + thermo("f_1[5]", 5)
+        script += fix(f"every {every}") + thermo("f_1[5]", 5)
         rows = run_lammps(f"{script}run 13\nrun 7\n", files=system.files, ranks=ranks).thermo
         values.append(rows["f_1[5]"][rows["Step"] % 5 == 0])
         np.testing.assert_allclose(values[-1], values[0], rtol=1e-12)
@@ -77,7 +77,7 @@ def test_other_forces_in_the_next_run(run_lammps):
     """Locks out a value of steps under two force fields: the bodies are free until the last of
     three steps, and then are held by springs."""
     script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n"
-    script += fix("shadow 10") + thermo("etotal f_1[5]", 1) + f"run 19\n{SPRINGS}run 21\n"
+    script += fix("every 10") + thermo("etotal f_1[5]", 1) + f"run 19\n{SPRINGS}run 21\n"
     rows = run_lammps(script, files=mixture(side=2).files).thermo
     rows = rows[rows["Step"] >= 19][-22:]  # of the second run
     value = rows["f_1[5]"]
@@ -88,7 +88,7 @@ def test_other_forces_in_the_next_run(run_lammps):
 def test_another_time_step(run_lammps):
     """Locks out a value of steps of different lengths, in a run that goes on with another one."""
     system = mixture(side=2, temperature=20.0)
-    script = f"{system.setup}\nreset_timestep 0\n{FREE}{SPRINGS}timestep 0.008\n{fix('shadow 10')}"
+    script = f"{system.setup}\nreset_timestep 0\n{FREE}{SPRINGS}timestep 0.008\n{fix('every 10')}"
     script += thermo("f_1[5]", 1) + "run 19\ntimestep 0.004\nrun 11 pre no\n"
     rows = run_lammps(script, files=system.files).thermo
     value = dict(zip(rows["Step"], rows["f_1[5]"]))
@@ -97,7 +97,7 @@ def test_another_time_step(run_lammps):
 
 def test_a_command_between_runs(run_lammps):
     """Locks out a value that is gone when a command has set up between two runs."""
-    script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n{fix('shadow 5')}"
+    script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n{fix('every 5')}"
     script += "run 20\nprint 'ONE $(f_1[5])'\nwrite_restart r\nprint 'TWO $(f_1[5])'\n"
     log = run_lammps(script, files=mixture(side=2).files).log
     one, two = (re.search(f"^{name} (.*)", log, re.M)[1] for name in ("ONE", "TWO"))
@@ -107,14 +107,15 @@ def test_a_command_between_runs(run_lammps):
 @pytest.mark.parametrize(
     "line, says",
     [
-        (fix("shadow 0"), "'0' was given where every how many steps"),
-        (fix("shadow 5", "stiff") + "fix 3 rest nve\n", "fix 3 moves atoms, too"),
-        (fix("shadow 5", "stiff") + fix("", "rest").replace("1", "3", 1), "fix 3 moves atoms, too"),
-        (fix("shadow 5") + SPRINGS.split("fix_modify")[0], "fix_modify 2 energy yes, or leave"),
-        (fix("shadow 5") + "fix 2 all viscous 1.0\n", "would drift: unfix it, or leave"),
-        (fix("shadow 5") + "run_style respa 2 2 pair 1\n", "use run_style verlet"),
-        (fix("shadow 5", name="MatubayasiNakahara"), "for the steps of fix_nosquish.NVE"),
-        (fix("temp 2 2 1 seed 5 shadow 5", name="NVT"), "steps of fix_nosquish.NVE conserve"),
+        (fix("every 0"), "'0' was given where a whole number of at least 1"),
+        (fix(group="stiff") + "fix 3 rest nve\n", "fix 3 moves atoms, too"),
+        (
+            fix(group="stiff") + fix(group="rest", name="NVE").replace("1", "3", 1),
+            "fix 3 moves atoms, too",
+        ),
+        (fix() + SPRINGS.split("fix_modify")[0], "fix_modify 2 energy yes, or leave"),
+        (fix() + "fix 2 all viscous 1.0\n", "would drift: unfix it, or leave"),
+        (fix() + "run_style respa 2 2 pair 1\n", "use run_style verlet"),
     ],
 )
 @pytest.mark.parametrize("ranks", [1, 2])

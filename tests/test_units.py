@@ -6,6 +6,7 @@ import pytest
 from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, mixture, tensor
 
 from fix_nosquish.integrators import crescale
+from validation.scenes.integrators import target
 
 # Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of
 # electron LAMMPS's manual says that velocities are in Bohr / 1.03275 fs, but it moves atoms by v dt
@@ -33,7 +34,7 @@ BATHS = {
     "mtk": (f"NPT all molecule {BATH} iso v_P v_P v_t barostat mtk every 2", "econserve"),
     "NPH": ("NPH all molecule iso v_P v_P v_t every 2", "econserve"),
     "HMC": ("HMC all molecule temp v_T steps 10 seed 7", "f_1[6]"),
-    "shadow": ("NVE all molecule shadow 1", "f_1[5]"),
+    "shadow": ("Shadowed all molecule", "f_1[5]"),
 }
 
 
@@ -106,7 +107,8 @@ def test_temperatures_and_pressures_are_those_of_lj_units(simulate, scaled, styl
     def run(system, **scale):
         values = {"T": 1.0, "t": 0.2, "P": 0.5, "k": 0.2}
         lines = (f"variable {k} equal {v * scale.get(k, 1.0):.17g}" for k, v in values.items())
-        fix = f'fix 1 all python/move "fix_nosquish.{line}"'
+        scheme, rest = line.split(maxsplit=1)
+        fix = f'fix 1 all python/move "{target(scheme)} {rest}"'
         how = dict(before="\n".join(lines), columns=f"vol {column}", dt=2.0)
         return simulate(system, fix, 50, **how)
 

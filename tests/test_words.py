@@ -149,13 +149,6 @@ def mol(tools):
     assert left[0]["Atoms"][-1] == 36
 
 
-@acts("shadow")
-def shadow(tools):
-    table = tools.run(fix("nve", "shadow 5"), 100, before=SMOOTH, columns="f_1[5]", every=5).thermo
-    true, kept = (np.ptp(table[name][1:]) for name in ("TotEng", "f_1[5]"))
-    assert 0 < kept < 0.1 * true
-
-
 # ---- thermostats
 
 

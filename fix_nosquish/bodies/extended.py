@@ -141,11 +141,11 @@ def set_spins(layout: Layout, atom_omega: F2, atom_angmom: F2):
 
 
 @loop
-def turn(layout: Layout, atom_mu: F2, turn_atom: L1, quat: F1):
+def orient(layout: Layout, atom_mu: F2, orient_atom: L1, quat: F1):
     """Give the atoms the orientation and the dipoles that follow from their bodies'.
 
     Args:
-        turn_atom: (2,) address of a function of LAMMPS's fix and its first argument; 0 for none.
+        orient_atom: (2,) address of a function of LAMMPS's fix and its first argument; 0 for none.
         quat: (4,) to work with.
     """
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
@@ -159,7 +159,7 @@ def turn(layout: Layout, atom_mu: F2, turn_atom: L1, quat: F1):
                 size = sqrt(w * w + x * x + y * y + z * z)
                 if size > 0.0:
                     quat[0], quat[1], quat[2], quat[3] = w / size, x / size, y / size, z / size
-                    call(turn_atom[0], turn_atom[1], np.int64(i), address(quat))
+                    call(orient_atom[0], orient_atom[1], np.int64(i), address(quat))
                 x, y, z = to_space(rotation_matrix(q), *three(d, DIPOLE, j))
                 size = sqrt(x * x + y * y + z * z)
                 if size > 0.0:

@@ -268,7 +268,6 @@ OWN_KEYWORDS = {
     "temp": Keyword(f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers),
     "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
     "steps": Keyword(_COUNT, _integer),
-    "shadow": Keyword(f"every how many steps, {_COUNT}", _integer),
     "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number),
     **QUENCH,
     "thermostat": _one_of(THERMOSTATS),
@@ -334,7 +333,6 @@ _ELSEWHERE = {
     ),
     "moments": "only averages over configurations do not depend on the moments, as of fix "
     "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
-    "shadow": "it is what the steps of fix nosquish/nve conserve",
     "ptemp": f"the piston of {_NPT_NPH} is made for the temperature of the bodies: leave it out",
     "mtk": "barostat mtk of fix nosquish/npt, and that of fix nosquish/nph, is the piston of "
     "Martyna, Tobias and Klein: leave it out",
@@ -386,7 +384,6 @@ class Command:
         gravity: ID of the fix gravity that gives the bodies' weight, None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
         steps: those of a trajectory, None for none.  mix: a word for a number.
-        shadow: every how many steps the shadow energy is wanted, None for never.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: the principal moments that bodies get, None for those of their atoms.
@@ -416,7 +413,6 @@ class Command:
     gravity: str | None = None
     temp: tuple[str, ...] | None = None
     steps: int | None = None
-    shadow: int | None = None
     mix: str = "1"
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None

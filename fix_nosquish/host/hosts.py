@@ -1,9 +1,9 @@
 """What calls an integrator: this package's plugin, or a LAMMPS's own fix python/move."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,7 +16,7 @@ class Host(Protocol):
     Attributes:
         fix_id, group: the fix's ID and its group; None if that is not known.
         phase: an `integrator.Phase`.
-        velocities_set: whether the atoms' velocities are those of the bodies at the step's end.
+        facts: the bits of `schedule.When` that hold for longer than a step.
         vflag: what virial LAMMPS asks for in this step; 0 for none.
         changes: a number that changes when bodies do without Python.
         calls_setup: whether LAMMPS calls setup before the first step of a run.
@@ -26,13 +26,11 @@ class Host(Protocol):
         scalar_pressure: whether of the long-range forces only the mean pressure of all axes is
             known, as with kspace_style msm.
         next_output: the next step for which LAMMPS writes something; None if that is not known.
-        begins, energy_step: the next step that Python begins, and the next one that it ends, if
-            there are any; where the integrator needs it with the potential energy, for which
-            energy_step is None if LAMMPS does not give it.
-        energy: that of all atoms there, the same on all ranks.
-        renews: whether LAMMPS is to move the bodies' atoms by what is in place of their velocities
-            when the method that ends the step returns, to compute the forces there, and to call the
-            method `renewed`.
+        begins: the next step that Python begins, by its method `begin_trajectory`; -1 for none.
+        energy_step: the next step at whose end Python needs the potential energy; -1 for none, and
+            None where LAMMPS does not give it.
+        energy: the potential energy of the last forces, the same on all ranks, as a step begins or
+            at the end of that one.
         last_step: the last step of the run.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
@@ -44,9 +42,9 @@ class Host(Protocol):
             forces before those of fixes; what shake and rattle do is then left out of the virial.
         find_clusters: (2,) address of a function that fills the cell `clusters` of these atoms, and
             its argument; set_box does so before it changes the box.  None where LAMMPS has none.
-        turn_atom: (2,) int64, the address of a function that gives an atom an orientation, and its
-            first argument; those behind are the atom's index and the address of a quaternion.  None
-            where LAMMPS has none.
+        orient_atom: (2,) int64, the address of a function that gives an atom an orientation, and
+            its first argument; those behind are the atom's index and the address of a quaternion.
+            None where LAMMPS has none.
         stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
             argument; None where LAMMPS does not give it.
         told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
@@ -65,7 +63,7 @@ class Host(Protocol):
     fix_id: str | None
     group: str | None
     phase: int
-    velocities_set: bool
+    facts: int
     vflag: int
     changes: int
     calls_setup: bool
@@ -77,7 +75,6 @@ class Host(Protocol):
     begins: int | None
     energy_step: int | None
     energy: float
-    renews: int
     last_step: int
     span: tuple | None
     changes_box: int
@@ -90,18 +87,19 @@ class Host(Protocol):
     told_box: np.ndarray | None
     rate: np.ndarray | None
     stream_group: int
-    turn_atom: np.ndarray | None
+    orient_atom: np.ndarray | None
     pushes: int
     told: np.ndarray | None
     command: Sequence[str]
+    rotor: int
 
-    def log(self, text):
+    def log(self, text: str) -> None:
         """Print lines on LAMMPS's screen and in its log; collective."""
 
-    def fixes(self):
+    def fixes(self) -> list | None:
         """All other fixes, in the order in which LAMMPS calls them; None if they are not known."""
 
-    def shapes(self, natoms):
+    def shapes(self, natoms: int) -> np.ndarray | None:
         """Shape and orientation of each of LAMMPS's atoms on this rank.
 
         Returns:
@@ -109,7 +107,7 @@ class Host(Protocol):
             triangle; length of a line, 0, 0; 0 for others. None where they cannot be known.
         """
 
-    def inserted(self):
+    def inserted(self) -> np.ndarray:
         """The molecules that other fixes have inserted as rigid bodies since this was last asked.
 
         Returns:
@@ -118,100 +116,106 @@ class Host(Protocol):
             quaternion.
         """
 
-    def molecule(self, number):
+    def molecule(self, number: int) -> np.ndarray | None:
         """A molecule of the template: its geometric centre, mass, centre of mass and tensor of
         inertia (xx yy zz yz xz xy), (13,), with no number for what is not known; None where nothing
         is."""
 
-    def removed_freedom(self, fix_id, group):
+    def removed_freedom(self, fix_id: str, group: str) -> int:
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
 
-    def varies(self, fix_id):
+    def varies(self, fix_id: str) -> bool:
         """Whether another fix has numbers of its own for each atom, as a field of an atom-style
         variable; not with a LAMMPS's own fix python/move, which knows no other fix."""
 
-    def moved_by(self, fix_id, x):
+    def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
         """Which atoms another fix would move at the begin of a step if it found all of them
         elsewhere, (n,) bool, by trying: x, LAMMPS's places of this rank's atoms, (n, 3), is then as
         it was; collective."""
 
-    def pair_style(self, first):
+    def pair_style(self, first: str) -> bool:
         """Whether a pair style whose name begins with this is in use, perhaps in a hybrid style."""
 
-    def gravity(self, fix_id):
+    def gravity(self, fix_id: str) -> np.ndarray | None:
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
 
-    def ask_for(self, words, *, energy, virial):
+    def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         """Have LAMMPS tell what these words, variables and columns, are when it calls `push`, and
         have it count the energy and the virial of external forces."""
 
-    def values(self):
+    def values(self) -> list[np.ndarray]:
         """What the words of `ask_for` are now: of each an array, (n,) or (), in this order."""
 
-    def advice(self, removed):
+    def advice(self, removed: int) -> Sequence[str]:
         """Lines for the log, on what to add to the input so that temp and press are right."""
 
-    def begin_run(self, virial):
+    def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
 
-    def cut_cluster(self):
+    def cut_cluster(self) -> int:
         """The ID of an atom of `held` on this rank with which others are held that are not in that
         group, 0 if there is none; collective."""
 
-    def set_bodies(self, body, mass):
+    def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
         """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
 
-    def lend_array(self, rows):
+    def lend_array(self, rows: np.ndarray) -> None:
         """Lend LAMMPS all rows that ``compute_array`` gives now, as long as the bodies stay so."""
 
-    def set_array_rows(self, n):
+    def set_array_rows(self, n: int) -> None:
         """Tell LAMMPS how many rows ``compute_array`` gives now."""
 
-    def carry(self, lammps, bodies):
+    def carry(self, lammps: Any, bodies: Any) -> None:
         """Have LAMMPS take along, with atoms of these bodies, what is to be known of them;
         None, None for no more."""
 
-    def point(self):
+    def point(self) -> None:
         """Point the cells of `lammps.Lammps` at LAMMPS's arrays as they are; collective."""
 
-    def noted(self):
+    def noted(self) -> None:
         """Where each atom is, is in the cell of origins now."""
 
-    def atoms_moved(self):
+    def atoms_moved(self) -> bool:
         """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
 
-    def keep_box(self):
+    def keep_box(self) -> None:
         """What follows the atoms is for the box as it is now."""
 
-    def go_alone(self, lists, *, velocities_every, python_every, ended, late, without):
-        """Leave calls out, and do lists of passes instead, from now on until `call_always`.
+    def now(self) -> int:
+        """What holds now, bits of `schedule.When`."""
+
+    def follow_schedule(
+        self, lists: dict | None, *, velocities_every: int, table_every: int
+    ) -> None:
+        """Follow the schedule from now on until `follow_no_schedule`, and do these lists of passes.
 
         Args:
-            lists: see `passes`.
-            velocities_every, python_every: every how many steps something may read the atoms'
-                velocities, or Python has something to do at the step's end; 0 for never.
-            ended: the phase at the end of a step that something looks at.
-            late: whether something may have changed the atoms' velocities by then.
-            without: names of lists that it may not do by itself.
+            lists: see `passes`; None if Python follows it, because the class has hooks of its own.
+            velocities_every, table_every: every how many steps something may read the atoms'
+                velocities, or Python writes a table, at the step's end; 0 for never.
         """
 
-    def call_always(self):
-        """Call every method again."""
+    def follow_no_schedule(self) -> None:
+        """Call the integrator's hooks again."""
 
-    def end(self, error):
+    def go_back(self) -> None:
+        """Move the bodies' atoms by what is in place of their velocities, and compute the forces
+        there; collective."""
+
+    def end(self, error: BaseException) -> None:
         """End the run on all ranks, with the error's message, where LAMMPS does not."""
 
 
-def driven_by_plugin():
+def driven_by_plugin() -> bool:
     """Whether this package's plugin is there, which then is what makes and calls the integrator."""
     return "fix_nosquish.plugin.bridge" in sys.modules
 
 
-def hook(method):
+def hook(method: Callable) -> Callable:
     """A method that LAMMPS calls: an exception in it ends the run on all ranks."""
 
     @wraps(method)
-    def guarded(self, *arguments):
+    def guarded(self: Any, *arguments: Any) -> Any:
         try:
             return method(self, *arguments)
         except BaseException as error:

@@ -240,24 +240,6 @@ class Lammps:
         """An integer of LAMMPS's lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
 
-    @cached_property
-    def openmp(self) -> list[int | None] | None:
-        """The addresses of functions of the OpenMP that LAMMPS runs with: one that has each thread
-        of a team call a function, the number of a thread, the size of its team; None without it.
-
-        Compilers call these by themselves: GCC's names, which LLVM's and Intel's have, too.
-        """
-        names = "GOMP_parallel", "omp_get_thread_num", "omp_get_num_threads"
-        try:
-            return [ctypes.cast(getattr(self.lib, name), c_void_p).value for name in names]
-        except AttributeError:
-            return None
-
-    @property
-    def threads(self) -> int:
-        """How many threads LAMMPS uses on this rank: see its command package omp."""
-        return max(1, self.setting("nthreads")) if self.openmp else 1
-
     @property
     def dt(self) -> float:
         """The time step."""

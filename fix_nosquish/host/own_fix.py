@@ -4,15 +4,20 @@ import ctypes
 import sys
 import traceback
 import weakref
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from ..errors import RunError
+from ..ranks.communicator import Alone, Communicator
 from ..ranks.lookup import describe, fetch, find, look_up
 from ..ranks.migration import OF_BODY
+from ..run.schedule import SHOWN, TABLE
+from .lammps import Lammps
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
-_callbacks = {}  # LAMMPS's address -> what its fix external calls
+_callbacks: dict[int, Any] = {}  # LAMMPS's address -> what its fix external calls
 
 
 class OwnFix:
@@ -24,53 +29,55 @@ class OwnFix:
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     find_clusters, held, counts = None, 0, 0
-    begins = energy_step = stop = turn_atom = rate = None
+    begins = energy_step = stop = orient_atom = rate = None
     stream_group, rotor = 0, -1
-    calls_setup = follows = velocities_set = scalar_pressure = False
+    calls_setup = follows = scalar_pressure = False
     command = ()  # not known
     ghost_velocity = True  # not known: velocities at the half step may be read
-    phase = vflag = changes = pushes = 0
+    phase = facts = vflag = changes = pushes = 0
     told = None
 
-    def __init__(self, lammps, communicator):
+    def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
         self.lammps, self.communicator = lammps, communicator
-        self._virial_fix = self._problem = self._bodies = None
+        self._virial_fix: str | None = None
+        self._problem: BaseException | None = None
+        self._bodies: Any = None
         self._builds = 0.0
         self._tags = self._origins = np.empty(0, np.int64)
 
     @property
-    def has_virial(self):
+    def has_virial(self) -> bool:
         return self._virial_fix is not None
 
-    def log(self, text):
+    def log(self, text: str) -> None:
         """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
         if not self.lammps.running:
             self.lammps.print(text)
         elif self.communicator.rank == 0:
             print(text, end="", flush=True)
 
-    def fixes(self):
+    def fixes(self) -> list | None:
         return None
 
-    def shapes(self, natoms):
+    def shapes(self, natoms: int) -> np.ndarray | None:
         return None
 
-    def inserted(self):
+    def inserted(self) -> np.ndarray:
         return np.empty((0, 10))
 
-    def removed_freedom(self, fix_id, group):
+    def removed_freedom(self, fix_id: str, group: str) -> int:
         return 0
 
-    def pair_style(self, first):
+    def pair_style(self, first: str) -> bool:
         return False  # not known
 
-    def gravity(self, fix_id):
+    def gravity(self, fix_id: str) -> np.ndarray | None:
         return None
 
-    def values(self):
+    def values(self) -> list[np.ndarray]:
         return []
 
-    def advice(self, removed):
+    def advice(self, removed: int) -> Sequence[str]:
         return (
             "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
             "For temp to be right:",
@@ -79,16 +86,21 @@ class OwnFix:
             f"    fix {EXTERNAL} all external pf/callback 1 1",
         )
 
-    def set_bodies(self, body, mass):
-        """Of no use here, as the next five."""
+    def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
+        """Of no use here, as the next three."""
 
-    lend_array = set_array_rows = call_always = keep_box = go_alone = lambda self, *_, **__: None
+    lend_array = set_array_rows = keep_box = lambda self, *_, **__: None
+    follow_schedule = follow_no_schedule = lambda self, *_, **__: None  # Python follows it
 
-    def carry(self, lammps, bodies):
+    def now(self) -> int:
+        """It is not known what is read at the end of a step: all that there may be is done."""
+        return self.facts | SHOWN | TABLE
+
+    def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
         self._bodies = bodies
 
-    def point(self):
+    def point(self) -> None:
         lammps = self.lammps
         cells, empty = lammps.cells, np.empty(0)
         for name in ("x", "v", "f", "torque", "omega", "angmom"):
@@ -114,17 +126,17 @@ class OwnFix:
         cells["origins"].set(origins)
         cells["arrived"].set(rows)
 
-    def noted(self):
+    def noted(self) -> None:
         self._tags = self.lammps.tags.astype(np.int64)
         self._origins = self.lammps.cells["origins"].array
 
-    def _rows(self, places):
+    def _rows(self, places: np.ndarray) -> np.ndarray:
         bodies = self._bodies
         rows = np.empty((len(places), OF_BODY + len(bodies.state) + len(bodies.displace)))
         describe(places, bodies.body, bodies.displace, bodies.state, rows)
         return rows
 
-    def _find_origins(self):
+    def _find_origins(self) -> tuple[np.ndarray, bool]:
         """Where each atom was, and whether any has come to or gone from any rank; collective."""
         communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
@@ -139,13 +151,13 @@ class OwnFix:
             origins[~stayed] = came
         return origins, moved
 
-    def atoms_moved(self):
+    def atoms_moved(self) -> bool:
         if self._problem:
             raise self._problem
         before, self._builds = self._builds, self.lammps.neighbor_builds
         return self._builds != before
 
-    def begin_run(self, virial):
+    def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
         """If there is a fix external for it, have it take the virial whenever forces are new."""
         self._builds = 0.0  # LAMMPS counts from zero in each run
         if not self.lammps.has("fix", EXTERNAL):
@@ -153,21 +165,21 @@ class OwnFix:
         self._virial_fix = EXTERNAL
         method = weakref.WeakMethod(virial)  # the fix external may outlive the integrator
 
-        def report():
+        def report() -> None:
             try:
-                self.lammps.set_external_virial(EXTERNAL, method()() if method() else np.zeros(6))
-            except (
-                BaseException
-            ) as error:  # LAMMPS cannot be told from here: the next hook raises it
-                self._problem = error
+                found = method()
+                self.lammps.set_external_virial(EXTERNAL, found() if found else np.zeros(6))
+            except BaseException as error:
+                self._problem = error  # LAMMPS cannot be told from here: the next hook raises it
 
         _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
 
-    def end(self, error):
+    def end(self, error: BaseException) -> None:
         """Print the message once and end the run on all ranks; on one rank, come back."""
         if getattr(error, "said", False):
             return
-        error.said = True  # not kept here: it holds all that it came through, this object among it
+        # not kept here: it holds all that it came through, this object among it
+        vars(error)["said"] = True
         text, everywhere = str(error), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
         if not isinstance(error, RunError):
@@ -181,5 +193,5 @@ class OwnFix:
         ctypes.CDLL(None).fflush(None)
         if everywhere:
             self.communicator.any(True)  # rank 0 has printed
-        if several:
+        if isinstance(self.communicator, Communicator):
             self.communicator.abort()

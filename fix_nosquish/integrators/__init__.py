@@ -1,1 +1,1 @@
-"""The integrators that a fix line names: thermostats, barostats, and the shadow energy."""
+"""The integrators that a fix line names: thermostats and barostats."""

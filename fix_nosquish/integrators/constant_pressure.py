@@ -22,7 +22,6 @@ from ..box.cell import (
 )  # fmt: skip
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
-from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, I
 from ..run.other_fixes import READERS, WITH_SWITCHES
 from .constant_temperature import ConstantTemperature
@@ -67,8 +66,7 @@ class ConstantPressure(ConstantTemperature):
         self._choose_every()
         return super().own_parameters()
 
-    @hook
-    def setup(self, vflag):
+    def start_run(self):
         """As of `Integrator`; an error for keyword dilate with a part of what shake holds."""
         if self.host.held:
             atom = self.host.cut_cluster()
@@ -78,7 +76,7 @@ class ConstantPressure(ConstantTemperature):
                 if atom
                 else None
             )
-        super().setup(vflag)
+        super().start_run()
 
     def _choose_every(self):
         """Say in which steps the box changes."""

@@ -302,7 +302,7 @@ class ConstantTemperature(Integrator):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
         if self.passes:  # else it is what the last restart file had
             self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
-            self._stepped |= self.steps_made
-            self._note_waiting()
+            self.stepped |= self.steps_made
+            self.note_waiting()
             self.restart_state[KICK] = np.nan if self.waiting is None else self.waiting
             self.restart_state[OWN:] = self.own_state()

@@ -252,11 +252,7 @@ class HMC(NVE):
             )
 
     def take_energy(self):
-        """Test the trajectory, and go back if it is not accepted; collective.
-
-        Returns:
-            whether it is.
-        """
+        """Test the trajectory, and go back if it is not accepted; collective."""
         parameters, state = self.parameters, self.restart_state
         change = self.communicator.share(self._total_energy() - self._before)
         step, key_0, key_1 = (int(parameters[k]) for k in (STEP, KEY_0, KEY_1))
@@ -267,9 +263,11 @@ class HMC(NVE):
         self._plan(self.lammps.step)
         if not accepted:
             self.do("back")
-            self.do("turn")
-            self.host.renews = True
-        return accepted
+            self.do("orient")
+            self.host.go_back()
+            self.do("gather")
+            self.set_velocities()
+            self.reports.forget()
 
     @hook
     def post_run(self):
@@ -280,13 +278,6 @@ class HMC(NVE):
                 "steps were not tested, and count as if they were accepted\n"
             )
         super().post_run()
-
-    def renewed(self):
-        """The forces are known where the bodies have gone back to."""
-        self.do("gather")
-        self.set_velocities()
-        self.reports.forget()
-        self._show()
 
     # ------------------------------------------------------------- what LAMMPS asks
 

@@ -6,8 +6,11 @@
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
 enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 
-// where in a run the bodies are: see run/integrator.py
-enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
+// what holds in a step, a bit each: see run/schedule.py
+enum When {
+  SEEN, LATE, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS,
+  CALLED, SHOWN, VIRIAL_ASKED, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX
+};
 
 // cells for LAMMPS's arrays, in the order of host/lammps.py
 enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU, CLUSTERS, COUNTED };
@@ -37,6 +40,19 @@ struct FixFacts {
 struct Pass {
   int64_t (*loop)(const int64_t *cells);    // returns 0 if all is well
   const int64_t *cells;
+};
+
+// What is done at a hook, if the bodies are in one of these phases (a bit each) and bits of When are as they must be. A list of
+// actions ends with one of no phase.
+struct Action {
+  int64_t phases;
+  int64_t when;      // all of these hold
+  int64_t unless;    // none of these does
+  const Pass *passes;    // null if Python does it
+  int64_t number;    // by which Python knows it; -1 if it has nothing to do, but where passes fail
+  int64_t then;      // the phase behind it, -1 if it stays
+  int64_t sets;      // bits that hold from now on
+  int64_t clears;    // bits that do no more
 };
 
 struct Bridge {
@@ -76,33 +92,22 @@ struct Bridge {
   const int64_t *begin_step;     // the first step of the run, and the last one
   const int64_t *end_step;
   const int64_t *last_step;      // of the run, whatever its keywords start and stop say
-  // where in a run the bodies are; set by Python, and by the fix when it does passes by itself
-  int32_t phase;
-  int32_t velocities_set;    // the atoms' velocities are those of the step's end
-  int32_t vflag;             // what virial LAMMPS asks for in this step
-  int64_t changes;           // how many times the fix has changed the bodies by itself
-  // steps for which Python needs the potential energy: set by Python, but for the energy; -1 if there are none
-  int64_t begins;         // the next step that Python begins
-  int64_t energy_step;    // the next one that Python ends
-  int32_t renews;         // atoms have gone back: their displacements are their velocities, and forces must be new
-  double energy;          // the potential energy there, the same on all ranks
-  // set by Python: what goes without it
-  int32_t may_wait;            // the end of a step may wait for the next step
-  int32_t ended;               // the phase at the end of a step that is looked at
-  int32_t late;                // other fixes may have changed velocities at the end of such a step
-  int32_t velocities_every;    // but not where its number is a multiple of this, when velocities are read (0: of none)
-  int32_t python_every;        // or of this, when Python has something to do
-  const Pass *begin;           // lists of passes, null if Python must do it: see run/passes.py
-  const Pass *end;
-  const Pass *whole;
-  const Pass *velocities;
-  const Pass *constraint_virial;
-  const Pass *follow;
-  const Pass *pressure;
-  const Pass *cell;
-  const Pass *flip;
-  const Pass *deform;       // behind a change of the box by another fix
-  const Pass *flipped;      // behind its change to other vectors of the same lattice
+  // the schedule: see run/schedule.py. A list of actions is null if there is nothing to do, or if Python follows the schedule
+  int32_t phase;     // where in a run the bodies are
+  int64_t facts;     // bits of When
+  int32_t vflag;     // what virial LAMMPS asks for in this step
+  int64_t changes;   // how many times the fix has changed the bodies by itself
+  int64_t begins;         // the next step that Python begins, -1 for none
+  int64_t energy_step;    // the next one that it ends with the potential energy, -1 for none
+  int32_t velocities_every;    // velocities are read at the end of steps that are a multiple of this (0: of none)
+  int32_t table_every;         // and a table is written at that of these
+  const Action *at_setup;
+  const Action *at_begin;
+  const Action *at_exchange;
+  const Action *at_neighbor;
+  const Action *at_end;
+  const Action *at_deform;     // behind a change of the box by another fix
+  const Action *at_flipped;    // behind its change to other vectors of the same lattice
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
@@ -136,13 +141,17 @@ struct Bridge {
   void (*set_array_rows)(void *fix, int n);
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
+  int64_t (*now)(void *fix);    // bits of When
+  double (*potential)(void *fix);    // the potential energy of the last forces, the same on all ranks
+  void (*ask_for_energy)(void *fix, int64_t step);    // have LAMMPS tally it in this step
+  int (*go_back)(void *fix);    // move atoms by what is in place of their velocities, and compute forces; 0 if all is well
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   int64_t (*find_clusters)(void *fix);    // fill the cell CLUSTERS
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
-  int64_t (*turn)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
+  int64_t (*orient)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   int (*inserted)(void *fix, double *numbers);    // of each molecule that was inserted 10: see plugin/host.py; null: how many
   int (*molecule)(void *fix, int number, double *numbers);    // one of the template, 13: see templates.h; 0 if it is not known
   // methods of the instance, null where it has none
@@ -154,7 +163,7 @@ struct Bridge {
   int (*final_integrate)();
   int (*modify_external)(const char *words);    // of fix_modify, behind external
   int (*push)();
-  int (*renewed)();    // the forces are those where atoms have gone back to
+  int (*act)(int64_t number, int64_t found);    // an action, or what a pass of it has found wrong
   int (*initial_integrate_respa)(int vflag, int ilevel, int iloop);
   int (*final_integrate_respa)(int ilevel, int iloop);
   int (*reset_dt)();

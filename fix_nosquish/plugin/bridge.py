@@ -24,7 +24,7 @@ from .. import of_style
 from ..errors import RunError
 from ..host.command import Line
 from .host import LISTS, Host
-from .structs import CHECKSUM, DONE, FAILED_ALIKE, FAILED_HERE, NEW, Bridge
+from .structs import CHECKSUM, DONE, FAILED_ALIKE, FAILED_HERE, Bridge
 
 REQUIRED = "initial_integrate", "final_integrate"
 HOOKS = {
@@ -35,14 +35,14 @@ HOOKS = {
         *REQUIRED,
         *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
         *("initial_integrate_respa", "final_integrate_respa", "dof"),
-        *("write_restart_file", "write_restart", "renewed", "modify_external", "push"),
+        *("write_restart_file", "write_restart", "act", "modify_external", "push"),
         *("zero_momentum", "zero_rotation", "reset_target", "rows_of_rank"),
         *("compute_scalar", "compute_vector", "compute_array"),
     )
 }
 NUMBERS = {"dof": int, "compute_scalar": float, "compute_vector": float, "compute_array": float}
 # in which virial_per_atom can be filled in
-WITH_VIRIAL = "setup", "final_integrate", "renewed", "end_of_step"
+WITH_VIRIAL = "setup", "final_integrate", "end_of_step"
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
@@ -251,11 +251,9 @@ def _release(address):
         instance.virial = instance.virial.copy()
     for name, signature in HOOKS.items():
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
-    if host:
-        bridge.phase = NEW
+    bridge.phase = 0
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
-    bridge.may_wait = False
     if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory
         instance.let_go()
 

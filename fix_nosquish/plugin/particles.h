@@ -89,7 +89,7 @@ class Particles {
 
   // Give a local atom this orientation, if it has one.
 
-  void turn(const LAMMPS_NS::Atom *atom, int i, const double *quat)
+  void orient(const LAMMPS_NS::Atom *atom, int i, const double *quat)
   {
     double numbers[4] = {quat[0], quat[1], quat[2], quat[3]};
     if (is(atom->ellipsoid, i)) {

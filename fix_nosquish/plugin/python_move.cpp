@@ -374,7 +374,10 @@ class FixPythonMove : public Fix {
   double volume() const;
   void look_at_volume();
   void stream_with_box();
-  bool run(const Pass *);
+  int64_t run(const Pass *);
+  int64_t now() const;
+  bool is(When bit) const { return now() >> bit & 1; }
+  bool follow(const Action *);
   int64_t set_box(const double *);
   int64_t flip_box(const double *);
   int64_t find_clusters();
@@ -382,8 +385,6 @@ class FixPythonMove : public Fix {
   int64_t stop();
   void shift_lamda(int, double, double);
   void take_virial();
-  bool cell_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
-  bool pressure_is_due(bigint step) const { return cell_is_due(step) || cell_is_due(step - 1); }
   void ask_for_pressure(bigint step);
   int asked_by_others(int vflag) const;
   double potential();
@@ -404,8 +405,7 @@ class FixPythonMove : public Fix {
   void log(const std::string &text) const;
   template <typename... Types, typename... Values>
   void call(int (*hook)(Types...), Values... arguments);
-  template <typename... Types, typename... Values>
-  void call_with_virial(int (*hook)(Types...), Values... arguments);
+  template <typename Function> void with_virial(Function function);
 };
 
 FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) :
@@ -512,6 +512,19 @@ void FixPythonMove::fill_bridge()
   bridge.set_array_rows = [](void *fix, int n) { self(fix)->size_array_rows = n; };
   bridge.keep = [](void *fix) { self(fix)->kept_box = self(fix)->box(); };
   bridge.point = [](void *fix) { self(fix)->point(); };
+  bridge.now = [](void *fix) { return self(fix)->now(); };
+  bridge.potential = [](void *fix) {
+    double energy = 0.0;
+    self(fix)->kept_from_loops([&] { return energy = self(fix)->potential(), (int64_t) 0; });
+    return energy;
+  };
+  bridge.ask_for_energy = [](void *fix, int64_t step) {
+    self(fix)->kept_from_loops([&] { return self(fix)->ask_for_energy(step), (int64_t) 0; });
+  };
+  bridge.go_back = [](void *fix) {
+    self(fix)->kept_from_loops([&] { return self(fix)->go_back(), (int64_t) 0; });
+    return (int) (self(fix)->kept != nullptr);
+  };
   bridge.set_box = [](void *fix, const double *box) {
     return self(fix)->kept_from_loops([fix, box] {
       if (self(fix)->bridge.held) self(fix)->find_clusters();    // ghost atoms are images by the box as it was
@@ -528,8 +541,8 @@ void FixPythonMove::fill_bridge()
     particles.find(self(fix)->atom);
     return (int) particles.read(self(fix)->atom, numbers);
   };
-  bridge.turn = [](void *fix, int64_t i, const double *quat) {
-    self(fix)->particles.turn(self(fix)->atom, (int) i, quat);
+  bridge.orient = [](void *fix, int64_t i, const double *quat) {
+    self(fix)->particles.orient(self(fix)->atom, (int) i, quat);
     return (int64_t) 0;
   };
   bridge.inserted = [](void *fix, double *numbers) {
@@ -763,10 +776,7 @@ void FixPythonMove::init()
   dynamic = 1;
   first_volume = volume();
   if (bridge.changes_box) ask_for_pressure(update->ntimestep);
-  if (bridge.needs_energy) {
-    ask_for_energy(update->ntimestep);
-    ask_for_energy(bridge.energy_step);
-  }
+  if (bridge.needs_energy) ask_for_energy(update->ntimestep);
 }
 
 // LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
@@ -801,7 +811,10 @@ void FixPythonMove::setup(int vflag)
   push();
   take_virial();
   if (early) post_force(vflag);
-  call_with_virial(bridge.setup, vflag);
+  bridge.vflag = vflag;
+  with_virial([&] {
+    if (!follow(bridge.at_setup)) call(bridge.setup, vflag);
+  });
 }
 
 void FixPythonMove::min_setup(int vflag)
@@ -811,16 +824,15 @@ void FixPythonMove::min_setup(int vflag)
 
 void FixPythonMove::post_neighbor()
 {
-  if (bridge.flipped && box() != kept_box) {    // by fix deform
-    point();
+  point();
+  if (bridge.at_flipped && box() != kept_box) {    // by fix deform
     tell_box();
-    if (run(bridge.flipped)) kept_box = box();
+    follow(bridge.at_flipped);
+    kept_box = box();
   }
-  if (bridge.follow && box() == kept_box) {
-    point();
-    if (run(bridge.follow)) return;    // if not, Python does it all again, and says why
-  }
-  call(bridge.post_neighbor);
+  const int64_t other = (int64_t) 1 << OTHER_BOX;
+  bridge.facts = box() == kept_box ? bridge.facts & ~other : bridge.facts | other;
+  if (!follow(bridge.at_neighbor)) call(bridge.post_neighbor);
   keep_state();
 }
 
@@ -841,7 +853,7 @@ void FixPythonMove::post_force(int)
 
 void FixPythonMove::pre_reverse(int, int)
 {
-  if (!bridge.counts || !pressure_is_due(update->ntimestep)) return;
+  if (!bridge.counts || !is(PRESSURE)) return;
   const int local = atom->nlocal, all = local + atom->nghost;
   counted.assign(3 * (size_t) all, 0.0);
   for (int i = 0; i < (force->newton ? all : local); i++) std::copy_n(atom->f[i], 3, &counted[3 * (size_t) i]);
@@ -865,7 +877,7 @@ void FixPythonMove::unpack_reverse_comm(int n, int *list, double *buffer)
 
 void FixPythonMove::pre_exchange()
 {
-  if (bridge.flip) run(bridge.flip);
+  follow(bridge.at_exchange);
 }
 
 void FixPythonMove::initial_integrate(int vflag)
@@ -875,62 +887,54 @@ void FixPythonMove::initial_integrate(int vflag)
   v_init(vflag);
   stream_with_box();
   bridge.vflag = asked_by_others(vflag);
-  const bool waits = bridge.phase == WAITING, for_python = update->ntimestep == bridge.begins;
-  if (for_python && bridge.needs_energy) bridge.energy = potential();
-  const Pass *passes = for_python ? nullptr : waits ? bridge.whole : bridge.phase == SET ? bridge.begin : nullptr;
-  const bool changed = bridge.late && bridge.velocities_set;    // perhaps: Python finds out
-  if (passes && !changed && run(passes)) {
-    bridge.phase = HALF;
-    bridge.velocities_set = 0;
-    // if it fails, Python finds it broken, too, and says why
-    if (cell_is_due(update->ntimestep - 1) && !run(bridge.cell)) call(bridge.initial_integrate, bridge.vflag);
-  } else {
-    call(bridge.initial_integrate, bridge.vflag);
-  }
+  if (!follow(bridge.at_begin)) call(bridge.initial_integrate, bridge.vflag);
 }
-
-// On a step that nothing looks at, its end can wait for the next step, and be one pass with its begin.
 
 void FixPythonMove::final_integrate()
 {
-  const bigint step = update->ntimestep;
-  auto falls_on = [step](int every) { return every && step % every == 0; };
   push();
-  const bool for_energy = step == bridge.energy_step, for_python = for_energy || falls_on(bridge.python_every);
   take_virial();
   if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
-  const bool looked_at = step == output->next || falls_on(bridge.velocities_every);
-  if (bridge.may_wait && !bridge.vflag && !looked_at && !for_python) {
-    bridge.phase = WAITING;
-  } else if (bridge.end && bridge.phase == HALF && !for_python && run(bridge.end)) {
-    bridge.phase = bridge.ended;
-    if (looked_at) {
-      run(bridge.velocities);
-      bridge.velocities_set = 1;
-    }
-    if (bridge.vflag) {
-      make_virial_per_atom();
-      set_cell(VIRIAL, virial, 6, 0);
-      set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 9);
-      if (!run(bridge.constraint_virial)) call_with_virial(bridge.final_integrate);    // which says why
-      give_virial_per_atom();
-    }
-  } else {
-    if (for_energy) bridge.energy = potential();
-    call_with_virial(bridge.final_integrate);
-    if (for_energy) {
-      if (bridge.renews) {
-        bridge.renews = 0;
-        go_back();
-        renew_forces();
-        push();
-        call_with_virial(bridge.renewed);
-      }
-      ask_for_energy(bridge.energy_step);
-    }
-    return;
+  with_virial([&] {
+    if (!follow(bridge.at_end)) call(bridge.final_integrate);
+  });
+}
+
+// What holds in this step: bits of When.
+
+int64_t FixPythonMove::now() const
+{
+  const bigint step = update->ntimestep;
+  const auto falls_on = [](int every, bigint step) { return every && step % every == 0; };
+  const bool moves_box = falls_on(bridge.changes_box, step - 1);
+  const std::pair<When, bool> holds[] = {
+      {CALLED, step == bridge.begins},
+      {SHOWN, step == output->next || falls_on(bridge.velocities_every, step)},
+      {VIRIAL_ASKED, bridge.vflag},
+      {TABLE, falls_on(bridge.table_every, step)},
+      {ENERGY, step == bridge.energy_step},
+      {MOVES_BOX, moves_box},
+      {PRESSURE, moves_box || falls_on(bridge.changes_box, step)},
+  };
+  int64_t bits = bridge.facts;
+  for (const auto &[bit, so] : holds) bits |= (int64_t) so << bit;
+  return bits;
+}
+
+// Do what the schedule has for a hook; returns whether it has something. run/schedule.py has the same in Python.
+
+bool FixPythonMove::follow(const Action *action)
+{
+  if (!action) return false;
+  const int64_t now = this->now();
+  for (; action->phases; action++) {
+    if (!(action->phases >> bridge.phase & 1) || action->when & ~now || action->unless & now) continue;
+    const int64_t found = run(action->passes);
+    if (found || (!action->passes && action->number >= 0)) call(bridge.act, action->number, found);
+    if (action->then >= 0) bridge.phase = action->then;
+    bridge.facts = (bridge.facts | action->sets) & ~action->clears;
   }
-  if (pressure_is_due(step)) run(bridge.pressure);
+  return true;
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
@@ -982,7 +986,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
 void FixPythonMove::end_of_step()
 {
   stream_with_box();
-  if (respa) call_with_virial(bridge.end_of_step);
+  if (respa) with_virial([&] { call(bridge.end_of_step); });
   if (!stopped) return;
   const bool over = timer->is_timeout();    // another fix may have ended the run
   const auto bytes = reinterpret_cast<const char *>(timer);
@@ -1050,9 +1054,9 @@ void FixPythonMove::reset_dt()
 
 void FixPythonMove::deform(int behind)
 {
-  if (!behind || !bridge.deform) return;    // if it cannot follow, it finds another box than it knows
+  if (!behind || !bridge.at_deform) return;    // if it cannot follow, it finds another box than it knows
   tell_box();
-  run(bridge.deform);
+  follow(bridge.at_deform);
   kept_box = box();
 }
 
@@ -1066,7 +1070,7 @@ void FixPythonMove::tell_box()
 
 void FixPythonMove::stream_with_box()
 {
-  if (!bridge.stream_group || !bridge.deform || box() == kept_box) return;
+  if (!bridge.stream_group || !bridge.at_deform || box() == kept_box) return;
   if (!std::equal(kept_rate, kept_rate + 6, domain->h_rate))
     error->all(FLERR, problem("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, "
                               "as of erate, vel, delta, scale or final"));
@@ -1104,7 +1108,7 @@ double FixPythonMove::compute_array(int i, int j)
   double value = 0.0;
   if (i >= size_array_rows) return value;    // LAMMPS asks for other rows too
   const std::array<int64_t, 3> now{update->ntimestep, bridge.phase, bridge.changes};
-  if (bridge.array && now == array_when && !bridge.late) return bridge.array[i * size_array_cols + j];
+  if (bridge.array && now == array_when && !(bridge.facts >> LATE & 1)) return bridge.array[i * size_array_cols + j];
   call(bridge.compute_array, i, j, &value);
   array_when = {update->ntimestep, bridge.phase, bridge.changes};
   return value;
@@ -1171,6 +1175,7 @@ int64_t FixPythonMove::removed_freedom(const char *other, const char *group_id) 
 
 void FixPythonMove::point()
 {
+  if (!bridge.arrays) return;
   const int64_t n = atom->nlocal, width = bridge.carries;
   auto vectors = [this, n](int cell, double **array) { set_cell(cell, array && n ? array[0] : nullptr, array ? n : 0, 3); };
   auto forces = [this, n, vectors](int cell, std::vector<double> &kept, double **array) {
@@ -1364,7 +1369,7 @@ void FixPythonMove::shift_lamda(int axis, double y, double z)
 void FixPythonMove::ask_for_pressure(bigint step)
 {
   const bigint every = bridge.changes_box;
-  own_compute(virial_id)->addstep(cell_is_due(step - 1) ? step : (step + every - 1) / every * every);
+  own_compute(virial_id)->addstep((step - 1) % every ? (step + every - 1) / every * every : step);
 }
 
 // What virial is asked for in this step by others than this fix, whose own part of it the new box does not need.
@@ -1372,7 +1377,7 @@ void FixPythonMove::ask_for_pressure(bigint step)
 int FixPythonMove::asked_by_others(int vflag) const
 {
   const bigint step = update->ntimestep;
-  if (!pressure_is_due(step) || (vflag & (VIRIAL_ATOM | VIRIAL_CENTROID))) return vflag;
+  if (!is(PRESSURE) || (vflag & (VIRIAL_ATOM | VIRIAL_CENTROID))) return vflag;
   if (output->any_time_dumps && output->next_time_dump_any == step) return vflag;
   for (const auto &compute : modify->get_compute_list())
     if (compute->pressflag && virial_id != compute->id && compute->matchstep(step)) return vflag;
@@ -1383,7 +1388,7 @@ int FixPythonMove::asked_by_others(int vflag) const
 
 void FixPythonMove::take_virial()
 {
-  if (!pressure_is_due(update->ntimestep)) return;
+  if (!is(PRESSURE)) return;
   if (update->vflag_global != update->ntimestep)
     error->all(FLERR, problem("LAMMPS has not tallied the virial that the new box needs: begin the run with 'pre yes'"));
   std::vector<const double *> parts;
@@ -1415,7 +1420,7 @@ double FixPythonMove::potential()
   return own_compute(energy_id)->compute_scalar();
 }
 
-// Atoms of bodies move by what is in place of their velocities. LAMMPS takes atoms no further at once than to the next rank, so
+// Atoms of bodies move by what is in place of their velocities, and forces are those there. LAMMPS takes atoms no further at once than to the next rank, so
 // they go there in parts of the way.
 
 void FixPythonMove::go_back()
@@ -1444,6 +1449,8 @@ void FixPythonMove::go_back()
     comm->exchange();
     if (domain->triclinic && part < parts - 1) domain->lamda2x(atom->nlocal);
   }
+  renew_forces();
+  push();
 }
 
 // What LAMMPS does in a step between the atoms' exchange and final_integrate, with new lists of neighbors.
@@ -1474,17 +1481,18 @@ void FixPythonMove::renew_forces()
   if (modify->n_post_force_any) modify->post_force(vflag);
 }
 
-// Do passes; returns whether all went well.
+// Do passes; returns what the first one that has found something wrong says, 0 if none has.
 
-bool FixPythonMove::run(const Pass *pass)
+int64_t FixPythonMove::run(const Pass *pass)
 {
+  if (!pass) return 0;
   for (; pass->loop; pass++) {
-    const bool failed = pass->loop(pass->cells);
+    const int64_t found = pass->loop(pass->cells);
     throw_kept();
-    if (failed) return false;
+    if (found) return found;
   }
   bridge.changes++;
-  return true;
+  return 0;
 }
 
 // Where each atom was when the class last noted its atoms. LAMMPS takes the number along when it sorts atoms, moves them to
@@ -1591,11 +1599,16 @@ void FixPythonMove::give_virial_per_atom()
   bridge.natoms = -1;
 }
 
-template <typename... Types, typename... Values>
-void FixPythonMove::call_with_virial(int (*hook)(Types...), Values... arguments)
+// Do something that may add to the virial, of all atoms and of each.
+
+template <typename Function> void FixPythonMove::with_virial(Function function)
 {
   make_virial_per_atom();
-  call(hook, arguments...);
+  if (bridge.arrays) {
+    set_cell(VIRIAL, virial, 6, 0);
+    set_cell(ATOM_VIRIAL, bridge.virial_per_atom, std::max(0, bridge.natoms), 9);
+  }
+  function();
   give_virial_per_atom();
 }
 

@@ -37,9 +37,10 @@ def _read(text):
     """The structs, as classes, and the enums' values, by name."""
     text = re.sub(r"//.*|/\*(.|\n)*?\*/", "", text)
     found = {}
-    for values in re.findall(r"enum \w+ \{(.*?)\};", text):
-        for k, value in enumerate(re.split(r", *", values.strip())):
-            found[value.partition(" ")[0]] = k
+    for name, values in re.findall(r"enum (\w+) \{(.*?)\};", text, re.DOTALL):
+        names = [value.split()[0] for value in values.split(",")]
+        found[name.upper()] = names
+        found |= {value: k for k, value in enumerate(names)}
     for name, fields in re.findall(r"struct (\w+) \{\n(.*?)\n\};", text, re.DOTALL):
         types = [_type(line.strip()) for line in fields.split(";") if line.strip()]
         found[name] = type(

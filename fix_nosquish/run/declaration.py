@@ -37,9 +37,7 @@ class Declaration:
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
             fix deform. A class with operations of its own says so anew.
         needs_energy: whether it needs the potential energy at the end of steps that it names, as
-            host.energy_step.  Then it has a method take_energy for these, which names the next one
-            and says whether the state stays; if not, `renewed` is called when the forces are known
-            where it goes back to.
+            host.energy_step.  Then it has a method take_energy for these, which names the next one.
         couples: whether its scalar is an energy that it took from the system, which LAMMPS's
             econserve counts.
         restart_state: (n,) what a restart file keeps, or None: made in __init__, and never replaced

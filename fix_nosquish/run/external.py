@@ -118,7 +118,9 @@ class External:
         if said is _NOTHING_SAID:
             self._given = _NOTHING_GIVEN
         self._said, self._changed = said, True
-        self._integrator.host.ask_for(said.words.values(), energy=said.energy, virial=said.virial)
+        self._integrator.host.ask_for(
+            [*said.words.values()], energy=said.energy, virial=said.virial
+        )
 
     def give(self, ids: np.ndarray, force: np.ndarray, torque: np.ndarray) -> None:
         """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""

@@ -138,7 +138,6 @@ def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[lis
         (bodies.oriented, "orientation of particles", ""),
         (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
-        (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
         (integrator.every, f"box, in one of {integrator.every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),

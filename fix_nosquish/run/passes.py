@@ -3,21 +3,19 @@
     begin        the first half of a step
     close        its second half, when the forces are known
     whole        the end of a step and the begin of the next one, in one pass where that is possible
-    end          what a step that is looked at ends with: its second half; where atoms carry the
-                 velocities of the step's middle, nothing
     velocities   the atoms' velocities
     constraint_virial
     follow       the bodies follow LAMMPS's atoms
     pressure     what the forces say of the pressure, every so many steps
     cell         the box changes, in the next step
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
-    turn         the orientations of atoms that have one
+    orient       the orientations of atoms that have one
     deform       another fix has changed the box: bodies move with it
     flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
-The plugin does them by itself; where it does not, or there is none, Python does them, by `do`.
+When each of them is done, the `schedule` says.
 """
 
 import numpy as np
@@ -31,7 +29,6 @@ from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, ID, LANES, MASS, MOMENT, WH
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
-from .threads import Threads
 
 
 @loop
@@ -90,11 +87,6 @@ def _follow_box(integrator, cells):
     return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
 
-def _sums(integrator):
-    """How a loop adds up numbers of all bodies, for `Threads.bind`."""
-    return {"sums": "parameters", "count": len(integrator.parameters)}
-
-
 class Passes:
     """The lists of loops of a run.
 
@@ -114,7 +106,6 @@ class Passes:
         begins: cell, whether the motion begins with what stands before it in the splitting; with
             respa each level begins by itself.
         mask: cell.
-        threads: the `Threads`.
     """
 
     def __init__(
@@ -129,8 +120,7 @@ class Passes:
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        self.cells, self.threads = cells, Threads(lammps, cells)
-        bind = self.threads.bind
+        self.cells = cells
         # the ranks send each other force and torque of bodies that they share, and add what comes
         shared, added = [], []
         if communicator.size > 1:
@@ -138,7 +128,7 @@ class Passes:
             added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)]
         gather = self._gather(integrator, bodies, [*shared, *added])
         kick_begins, kick_ends = self._kicks(integrator)
-        velocities, turn = self._velocities_and_turn(integrator, bodies)
+        velocities, orient = self._velocities_and_orient(integrator, bodies)
         after = velocities if half_step_velocities else []
         before, rest = self._before_and_behind(integrator)
         how = KEEPS if half_step_velocities else GATHERS
@@ -148,21 +138,20 @@ class Passes:
         elif communicator.size == 1:
             whole = [*before, self._advance(integrator, True, ALL, how)]
         else:  # messages are under way while the bodies that need none move
-            some = bind(step.gather, cells, every=False)
+            some = step.gather.bind_to(cells, every=False)
             undivided = self._advance(integrator, True, WHOLE, how)
             divided = self._advance(integrator, True, DIVIDED, how)
             whole = [some, *shared, *before, undivided, *added, divided]
-        close = [*gather, kick_ends, *turn]
-        of_bodies = [bind(virial.constraint_virial, cells, "virial", 6, ftm2v=lammps.ftm2v)]
+        close = [*gather, kick_ends, *orient]
+        of_bodies = [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
-            "begin": [*before, self._advance(integrator, False), *rest, *turn, *after],
+            "begin": [*before, self._advance(integrator, False), *rest, *orient, *after],
             "close": close,
-            "whole": [*whole, *rest, *turn, *after],
-            "end": [] if integrator.middle else close,
+            "whole": [*whole, *rest, *orient, *after],
             "kick": [*gather, kick_begins],
             "velocities": velocities,
-            "turn": turn,
+            "orient": orient,
             "constraint_virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
             "follow": [bodies.following],
         }
@@ -175,30 +164,27 @@ class Passes:
 
     def _kicks(self, integrator):
         """The kick that begins a level of run_style respa, and the one that ends a step."""
-        half, sums = self.cells | {"dt": self.level_dt}, _sums(integrator)
-        begins = self.threads.bind(integrator.kick, half, **sums, ends=False, begins=True)
-        ends = self.threads.bind(integrator.kick, half, **sums, ends=True, begins=False)
-        return begins, ends
+        half = self.cells | {"dt": self.level_dt}
+        begins = integrator.kick.bind_to(half, ends=False, begins=True)
+        return begins, integrator.kick.bind_to(half, ends=True, begins=False)
 
     def _advance(self, integrator, ends, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
-        return self.threads.bind(
-            integrator.advance, self.cells, **_sums(integrator),
-            ends=ends, begins=self.begins, gathers=gathers, part=part,
-        )  # fmt: skip
+        how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
+        return integrator.advance.bind_to(self.cells, **how)
 
     def _before_and_behind(self, integrator):
         """Two lists of loops: before the bodies' motion, and behind it."""
         prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
         if not integrator.go_on:
             return prepares, []
-        second = self.threads.bind(integrator.go_on, self.cells, **_sums(integrator))
+        second = integrator.go_on.bind_to(self.cells)
         return [], [*prepares, second, *integrator.loops_behind(self.cells)]
 
     def _gather(self, integrator, bodies, exchange):
         """The list of loops for force and torque of each body; `exchange` has those for what other
         ranks know of it."""
-        gather = [self.threads.bind(step.gather, self.cells, every=True)]
+        gather = [step.gather.bind_to(self.cells, every=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(self.cells))
         gather += exchange
@@ -210,17 +196,17 @@ class Passes:
             gather.append(switch_off.bind_to(self.cells))
         return gather
 
-    def _velocities_and_turn(self, integrator, bodies):
+    def _velocities_and_orient(self, integrator, bodies):
         """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
-        velocities = [self.threads.bind(step.set_velocities, self.cells)]
+        velocities = [step.set_velocities.bind_to(self.cells)]
         if integrator.streams:
             velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
         if bodies.spin:
             velocities.append(extended.set_spins.bind_to(self.cells))
         if not bodies.oriented:
             return velocities, []
-        to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
-        return velocities, [extended.turn.bind_to(self.cells, **to)]
+        to = {"orient_atom": integrator.host.orient_atom, "quat": np.empty(4)}
+        return velocities, [extended.orient.bind_to(self.cells, **to)]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""

@@ -10,7 +10,8 @@ import numpy as np
 from ..bodies import infile
 from ..bodies.bodies import Bodies
 from ..errors import RunError
-from . import log, other_fixes, output, thermo
+from . import log, other_fixes, output, thermo, velocities
+from .schedule import SEEN, Phase
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -161,7 +162,7 @@ class Reports:
         several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
         infile.write(
-            f"{name}{own}.rigid", integrator.counts, self.made(), integrator.lammps,
+            f"{name}{own}.rigid", integrator.counts_from_one, self.made(), integrator.lammps,
             integrator.communicator,
         )  # fmt: skip
 
@@ -182,17 +183,6 @@ class Reports:
 
     # ------------------------------------------------------------- thermodynamics
 
-    def add_constraint_virial(self, virial: np.ndarray | None = None) -> None:
-        """Add the constraint virial to LAMMPS's, or to this array (6,)."""
-        integrator = self._integrator
-        virial = integrator.virial if virial is None else virial
-        if virial is None:
-            return
-        cells, of_atoms = integrator.lammps.cells, integrator.virial_per_atom
-        cells["virial"].set(virial)
-        cells["atom_virial"].set(np.empty((0, 9)) if of_atoms is None else of_atoms)
-        integrator.do("constraint_virial")
-
     def virial_of_all(self) -> np.ndarray:
         """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
         virial = np.zeros(6)
@@ -202,14 +192,16 @@ class Reports:
 
     def _add_early(self, virial: np.ndarray) -> None:
         integrator = self._integrator
-        if integrator.has_begun and not integrator.host.vflag:
+        begun, bodies = integrator.phase == Phase.HALF, integrator.bodies
+        if begun and not integrator.host.vflag:
             return
-        if integrator.host.atoms_moved() or not integrator.has_begun:
+        if integrator.host.atoms_moved() or not begun:
             integrator.post_neighbor()
-        bodies = integrator.bodies
         with _as_they_are(bodies):
-            integrator.do("close" if integrator.has_begun and not integrator.middle else "gather")
-            self.add_constraint_virial(virial)
+            integrator.do("close" if begun and not integrator.middle else "gather")
+            integrator.lammps.cells["virial"].set(virial)
+            integrator.lammps.cells["atom_virial"].set(np.empty((0, 9)))
+            integrator.do("constraint_virial")
 
     def removed_freedom(self, group: int) -> int:
         """Degrees of freedom that bodies take from LAMMPS's group of this number; collective."""
@@ -259,7 +251,7 @@ class Reports:
         def closed(bodies: Bodies) -> float:
             if integrator.middle and integrator.is_over:  # LAMMPS's atoms may be other ones now
                 return now + self._gained_at_end
-            if not integrator.middle or integrator.phase != integrator.ended:
+            if not integrator.middle or integrator.phase != Phase.WAITING:
                 return now
             with _as_they_are(bodies):
                 integrator.do("close")
@@ -302,5 +294,6 @@ class Reports:
 
     def _see_changed_velocities(self) -> None:
         integrator = self._integrator
-        if integrator.lammps.running and integrator.is_set and integrator.host.velocities_set:
-            integrator.take_changed_velocities(integrator.lammps.step)
+        seen = integrator.phase != Phase.NEW and integrator.host.facts & SEEN
+        if integrator.lammps.running and seen:
+            velocities.take_late(integrator, integrator.lammps.step)

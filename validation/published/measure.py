@@ -69,9 +69,9 @@ def scene() -> Scene:
     return smooth_water("water-smooth", title, "water_smooth", "smooth", 903)
 
 
-def ours(words: str = "") -> Integrator:
-    """What moves it, with the keywords ``words``."""
-    return nosquish("nosquish", "fix_nosquish.NVE", words)
+def ours(words: str = "", scheme: str = "NVE") -> Integrator:
+    """What moves it, with the keywords ``words``: NVE, or `Shadowed`, with the same steps."""
+    return nosquish("nosquish", "fix_nosquish.NVE", words, scheme)
 
 
 def total(time: float) -> int:
@@ -102,7 +102,7 @@ def published(
     for dt in sorted(PUBLISHED, reverse=True):
         every = max(1, round(SAMPLED / dt))
         how |= {"steps": steps(time, dt), "every": every, "more": (*run.thermo(SHADOW),)}
-        how["integrator"] = ours(f" shadow {every}")
+        how["integrator"] = ours(f" every {every}", "Shadowed")
         one = Trajectory(f"{dt:g}-fs", f"{dt:g} fs", dt=dt, start=start.end(out), **how)
         found[dt], interrupted = do(one, out, silence, meter)
         if interrupted:

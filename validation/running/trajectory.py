@@ -19,7 +19,7 @@ from validation.scenes.integrators import Integrator
 
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
 WHOLE = 10**9  # of one that is all of them
-SHADOW = "f_1[5]"  # the shadow energy, where the fix has keyword shadow
+SHADOW = "f_1[5]"  # of an integrator `Shadowed`
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ OLDER = {
     "MatubayasiNakahara": "validation.schemes.matubayasi_nakahara",
     "Gear": "validation.schemes.gear",
 }  # class: its module, which LAMMPS imports
+OUTSIDE = OLDER | {"Shadowed": "validation.schemes.shadow"}  # all that are no fix style
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
@@ -47,17 +48,17 @@ class Integrator:
 
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
-    """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or an older
-    ``scheme``, which is no fix style."""
+    """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
+    ``scheme`` of `OUTSIDE`."""
     line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
-    if scheme in OLDER:
+    if scheme in OUTSIDE:
         line = f'fix 1 {{group}} python/move "{target(scheme)} {{group}} {{bodies}}{words}"'
     return Integrator(name, label, (line,))
 
 
 def target(scheme: str) -> str:
     """The class of an integrator as a fix line names it in quotes."""
-    return f"{OLDER.get(scheme, 'fix_nosquish')}.{scheme}"
+    return f"{OUTSIDE.get(scheme, 'fix_nosquish')}.{scheme}"
 
 
 def rigid(style: str) -> Integrator:

@@ -1,0 +1,175 @@
+"""What ends a run because bodies would not move as the user expects; with LAMMPS's other fixes
+`other_fixes` does so."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..errors import RunError
+from . import log
+from .schedule import Phase
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
+
+_ROUNDING = 1e-9  # of a total mass
+
+
+def refuse_time_step(integrator: "Integrator") -> None:
+    """End the run if the integrator cannot take the time step that there is."""
+    dt = integrator.lammps.dt
+    if (dt < 0 and not integrator.backwards) or (dt == 0 and integrator.every):
+        raise RunError(
+            f"the time step is {dt:g}, and the integrator {integrator.name} needs one above zero: "
+            "look at the command timestep",
+            everywhere=True,
+        )
+
+
+def refuse_levels(integrator: "Integrator") -> None:
+    """End a run of run_style respa if the integrator takes one force a step."""
+    if integrator.lammps.respa_dt is not None and not integrator.respa:
+        raise RunError(
+            f"the integrator {integrator.name} takes one force a step, "
+            "not those of levels: use run_style verlet",
+            everywhere=True,
+        )
+
+
+def weight(integrator: "Integrator") -> np.ndarray | None:
+    """What the fix of keyword gravity gives, (3,); None without that keyword; collective.
+
+    Raises:
+        RunError: if it cannot serve.
+    """
+    name = integrator.command.gravity
+    if not name:
+        return None
+    found = integrator.host.gravity(name)
+    problem = (
+        f"{integrator.method}, whose energy would lack the weight's: "
+        f"use fix {name} without its word disable, and fix_modify {name} energy yes"
+        if integrator.needs_energy
+        else "with run_style respa: use fix gravity without its word disable"
+        if integrator.lammps.respa_dt is not None
+        else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
+        if not integrator.host.follows
+        else f"for '{name}', which is no fix gravity that stands before this fix"
+        if found is None
+        else None
+    )
+    if problem:
+        raise integrator.command.wrong(f"keyword gravity does not serve {problem}")
+    return found
+
+
+def refuse_weight_twice(integrator: "Integrator") -> None:
+    """End the run if the fix of keyword gravity acts by itself, too; collective."""
+    name = integrator.command.gravity
+    for fix in integrator.other_fixes if name else ():
+        # with the word disable it knows no energy
+        acts = fix.id == name and integrator.acts_on_bodies(fix)
+        if acts and integrator.lammps.scalar_of_fix(name):
+            raise integrator.command.wrong(
+                f"fix {name} acts on the atoms of the bodies, and keyword gravity on the "
+                "bodies: bodies would have their weight twice. Give that fix its word "
+                "disable, or leave keyword gravity out"
+            )
+
+
+def refuse_streams(integrator: "Integrator") -> None:
+    """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
+    if not integrator.streams:
+        return
+    if not integrator.crosses or integrator.needs_energy:
+        raise RunError(
+            "fix deform has remap v, with which bodies get another velocity at periodic faces: "
+            f"{integrator.name} does not do so. Use fix nosquish/nve, and "
+            "fix langevin with fix_modify temp for a temperature",
+            everywhere=True,
+        )
+    atoms, streams = integrator.membership.atoms(), integrator.host.stream_group & 0xFFFFFFFF
+    if integrator.communicator.any((integrator.lammps.groups[atoms] & streams == 0).any()):
+        raise RunError(
+            "fix deform has remap v for a group that lacks atoms of the bodies: give it group all",
+            everywhere=True,
+        )
+
+
+def refuse_turnover(integrator: "Integrator") -> None:
+    """End the run, in which bodies came or are gone, if the integrator does not do so."""
+    if integrator.start or integrator.every or integrator.needs_energy:
+        raise RunError(
+            f"bodies came or are gone by step {integrator.lammps.step}, which the integrator "
+            f"{integrator.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+            "or insert and delete between runs, with reinit yes",
+            everywhere=True,
+        )
+
+
+class Kept:
+    """What of box and masses must stay as it is when a run begins; collective.
+
+    Attributes:
+        box_may_change: whether another fix may change the box without bodies that move with it.
+        masses_may_change: whether another fix may change masses of atoms.
+    """
+
+    def __init__(self, integrator: "Integrator") -> None:
+        fixes, lammps = integrator.other_fixes, integrator.lammps
+        adapts = any(fix.style.startswith("adapt") for fix in fixes)
+        self.box_may_change = fixes.change_box and integrator.told_box is None
+        self.masses_may_change = adapts and lammps.setting("rmass_flag") > 0
+
+    def note(self, integrator: "Integrator") -> None:
+        """The bodies are those that there are now."""
+        self._mass, self._box = _mass_of_atoms(integrator), integrator.lammps.box
+
+    def refuse_new_box(self, integrator: "Integrator", held: bool | np.ndarray) -> None:
+        """End the run if one of the box vectors that are held, (3,) bool, has changed."""
+        box = integrator.lammps.box
+        if box is self._box or integrator.every:
+            return
+        if ((box.h != integrator.bodies.cells["h"].array) & held).any():
+            raise RunError(
+                f"the box has changed by step {integrator.lammps.step}, and bodies do not move "
+                "with it: in a run they do so with fix deform alone, with its remap x or v, and "
+                "run_style verlet, and with fix nosquish/npt or fix nosquish/nph. The box may "
+                "change between runs: bodies keep their shape when the next run makes them anew, "
+                "with reinit yes and without infile or 'pre no'",
+                everywhere=True,
+            )
+        self._box = box
+
+    def refuse_new_masses(self, integrator: "Integrator") -> None:
+        """End the run if the bodies' atoms have other masses than at its begin; collective."""
+        if not self.masses_may_change:
+            return
+        now, step = _mass_of_atoms(integrator), integrator.lammps.step
+        if abs(now - self._mass) > _ROUNDING * self._mass:
+            raise RunError(
+                f"the atoms of the bodies have a mass of {now:.9g} in all by step {step}, and had "
+                f"one of {self._mass:.9g} when the run began: bodies keep their masses in a run. "
+                "Change masses between runs (fix adapt does so in one)",
+                everywhere=True,
+            )
+
+
+def _mass_of_atoms(integrator: "Integrator") -> float:
+    """Of all bodies' atoms; collective."""
+    mass = integrator.lammps.masses[integrator.bodies.index].sum()
+    return integrator.communicator.total(np.array([mass]))[0]
+
+
+def bad_forces(integrator: "Integrator", step: int) -> RunError:
+    """The error for forces of a step that are not finite."""
+    bodies, name = integrator.bodies, integrator.membership.name
+    bad = (~np.isfinite(bodies.wrench).all(axis=0)).argmax()
+    cause, remedy = bodies.instability(bad, integrator.lammps)
+    if integrator.host.phase == Phase.NEW:
+        cause, remedy = "atoms overlap at the start", log.APART
+    advice = "use a shorter time step or a better start, and look for what else acts on the body"
+    return RunError(
+        f"{cause or 'the run is unstable'}, and the force on {name(bodies.id[bad])} is not finite "
+        f"at step {step}: {remedy or advice}"
+    )

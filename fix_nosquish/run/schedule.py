@@ -1,0 +1,164 @@
+"""What happens at each point of a step, in order: the schedule that every run follows.
+
+LAMMPS calls the fix at its hooks.  At each of them the actions of `SCHEDULE` that hold are done,
+one after the other: an action does a list of passes (see `passes`), or calls a method of the
+integrator, and says in which phase the bodies are then.  Nothing else sets the phase.
+
+The plugin follows the schedule in C++, and calls Python only for an action that needs it.  `follow`
+does the same in Python: for LAMMPS's own fix python/move, and for a class that has a hook of its
+own.  Between hooks LAMMPS moves atoms to their ranks, builds lists of neighbors, computes forces.
+"""
+
+from enum import IntEnum, IntFlag, auto
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
+
+
+class Phase(IntEnum):
+    """Where in a run the bodies are."""
+
+    NEW = 0  # a run begins: its first forces are not known
+    SET = 1  # a step is done
+    HALF = 2  # a step has begun, and its forces are not known
+    WAITING = 3  # its forces are known, and its end is left to the next step
+    OVER = 4  # the run is over: what changes velocities now is a script
+
+
+class When(IntFlag):
+    """What holds in a step.  The plugin has the same names in the same order (plugin/bridge.h)."""
+
+    # in a whole run, or until an action says otherwise; the host keeps these
+    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
+    LATE = auto()  # other fixes may change velocities at the end of a step
+    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
+    LEVELS = auto()  # run_style respa
+    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
+    LOOKS = auto()  # Python has something to do where atoms are followed
+    RESETS = auto()  # the next step has another length
+    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
+    # in one step
+    CALLED = auto()  # Python begins it
+    SHOWN = auto()  # something may read velocities at its end
+    VIRIAL_ASKED = auto()  # LAMMPS wants its virial
+    TABLE = auto()  # Python writes a table at its end
+    ENERGY = auto()  # Python takes the potential energy at its end
+    MOVES_BOX = auto()  # the box changes in it
+    PRESSURE = auto()  # its forces are those before or behind a change of the box
+    OTHER_BOX = auto()  # the box is not the one that the passes know
+
+
+SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
+WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
+CALLED, SHOWN, VIRIAL, TABLE = When.CALLED, When.SHOWN, When.VIRIAL_ASKED, When.TABLE
+ENERGY, MOVES_BOX = When.ENERGY, When.MOVES_BOX
+PRESSURE, OTHER_BOX = When.PRESSURE, When.OTHER_BOX
+NEW, SET, HALF, WAITING, OVER = Phase
+ANY = tuple(Phase)
+BEGUN = tuple(phase for phase in Phase if phase != NEW)
+
+
+class Action(NamedTuple):
+    """One thing that is done at a hook.
+
+    Attributes:
+        hook: where.
+        phases: in which phases of the bodies.
+        when, unless: bits of `When` that must all hold, and of which none may.
+        passes: the list of passes that it does.
+        call: the method of the integrator that it calls; with passes only if one of these fails,
+            where `blame` is called if there is no such method.
+        then: the phase behind it; None if it stays.
+        sets, clears: bits of `When` that hold from now on, and that do no more.
+    """
+
+    hook: str
+    phases: tuple[Phase, ...]
+    when: When = When(0)
+    unless: When = When(0)
+    passes: str | None = None
+    call: str | None = None
+    then: Phase | None = None
+    sets: When = When(0)
+    clears: When = When(0)
+
+
+A = Action
+ACTIONS = (
+    # the run's first forces are known
+    A("setup", (NEW,), call="start_run"),
+    A("setup", (NEW,), when=MID_STEP, then=WAITING),
+    A("setup", (NEW,), then=SET),
+    A("setup", ANY, when=VIRIAL, passes="constraint_virial"),
+    A("setup", ANY, when=PRESSURE, passes="pressure"),
+    A("setup", ANY, call="tell_start"),
+    # initial_integrate: the first half of a step
+    A("begin", (WAITING, SET), when=LATE | SEEN, call="take_late_velocities"),
+    A("begin", (NEW,), call="set_up"),  # LAMMPS's own fix python/move knows no setup
+    A("begin", (OVER,), call="continue_run"),  # nor does a run with 'pre no'
+    A("begin", (OVER,), when=MID_STEP, then=WAITING),
+    A("begin", (OVER,), then=SET),
+    A("begin", (WAITING,), when=RESETS, passes="close", then=SET, clears=SEEN),
+    A("begin", ANY, when=RESETS, call="take_time_step", clears=RESETS),
+    A("begin", ANY, when=GATHERS, unless=LEVELS, passes="gather", clears=GATHERS),
+    A("begin", ANY, when=CALLED, call="begin_trajectory"),
+    A("begin", (WAITING,), unless=LEVELS, passes="whole", then=HALF, clears=SEEN),
+    A("begin", (SET,), unless=LEVELS, passes="begin", then=HALF, clears=SEEN),
+    A("begin", (HALF,), when=MOVES_BOX, passes="cell"),
+    # with run_style respa the innermost level moves the bodies, when all others have kicked them
+    A("move", ANY, passes="begin", then=HALF, clears=SEEN),
+    # LAMMPS has built its lists anew: before, and behind
+    A("exchange", ANY, passes="flip"),
+    A("neighbor", ANY, when=OTHER_BOX, call="follow_atoms"),
+    A("neighbor", ANY, when=LOOKS, unless=OTHER_BOX, call="follow_atoms"),
+    A("neighbor", ANY, unless=LOOKS | OTHER_BOX, passes="follow", call="follow_atoms"),
+    # another fix has changed the box, or taken other vectors of the same lattice for it
+    A("deform", ANY, passes="deform"),
+    A("flipped", ANY, passes="flipped", call="follow_atoms"),
+    # final_integrate: the second half of a step, left to the next one if nothing looks at it
+    A("end", (HALF,), when=WATCHED, call="refuse_new_box"),
+    A("end", (HALF,), when=MID_STEP, then=WAITING),
+    A("end", (HALF,), unless=SHOWN | VIRIAL | TABLE | ENERGY, then=WAITING),
+    A("end", (HALF,), passes="close", then=SET),
+    A("end", ANY, when=ENERGY, call="take_energy"),
+    A("end", ANY, when=SHOWN, passes="velocities", sets=SEEN),
+    A("end", ANY, when=VIRIAL, passes="constraint_virial"),
+    A("end", ANY, when=PRESSURE, passes="pressure"),
+    A("end", ANY, when=TABLE, call="write_table"),
+    # end_of_step, which the integrator has with run_style respa only
+    A("end_levels", (HALF,), then=SET, sets=SEEN),
+    A("end_levels", ANY, when=VIRIAL, passes="gather"),
+    A("end_levels", ANY, when=VIRIAL, passes="constraint_virial"),
+    A("end_levels", ANY, when=TABLE, unless=VIRIAL, passes="gather"),
+    A("end_levels", ANY, when=TABLE, call="write_table"),
+    # the bodies as a step that is looked at leaves them; their forces, too
+    A("rest", (WAITING,), unless=MID_STEP, passes="close", then=SET, clears=SEEN),
+    A("know_forces", (WAITING,), when=MID_STEP, passes="gather"),
+    # the time step may be another one.  In the middle of a step it is that of the next one: the
+    # last step's end has the old one
+    A("reset_dt", (WAITING, OVER), when=MID_STEP, sets=RESETS),
+    A("reset_dt", (WAITING,), unless=MID_STEP, passes="close", then=SET, clears=SEEN),
+    A("reset_dt", (NEW, SET, HALF), call="take_time_step"),
+    A("reset_dt", (OVER,), unless=MID_STEP, call="take_time_step"),
+    # post_run
+    A("post_run", BEGUN, call="end_run", then=OVER),
+)
+SCHEDULE = {
+    hook: tuple(action for action in ACTIONS if action.hook == hook)
+    for hook in dict.fromkeys(action.hook for action in ACTIONS)
+}
+
+
+def follow(integrator: "Integrator", hook: str) -> None:
+    """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
+    host, now = integrator.host, integrator.host.now()
+    for action in SCHEDULE[hook]:
+        if host.phase not in action.phases or action.when & ~now or action.unless & now:
+            continue
+        found = integrator.passes.do(action.passes) if action.passes else 0
+        if found or (action.call and not action.passes):
+            integrator.act(ACTIONS.index(action), found)
+        if action.then is not None:
+            host.phase = action.then
+        host.facts = (host.facts | action.sets) & ~action.clears

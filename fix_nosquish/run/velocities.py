@@ -1,0 +1,90 @@
+"""Velocities of the bodies' atoms: given by their motion, and taken from what changes them."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..bodies.extended import particles_of
+from ..bodies.membership import Membership
+from ..box import deform
+from ..motion import step
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
+
+
+def set_plain(integrator: "Integrator") -> None:
+    """Give the atoms the velocities of their body, in whatever image of it an atom is."""
+    step.set_velocities.bind_to(integrator.passes.cells)()
+
+
+def changed(integrator: "Integrator") -> bool:
+    """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
+    bodies, v = integrator.bodies, integrator.lammps.v
+    expected = np.empty_like(v)
+    step.set_velocities.bind_to(bodies.cells, atom_v=expected)()
+    if integrator.streams and not integrator.is_over:
+        deform.speed_up.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
+    index = bodies.index
+    return integrator.communicator.any(not np.array_equal(expected[index], v[index]))
+
+
+def say_ignored(integrator: "Integrator", why: str) -> None:
+    """Tell the user if velocities were changed between runs that go on; collective."""
+    if changed(integrator):
+        integrator.host.log(
+            "The velocities of the bodies' atoms were changed between runs: "
+            f"without effect, because the bodies go on ({why})\n"
+        )
+
+
+def take_late(integrator: "Integrator", at: int) -> None:
+    """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with
+    them; collective."""
+    due = [fix.id for fix in integrator.other_fixes.late if at % fix.nevery == 0]
+    if not due or not changed(integrator):
+        return
+    if integrator.streams:
+        deform.speed_up.bind_to(integrator.passes.cells, sign=-1.0)()
+    energies = take(integrator)
+    integrator.set_velocities()
+    integrator.reports.forget()
+    before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
+    integrator.reports.say_taken_over(at, due, before, now)
+
+
+def take(integrator: "Integrator") -> np.ndarray:
+    """Have the bodies move as their atoms do, but for those of which more is known; collective.
+
+    Returns:
+        (2,) the kinetic energy of this rank's atoms before and of its bodies now, but for those of
+        which more is known.
+    """
+    bodies, lammps, spins, known = integrator.bodies, integrator.lammps, None, None
+    given = np.isin(bodies.id, integrator.notes["given"])
+    if given.any():
+        known = np.flatnonzero(given), bodies.momenta()[:, given]
+    before = bodies.kinetic_of_atoms(lammps)
+    if bodies.spin:
+        particles = particles_of(lammps, integrator.shapes(), bodies.index)
+        spins, before = particles.momentum, before + particles.kinetic()
+    bodies.take_velocities(lammps, spins, known)
+    after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
+    return np.array([before[~given[bodies.body]].sum(), after.sum()])
+
+
+def zero(integrator: "Integrator", name: str) -> None:
+    """Stop a motion of the bodies, v or p, that the next run will have: those of the last one, or
+    those that it makes of the atoms; collective."""
+    lammps = integrator.lammps
+    if integrator.goes_on:
+        bodies = integrator.bodies
+    else:
+        integrator.membership = Membership(lammps, integrator.communicator, integrator.command)
+        bodies = integrator.bodies_of_atoms()
+        bodies.bind(lammps, integrator.membership)
+        bodies.know_box(lammps.box)
+    getattr(bodies, name)[:] = 0.0
+    atom_v = lammps.v  # before a first run no cell points there
+    step.set_velocities.bind_to(bodies.cells, atom_v=atom_v)()
+    integrator.reports.forget()
