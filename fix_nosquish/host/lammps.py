@@ -167,10 +167,6 @@ class Box:
         """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""
         return np.rint(vectors @ self.inverse.T) * self.periodic
 
-    def cells(self, positions: np.ndarray) -> np.ndarray:
-        """How many box vectors each position is away from the box itself, (n, 3)."""
-        return np.floor((positions - self.lo) @ self.inverse.T) * self.periodic
-
 
 class Lammps:
     """One LAMMPS instance on this rank.
@@ -218,7 +214,6 @@ class Lammps:
         self._imageint, self._image_bits = integers[size], _IMAGE_BITS[size]
         self.dimension = self.setting("dimension")
         self.ranks = self.setting("world_size")
-        self.rank = self.setting("world_rank")
         self._box_then = b""
         self._box: Box
         self._views: dict[str, _View] = {}  # of per-atom arrays, by name

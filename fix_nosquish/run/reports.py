@@ -38,9 +38,8 @@ class Reports:
     """
 
     def __init__(self, integrator: "Integrator") -> None:
-        self._integrator: Integrator = weakref.proxy(
-            integrator
-        )  # no circle: it goes when LAMMPS lets go
+        # no circle: the integrator goes when LAMMPS lets go of it
+        self._integrator: Integrator = weakref.proxy(integrator)
         self.file: output.BodyFile | None = None
         self._said: list[str] = []  # of the log's lines
         self._warned: set[str] = set()
@@ -136,18 +135,13 @@ class Reports:
             )
         self.file = output.BodyFile(path, integrator.lammps.units, integrator.communicator)
 
-    def due(self) -> bool:
-        """Whether the table of this step is to be written."""
-        now, asked = self._integrator.lammps.step, self._integrator.command.output
-        return bool(self.file and asked and now % asked.steps == 0 and self.file.last != now)
-
     def write(self) -> None:
-        """Write the table of this step, if it is due."""
-        if self.file and self.due():
-            integrator = self._integrator
+        """Write the table of this step, if it is due and not written yet."""
+        integrator, asked = self._integrator, self._integrator.command.output
+        step = integrator.lammps.step
+        if self.file and asked and step % asked.steps == 0 and self.file.last != step:
             integrator.come_to_rest()
-            rows = output.table(integrator.bodies, integrator.lammps)
-            self.file.write(integrator.lammps.step, rows)
+            self.file.write(step, output.table(integrator.bodies, integrator.lammps))
 
     def table(self) -> np.ndarray:
         """The bodies that are counted on this rank as they are now: see `output.table`."""
