@@ -75,7 +75,6 @@ class Integrator(Answers, Registered, Declaration):
     told_box: np.ndarray | None = None
     gravity: np.ndarray | None = None
     waiting: float | None = None
-    parameters: np.ndarray
     switches: Switches
     unchanged: refusals.Kept
     mask: np.ndarray | None
@@ -92,7 +91,8 @@ class Integrator(Answers, Registered, Declaration):
         )
         self.line, self.name = line, line.name
         self.let_bodies_go()
-        self.notes = cast(dict, None)  # until bodies are made
+        self.notes = cast(dict, None)  # until bodies are made, and until passes are bound
+        self.parameters = cast(np.ndarray, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external = External(self)
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
@@ -252,7 +252,7 @@ class Integrator(Answers, Registered, Declaration):
     @hook
     def min_setup(self, vflag: int) -> None:
         """A minimisation begins: it would move the atoms one by one."""
-        raise refusals.MINIMISATION
+        raise refusals.minimisation()
 
     # ------------------------------------------------------------- the time step
 

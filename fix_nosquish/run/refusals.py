@@ -14,11 +14,14 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-9  # of a total mass
 
-MINIMISATION = RunError(
-    "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
-    "instead, which keep their shapes",
-    everywhere=True,
-)
+
+def minimisation() -> RunError:
+    """The error for a minimisation, which would move the atoms one by one."""
+    return RunError(
+        "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
+        "instead, which keep their shapes",
+        everywhere=True,
+    )
 
 
 def refuse_missing_template(integrator: "Integrator") -> None:
