@@ -4,9 +4,13 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
+from ..bodies import extended
+from ..host import rigid_fixes
 from ..host.command import Command
 from ..host.hosts import Host, hook
 from ..host.lammps import Lammps
+from ..motion.block import ROWS
+from ..ranks import migration
 from ..ranks.communicator import Alone, Communicator
 from . import output
 from . import velocities as velocities_of
@@ -19,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Answers:
-    """The hooks by which LAMMPS asks an `integrator.Integrator`."""
+    """What LAMMPS asks an `integrator.Integrator`, by hooks and when its fix is made."""
 
     command: Command
     lammps: Lammps
@@ -28,6 +32,20 @@ class Answers:
     reports: Reports
     external: External
     switches: Switches
+    rows: int
+    kept: int
+    oriented: bool
+
+    @property
+    def carries(self) -> int:
+        """How many numbers go with an atom to another rank."""
+        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
+
+    @property
+    def story(self) -> str | None:
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        return rigid_fixes.story(self.host.fix_id, self.command)
 
     vector_extensive, array_columns = (True, True, False, False), 15
 

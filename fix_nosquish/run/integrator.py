@@ -4,28 +4,25 @@ from typing import Any, cast
 
 import numpy as np
 
-from ..bodies import extended
 from ..bodies.bodies import Bodies
 from ..bodies.membership import Membership
 from ..errors import RunError
-from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import Host, driven_by_plugin, hook
 from ..host.lammps import Lammps
 from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
-from ..motion.block import ROWS
-from ..motion.operations import MROT
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import beginning, levels, making, passes, refusals, registry, reports, rotation, schedule
+from . import beginning, levels, making, passes, refusals, reports, rotation, schedule
 from . import velocities as velocities_of
 from .answers import Answers
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
 from .passes import Passes
+from .registry import Registered
 from .schedule import SEEN, Phase
 from .switches import Switches
 
@@ -33,7 +30,7 @@ from .switches import Switches
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
 
 
-class Integrator(Answers, Declaration):
+class Integrator(Answers, Registered, Declaration):
     """What LAMMPS's fix python/move drives; a derived class declares how bodies move.
 
     LAMMPS calls the hooks; `schedule` says what happens at each of them.  The documentation says
@@ -47,7 +44,6 @@ class Integrator(Answers, Declaration):
 
     Attributes:
         name: how the fix line calls it.
-        number: of the integrators of a process, in the order of their making.
         bodies: the `Bodies`, from the first use of the fix on.
         notes: what `build` says of them.
         exact: whether their free rotation is exact, not split.
@@ -79,15 +75,12 @@ class Integrator(Answers, Declaration):
     told_box: np.ndarray | None = None
     gravity: np.ndarray | None = None
     waiting: float | None = None
-    parameters: np.ndarray = None  # type: ignore[assignment]  # until a first run begins
     switches: Switches
     unchanged: refusals.Kept
     mask: np.ndarray | None
     first_step: int
     streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
     follows_atoms = True
-
-    of_fix = staticmethod(registry.of_fix)
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
         line = Line.quoted(line) if isinstance(line, str) else line
@@ -96,9 +89,10 @@ class Integrator(Answers, Declaration):
         self.communicator: Communicator | Alone = (
             Communicator(self.lammps.communicator) if several else ALONE
         )
-        self.line, self.name, self.number = line, line.name, registry.next_number()
+        self.line, self.name = line, line.name
         self.let_bodies_go()
-        self.notes = cast(dict, None)  # until bodies are made
+        self.notes = cast(dict, None)  # until bodies are made, and until passes are bound
+        self.parameters = cast(np.ndarray, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external = External(self)
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
@@ -121,14 +115,10 @@ class Integrator(Answers, Declaration):
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
         self.reports = reports.Reports(self)
         self.oriented = self.communicator.any(self.lammps.orients)
-        registry.enter(self)
+        self.register()
         self.template = self.command.mol
         self.restart_file = bool(self.infile or self.template)
-        if self.template and not self.lammps.has("molecule", self.template):
-            raise self.command.wrong(
-                f"there is no molecule template '{self.template}' (keyword mol): "
-                "define it before the fix, by command molecule"
-            )
+        refusals.refuse_missing_template(self)
         refusals.refuse_time_step(self)
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
         if not driven_by_plugin():
@@ -144,38 +134,7 @@ class Integrator(Answers, Declaration):
         """There are no bodies, until others are made."""
         self.bodies, self.passes = cast(Bodies, None), cast(Passes, None)
 
-    def let_go(self) -> None:
-        """The fix is gone, and what this object knew of LAMMPS's memory with it."""
-        name = f"fix {self.host.fix_id} ({self.name})"
-        self.__dict__ = {"_gone": name}
-
-    def __getattr__(self, name: str) -> Any:
-        gone = self.__dict__.get("_gone")
-        if gone is None or name[:2] == "__":
-            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-        raise RunError(
-            f"{gone} is gone, by unfix or with its LAMMPS: ask for what you need before, or take "
-            "the integrator of a fix that there is",
-            everywhere=True,
-        )
-
     # ------------------------------------------------------------- what holds
-
-    @property
-    def mates(self) -> list["Integrator"]:
-        """All integrators of this LAMMPS, this one among them, in an order alike on all ranks."""
-        return registry.of_lammps(self.lammps.handle)
-
-    @property
-    def carries(self) -> int:
-        """How many numbers go with an atom to another rank."""
-        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
-        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
-
-    @property
-    def story(self) -> str | None:
-        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
-        return rigid_fixes.story(self.host.fix_id, self.command)
 
     @property
     def phase(self) -> Phase:
@@ -293,11 +252,7 @@ class Integrator(Answers, Declaration):
     @hook
     def min_setup(self, vflag: int) -> None:
         """A minimisation begins: it would move the atoms one by one."""
-        raise RunError(
-            "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
-            "instead, which keep their shapes",
-            everywhere=True,
-        )
+        raise refusals.minimisation()
 
     # ------------------------------------------------------------- the time step
 
@@ -344,7 +299,7 @@ class Integrator(Answers, Declaration):
         bodies = self.bodies
         self.host.point()
         if not bodies.follow(self.lammps):
-            self._turn_over()
+            making.turn_over(self)
         self.host.noted()
         self.host.keep_box()
         if self.switches.choices and self.passes.mask:
@@ -354,15 +309,6 @@ class Integrator(Answers, Declaration):
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
-
-    def _turn_over(self) -> None:
-        making.turn_over(self)
-        self.parameters[MROT] = rotation.inner_steps(self)
-        self.mask = self.switches.mask(self.bodies)
-        self.external.learn()
-        self.turned_over()
-        self.tell_count()
-        self.reports.forget()
 
     @hook
     def push(self) -> None:

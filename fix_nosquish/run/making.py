@@ -10,6 +10,7 @@ from ..bodies.bodies import Bodies
 from ..bodies.build import build, count
 from ..bodies.kinds import compare
 from ..errors import RunError
+from ..motion.operations import MROT
 from . import rotation
 from .refusals import refuse_turnover
 from .switches import Switches
@@ -134,4 +135,10 @@ def turn_over(integrator: "Integrator") -> None:
     refuse_turnover(integrator)
     integrator.reports.warn(lines)
     rotation.choose(integrator)
+    integrator.parameters[MROT] = rotation.inner_steps(integrator)
+    integrator.mask = integrator.switches.mask(integrator.bodies)
+    integrator.external.learn()
+    integrator.turned_over()
     integrator.unchanged.note(integrator)
+    integrator.tell_count()
+    integrator.reports.forget()

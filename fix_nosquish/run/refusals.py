@@ -15,6 +15,25 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9  # of a total mass
 
 
+def minimisation() -> RunError:
+    """The error for a minimisation, which would move the atoms one by one."""
+    return RunError(
+        "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
+        "instead, which keep their shapes",
+        everywhere=True,
+    )
+
+
+def refuse_missing_template(integrator: "Integrator") -> None:
+    """Raise an error if the molecule template of keyword mol is not known."""
+    name = integrator.template
+    if name and not integrator.lammps.has("molecule", name):
+        raise integrator.command.wrong(
+            f"there is no molecule template '{name}' (keyword mol): "
+            "define it before the fix, by command molecule"
+        )
+
+
 def refuse_time_step(integrator: "Integrator") -> None:
     """End the run if the integrator cannot take the time step that there is."""
     dt = integrator.lammps.dt

@@ -2,26 +2,17 @@
 
 import weakref
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ..errors import RunError
-from ..host.lammps import pointer
+from ..host.hosts import Host
+from ..host.lammps import Lammps, pointer
 
 if TYPE_CHECKING:
     from .integrator import Integrator
 
 _all: "weakref.WeakSet[Integrator]" = weakref.WeakSet()
 _numbers = count()
-
-
-def enter(integrator: "Integrator") -> None:
-    """Have the others find it."""
-    _all.add(integrator)
-
-
-def next_number() -> int:
-    """A number for an integrator, alike on all ranks."""
-    return next(_numbers)
 
 
 def of_lammps(handle: int) -> "list[Integrator]":
@@ -51,3 +42,41 @@ def of_fix(lmp: Any, fix_id: str) -> "Integrator":
             everywhere=True,
         )
     raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
+
+
+class Registered:
+    """What the integrators of a process know of each other.
+
+    Attributes:
+        number: of the integrators of a process, in the order of their making; alike on all ranks.
+    """
+
+    lammps: Lammps
+    host: Host
+    name: str
+    of_fix = staticmethod(of_fix)
+
+    def register(self) -> None:
+        """Have the others find it."""
+        self.number = next(_numbers)
+        _all.add(cast("Integrator", self))
+
+    @property
+    def mates(self) -> list["Integrator"]:
+        """All integrators of this LAMMPS, this one among them, in an order alike on all ranks."""
+        return of_lammps(self.lammps.handle)
+
+    def let_go(self) -> None:
+        """The fix is gone, and what this object knew of LAMMPS's memory with it."""
+        name = f"fix {self.host.fix_id} ({self.name})"
+        self.__dict__ = {"_gone": name}
+
+    def __getattr__(self, name: str) -> Any:
+        gone = self.__dict__.get("_gone")
+        if gone is None or name[:2] == "__":
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+        raise RunError(
+            f"{gone} is gone, by unfix or with its LAMMPS: ask for what you need before, or take "
+            "the integrator of a fix that there is",
+            everywhere=True,
+        )
