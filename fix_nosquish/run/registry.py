@@ -17,7 +17,7 @@ _numbers = count()
 
 def of_lammps(handle: int) -> "list[Integrator]":
     """Those that a fix of this LAMMPS drives, in an order alike on all ranks: not one whose making
-    failed, nor one whose fix is gone, that somebody still holds."""
+    failed, that somebody still holds."""
     found = [one for one in _all if one.host and one.lammps.handle == handle]
     return sorted(found, key=lambda one: one.number)
 
@@ -69,6 +69,7 @@ class Registered:
     def let_go(self) -> None:
         """The fix is gone, and what this object knew of LAMMPS's memory with it."""
         name = f"fix {self.host.fix_id} ({self.name})"
+        _all.discard(cast("Integrator", self))
         self.__dict__ = {"_gone": name}
 
     def __getattr__(self, name: str) -> Any:
