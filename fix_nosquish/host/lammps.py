@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import F1, F2, I1, L1, L2, Cell, array, cells
+from ..loops.compiled import F1, F2, I1, L1, Cell, array, cells
 from ..motion.periodic import invert
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
@@ -154,7 +154,6 @@ class Lammps:
         self._views = {}  # of per-atom arrays, by name, with the address and shape that each is of
         # what loops that stay bound take of LAMMPS's atoms; a host points the cells at the arrays
         self.table, self.cells = cells(ARRAYS)
-        self.cells["arrays"] = Cell(L2, self.table)
 
     def _global(self, name):
         address = self.lib.lammps_extract_global(self.handle, name.encode())
