@@ -42,6 +42,12 @@ _NO_ROOM = ctypes.create_string_buffer(
 _libc.realloc.restype, _libc.realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
 _libc.free.argtypes = [ctypes.c_void_p]
 
+
+def place_of(thing: Any) -> int:
+    """Where a function, or a buffer, of ctypes is in memory."""
+    return ctypes.cast(thing, ctypes.c_void_p).value or 0
+
+
 Rows = TypeVar("Rows", bound=NamedTuple)
 
 
@@ -70,7 +76,7 @@ class Memory:
         kinds = annotations(names)
         self.table = table = np.zeros((1 + len(kinds), 5), np.int64)
         functions = _libc.realloc, _libc.perror, _libc._exit, _NO_ROOM
-        table[C, :4] = [ctypes.cast(one, ctypes.c_void_p).value for one in functions]
+        table[C, :4] = [place_of(one) for one in functions]
         table[1:, WIDTH], table[1:, ITEM] = 1, [kind.dtype.itemsize for kind in kinds.values()]
         self._rows = dict(zip(kinds, table[1:]))
         self.cells = {one: Cell(kind, numbers=self._rows[one]) for one, kind in kinds.items()}

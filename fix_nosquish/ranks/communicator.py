@@ -62,7 +62,7 @@ class Alone:
         """Whether `flag` is true on any rank."""
         return flag
 
-    def gather(self, rows: np.ndarray) -> np.ndarray | None:
+    def gather(self, rows: np.ndarray) -> Any:
         """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
         return rows
 
@@ -102,13 +102,14 @@ class Communicator(Alone):
                 delete_fn=lambda comm, key, ours: ours[0].Free()
             )
         theirs = MPI.Comm.f2py(comm)
-        if not theirs.Get_attr(kind._attribute):
+        kept: Any = theirs.Get_attr(kind._attribute)
+        if not kept:
             ours = theirs.Dup()
             ours.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # no loop looks at what MPI returns
             messages = Memory("messages", mpi.MessageRows)
-            cells = mpi.of_library(messages, ours, MPI)
-            theirs.Set_attr(kind._attribute, (ours, messages, cells))
-        self.comm, self.messages, self.cells = theirs.Get_attr(kind._attribute)
+            kept = ours, messages, mpi.of_library(messages, ours, MPI)
+            theirs.Set_attr(kind._attribute, kept)
+        self.comm, self.messages, self.cells = kept
         self.size, self.rank = self.comm.size, self.comm.rank
         self._mpi, self._number = MPI, np.empty(1, np.int64)
 
@@ -139,7 +140,7 @@ class Communicator(Alone):
     def share(self, value: Any) -> Any:
         return self.comm.bcast(value)
 
-    def gather(self, rows: np.ndarray) -> np.ndarray | None:
+    def gather(self, rows: np.ndarray) -> Any:
         parts = self.comm.gather(rows)
         return None if parts is None else np.concatenate(parts)
 

@@ -55,8 +55,10 @@ class Messages:
             known=sources is not None,
         )()
         cells = self._communicator.messages.cells
-        senders, sent, got = (cells[name].array.copy() for name in ("senders", "sent", "numbers"))
-        return senders, sent // width, got.reshape(-1, width)
+        senders, sent, got = (cells[name].array for name in ("senders", "sent", "numbers"))
+        sender_of_row = np.repeat(senders, sent // width)
+        in_order = got.reshape(-1, width)[np.argsort(sender_of_row, kind="stable")]
+        return *np.unique(sender_of_row, return_counts=True), in_order
 
     def ask(
         self, to: np.ndarray, questions: np.ndarray, answer: Callable[[np.ndarray], np.ndarray]

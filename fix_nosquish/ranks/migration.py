@@ -183,18 +183,13 @@ def bucket(b, atoms, state, arrived, first):
 
 
 @inlined
-def hashed(key, table):
-    """Where to look first for a number in a table whose size is a power of two."""
-    return (np.int64(key) * 0x9E3779B1 >> 16) & (table.size - 1)
-
-
-@inlined
-def enter(table, key, value):
-    """Write a value to the first free place of a table from where its key is looked for."""
-    h = hashed(key, table)
-    while table[h] >= 0:
-        h = (h + 1) & (table.size - 1)
-    table[h] = value
+def find_slot(table, key, state, arrived, first):
+    """Where in a hash table, whose size is a power of two, the body with this ID is or would be."""
+    last = table.size - 1
+    h = (np.int64(key) * 0x9E3779B1 >> 16) & last
+    while table[h] >= 0 and of_body(ID, table[h], state, arrived, first) != key:
+        h = (h + 1) & last
+    return h
 
 
 @inlined
@@ -212,16 +207,13 @@ def find_owners(arrived, bodies, sharing):
         for k in range(size):
             table[k] = -1
         for k in range(shared.size):
-            enter(table, state[ID, shared[k]], shared[k])
+            table[find_slot(table, state[ID, shared[k]], state, arrived, first)] = shared[k]
     for j in range(place.size):
         if place[j] >= 0:
             owner[j] = body[place[j]]
         else:
             row = -1 - place[j]
-            key = arrived[row, OF_BODY + ID]
-            h = hashed(key, table)
-            while table[h] >= 0 and of_body(ID, table[h], state, arrived, first) != key:
-                h = (h + 1) & (size - 1)
+            h = find_slot(table, arrived[row, OF_BODY + ID], state, arrived, first)
             if table[h] < 0:
                 table[h], first[strangers] = m + strangers, row
                 strangers += 1

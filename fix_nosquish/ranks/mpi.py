@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined
-from ..loops.memory import LENGTH, PLACE, Memory, append, ints_in, longs_in, new_longs, resize, rows
+from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs
+from ..loops.memory import LENGTH, PLACE, Memory, append, ints_in, longs_in, place_of, resize, rows
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -26,10 +26,7 @@ class MessageRows(NamedTuple):
 
     Attributes:
         requests: of the messages that are under way.
-        senders, sent, numbers: what has come, by rank: from whom, how many numbers from each, and
-            these.
-        unsorted, begins: the numbers in the order in which they came, and where those of each
-            sender begin.
+        senders, sent, numbers: what has come: from whom, how many numbers from each, and these.
         flag, message, status, fortran_status: where MPI writes a flag or a count, the handle of a
             message, its status, and the status as Fortran has it.
         next_tag: (1,) which of two tags the next round of questions has.
@@ -39,8 +36,6 @@ class MessageRows(NamedTuple):
     senders: L1
     sent: L1
     numbers: L1
-    unsorted: L1
-    begins: L1
     flag: I1
     message: L1
     status: L1
@@ -89,7 +84,7 @@ def alone(memory: Memory) -> dict[str, Cell]:
     return _cells(memory, {"ranks": 1})
 
 
-def of_library(memory: Memory, comm: "MPI.Intracomm", MPI: ModuleType) -> dict[str, Cell]:
+def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, Cell]:
     """The cells of an `Mpi`, by the names of its fields.
 
     Args:
@@ -107,7 +102,7 @@ def of_library(memory: Memory, comm: "MPI.Intracomm", MPI: ModuleType) -> dict[s
     if not hasattr(library, "MPI_Init"):
         library = ctypes.CDLL(MPI.__file__)
     for name in set(Mpi._fields) - set(values) - {"messages"}:
-        values[name] = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        values[name] = place_of(getattr(library, name))
     return _cells(memory, values)
 
 
@@ -172,13 +167,21 @@ def add_up(mpi, numbers, sums):
 
 @inlined
 def expect(messages, source, count):
-    """Have room for so many numbers from this rank. Returns: where they begin in `unsorted`."""
-    begin = messages[MESSAGES.unsorted, LENGTH]
+    """Have room for so many numbers from this rank, behind those that have come. Returns: where."""
+    begin = messages[MESSAGES.numbers, LENGTH]
     append(messages, MESSAGES.senders, source)
     append(messages, MESSAGES.sent, count)
-    append(messages, MESSAGES.begins, begin)
-    resize(messages, MESSAGES.unsorted, begin + count, 1)
-    return begin
+    resize(messages, MESSAGES.numbers, begin + count, 1)
+    return messages[MESSAGES.numbers, PLACE] + 8 * begin
+
+
+@inlined
+def keep(mpi, part):
+    """Receive the part that this rank has for itself, if it has any."""
+    if part.size:
+        numbers = longs(expect(mpi.messages, mpi.rank, part.size), part.size)
+        for k in range(part.size):
+            numbers[k] = part[k]
 
 
 @inlined
@@ -189,50 +192,44 @@ def receive(mpi):
     call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(flag))
     count, fortran = np.int64(flag[0]), ints_in(messages, MESSAGES.fortran_status)
     call(mpi.MPI_Status_c2f, status, address(fortran))
-    begin = expect(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
-    place = messages[MESSAGES.unsorted, PLACE] + 8 * begin
+    place = expect(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
     call(mpi.MPI_Mrecv, place, count, mpi.MPI_INT64_T, messages[MESSAGES.message, PLACE], status)
 
 
 @inlined
-def probe(mpi, tag):
-    """Whether a message with this tag has come from any rank; if so, `receive` takes it."""
-    messages = mpi.messages
-    flag = ints_in(messages, MESSAGES.flag)
-    message, status = messages[MESSAGES.message, PLACE], messages[MESSAGES.status, PLACE]
-    source, comm = mpi.MPI_ANY_SOURCE, mpi.communicator
-    call(mpi.MPI_Improbe, source, tag, comm, address(flag), message, status)
-    return flag[0] != 0
-
-
-@inlined
-def answers_from(mpi, sources):
-    """Receive a message from each of these ranks."""
+def receive_from(mpi, sources, own):
+    """Receive a part from each of these ranks, in their order; own is that of this rank."""
     messages = mpi.messages
     message, status = messages[MESSAGES.message, PLACE], messages[MESSAGES.status, PLACE]
     for r in range(sources.size):
-        if sources[r] != mpi.rank:
+        if sources[r] == mpi.rank:
+            keep(mpi, own)
+        else:
             call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
             receive(mpi)
     wait(mpi)
 
 
 @inlined
-def questions_from_any(mpi, tag):
-    """Receive what any ranks send to this one, until all that was sent is there; collective.
+def receive_all(mpi, tag):
+    """Receive what any ranks send to this one with this tag, until all that was sent is there;
+    collective.
 
     A rank enters the barrier when all it sent is being received: when all have, there is nothing
     more to come.  Ranks ahead of this one may be in the next round by then, but not in the one
     after it: two tags do.
     """
-    entered = over = False
+    messages, source, entered, over = mpi.messages, mpi.MPI_ANY_SOURCE, False, False
+    flag, message = ints_in(messages, MESSAGES.flag), messages[MESSAGES.message, PLACE]
+    status = messages[MESSAGES.status, PLACE]
     while not over:
-        if probe(mpi, tag):
+        call(mpi.MPI_Improbe, source, tag, mpi.communicator, address(flag), message, status)
+        if flag[0]:
             receive(mpi)
         elif all_there(mpi):  # with the barrier, once this rank has entered it
             over = entered
             if not entered:
-                call(mpi.MPI_Ibarrier, mpi.communicator, new_request(mpi.messages))
+                call(mpi.MPI_Ibarrier, mpi.communicator, new_request(messages))
                 entered = True
 
 
@@ -240,48 +237,29 @@ def questions_from_any(mpi, tag):
 def deliver(mpi, to, many, parts, sources, known):
     """Send a part to each of some ranks, and receive what others send to this one; collective.
 
-    What has come is in `senders`, `sent` and `numbers` of the messages, in the order of the ranks.
+    What has come is in `senders`, `sent` and `numbers` of the messages.
 
     Args:
         to, many: (n,) the ranks, and how many numbers go to each.  parts: the numbers.
-        sources: the ranks that send something to this one, if they are known: else they are found.
+        sources: the ranks that send something to this one, if they are known; the parts come in
+            their order then.  Else they are found, and come in any.
     """
-    messages, begin = mpi.messages, 0
+    messages, begin, own = mpi.messages, 0, parts[:0]
     next_tag = longs_in(messages, MESSAGES.next_tag)
+    function = mpi.MPI_Isend if known else mpi.MPI_Issend
     tag = ANSWER if known else QUESTION + next_tag[0]
-    for row in (MESSAGES.senders, MESSAGES.sent, MESSAGES.begins, MESSAGES.unsorted):
+    for row in (MESSAGES.senders, MESSAGES.sent, MESSAGES.numbers):
         resize(messages, row, 0, 1)
     for r in range(to.size):
+        part = parts[begin : begin + many[r]]
         if to[r] == mpi.rank:
-            place = expect(messages, mpi.rank, many[r])
-            own = longs_in(messages, MESSAGES.unsorted)
-            for k in range(many[r]):
-                own[place + k] = parts[begin + k]
+            own = part
         else:
-            function = mpi.MPI_Isend if known else mpi.MPI_Issend
-            send(mpi, function, address(parts) + 8 * begin, many[r], mpi.MPI_INT64_T, to[r], tag)
+            send(mpi, function, address(part), part.size, mpi.MPI_INT64_T, to[r], tag)
         begin += many[r]
     if known:
-        answers_from(mpi, sources)
+        receive_from(mpi, sources, own)
     else:
         next_tag[0] = 1 - next_tag[0]
-        questions_from_any(mpi, tag)
-    put_in_order(messages)
-
-
-@inlined
-def put_in_order(messages):
-    """Put what has come in the order of the ranks."""
-    senders, sent = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
-    begins, unsorted = longs_in(messages, MESSAGES.begins), longs_in(messages, MESSAGES.unsorted)
-    numbers, end = new_longs(messages, MESSAGES.numbers, unsorted.size), 0
-    for k in range(1, senders.size):
-        source, count, begin, i = senders[k], sent[k], begins[k], k
-        while i > 0 and senders[i - 1] > source:
-            senders[i], sent[i], begins[i] = senders[i - 1], sent[i - 1], begins[i - 1]
-            i -= 1
-        senders[i], sent[i], begins[i] = source, count, begin
-    for k in range(senders.size):
-        for i in range(sent[k]):
-            numbers[end + i] = unsorted[begins[k] + i]
-        end += sent[k]
+        keep(mpi, own)
+        receive_all(mpi, tag)

@@ -40,7 +40,7 @@ class SharingRows(NamedTuple):
         partners, shares: (partners,) the ranks that share bodies, and how many with each.
         copies: (copies,) places of the bodies whose parts are sent, partner by partner.
         packed, received: (copies, rows) what is sent to the partners, and what they send.
-        owner, equal, order, spare, answers, parts: what `answer` works with.
+        holder, equal, order, spare, answers, parts: what `answer` works with.
     """
 
     asked: L1
@@ -59,7 +59,7 @@ class SharingRows(NamedTuple):
     copies: L1
     packed: F2
     received: F2
-    owner: L1
+    holder: L1
     equal: L1
     order: L1
     spare: L1
@@ -149,12 +149,12 @@ def answer(sharing, messages):
     ids = longs_in(messages, MESSAGES.numbers)
     n, total, begin, i = ids.size, 0, 0, 0
     order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
-    owner, equal = new_longs(sharing, SHARING.owner, n), new_longs(sharing, SHARING.equal, n)
+    holder, equal = new_longs(sharing, SHARING.holder, n), new_longs(sharing, SHARING.equal, n)
     for r in range(askers.size):
         for _ in range(asked[r]):
-            owner[i] = r
+            holder[i] = askers[r]
             i += 1
-    sort(order, spare, n, ids, owner)
+    sort(order, spare, n, ids, holder)
     while begin < n:
         end = begin
         while end < n and ids[order[end]] == ids[order[begin]]:
@@ -174,7 +174,7 @@ def answer(sharing, messages):
             total += 1
         for i in range(begin, end):
             for k in range(equal[i], equal[i] + spare[i]):
-                answers[total] = askers[owner[order[k]]]
+                answers[total] = holder[order[k]]
                 total += 1
         parts[r] += total
         i = end
@@ -367,7 +367,7 @@ class Sharers:
     def owned(self) -> np.ndarray:
         return self.home == self._communicator.rank
 
-    def combine(self, values: np.ndarray, operation: np.ufunc = np.add) -> None:
+    def combine(self, values: np.ndarray, operation: Any = np.add) -> None:
         """Combine the ranks' parts of shared bodies, in place: one exchange.
 
         Args:
@@ -400,7 +400,7 @@ class Sharers:
         return self._extreme(body, columns, -np.inf, np.maximum)
 
     def _extreme(
-        self, body: np.ndarray, columns: tuple[np.ndarray, ...], start: float, operation: np.ufunc
+        self, body: np.ndarray, columns: tuple[np.ndarray, ...], start: float, operation: Any
     ) -> np.ndarray:
         result = np.full((len(columns), len(self.home)), start)
         for row, column in zip(result, columns):
