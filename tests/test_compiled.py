@@ -415,21 +415,26 @@ def test_a_module_that_prints_and_has_its_annotations_as_texts(tmp_path, monkeyp
 
 
 GROW = """
-from fix_nosquish.loops.compiled import L2, I, loop
-from fix_nosquish.loops.memory import room
+from typing import NamedTuple
+from fix_nosquish.loops.compiled import F1, L2, I, loop
+from fix_nosquish.loops.memory import room, rows
+
+class Rows(NamedTuple):
+    numbers: F1
+
+ROW = rows(Rows)
 
 @loop
 def grow(memory: L2, size: I) -> I:
-    return room(memory, 1, size)
+    return room(memory, ROW.numbers, size)
 """
 USE_GROW = """
 import ctypes
 from mpi4py import MPI
-from fix_nosquish.loops.compiled import F1
 from fix_nosquish.loops.memory import Memory
 import growing
 
-memory = Memory({"numbers": F1})
+memory = Memory("memory", growing.Rows)
 memory.put("numbers", [1.0, 2.0])
 assert growing.grow(memory.table, 800) and memory.cells["numbers"].array.tolist() == [1.0, 2.0]
 none = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)(lambda *_: None)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import F2, Cell, I
+from ..loops.compiled import F2, L1, Cell, I
 from ..loops.memory import Memory
 from ..motion import block
 from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, vector_times
@@ -124,7 +124,7 @@ class Bodies:
         self.planar, self.spin, self.oriented = planar, spin, oriented
         self.chosen, self.start, self.loose, self.suspects = chosen, None, False, ""
         self._communicator, self._box = communicator, None
-        self._memory = Memory(migration.KINDS)
+        self._memory = Memory("bodies", migration.BodyRows)
         for name, values in (
             ("state", state),
             ("body", body),
@@ -134,22 +134,19 @@ class Bodies:
         ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
-        self._found = np.zeros(migration.FOUND, np.int64)
-        self._found[migration.COUNT] = len(here)
         lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
         self.cells = self._memory.cells | self.sharers.cells
-        self.cells["bodies"] = self.cells.pop("memory")
         kinds = migration.follow.kinds
         for name, value in (
             ("kinds", np.array([0, 0, planar, chosen])),
             ("block", lanes),
-            ("found", self._found),
+            ("found", np.zeros(len(migration.FOUND))),
             ("aways", np.zeros(1, np.int64)),
             ("off", np.zeros(2)),
             ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
         ):
             self.cells[name] = Cell(kinds[name], value)
-        self.cells |= {"rank": Cell(I, communicator.rank), "mask": Cell(F2, np.ones((6, 1)))}
+        self.cells |= {"mask": Cell(F2, np.ones((6, 1)))}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
@@ -195,6 +192,7 @@ class Bodies:
         for name in PeriodicBox._fields:
             self.cells.setdefault(name, Cell(migration.follow.kinds[name]))
         bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
+        bound["arrived_cell"] = Cell(L1, lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)
         self._following_fewer = migration.follow.bind_to(bound, what=follows | FEWER)

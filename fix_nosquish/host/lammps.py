@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import F1, F2, I1, L1, L2, Cell, array, cells
+from ..loops.compiled import F1, F2, I1, L1, Cell, array, cells
 from ..motion.periodic import invert
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
@@ -218,7 +218,6 @@ class Lammps:
         self._box: Box
         self._views: dict[str, _View] = {}  # of per-atom arrays, by name
         self.table, self.cells = cells(ARRAYS)
-        self.cells["arrays"] = Cell(L2, self.table)
 
     def _global(self, name: str) -> int:
         address = self.lib.lammps_extract_global(self.handle, name.encode())

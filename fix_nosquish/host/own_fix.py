@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..ranks.communicator import Alone, Communicator
-from ..ranks.lookup import describe, fetch, find, look_up
+from ..ranks.lookup import fetch, find, look_up
 from ..ranks.migration import OF_BODY
 from ..run.schedule import SHOWN, TABLE
 from .lammps import Lammps
@@ -131,10 +131,10 @@ class OwnFix:
         self._origins = self.lammps.cells["origins"].array
 
     def _rows(self, places: np.ndarray) -> np.ndarray:
+        """What another rank needs to know of the atoms at these places, but for their origin."""
         bodies = self._bodies
-        rows = np.empty((len(places), OF_BODY + len(bodies.state) + len(bodies.displace)))
-        describe(places, bodies.body, bodies.displace, bodies.state, rows)
-        return rows
+        of_bodies, displace = bodies.state[:, bodies.body[places]], bodies.displace[:, places]
+        return np.concatenate([np.empty((OF_BODY, len(places))), of_bodies, displace]).T.copy()
 
     def _find_origins(self) -> tuple[np.ndarray, bool]:
         """Where each atom was, and whether any has come to or gone from any rank; collective."""

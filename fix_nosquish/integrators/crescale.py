@@ -49,7 +49,7 @@ from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
 from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import move_to_images, place
-from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from ..ranks.mpi import Mpi, add_up
 from .constant_pressure import ConstantPressure
 from .constant_temperature import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
 
@@ -138,7 +138,7 @@ def note_work(mpi, parameters, cell):
         given += axes[k] * numbers[SPREAD + k]
         if tilted:
             given += tilts[k] * numbers[TILT_SPREAD + k]
-        if mpi.interface[RANK] == 0:
+        if mpi.rank == 0:
             given -= axes[k] * cell.forces_virial[k]
             if tilted:
                 given -= tilts[k] * cell.forces_virial[XY + k]
@@ -161,7 +161,7 @@ def end_change(mpi: Mpi, parameters: F1, cell: Barostat):
 
 @loop
 def rescale_cell(
-    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F, rank: I,
+    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F,
     step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """Change the box, stretch the centres of mass with it, and place the atoms anew.
@@ -171,9 +171,9 @@ def rescale_cell(
     """
     state, numbers = layout.state, cell.barostat
     tilted = numbers[TILTED] > 0.0
-    measure_motion(state, rank, numbers)
+    measure_motion(state, mpi.rank, numbers)
     count = 12 if tilted else 6
-    add_up(mpi, DOUBLE, numbers[MOTION : MOTION + count], cell.cell_sums)
+    add_up(mpi, numbers[MOTION : MOTION + count], cell.cell_sums)
     part = prepare(parameters, step, begin_step, end_step)
     find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
     if stretch_box(cell, box, images.shift) < 0:
@@ -183,7 +183,7 @@ def rescale_cell(
     if tilted:
         note_motion(parameters, numbers, -1.0)
         shear_rows(state, V, bodies, undone(shear), 0.0, 0.0)
-        measure_motion(state, rank, numbers)
+        measure_motion(state, mpi.rank, numbers)
         note_motion(parameters, numbers, 1.0)
     for k in range(3):
         slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])

@@ -42,7 +42,7 @@ from ..motion.block import (
 from ..motion.frames import angular_velocity, product, quaternion_momentum, rotation_matrix, to_body
 from ..motion.operations import FTM2V, PARAMETERS, drift
 from ..motion.step import Operation
-from ..ranks.mpi import DOUBLE, Mpi, add_up
+from ..ranks.mpi import Mpi, add_up
 from ..run.integrator import Integrator
 
 # parameters behind those of `operations`: squares of the tolerances, and what other words say; the
@@ -145,7 +145,7 @@ def relax(block, kind, dt, parameters):
 def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, quenches: F1, stop: L1) -> I:
     """Say what the step does, and end the run behind it if there is nothing to do, for this fix and
     for all others that quench."""
-    add_up(mpi, DOUBLE, parameters[POWER : RESTLESS + 1], sums)
+    add_up(mpi, parameters[POWER : RESTLESS + 1], sums)
     power, aa, vv, restless = sums[0], sums[1], sums[2], sums[3]
     for k in range(4):
         parameters[POWER + k] = 0.0

@@ -66,7 +66,7 @@ from ..motion.operations import PARAMETERS
 from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import Operation
-from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from ..ranks.mpi import Mpi, add_up
 from ..run import thermo
 from .constant_pressure import ConstantPressure
 from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
@@ -230,7 +230,7 @@ def begin_move(mpi, parameters, step, cell, box, part, dt):
     if is_due(step, cell):
         half, count = 0.5 * dt * numbers[EVERY], COMPONENTS if numbers[TILTED] > 0.0 else 3
         push(cell, box, part, half)
-        add_up(mpi, DOUBLE, parameters[ALONG : ALONG + count], along[0:count])
+        add_up(mpi, parameters[ALONG : ALONG + count], along[0:count])
         for k in range(3):
             gained -= along[k]
             numbers[STRETCH + k], numbers[SHEAR + k] = 1.0, 0.0
@@ -292,7 +292,7 @@ def thermalise_piston(mpi, parameters, step, cell, dt):
 @inlined
 def note_heat(mpi, parameters, numbers, group, before, after):
     """Note, on rank 0, the energy that a thermostat gives to a rate of strain."""
-    if mpi.interface[RANK] == 0:
+    if mpi.rank == 0:
         given = 0.5 * numbers[INERTIA + group] * (after * after - before * before)
         parameters[HEAT] += given / numbers[UNIT]
 
@@ -304,7 +304,7 @@ def see_virial(
     """The molecular virial of the new forces; these act on a piston that has just moved."""
     numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
     count = TILT_SPREAD + 3 - SPREAD if tilted else 3
-    add_up(mpi, DOUBLE, numbers[SPREAD : SPREAD + count], cell.cell_sums[0:count])
+    add_up(mpi, numbers[SPREAD : SPREAD + count], cell.cell_sums[0:count])
     for k in range(3):
         numbers[VIRIAL + k] = cell.forces_virial[k] - cell.cell_sums[k]
         if tilted:

@@ -27,7 +27,7 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, angular_velocity
 from ..motion.philox import minus_log, normal_pair
 from ..motion.step import Operation
-from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from ..ranks.mpi import Mpi, add_up
 from .constant_temperature import (
     COMMON,
     HEAT,
@@ -115,7 +115,7 @@ def mean_with_one(factor):
 @inlined
 def add_up_energies(mpi, parameters, sums, separate):
     """Twice the kinetic energies of all bodies on all ranks."""
-    add_up(mpi, DOUBLE, parameters[TWICE : TWICE + 2], sums)
+    add_up(mpi, parameters[TWICE : TWICE + 2], sums)
     parameters[TWICE], parameters[TWICE + 1] = 0.0, 0.0
     if not separate:
         sums[0], sums[1] = sums[0] + sums[1], 0.0
@@ -127,7 +127,7 @@ def use_factors(mpi, parameters, sums, separate):
     given = 0.0
     for k in range(2):
         given += 0.5 * sums[k] * (parameters[FACTOR + k] * parameters[FACTOR + k] - 1.0)
-    if mpi.interface[RANK] == 0:
+    if mpi.rank == 0:
         parameters[HEAT] += given
     if not separate:
         parameters[FACTOR + 1] = parameters[FACTOR]

@@ -239,7 +239,10 @@ class Loop:
             )
         self.kinds = {}  # of the parameters and of the fields of bundles
         for name, what in self.parameters.items():
-            self.kinds |= {name: what} if isinstance(what, Kind) else annotations(what)
+            more = {name: what} if isinstance(what, Kind) else annotations(what)
+            if twice := self.kinds.keys() & more.keys():
+                raise TypeError(f"{self.name} has two arguments {' and '.join(sorted(twice))}")
+            self.kinds |= more
         self.machine_code = None
         self.module = module_of(function)
         self.module.loops.append(self)

@@ -5,29 +5,43 @@ with.
 """
 
 import time
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 
 from ..errors import RunError
+from ..loops.memory import Memory
 from . import mpi
 
 
 class Alone:
-    """One rank: every method gives back what it was given."""
+    """One rank: every method gives back what it was given.
+
+    Attributes:
+        size, rank: how many ranks there are, and which one this is.
+        messages: the memory for messages between them.
+        cells: of their `mpi.Mpi`.
+    """
 
     size, rank = 1, 0
 
-    def __init__(self):
-        self.cells = mpi.alone()
+    def __init__(self) -> None:
+        self.messages = Memory("messages", mpi.MessageRows)
+        self.cells = mpi.alone(self.messages)
 
-    def agree(self, problem):
-        """End the run if there is a problem (a message, or None for none)."""
+    def agree(self, problem: str | None) -> None:
+        """End the run if there is a problem (a message, or None for none).
+
+        Raises:
+            RunError: on all ranks, with the first rank's message, if any rank has a problem.
+        """
         if problem:
             raise RunError(problem, everywhere=True)
 
     @contextmanager
-    def together(self, what):
+    def together(self, what: str) -> Iterator[None]:
         """Do something that can fail on one rank: then the run ends on all, with a message."""
         problem = None
         try:
@@ -36,25 +50,31 @@ class Alone:
             problem = f"{what}: {type(error).__name__}: {error}"
         self.agree(problem)
 
-    def total(self, values):
+    def total(self, values: Any) -> np.ndarray:
         """Sum of an array over all ranks, as float64."""
         return np.asarray(values, float)
 
-    def count(self, n):
+    def count(self, n: int) -> int:
         """Sum of a whole number over all ranks."""
         return round(self.total(np.array([n]))[0])
 
-    def any(self, flag):
+    def any(self, flag: Any) -> bool:
         """Whether `flag` is true on any rank."""
         return flag
 
-    def gather(self, rows):
+    def gather(self, rows: np.ndarray) -> Any:
         """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
         return rows
 
-    gather_to_all = share = gather
+    def gather_to_all(self, rows: np.ndarray) -> np.ndarray:
+        """All ranks' rows, in the order of the ranks, on every rank."""
+        return rows
 
-    def rest(self):
+    def share(self, value: Any) -> Any:
+        """Rank 0's value, for all ranks."""
+        return value
+
+    def rest(self) -> None:
         """Wait for all ranks, and leave the processor to others meanwhile."""
 
 
@@ -68,12 +88,12 @@ class Communicator(Alone):
         comm: the Fortran handle of LAMMPS's communicator, as its library gives it.
 
     Attributes:
-        cells: of the `mpi.Mpi` of this communicator.
+        comm: mpi4py's communicator, ours.
     """
 
-    _attribute = None  # under which LAMMPS's communicator keeps ours, and frees it when it is freed
+    _attribute: int | None = None  # under which LAMMPS's communicator keeps ours, and frees it
 
-    def __init__(self, comm):
+    def __init__(self, comm: int) -> None:
         from mpi4py import MPI
 
         kind = Communicator
@@ -82,55 +102,51 @@ class Communicator(Alone):
                 delete_fn=lambda comm, key, ours: ours[0].Free()
             )
         theirs = MPI.Comm.f2py(comm)
-        if not theirs.Get_attr(kind._attribute):
+        kept: Any = theirs.Get_attr(kind._attribute)
+        if not kept:
             ours = theirs.Dup()
             ours.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # no loop looks at what MPI returns
-            theirs.Set_attr(kind._attribute, (ours, mpi.cells(ours, MPI)))
-        self.comm, self.cells = theirs.Get_attr(kind._attribute)
-        self.mpi, self.size, self.rank = MPI, self.comm.size, self.comm.rank
-        self._number = np.empty(1, np.int64)
+            messages = Memory("messages", mpi.MessageRows)
+            kept = ours, messages, mpi.of_library(messages, ours, MPI)
+            theirs.Set_attr(kind._attribute, kept)
+        self.comm, self.messages, self.cells = kept
+        self.size, self.rank = self.comm.size, self.comm.rank
+        self._mpi, self._number = MPI, np.empty(1, np.int64)
 
-    def _reduce(self, number, operation):
+    def _reduce(self, number: int, operation: Any) -> int:
         self._number[0] = number
-        self.comm.Allreduce(self.mpi.IN_PLACE, self._number, operation)
+        self.comm.Allreduce(self._mpi.IN_PLACE, self._number, operation)
         return int(self._number[0])
 
-    def agree(self, problem):
-        """End the run on all ranks, with the first rank's message, if any rank has a problem."""
-        first = self._reduce(self.rank if problem else self.size, self.mpi.MIN)
+    def agree(self, problem: str | None) -> None:
+        first = self._reduce(self.rank if problem else self.size, self._mpi.MIN)
         if first < self.size:
             raise RunError(self.comm.bcast(problem, root=first), everywhere=True)
 
-    def total(self, values):
-        """Sum of an array over all ranks, as float64."""
+    def total(self, values: Any) -> np.ndarray:
         result = np.array(values, float)
-        self.comm.Allreduce(self.mpi.IN_PLACE, result)
+        self.comm.Allreduce(self._mpi.IN_PLACE, result)
         return result
 
-    def any(self, flag):
-        """Whether `flag` is true on any rank."""
-        return bool(self._reduce(bool(flag), self.mpi.MAX))
+    def any(self, flag: Any) -> bool:
+        return bool(self._reduce(bool(flag), self._mpi.MAX))
 
-    def rest(self):
-        """Wait for all ranks, and leave the processor to others meanwhile."""
+    def rest(self) -> None:
         request, pause = self.comm.Ibarrier(), 1e-4
         while not request.Test():
             time.sleep(pause)
             pause = min(2 * pause, 0.02)
 
-    def share(self, rows):
-        """Rank 0's rows, for all ranks."""
-        return self.comm.bcast(rows)
+    def share(self, value: Any) -> Any:
+        return self.comm.bcast(value)
 
-    def gather(self, rows):
-        """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
+    def gather(self, rows: np.ndarray) -> Any:
         parts = self.comm.gather(rows)
         return None if parts is None else np.concatenate(parts)
 
-    def gather_to_all(self, rows):
-        """All ranks' rows, in the order of the ranks, on every rank."""
+    def gather_to_all(self, rows: np.ndarray) -> np.ndarray:
         return np.concatenate(self.comm.allgather(rows))
 
-    def abort(self):
+    def abort(self) -> None:
         """End the run on all ranks, now."""
         self.comm.Abort(1)

@@ -1,54 +1,27 @@
 """What ranks ask each other of atoms, for messages and a LAMMPS that takes nothing along."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from ..loops.compiled import F2, L1, L2, I, loop
-from ..loops.memory import Memory
-from .migration import OF_BODY, enter, hashed
-from .mpi import ROWS, Mpi, deliver
+from ..loops.compiled import L1, I, loop
+from .communicator import Alone
+from .mpi import Mpi, deliver
 from .sharing import places
 
 
 @loop
-def deliver_parts(mpi: Mpi, messages: L2, to: L1, many: L1, parts: L1, sources: L1, known: I):
+def deliver_parts(mpi: Mpi, to: L1, many: L1, parts: L1, sources: L1, known: I):
     """`mpi.deliver`."""
-    deliver(mpi, messages, to, many, parts, sources, known)
+    deliver(mpi, to, many, parts, sources, known)
 
 
-@loop
-def describe(places: L1, body: L1, displace: F2, state: F2, rows: F2):
-    """Write what another rank needs to know of the atoms at these places, but for their origin,
-    to rows (places, OF_BODY + ...)."""
-    for j in range(places.size):
-        p = places[j]
-        for row in range(state.shape[0]):
-            rows[j, OF_BODY + row] = state[row, body[p]]
-        for c in range(displace.shape[0]):
-            rows[j, OF_BODY + state.shape[0] + c] = displace[c, p]
-
-
-@loop
-def find_in_table(keys: L1, wanted: L1, table: L1, found: L1):
-    """See `find`; table is filled with -1 and its size is a power of two."""
-    last = table.size - 1
-    for j in range(keys.size):
-        enter(table, keys[j], j)
-    for i in range(wanted.size):
-        h = hashed(wanted[i], table)
-        while table[h] >= 0 and keys[table[h]] != wanted[i]:
-            h = (h + 1) & last
-        found[i] = table[h]
-
-
-def find(keys, wanted):
-    """For each entry of `wanted` its place in `keys` (both unique, positive int64), or -1.
-
-    A hash table of the size of the rank's own data: no array grows with the system.
-    """
-    table = np.full(1 << (2 * len(keys) + 3).bit_length(), -1, np.int64)
-    found = np.empty(len(wanted), np.int64)
-    find_in_table(keys, wanted, table, found)
-    return found
+def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """For each entry of `wanted` its place in `keys` (unique integers), or -1."""
+    order = np.argsort(keys)
+    found = np.append(order, -1)[np.searchsorted(keys, wanted, sorter=order)]
+    return np.where(np.append(keys, -1)[found] == wanted, found, -1)
 
 
 class Messages:
@@ -58,11 +31,12 @@ class Messages:
         communicator: the `Communicator`.
     """
 
-    def __init__(self, communicator):
-        self._memory = Memory(dict.fromkeys(ROWS, L1))
-        self._cells = communicator.cells | {"messages": self._memory.cells["memory"]}
+    def __init__(self, communicator: Alone) -> None:
+        self._communicator = communicator
 
-    def deliver(self, to, numbers, sources=None):
+    def deliver(
+        self, to: np.ndarray, numbers: np.ndarray, sources: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Send numbers to ranks.
 
         Args:
@@ -71,21 +45,24 @@ class Messages:
         Returns:
             (ranks, counts, numbers): who sent something, how many rows each, and the rows.
         """
-        ranks, counts = np.unique(to, return_counts=True)
-        known = sources is not None
+        (ranks, counts), width = np.unique(to, return_counts=True), numbers.shape[1]
         deliver_parts.bind_to(
-            self._cells,
+            self._communicator.cells,
             to=ranks,
-            many=counts * numbers.shape[1],
+            many=counts * width,
             parts=numbers.ravel(),
-            sources=sources if known else ranks,
-            known=known,
+            sources=ranks if sources is None else sources,
+            known=sources is not None,
         )()
-        got = (self._memory.cells[name].array.copy() for name in ("senders", "sent", "numbers"))
-        ranks, counts, numbers_got = got
-        return ranks, counts // numbers.shape[1], numbers_got.reshape(-1, numbers.shape[1])
+        cells = self._communicator.messages.cells
+        senders, sent, got = (cells[name].array for name in ("senders", "sent", "numbers"))
+        sender_of_row = np.repeat(senders, sent // width)
+        in_order = got.reshape(-1, width)[np.argsort(sender_of_row, kind="stable")]
+        return *np.unique(sender_of_row, return_counts=True), in_order
 
-    def ask(self, to, questions, answer):
+    def ask(
+        self, to: np.ndarray, questions: np.ndarray, answer: Callable[[np.ndarray], np.ndarray]
+    ) -> np.ndarray:
         """Ask other ranks, and answer what they ask.
 
         Args:
@@ -105,7 +82,7 @@ class Messages:
         return result
 
 
-def look_up(communicator, keys, values, wanted):
+def look_up(communicator: Alone, keys: Any, values: Any, wanted: np.ndarray) -> np.ndarray:
     """Ask all ranks for values, through a directory that is spread over them; collective.
 
     Args:
@@ -115,19 +92,19 @@ def look_up(communicator, keys, values, wanted):
     """
     if communicator.size == 1:  # what this rank has it need not ask for
         return np.full(len(wanted), -1)
-    messages = Messages(communicator)
-    order = np.argsort(keys % communicator.size, kind="stable")
-    pairs = np.stack([keys, values], axis=1)[order]
-    told = messages.deliver((keys % communicator.size)[order], pairs)[2]
-    known = dict(told.tolist())
+    messages, to = Messages(communicator), keys % communicator.size
+    order = np.argsort(to, kind="stable")
+    told = messages.deliver(to[order], np.stack([keys, values], axis=1)[order])[2]
 
-    def answer(asked):
-        return np.array([known.get(key, -1) for key in asked.tolist()], np.int64)[:, None]
+    def answer(asked: np.ndarray) -> np.ndarray:
+        return np.append(told[:, 1], -1)[find(told[:, 0], asked), None]
 
     return messages.ask(wanted % communicator.size, wanted, answer)[:, 0]
 
 
-def fetch(communicator, origins, rows_of):
+def fetch(
+    communicator: Alone, origins: np.ndarray, rows_of: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
     """Ask for what the ranks that lost atoms know of them; collective.
 
     Args:
@@ -142,7 +119,7 @@ def fetch(communicator, origins, rows_of):
     return Messages(communicator).ask(origins >> 32, places(origins), rows_of)
 
 
-def gone(communicator, lost, gained):
+def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
     """Which of the places of lost atoms are of atoms that no rank has; collective.
 
     Args:

@@ -1,271 +1,265 @@
 """MPI for compiled loops: they call the functions of the MPI library by their addresses.
 
 So one piece of code shares bodies and follows atoms, whatever calls it: the plugin in C++, or
-Python for a LAMMPS's own fix python/move.  mpi4py, which knows the library, gives addresses,
-handles, sizes.
+Python for a LAMMPS's own fix python/move, which has no plugin.  Messages in the plugin would add a
+second such piece, and the plugin would have to hand them over to loops as it does functions of its
+own.  mpi4py, which knows the library, gives its handles and constants.
 """
 
 import ctypes
-from typing import NamedTuple
+from types import ModuleType
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import L1, Cell, address, call, inlined, longs
-from ..loops.memory import room
+from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs
+from ..loops.memory import LENGTH, PLACE, Memory, append, ints_in, longs_in, place_of, resize, rows
 
-# entries of `Mpi.interface`: functions,
-_FUNCTIONS = (
-    "Isend",
-    "Issend",
-    "Irecv",
-    "Waitall",
-    "Testall",
-    "Test",
-    "Ibarrier",
-    "Improbe",
-    "Mprobe",
-    "Mrecv",
-    "Get_count",
-    "Allreduce",
-)
-(
-    ISEND, ISSEND, IRECV, WAITALL, TESTALL, TEST, IBARRIER, IMPROBE, MPROBE, MRECV, GET_COUNT,
-    ALLREDUCE,
-) = range(12)  # fmt: skip
-# handles, sizes, offsets,
-COMM, LONG, DOUBLE, SUM, ANY_SOURCE, REQUEST_SIZE, SOURCE_AT, STATUS_SIZE = range(12, 20)
-# how many ranks and which one is this, which of two tags is next
-RANKS, RANK, TURN, ENTRIES = 20, 21, 22, 23
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; QUESTION + 1 is one, too
 
-# entries of `Mpi.words`, where MPI writes: a flag or a count, a message, a barrier's request, a
-# status
-FLAG, MESSAGE, BARRIER, STATUS, WORDS = 0, 1, 2, 3, 35
-# rows of the memory: requests, as many as messages are under way, and statuses; what `deliver`
-# leaves: senders, how many numbers each sent, the numbers; and what it works with
-ROWS = "requests", "statuses", "senders", "sent", "numbers", "unsorted", "begins"
-REQUESTS, STATUSES, SENDERS, SENT, NUMBERS, UNSORTED, BEGINS = range(1, 8)
+
+class MessageRows(NamedTuple):
+    """Rows of the memory for messages.
+
+    Attributes:
+        requests: of the messages that are under way.
+        senders, sent, numbers: what has come: from whom, how many numbers from each, and these.
+        flag, message, status, fortran_status: where MPI writes a flag or a count, the handle of a
+            message, its status, and the status as Fortran has it.
+        next_tag: (1,) which of two tags the next round of questions has.
+    """
+
+    requests: L1
+    senders: L1
+    sent: L1
+    numbers: L1
+    flag: I1
+    message: L1
+    status: L1
+    fortran_status: I1
+    next_tag: L1
+
+
+MESSAGES = rows(MessageRows)
 
 
 class Mpi(NamedTuple):
-    """What loops need to call MPI: see above.
+    """What loops need to call MPI.
 
     Attributes:
-        interface: (ENTRIES,).  words: (WORDS,).
+        MPI_...: addresses of its functions, and what else has these names in C.
+        communicator: the handle of ours.
+        rank, ranks: which one this is, and how many there are.
+        messages: the table of a memory with `MessageRows`.
     """
 
-    interface: L1
-    words: L1
+    MPI_Isend: I
+    MPI_Issend: I
+    MPI_Irecv: I
+    MPI_Wait: I
+    MPI_Test: I
+    MPI_Ibarrier: I
+    MPI_Improbe: I
+    MPI_Mprobe: I
+    MPI_Mrecv: I
+    MPI_Get_count: I
+    MPI_Status_c2f: I
+    MPI_Allreduce: I
+    MPI_INT64_T: I
+    MPI_DOUBLE: I
+    MPI_SUM: I
+    MPI_ANY_SOURCE: I
+    MPI_F_SOURCE: I
+    communicator: I
+    rank: I
+    ranks: I
+    messages: L2
 
 
-def alone():
-    """The cells of an `Mpi` of one rank, that is never called."""
-    interface = np.zeros(ENTRIES, np.int64)
-    interface[RANKS] = 1
-    return {"interface": Cell(L1, interface), "words": Cell(L1, np.zeros(WORDS, np.int64))}
+def alone(memory: Memory) -> dict[str, Cell]:
+    """The cells of the `Mpi` of one rank, which calls none of MPI's functions."""
+    return _cells(memory, {"ranks": 1})
 
 
-def cells(comm, MPI):
-    """The cells of an `Mpi`.
+def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, Cell]:
+    """The cells of an `Mpi`, by the names of its fields.
 
     Args:
-        comm: the communicator.  MPI: mpi4py's module.
-    Returns:
-        dictionary from the names of fields to `compiled.Cell`.
+        memory: with `MessageRows`.  comm: the communicator.  MPI: mpi4py's module.
     """
+    for name in "flag", "message", "next_tag":
+        memory.put(name, [0])
+    memory.put("status", np.zeros(-(-MPI._sizeof(MPI.Status) // 8)))
+    memory.put("fortran_status", np.zeros(MPI.F_STATUS_SIZE))
+    values = {"rank": comm.rank, "ranks": comm.size, "communicator": comm.handle}
+    for name in "INT64_T", "DOUBLE", "SUM":
+        values[f"MPI_{name}"] = getattr(MPI, name).handle
+    values |= {"MPI_ANY_SOURCE": MPI.ANY_SOURCE, "MPI_F_SOURCE": MPI.F_SOURCE}
+    library = ctypes.CDLL(None)  # with what stands before it, as a tool that counts calls
+    if not hasattr(library, "MPI_Init"):
+        library = ctypes.CDLL(MPI.__file__)
+    for name in set(Mpi._fields) - set(values) - {"messages"}:
+        values[name] = place_of(getattr(library, name))
+    return _cells(memory, values)
 
-    def handle(thing):
-        memory = ctypes.string_at(MPI._addressof(thing), MPI._sizeof(thing))
-        return int.from_bytes(memory, "little", signed=True)
 
-    mpi = ctypes.CDLL(None)  # with what stands before the library, as a tool that counts calls
-    if not hasattr(mpi, "MPI_Init"):
-        mpi = ctypes.CDLL(MPI.__file__)
-    interface = np.zeros(ENTRIES, np.int64)
-    for k, name in enumerate(_FUNCTIONS):
-        interface[k] = ctypes.cast(getattr(mpi, f"MPI_{name}"), ctypes.c_void_p).value
-    for k, thing in (COMM, comm), (LONG, MPI.INT64_T), (DOUBLE, MPI.DOUBLE), (SUM, MPI.SUM):
-        interface[k] = handle(thing)
-    interface[ANY_SOURCE], interface[RANKS], interface[RANK] = MPI.ANY_SOURCE, comm.size, comm.rank
-    interface[REQUEST_SIZE], interface[STATUS_SIZE] = (
-        MPI._sizeof(MPI.Request),
-        MPI._sizeof(MPI.Status),
-    )
-    status = MPI.Status()
-    status.source = 12345
-    raw = ctypes.string_at(MPI._addressof(status), MPI._sizeof(status))
-    interface[SOURCE_AT] = np.frombuffer(raw, np.int32).tolist().index(12345)
-    assert MPI._sizeof(MPI.Status) <= 8 * (WORDS - STATUS)
-    return {"interface": Cell(L1, interface), "words": Cell(L1, np.zeros(WORDS, np.int64))}
+def _cells(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
+    numbers = {name: ctypes.c_int64(values.get(name, 0)).value for name in Mpi._fields}
+    cells = {name: Cell(I, number) for name, number in numbers.items()}
+    return cells | {"messages": memory.cells["messages"]}
 
 
 @inlined
-def request(mpi, memory):
-    """The address of the request of one more message that is under way."""
-    interface = mpi.interface
-    memory[REQUESTS, 1] += 1
-    place = room(memory, REQUESTS, memory[REQUESTS, 1] * interface[REQUEST_SIZE])
-    return place + (memory[REQUESTS, 1] - 1) * interface[REQUEST_SIZE]
+def new_request(messages):
+    """Where MPI writes the handle of one more message that is under way."""
+    append(messages, MESSAGES.requests, 0)
+    return messages[MESSAGES.requests, PLACE] + 8 * (messages[MESSAGES.requests, LENGTH] - 1)
 
 
 @inlined
-def send(mpi, memory, how, begin, count, kind, rank, tag):
-    """Begin to send (how: ISEND, ISSEND) or receive (IRECV) so many numbers at this address."""
-    interface = mpi.interface
-    place = request(mpi, memory)
-    call(interface[how], begin, count, interface[kind], rank, tag, interface[COMM], place)
+def send(mpi, function, place, count, kind, rank, tag):
+    """Begin to send so many numbers from this place in memory to a rank, or to receive them there.
+
+    Args:
+        function: mpi.MPI_Isend, MPI_Issend or MPI_Irecv.  kind: mpi.MPI_INT64_T or MPI_DOUBLE.
+    """
+    here = new_request(mpi.messages)
+    call(function, place, count, kind, rank, tag, mpi.communicator, here)
 
 
 @inlined
-def wait(mpi, memory):
+def wait(mpi):
     """Wait until all messages that are under way are there."""
-    interface = mpi.interface
-    n = memory[REQUESTS, 1]
-    if n:
-        statuses = room(memory, STATUSES, n * interface[STATUS_SIZE])
-        call(interface[WAITALL], n, memory[REQUESTS, 0], statuses)
-        memory[REQUESTS, 1] = 0
+    messages = mpi.messages
+    for k in range(messages[MESSAGES.requests, LENGTH]):
+        here = messages[MESSAGES.requests, PLACE] + 8 * k
+        call(mpi.MPI_Wait, here, messages[MESSAGES.status, PLACE])
+    resize(messages, MESSAGES.requests, 0, 1)
 
 
 @inlined
-def all_sent(mpi, memory):
+def all_there(mpi):
     """Whether all messages that are under way are there."""
-    interface, words = mpi.interface, mpi.words
-    n = memory[REQUESTS, 1]
-    words[FLAG] = 0
-    statuses = room(memory, STATUSES, n * interface[STATUS_SIZE])
-    call(interface[TESTALL], n, memory[REQUESTS, 0], address(words), statuses)
-    if words[FLAG]:
-        memory[REQUESTS, 1] = 0
-    return words[FLAG] != 0
+    messages = mpi.messages
+    flag = ints_in(messages, MESSAGES.flag)
+    for k in range(messages[MESSAGES.requests, LENGTH]):
+        here = messages[MESSAGES.requests, PLACE] + 8 * k
+        call(mpi.MPI_Test, here, address(flag), messages[MESSAGES.status, PLACE])
+        if not flag[0]:
+            return False
+    resize(messages, MESSAGES.requests, 0, 1)
+    return True
 
 
 @inlined
-def add_up(mpi, kind, numbers, sums):
-    """The sums over all ranks of each of these numbers; kind is LONG or DOUBLE."""
-    interface, n = mpi.interface, numbers.size
-    if interface[RANKS] > 1:
-        call(
-            interface[ALLREDUCE],
-            address(numbers),
-            address(sums),
-            n,
-            interface[kind],
-            interface[SUM],
-            interface[COMM],
-        )
+def add_up(mpi, numbers, sums):
+    """The sums over all ranks of each of these float64 numbers."""
+    n, here, there = numbers.size, address(numbers), address(sums)
+    if mpi.ranks > 1:
+        call(mpi.MPI_Allreduce, here, there, n, mpi.MPI_DOUBLE, mpi.MPI_SUM, mpi.communicator)
     else:
         for k in range(n):
             sums[k] = numbers[k]
 
 
 @inlined
-def append(memory, row, value):
-    """Put a number behind those in this row."""
-    n = memory[row, 1]
-    longs(room(memory, row, 8 * (n + 1)), n + 1)[n] = value
-    memory[row, 1] = n + 1
+def expect(messages, source, count):
+    """Have room for so many numbers from this rank, behind those that have come. Returns: where."""
+    begin = messages[MESSAGES.numbers, LENGTH]
+    append(messages, MESSAGES.senders, source)
+    append(messages, MESSAGES.sent, count)
+    resize(messages, MESSAGES.numbers, begin + count, 1)
+    return messages[MESSAGES.numbers, PLACE] + 8 * begin
 
 
 @inlined
-def expect(memory, source, count):
-    """Have room for so many numbers from this rank. Returns: their place."""
-    begin = memory[UNSORTED, 1]
-    append(memory, SENDERS, source)
-    append(memory, SENT, count)
-    append(memory, BEGINS, begin)
-    memory[UNSORTED, 1] = begin + count
-    return room(memory, UNSORTED, 8 * (begin + count)) + 8 * begin
+def keep(mpi, part):
+    """Receive the part that this rank has for itself, if it has any."""
+    if part.size:
+        numbers = longs(expect(mpi.messages, mpi.rank, part.size), part.size)
+        for k in range(part.size):
+            numbers[k] = part[k]
 
 
 @inlined
-def receive(mpi, memory):
+def receive(mpi):
     """Receive the message that was probed."""
-    interface, words = mpi.interface, mpi.words
-    status = address(words) + 8 * STATUS
-    words[FLAG] = 0
-    call(interface[GET_COUNT], status, interface[LONG], address(words))
-    count = words[FLAG]
-    half = 2 * STATUS + interface[SOURCE_AT]
-    source = (words[half // 2] >> (32 * (half % 2))) & 0xFFFFFFFF
-    place = expect(memory, source, count)
-    call(interface[MRECV], place, count, interface[LONG], address(words) + 8 * MESSAGE, status)
+    messages = mpi.messages
+    flag, status = ints_in(messages, MESSAGES.flag), messages[MESSAGES.status, PLACE]
+    call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(flag))
+    count, fortran = np.int64(flag[0]), ints_in(messages, MESSAGES.fortran_status)
+    call(mpi.MPI_Status_c2f, status, address(fortran))
+    place = expect(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
+    call(mpi.MPI_Mrecv, place, count, mpi.MPI_INT64_T, messages[MESSAGES.message, PLACE], status)
 
 
 @inlined
-def deliver(mpi, memory, to, many, parts, sources, known):
+def receive_from(mpi, sources, own):
+    """Receive a part from each of these ranks, in their order; own is that of this rank."""
+    messages = mpi.messages
+    message, status = messages[MESSAGES.message, PLACE], messages[MESSAGES.status, PLACE]
+    for r in range(sources.size):
+        if sources[r] == mpi.rank:
+            keep(mpi, own)
+        else:
+            call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
+            receive(mpi)
+    wait(mpi)
+
+
+@inlined
+def receive_all(mpi, tag):
+    """Receive what any ranks send to this one with this tag, until all that was sent is there;
+    collective.
+
+    A rank enters the barrier when all it sent is being received: when all have, there is nothing
+    more to come.  Ranks ahead of this one may be in the next round by then, but not in the one
+    after it: two tags do.
+    """
+    messages, source, entered, over = mpi.messages, mpi.MPI_ANY_SOURCE, False, False
+    flag, message = ints_in(messages, MESSAGES.flag), messages[MESSAGES.message, PLACE]
+    status = messages[MESSAGES.status, PLACE]
+    while not over:
+        call(mpi.MPI_Improbe, source, tag, mpi.communicator, address(flag), message, status)
+        if flag[0]:
+            receive(mpi)
+        elif all_there(mpi):  # with the barrier, once this rank has entered it
+            over = entered
+            if not entered:
+                call(mpi.MPI_Ibarrier, mpi.communicator, new_request(messages))
+                entered = True
+
+
+@inlined
+def deliver(mpi, to, many, parts, sources, known):
     """Send a part to each of some ranks, and receive what others send to this one; collective.
 
-    What has come is in SENDERS, SENT and NUMBERS of the memory, in the order of the ranks.
+    What has come is in `senders`, `sent` and `numbers` of the messages.
 
     Args:
         to, many: (n,) the ranks, and how many numbers go to each.  parts: the numbers.
-        sources: the ranks that send something to this one, if they are known: else they are found.
+        sources: the ranks that send something to this one, if they are known; the parts come in
+            their order then.  Else they are found, and come in any.
     """
-    interface, words, rank = mpi.interface, mpi.words, mpi.interface[RANK]
-    message, status = address(words) + 8 * MESSAGE, address(words) + 8 * STATUS
-    how, tag, begin = ISEND if known else ISSEND, ANSWER if known else QUESTION + interface[TURN], 0
-    for row in (SENDERS, SENT, BEGINS, UNSORTED):
-        memory[row, 1] = 0
+    messages, begin, own = mpi.messages, 0, parts[:0]
+    next_tag = longs_in(messages, MESSAGES.next_tag)
+    function = mpi.MPI_Isend if known else mpi.MPI_Issend
+    tag = ANSWER if known else QUESTION + next_tag[0]
+    for row in (MESSAGES.senders, MESSAGES.sent, MESSAGES.numbers):
+        resize(messages, row, 0, 1)
     for r in range(to.size):
-        if to[r] == rank:
-            own = longs(expect(memory, rank, many[r]), many[r])
-            for k in range(many[r]):
-                own[k] = parts[begin + k]
+        part = parts[begin : begin + many[r]]
+        if to[r] == mpi.rank:
+            own = part
         else:
-            send(mpi, memory, how, address(parts) + 8 * begin, many[r], LONG, to[r], tag)
+            send(mpi, function, address(part), part.size, mpi.MPI_INT64_T, to[r], tag)
         begin += many[r]
     if known:
-        for r in range(sources.size):
-            if sources[r] != rank:
-                call(interface[MPROBE], sources[r], tag, interface[COMM], message, status)
-                receive(mpi, memory)
-        wait(mpi, memory)
+        receive_from(mpi, sources, own)
     else:
-        # A rank enters the barrier when all it sent is being received: when all have, there is
-        # nothing more to come.  Ranks ahead of this one may be in the next round by then, but not
-        # in the one after it: two tags do.
-        interface[TURN] = 1 - interface[TURN]
-        entered = over = False
-        while not over:
-            words[FLAG] = 0
-            call(
-                interface[IMPROBE],
-                interface[ANY_SOURCE],
-                tag,
-                interface[COMM],
-                address(words),
-                message,
-                status,
-            )
-            if words[FLAG]:
-                receive(mpi, memory)
-            elif not entered:
-                if all_sent(mpi, memory):
-                    call(interface[IBARRIER], interface[COMM], address(words) + 8 * BARRIER)
-                    entered = True
-            else:
-                call(interface[TEST], address(words) + 8 * BARRIER, address(words), status)
-                over = words[FLAG] != 0
-    put_in_order(memory)
-
-
-@inlined
-def put_in_order(memory):
-    """Put what has come in the order of the ranks."""
-    n, total = memory[SENDERS, 1], memory[UNSORTED, 1]
-    senders, sent = longs(memory[SENDERS, 0], n), longs(memory[SENT, 0], n)
-    begins, unsorted = longs(memory[BEGINS, 0], n), longs(memory[UNSORTED, 0], total)
-    numbers, end = longs(room(memory, NUMBERS, 8 * total), total), 0
-    for k in range(1, n):
-        source, count, begin, i = senders[k], sent[k], begins[k], k
-        while i > 0 and senders[i - 1] > source:
-            senders[i], sent[i], begins[i] = senders[i - 1], sent[i - 1], begins[i - 1]
-            i -= 1
-        senders[i], sent[i], begins[i] = source, count, begin
-    for k in range(n):
-        for i in range(sent[k]):
-            numbers[end + i] = unsorted[begins[k] + i]
-        end += sent[k]
-    memory[NUMBERS, 1] = total
+        next_tag[0] = 1 - next_tag[0]
+        keep(mpi, own)
+        receive_all(mpi, tag)

@@ -10,102 +10,77 @@ The holders of a body find each other at a rank on which all agree, where they m
 which bodies it has, and it tells them who else has.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
-from ..loops.compiled import F1, F2, L1, L2, Cell, I, address, array, floats, inlined, longs, loop
-from ..loops.memory import Memory, room
-from .mpi import (
-    DOUBLE,
-    IRECV,
-    ISEND,
-    NUMBERS,
-    PART,
-    RANK,
-    RANKS,
-    ROWS,
-    SENDERS,
-    SENT,
-    Mpi,
-    deliver,
-    send,
-    wait,
-)
+from ..loops.compiled import F2, L1, L2, I, address, inlined, loop
+from ..loops.memory import Memory, floats_in, longs_in, new_longs, resize, rows
+from .communicator import Alone
+from .mpi import MESSAGES, PART, Mpi, deliver, send, wait
 
-# what is counted: bodies of this rank, those that may be shared, ranks at which these meet; bodies
-# that are shared, ranks that share them, copies sent to them
-BODIES, ASKED, MEETINGS, SHARED, PARTNERS, COPIES, COUNTS = range(7)
-# rows of the memory, behind those of `mpi`: (asked,) bodies that may be shared, their IDs, where
-# they meet; the same in order; (meetings,) these ranks and how many meet there; (bodies,) where
-# each meets from now on; (shared,) shared bodies; where the parts of each begin in the sources, and
-# these; (partners,) ranks, how many bodies are shared with each; (copies,) what is sent; and what
-# to work with
-_OWN = (
-    "asked",
-    "ids",
-    "meet",
-    "places",
-    "questions",
-    "meetings",
-    "many",
-    "home",
-    "shared",
-    "first",
-    "source",
-    "partners",
-    "shares",
-    "copies",
-    "order",
-    "spare",
-    "owner",
-    "equal",
-    "answers",
-    "parts",
-)
-(
-    ASKED_ROW,
-    IDS,
-    MEET,
-    PLACES,
-    QUESTIONS,
-    MEETING,
-    MANY,
-    HOME_ROW,
-    SHARED_ROW,
-    FIRST,
-    SOURCE,
-    PARTNER,
-    SHARES,
-    COPIED,
-    ORDER,
-    SPARE,
-    OWNER,
-    EQUAL,
-    ANSWERS,
-    PARTS,
-) = range(1 + len(ROWS), 21 + len(ROWS))
-PACKED, RECEIVED = 21 + len(ROWS), 22 + len(ROWS)
 ADD, LEAST, GREATEST = range(3)  # how parts are combined
 
 _BITS = 32  # an atom's origin is rank << 32 | place
 
 
-def origin(rank, places):
+class SharingRows(NamedTuple):
+    """Rows of the memory of a rank's shared bodies.
+
+    Attributes:
+        asked, ids, meet: (asked,) places of the bodies that other ranks may hold, their IDs, and at
+            which rank their holders meet.
+        places, questions: (asked,) the same places and IDs, in the order of where holders meet.
+        meetings, many: (meetings,) the ranks at which holders meet, and how many bodies each is
+            asked about.
+        home: (bodies,) the lowest rank of those that hold each body, where its holders meet next.
+        shared: (shared,) places of the bodies that other ranks do hold.
+        first, source: (shared + 1,), (parts,) where the parts of each shared body begin in source,
+            which has the column of `received` with each part, or -1 for this rank's own.
+        partners, shares: (partners,) the ranks that share bodies, and how many with each.
+        copies: (copies,) places of the bodies whose parts are sent, partner by partner.
+        packed, received: (copies, rows) what is sent to the partners, and what they send.
+        holder, equal, order, spare, answers, parts: what `answer` works with.
+    """
+
+    asked: L1
+    ids: L1
+    meet: L1
+    places: L1
+    questions: L1
+    meetings: L1
+    many: L1
+    home: L1
+    shared: L1
+    first: L1
+    source: L1
+    partners: L1
+    shares: L1
+    copies: L1
+    packed: F2
+    received: F2
+    holder: L1
+    equal: L1
+    order: L1
+    spare: L1
+    answers: L1
+    parts: L1
+
+
+SHARING = rows(SharingRows)
+
+
+def origin(rank: int, places: Any) -> Any:
     """The origins, int64, of atoms that have these places in a rank's list of bodies' atoms."""
     return np.int64(rank << _BITS) | places
 
 
-def places(origins):
+def places(origins: Any) -> Any:
     """The places in these origins."""
     return origins & ((1 << _BITS) - 1)
 
 
 # ---------------------------------------------------------------- who shares
-
-
-@inlined
-def in_row(memory, row, n):
-    """The array of this row, with room for n numbers; what is there stays."""
-    return longs(room(memory, row, 8 * n), n)
 
 
 @inlined
@@ -119,10 +94,10 @@ def sort(order, spare, n, high, low):
     width = 1
     while width < n:
         for begin in range(0, n, 2 * width):
-            middle, end = min(begin + width, n), min(begin + 2 * width, n)
-            a, b = begin, middle
+            mid, end = min(begin + width, n), min(begin + 2 * width, n)
+            a, b = begin, mid
             for k in range(begin, end):
-                first = a < middle
+                first = a < mid
                 if first and b < end:
                     i, j = order[a], order[b]
                     first = high[i] < high[j] or (high[i] == high[j] and low[i] <= low[j])
@@ -138,52 +113,48 @@ def sort(order, spare, n, high, low):
 
 
 @inlined
-def ask(memory, counts):
+def ask(sharing):
     """Put the bodies that may be shared in the order of where holders meet, then of ID.
 
     Two holders agree on it.
     """
-    n, ranks = counts[ASKED], 0
-    asked, ids = in_row(memory, ASKED_ROW, n), in_row(memory, IDS, n)
-    meet = in_row(memory, MEET, n)
-    order, places, questions = (
-        in_row(memory, ORDER, n),
-        in_row(memory, PLACES, n),
-        in_row(memory, QUESTIONS, n),
+    asked, ids = longs_in(sharing, SHARING.asked), longs_in(sharing, SHARING.ids)
+    meet, n, meetings = longs_in(sharing, SHARING.meet), asked.size, 0
+    places, questions = (
+        new_longs(sharing, SHARING.places, n),
+        new_longs(sharing, SHARING.questions, n),
     )
-    meeting, many = in_row(memory, MEETING, n), in_row(memory, MANY, n)
-    sort(order, in_row(memory, SPARE, n), n, meet, ids)
+    order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
+    meeting, many = new_longs(sharing, SHARING.meetings, n), new_longs(sharing, SHARING.many, n)
+    sort(order, spare, n, meet, ids)
     for k in range(n):
         i = order[k]
         places[k], questions[k] = asked[i], ids[i]
-        if ranks == 0 or meeting[ranks - 1] != meet[i]:
-            meeting[ranks], many[ranks] = meet[i], 0
-            ranks += 1
-        many[ranks - 1] += 1
-    counts[MEETINGS] = ranks
+        if meetings == 0 or meeting[meetings - 1] != meet[i]:
+            meeting[meetings], many[meetings] = meet[i], 0
+            meetings += 1
+        many[meetings - 1] += 1
+    resize(sharing, SHARING.meetings, meetings, 1)
+    resize(sharing, SHARING.many, meetings, 1)
 
 
 @inlined
-def answer(memory):
+def answer(sharing, messages):
     """Tell ranks that ask who holds bodies who else has asked.
 
-    For each asker ANSWERS has how many ranks hold each of its bodies, then which ranks, body by
-    body.
+    For each asker `answers` has how many ranks hold each of its bodies, then which ranks, body by
+    body; `parts` has how many numbers that is.
     """
-    ranks, n = memory[SENDERS, 1], memory[NUMBERS, 1]
-    askers, asked = in_row(memory, SENDERS, ranks), in_row(memory, SENT, ranks)
-    ids, order, spare = (
-        in_row(memory, NUMBERS, n),
-        in_row(memory, ORDER, n),
-        in_row(memory, SPARE, n),
-    )
-    owner, equal = in_row(memory, OWNER, n), in_row(memory, EQUAL, n)
-    total = begin = i = 0
-    for r in range(ranks):
+    askers, asked = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
+    ids = longs_in(messages, MESSAGES.numbers)
+    n, total, begin, i = ids.size, 0, 0, 0
+    order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
+    holder, equal = new_longs(sharing, SHARING.holder, n), new_longs(sharing, SHARING.equal, n)
+    for r in range(askers.size):
         for _ in range(asked[r]):
-            owner[i] = r
+            holder[i] = askers[r]
             i += 1
-    sort(order, spare, n, ids, owner)
+    sort(order, spare, n, ids, holder)
     while begin < n:
         end = begin
         while end < n and ids[order[end]] == ids[order[begin]]:
@@ -192,9 +163,10 @@ def answer(memory):
             equal[order[k]], spare[order[k]] = begin, end - begin
         total += (end - begin) * (1 + end - begin)
         begin = end
-    answers, parts = in_row(memory, ANSWERS, total), in_row(memory, PARTS, ranks)
+    answers = new_longs(sharing, SHARING.answers, total)
+    parts = new_longs(sharing, SHARING.parts, askers.size)
     total = i = 0
-    for r in range(ranks):
+    for r in range(askers.size):
         begin, end = i, i + asked[r]
         parts[r] = -total
         for i in range(begin, end):
@@ -202,33 +174,30 @@ def answer(memory):
             total += 1
         for i in range(begin, end):
             for k in range(equal[i], equal[i] + spare[i]):
-                answers[total] = askers[owner[order[k]]]
+                answers[total] = holder[order[k]]
                 total += 1
         parts[r] += total
         i = end
 
 
 @inlined
-def connect(memory, counts, own):
-    """Find with whom this rank, `own`, shares which bodies, and how their parts lie in messages.
+def connect(mpi, sharing):
+    """Find with whom this rank shares which bodies.
 
-    NUMBERS has a part from each meeting, with what it was asked of the next many[r] places: by how
-    many ranks each of these bodies is held, then by which, body by body; the first of them is its
-    home from now on.  What is sent is in the order of the partners, for each that of places.  What
-    is received is in the same order: the parts of the i-th shared body are those of
-    source[first[i]] to source[first[i + 1]], and -1 there is this rank's part.
+    The messages' numbers have a part from each meeting, with what it was asked of the next many[r]
+    places: by how many ranks each of these bodies is held, then by which, body by body; the first
+    of them is its home from now on.  A part in `source` is the number of its partner at first.
     """
-    bodies, n, answered = counts[BODIES], counts[ASKED], memory[NUMBERS, 1]
-    places, many = in_row(memory, PLACES, n), in_row(memory, MANY, n)
-    answers, home = in_row(memory, NUMBERS, answered), in_row(memory, HOME_ROW, bodies)
-    shared, first = in_row(memory, SHARED_ROW, n), in_row(memory, FIRST, n + 1)
-    source, copies = in_row(memory, SOURCE, answered), in_row(memory, COPIED, answered)
-    partners, shares = in_row(memory, PARTNER, answered), in_row(memory, SHARES, answered)
-    for b in range(bodies):
-        home[b] = own
-    nshared = npartners = entries = end = place = last = 0
+    places, many = longs_in(sharing, SHARING.places), longs_in(sharing, SHARING.many)
+    answers, home = longs_in(mpi.messages, MESSAGES.numbers), longs_in(sharing, SHARING.home)
+    shared = new_longs(sharing, SHARING.shared, places.size)
+    first = new_longs(sharing, SHARING.first, places.size + 1)
+    source = new_longs(sharing, SHARING.source, answers.size)
+    partners = new_longs(sharing, SHARING.partners, answers.size)
+    shares = new_longs(sharing, SHARING.shares, answers.size)
+    nshared = npartners = entries = end = place = 0
     first[0] = 0
-    for r in range(counts[MEETINGS]):
+    for r in range(many.size):
         held, begin = end, end + many[r]
         for i in range(place, place + many[r]):
             home[places[i]] = answers[begin]
@@ -236,7 +205,7 @@ def connect(memory, counts, own):
             if end > begin + 1:
                 for k in range(begin, end):
                     source[entries] = -1
-                    if answers[k] != own:
+                    if answers[k] != mpi.rank:
                         p = 0
                         while p < npartners and partners[p] != answers[k]:
                             p += 1
@@ -251,89 +220,95 @@ def connect(memory, counts, own):
                 first[nshared] = entries
             held, begin = held + 1, end
         place += many[r]
+    resize(sharing, SHARING.shared, nshared, 1)
+    resize(sharing, SHARING.partners, npartners, 1)
+
+
+@inlined
+def lay_out(sharing):
+    """Find how parts lie in messages.
+
+    What is sent is in the order of the partners, for each that of places.  What is received is in
+    the same order.
+    """
+    shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
+    source, shares = longs_in(sharing, SHARING.source), longs_in(sharing, SHARING.shares)
+    partners, last = longs_in(sharing, SHARING.partners), 0
     # shares serve as the next free entry of each partner, and are what they were at the end
-    for p in range(npartners):
+    for p in range(partners.size):
         last += shares[p]
         shares[p] = last - shares[p]
-    for i in range(nshared):
+    copies = new_longs(sharing, SHARING.copies, last)
+    for i in range(shared.size):
         for k in range(first[i], first[i + 1]):
             p = source[k]
             if p >= 0:
                 source[k] = shares[p]
                 copies[shares[p]] = shared[i]
                 shares[p] += 1
-    for p in range(npartners - 1, 0, -1):
+    for p in range(partners.size - 1, 0, -1):
         shares[p] -= shares[p - 1]
-    counts[SHARED], counts[PARTNERS], counts[COPIES] = nshared, npartners, last
 
 
 @inlined
-def find(mpi, memory, counts):
-    """Find who else holds the bodies that may be shared; collective."""
-    own = mpi.interface[RANK]
-    if mpi.interface[RANKS] == 1:
-        home = in_row(memory, HOME_ROW, counts[BODIES])
-        for b in range(counts[BODIES]):
-            home[b] = own
-        counts[SHARED] = counts[PARTNERS] = counts[COPIES] = 0
-    else:
-        ask(memory, counts)
-        meeting, many = (
-            in_row(memory, MEETING, counts[MEETINGS]),
-            in_row(memory, MANY, counts[MEETINGS]),
-        )
-        questions = in_row(memory, QUESTIONS, counts[ASKED])
-        deliver(mpi, memory, meeting, many, questions, meeting, False)
-        answer(memory)
-        n = memory[SENDERS, 1]
-        askers = in_row(memory, SPARE, n)  # a copy: their row takes the answers' senders
-        for r in range(n):
-            askers[r] = longs(memory[SENDERS, 0], n)[r]
-        parts, answers = in_row(memory, PARTS, n), in_row(memory, ANSWERS, 1)
-        deliver(mpi, memory, askers, parts, answers, meeting, True)
-        connect(memory, counts, own)
+def find(mpi, sharing):
+    """Find who else holds the bodies in `asked`, and the `home` of all; collective."""
+    home, messages = longs_in(sharing, SHARING.home), mpi.messages
+    for b in range(home.size):
+        home[b] = mpi.rank
+    if mpi.ranks > 1:
+        ask(sharing)
+        meetings, many = longs_in(sharing, SHARING.meetings), longs_in(sharing, SHARING.many)
+        deliver(mpi, meetings, many, longs_in(sharing, SHARING.questions), meetings, False)
+        answer(sharing, messages)
+        senders = longs_in(messages, MESSAGES.senders)
+        askers = new_longs(sharing, SHARING.spare, senders.size)  # answers' senders overwrite these
+        for r in range(senders.size):
+            askers[r] = senders[r]
+        parts, answers = longs_in(sharing, SHARING.parts), longs_in(sharing, SHARING.answers)
+        deliver(mpi, askers, parts, answers, meetings, True)
+        connect(mpi, sharing)
+        lay_out(sharing)
 
 
 @loop
-def find_sharers(mpi: Mpi, sharing: L2, counts: L1):
+def find_sharers(mpi: Mpi, sharing: L2):
     """`find`, of what Python has put to the rows of the memory."""
-    find(mpi, sharing, counts)
+    find(mpi, sharing)
 
 
 # ---------------------------------------------------------------- one exchange
 
 
 @loop
-def give(mpi: Mpi, sharing: L2, counts: L1, values: F2):
+def give(mpi: Mpi, sharing: L2, values: F2):
     """Begin to send the columns of shared bodies to their sharers, and to receive theirs."""
-    rows, n, begin = values.shape[0], counts[COPIES], 0
-    copies = longs(sharing[COPIED, 0], n)
-    packed = floats(room(sharing, PACKED, 8 * rows * n), n, rows)
-    received = room(sharing, RECEIVED, 8 * rows * n)
-    for k in range(n):
+    copies, rows, begin = longs_in(sharing, SHARING.copies), values.shape[0], 0
+    partners, shares = longs_in(sharing, SHARING.partners), longs_in(sharing, SHARING.shares)
+    resize(sharing, SHARING.packed, copies.size, rows)
+    resize(sharing, SHARING.received, copies.size, rows)
+    packed, received = floats_in(sharing, SHARING.packed), floats_in(sharing, SHARING.received)
+    for k in range(copies.size):
         for row in range(rows):
             packed[k, row] = values[row, copies[k]]
-    for p in range(counts[PARTNERS]):
-        rank = longs(sharing[PARTNER, 0], p + 1)[p]
-        count = rows * longs(sharing[SHARES, 0], p + 1)[p]
-        send(mpi, sharing, IRECV, received + begin, count, DOUBLE, rank, PART)
-        send(mpi, sharing, ISEND, address(packed) + begin, count, DOUBLE, rank, PART)
+    for p in range(partners.size):
+        count, kind = rows * shares[p], mpi.MPI_DOUBLE
+        send(mpi, mpi.MPI_Irecv, address(received) + begin, count, kind, partners[p], PART)
+        send(mpi, mpi.MPI_Isend, address(packed) + begin, count, kind, partners[p], PART)
         begin += 8 * count
 
 
 @loop
-def combine(mpi: Mpi, sharing: L2, counts: L1, values: F2, how: I):
+def combine(mpi: Mpi, sharing: L2, values: F2, how: I):
     """Wait for the parts of shared bodies; set their columns to what these give, in their order.
 
     how: ADD, LEAST or GREATEST.
     """
-    wait(mpi, sharing)
-    rows, n = values.shape[0], counts[SHARED]
-    shared, first = longs(sharing[SHARED_ROW, 0], n), longs(sharing[FIRST, 0], n + 1)
-    source = longs(sharing[SOURCE, 0], first[n] if n else 0)
-    received = floats(sharing[RECEIVED, 0], counts[COPIES], rows)
-    for i in range(n):
-        for row in range(rows):
+    wait(mpi)
+    shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
+    source, received = longs_in(sharing, SHARING.source), floats_in(sharing, SHARING.received)
+    for i in range(shared.size):
+        for row in range(values.shape[0]):
             own = values[row, shared[i]]
             result = 0.0 if how == ADD else own
             for k in range(first[i], first[i + 1]):
@@ -355,19 +330,14 @@ class Sharers:
         bodies: (m,) places of the shared bodies in this rank's list of bodies.
         home: (n,) the lowest rank of those that hold each body.
         owned: (n,) bool, whether this rank is it: what has to be counted once is counted there.
-        cells: what the loops take: of `Mpi`, "sharing" and "counts".
+        cells: what the loops take: of `Mpi`, and "sharing".
     """
 
-    def __init__(self, communicator):
-        self._communicator, self.counts = communicator, np.zeros(COUNTS, np.int64)
-        kinds = dict.fromkeys((*ROWS, *_OWN), L1) | {"packed": F1, "received": F1}
-        self._memory = Memory(kinds)
-        self.cells = communicator.cells | {
-            "sharing": self._memory.cells["memory"],
-            "counts": Cell(L1, self.counts),
-        }
+    def __init__(self, communicator: Alone) -> None:
+        self._communicator, self._memory = communicator, Memory("sharing", SharingRows)
+        self.cells = communicator.cells | {"sharing": self._memory.cells["sharing"]}
 
-    def find(self, n, places, ids, meet):
+    def find(self, n: int, places: Any, ids: Any, meet: Any) -> "Sharers":
         """Find who else holds some of this rank's bodies; collective.
 
         Args:
@@ -379,63 +349,60 @@ class Sharers:
         Returns:
             Sharers: self.
         """
-        for name, values in ("asked", places), ("ids", ids), ("meet", meet):
+        known = {"home": np.zeros(n), "asked": places, "ids": ids, "meet": meet}
+        for name, values in known.items():
             self._memory.put(name, values)
-        self.counts[[BODIES, ASKED]] = n, len(places)
         find_sharers.bind_to(self.cells)()
         return self
 
-    def _row(self, row, count):
-        place = self._memory.table[row, 0].item()
-        return array(place, (self.counts[count].item(),), np.int64)
+    @property
+    def bodies(self) -> np.ndarray:
+        return self._memory.cells["shared"].array
 
     @property
-    def bodies(self):
-        return self._row(SHARED_ROW, SHARED)
+    def home(self) -> np.ndarray:
+        return self._memory.cells["home"].array
 
     @property
-    def home(self):
-        return self._row(HOME_ROW, BODIES)
-
-    @property
-    def owned(self):
+    def owned(self) -> np.ndarray:
         return self.home == self._communicator.rank
 
-    def combine(self, values, operation=np.add):
+    def combine(self, values: np.ndarray, operation: Any = np.add) -> None:
         """Combine the ranks' parts of shared bodies, in place: one exchange.
 
         Args:
             values: (components, n) float64, contiguous: this rank's parts; others stay as they are.
             operation: numpy.add, minimum or maximum.
         """
-        if self.counts[SHARED]:
-            how = (np.add, np.minimum, np.maximum).index(operation)
+        if len(self.bodies):
+            how = {np.add: ADD, np.minimum: LEAST, np.maximum: GREATEST}[operation]
             give.bind_to(self.cells, values=values)()
             combine.bind_to(self.cells, values=values, how=how)()
 
-    def total(self, body, *columns):
+    def total(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
         """Sums over the atoms of each body, on all ranks, (len(columns), n): one exchange.
 
         Args:
             body: (m,) the place of each atom's body in this rank's list.
             columns: (m,) each, a number of each atom.
         """
-        n = self.counts[BODIES]
-        sums = [np.bincount(body, column, minlength=n) for column in columns]
-        sums = np.array(sums, float)  # bincount gives whole numbers for no atoms
+        n = len(self.home)
+        sums = np.array([np.bincount(body, column, minlength=n) for column in columns], float)
         self.combine(sums)
         return sums
 
-    def lowest(self, body, *columns):
+    def lowest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
         """As `total`, the lowest number of each body's atoms; inf for a body without any."""
         return self._extreme(body, columns, np.inf, np.minimum)
 
-    def highest(self, body, *columns):
+    def highest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
         """As `total`, the highest number of each body's atoms; -inf for a body without any."""
         return self._extreme(body, columns, -np.inf, np.maximum)
 
-    def _extreme(self, body, columns, start, operation):
-        result = np.full((len(columns), self.counts[BODIES]), start)
+    def _extreme(
+        self, body: np.ndarray, columns: tuple[np.ndarray, ...], start: float, operation: Any
+    ) -> np.ndarray:
+        result = np.full((len(columns), len(self.home)), start)
         for row, column in zip(result, columns):
             operation.at(row, body, column)
         self.combine(result, operation)
