@@ -1,6 +1,11 @@
 /* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): a declaration a line, of the kinds
    that are here. */
 
+#ifndef FIX_NOSQUISH_BRIDGE_H
+#define FIX_NOSQUISH_BRIDGE_H
+
+#include "cell.h"
+
 #include <cstdint>
 
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
@@ -9,8 +14,26 @@ enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 // where in a run the bodies are: see run/integrator.py
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
-// cells for LAMMPS's arrays, in the order of host/lammps.py
-enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU, CLUSTERS, COUNTED };
+// cells for LAMMPS's arrays: the kinds and names that they have in loops
+struct Arrays {
+  F2 atom_x;
+  F2 atom_v;
+  F2 atom_f;
+  I1 groups;
+  L1 origins;    // see exchange.h
+  F2 arrived;
+  F2 atom_torque;
+  F2 atom_omega;
+  F1 atom_mass;
+  F1 type_mass;
+  I1 type;
+  F1 virial;
+  F2 atom_virial;
+  F2 atom_angmom;
+  F2 atom_mu;
+  F2 clusters;    // see clusters.h
+  F2 counted_f;   // forces before those of fixes
+};
 
 struct FixFacts {
   const char *id;
@@ -107,10 +130,10 @@ struct Bridge {
   double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
-  int64_t *arrays;    // cells for LAMMPS's arrays
+  Arrays *arrays;
   int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1; in restart files, too
   int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
-  int32_t counts;    // in steps that tally the pressure: fill the cell COUNTED, and leave what shake and rattle do out of the virial
+  int32_t counts;    // in steps that tally the pressure: fill the cell counted_f, and leave what shake and rattle do out of the virial
   const int64_t *body_of;    // cells of the bodies; null if there are none
   const int64_t *displace;
   const int64_t *state;
@@ -137,7 +160,7 @@ struct Bridge {
   void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
-  int64_t (*find_clusters)(void *fix);    // fill the cell CLUSTERS
+  int64_t (*find_clusters)(void *fix);    // fill the cell clusters
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
@@ -175,3 +198,5 @@ struct Bridge {
   int32_t argument;    // of LAMMPS's fix command, that is wrong; -1 for none
   char message[4096];
 };
+
+#endif

@@ -1,5 +1,12 @@
 /* Computes rigid/local/nosquish, ke/rigid/nosquish, erotate/rigid/nosquish: what LAMMPS's own say of its rigid fixes, of the fixes of
-   this plugin. Part of python_move.cpp. */
+   this plugin. */
+
+#ifndef FIX_NOSQUISH_COMPUTES_H
+#define FIX_NOSQUISH_COMPUTES_H
+
+#include "python_move.h"
+
+namespace nosquish {
 
 class ComputeOfBodies : public Compute {
  public:
@@ -70,7 +77,11 @@ class ComputeOfBodies : public Compute {
   }
 };
 
-Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
+inline Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
 {
   return new ComputeOfBodies(lmp, narg, arg);
 }
+
+}    // namespace nosquish
+
+#endif

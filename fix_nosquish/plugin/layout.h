@@ -29,9 +29,12 @@
 #include <string>
 #include <vector>
 
+namespace nosquish {
+using namespace LAMMPS_NS;
+
 class Layout {
  public:
-  explicit Layout(LAMMPS_NS::LAMMPS *lmp) : lmp(lmp) {}
+  explicit Layout(LAMMPS *lmp) : lmp(lmp) {}
 
   // LAMMPS's own class, by which all others are found.
 
@@ -61,7 +64,7 @@ class Layout {
   }
 
  private:
-  LAMMPS_NS::LAMMPS *lmp;
+  LAMMPS *lmp;
 
   // What an older LAMMPS does not tell counts as alike.
 
@@ -163,8 +166,8 @@ class Layout {
 
   // Fix is what this plugin's fix derives from: LAMMPS makes its part of the object, and calls its methods by their numbers.
 
-  struct Probe : LAMMPS_NS::Fix {
-    Probe(LAMMPS_NS::LAMMPS *lmp, char **words) : LAMMPS_NS::Fix(lmp, 3, words) {}
+  struct Probe : Fix {
+    Probe(LAMMPS *lmp, char **words) : Fix(lmp, 3, words) {}
     int setmask() override { return 0; }
 
     static const int UNWRITTEN = 0x5a5a5a5a;
@@ -200,5 +203,7 @@ class Layout {
     return alike;
   }
 };
+
+}    // namespace nosquish
 
 #endif

@@ -1,9 +1,15 @@
-"""What C++ and Python share, from bridge.h: `Bridge`, `FixFacts`, `Pass`, the enums' values."""
+"""What C++ and Python share. bridge.h is its only definition, which this module reads."""
 
 import ctypes
 import re
 import zlib
+from enum import IntEnum
 from pathlib import Path
+from typing import Any
+
+_HEADER = Path(__file__).with_name("bridge.h").read_bytes()
+CHECKSUM = zlib.crc32(_HEADER) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
+_TEXT = re.sub(r"//.*|/\*(.|\n)*?\*/", "", _HEADER.decode())
 
 _TYPES = {
     "int": ctypes.c_int,
@@ -17,37 +23,64 @@ _POINTERS = {
     **{name: ctypes.POINTER(_TYPES[name]) for name in ("int32_t", "int64_t", "double")},
 }
 _FUNCTION = re.compile(r"(const char \*|\w+ )\(\*(\w+)\)\((.*)\)")
-_FIELD = re.compile(r"(?:const )?(\w+) (\*?)(\w+)(?:\[(\d+)\])?")
+_FIELD = re.compile(r"^(?:const )?(\w+) (\*?)(\w+)(?:\[(\d+)\])?$")
 
 
-def _type(text):
-    """The type of a declaration, and its name."""
-    if function := _FUNCTION.fullmatch(text):
+def _declarations(struct: str) -> list[str]:
+    """The declarations of a struct's fields, in order."""
+    (body,) = re.findall(rf"struct {struct} \{{\n(.*?)\n\}};", _TEXT, re.DOTALL)
+    return [line.strip() for line in body.split(";") if line.strip()]
+
+
+def _named_type(declaration: str) -> tuple[str, Any]:
+    """The name in a declaration, and its type."""
+    if function := _FUNCTION.fullmatch(declaration):
         result, name, arguments = function.groups()
-        taken = [_type(argument)[0] for argument in arguments.split(", ") if argument]
+        taken = [_named_type(argument)[1] for argument in arguments.split(", ") if argument]
         gives = ctypes.c_char_p if "*" in result else _TYPES[result.strip()]
-        return ctypes.CFUNCTYPE(gives, *taken), name
-    kind, star, name, count = _FIELD.fullmatch(text).groups()
+        return name, ctypes.CFUNCTYPE(gives, *taken)
+    ((kind, star, name, count),) = _FIELD.findall(declaration)
     if count:
-        return ctypes.c_char * int(count), name
-    return (_POINTERS.get(kind, ctypes.c_void_p) if star else _TYPES[kind]), name
+        return name, ctypes.c_char * int(count)
+    return name, _POINTERS.get(kind, ctypes.c_void_p) if star else _TYPES[kind]
 
 
-def _read(text):
-    """The structs, as classes, and the enums' values, by name."""
-    text = re.sub(r"//.*|/\*(.|\n)*?\*/", "", text)
-    found = {}
-    for values in re.findall(r"enum \w+ \{(.*?)\};", text):
-        for k, value in enumerate(re.split(r", *", values.strip())):
-            found[value.partition(" ")[0]] = k
-    for name, fields in re.findall(r"struct (\w+) \{\n(.*?)\n\};", text, re.DOTALL):
-        types = [_type(line.strip()) for line in fields.split(";") if line.strip()]
-        found[name] = type(
-            name, (ctypes.Structure,), {"_fields_": [(name, kind) for kind, name in types]}
-        )
-    return found
+def _fields_of(struct: str) -> list[tuple[str, Any]]:
+    return [_named_type(line) for line in _declarations(struct)]
 
 
-_header = Path(__file__).with_name("bridge.h").read_bytes()
-CHECKSUM = zlib.crc32(_header) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
-globals().update(_read(_header.decode()))
+def _number(enum: str, name: str) -> int:
+    """The number that C++ has for this name."""
+    (number,) = re.findall(rf"enum {enum} \{{[^}}]*\b{name} = (\d+)", _TEXT)
+    return int(number)
+
+
+class Outcome(IntEnum):
+    """What a hook returns."""
+
+    DONE = _number("Outcome", "DONE")
+    FAILED_ALIKE = _number("Outcome", "FAILED_ALIKE")
+    FAILED_HERE = _number("Outcome", "FAILED_HERE")
+
+
+class FixFacts(ctypes.Structure):
+    """What is to be known of another fix."""
+
+    _fields_ = _fields_of("FixFacts")
+
+
+class Bridge(ctypes.Structure):
+    """What the plugin's fix shares with the Python of its instance."""
+
+    _fields_ = _fields_of("Bridge")
+
+
+# the hooks, by the names of the class's methods: functions that take neither the fix nor the bridge
+HOOKS: dict[str, Any] = {
+    name: kind
+    for name, kind in _fields_of("Bridge")
+    if getattr(kind, "_argtypes_", (ctypes.c_void_p,))[:1] != (ctypes.c_void_p,)
+}
+
+# the cells for LAMMPS's arrays, in order: of each its name and its kind's, as loops have them
+CELLS = {name: kind for kind, name in map(str.split, _declarations("Arrays"))}

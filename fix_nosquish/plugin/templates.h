@@ -27,6 +27,9 @@ class Molecule {
 
 }    // namespace LAMMPS_NS
 
+namespace nosquish {
+using namespace LAMMPS_NS;
+
 class Templates {
  public:
   // as LAMMPS's class has them, one behind the other
@@ -35,7 +38,7 @@ class Templates {
   // Write the geometric centre, mass, centre of mass and tensor of inertia (xx yy zz yz xz xy) of a template, KNOWN numbers;
   // no number for what it does not say and LAMMPS cannot work out. Returns whether they were found.
 
-  static bool read(LAMMPS_NS::Atom *atom, LAMMPS_NS::Molecule *molecule, double *numbers)
+  static bool read(Atom *atom, Molecule *molecule, double *numbers)
   {
     // where types have no masses LAMMPS would read them nevertheless, for atoms to which the template gives none
     std::vector<double> masses(atom->ntypes + 1, FAINT);
@@ -103,5 +106,7 @@ class Templates {
     if (std::isnan(numbers[MASS])) std::fill(numbers + COM, numbers + TENSOR, none);
   }
 };
+
+}    // namespace nosquish
 
 #endif

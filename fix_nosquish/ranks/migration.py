@@ -23,6 +23,7 @@ from ..loops.compiled import (
 from ..loops.memory import room
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
+from ..plugin.structs import CELLS
 from .mpi import LONG, RANK, Mpi, add_up
 from .sharing import ASKED, ASKED_ROW, BODIES, HOME_ROW, IDS, MEET, SHARED, SHARED_ROW, find, in_row
 
@@ -74,7 +75,7 @@ LOCATE, ARRANGE, NOTE, SETTLE, FEWER = 1, 2, 4, 8, 16
 CHANGED, OFF = 1, 2  # atoms came or are gone; an atom is not where its body has it
 
 GROUPS = 6
-ARRIVED = 5  # row of LAMMPS's arrays (see `lammps.Lammps.table`)
+ARRIVED = list(CELLS).index("arrived")  # row of LAMMPS's arrays (see `lammps.Lammps.table`)
 
 
 class Atoms(NamedTuple):

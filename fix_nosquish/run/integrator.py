@@ -1005,19 +1005,19 @@ class Integrator(Declaration):
         return rows[i, j]
 
     @hook
-    def rows_of_rank(self, words, groupbit, found):
+    def rows_of_rank(self, words, groupbit):
         """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
 
         Args:
-            words: bytes, the values, with a space between.  groupbit: of the compute's group.
-            found: (2,) gets the address of the rows, which stay until the next call, and how many
-                there are.
+            words: the values, with a space between.  groupbit: of the compute's group.
+        Returns:
+            the address of the rows, which stay until the next call, and how many there are.
         """
         bodies = self.reports.made()
         self._rows = output.rows_of_rank(
-            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
+            bodies, self.lammps, self.communicator, words.split(), groupbit
         )
-        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
+        return self._rows.ctypes.data, len(self._rows)
 
     @hook
     def zero_momentum(self):

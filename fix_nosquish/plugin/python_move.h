@@ -1,0 +1,232 @@
+/* The fix as LAMMPS sees it. What it does in a step is in python_move.cpp; most else is in its parts. */
+
+#ifndef FIX_NOSQUISH_PYTHON_MOVE_H
+#define FIX_NOSQUISH_PYTHON_MOVE_H
+
+#include "arrays.h"
+#include "bridge.h"
+#include "exchange.h"
+#include "external.h"
+#include "facts.h"
+#include "failures.h"
+#include "forces.h"
+#include "halt.h"
+#include "interpreter.h"
+#include "molecules.h"
+#include "particles.h"
+#include "pressure.h"
+#include "restart.h"
+
+#include "citeme.h"
+#include "group.h"
+#include "timer.h"
+#include "update.h"
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace nosquish {
+
+class FixPythonMove : public Fix {
+ public:
+  FixPythonMove(LAMMPS *, int, char **);
+
+  // the hooks of a step
+  void setup(int) override;
+  void min_setup(int vflag) override { call(bridge.min_setup, vflag); }
+  void setup_post_neighbor() override { post_neighbor(); }
+  void post_neighbor() override;
+  void setup_pre_reverse(int, int) override { pressure.keep_counted(); }
+  void pre_reverse(int, int) override { pressure.keep_counted(); }
+  void pre_exchange() override { run(bridge.flip); }
+  void post_force(int) override { arrays.keep_forces(); }
+  void initial_integrate(int) override;
+  void final_integrate() override;
+  void initial_integrate_respa(int, int, int) override;
+  void final_integrate_respa(int, int) override;
+  void end_of_step() override;
+
+  // before and behind a run, and between runs
+  int setmask() override;
+  int modify_param(int, char **) override;
+  void init() override;
+  void post_run() override;
+  void write_restart_file(const char *name) override { call(bridge.write_restart_file, name); }
+  void write_restart(FILE *) override;
+  void restart(char *buffer) override { state.read(buffer); }
+  void reset_dt() override { call(bridge.reset_dt); }
+  void deform(int) override;
+  void zero_momentum() override { call(bridge.zero_momentum); }
+  void zero_rotation() override { call(bridge.zero_rotation); }
+  void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
+
+  // what others ask of the fix
+  bigint dof(int group) override { return ask<int64_t>(bridge.dof, group); }
+  double compute_scalar() override { return ask<double>(bridge.compute_scalar); }
+  double compute_vector(int) override;
+  double compute_array(int, int) override;
+  void *extract(const char *, int &) override;
+  double memory_usage() override { return exchange.bytes(); }
+  bool has_bodies() const { return bridge.rows_of_rank; }
+  double kinetic_energy(int which) { return ask<double>(bridge.compute_vector, which); }    // of translation (0), or of rotation (1)
+  int rows_of_rank(const char *words, int group, double *&values);
+
+  // atoms
+  void grow_arrays(int n) override { exchange.grow(n); }
+  void copy_arrays(int i, int j, int) override { exchange.origin[j] = exchange.origin[i]; }
+  void set_arrays(int i) override { exchange.origin[i] = -1; }
+  int pack_exchange(int i, double *buffer) override { return exchange.pack(i, buffer); }
+  int unpack_exchange(int i, double *buffer) override { return exchange.unpack(i, buffer); }
+  int pack_reverse_comm(int n, int first, double *buffer) override { return pressure.pack(n, first, buffer); }
+  void unpack_reverse_comm(int n, int *list, double *buffer) override { pressure.unpack(n, list, buffer); }
+  int pack_forward_comm(int n, int *list, double *buffer, int, int *) override { return clusters.pack(n, list, buffer); }
+  void unpack_forward_comm(int n, int first, double *buffer) override { clusters.unpack(n, first, buffer); }
+  void set_molecule(int before, tagint tag, int number, double *, double *velocity, double *quat) override
+  {
+    molecules.add(before, tag, number, velocity, quat);
+  }
+
+ private:
+  struct Instance : Bridge {    // what is shared with Python, which lets go of the class's instance when the fix goes
+    Instance() : Bridge() {}
+    ~Instance()
+    {
+      if (release) release(static_cast<Bridge *>(this));
+    }
+  };
+
+  Failures failures{lmp, this, bridge};
+  Instance bridge;
+  Facts facts{lmp, this, bridge};
+  Exchange exchange{lmp, this, bridge};
+  AtomArrays arrays{lmp, this, bridge};
+  Molecules molecules{lmp, this, bridge};
+  Particles particles{lmp};
+  Box box{lmp, this, bridge};
+  Clusters clusters{lmp, this, bridge};
+  Pressure pressure{lmp, this, bridge};
+  PotentialEnergy energy{lmp, this, bridge};
+  GoingBack back{lmp, this, bridge};
+  External external{lmp, this, bridge};
+  Restart state{lmp, this, bridge};
+  Halt halt{lmp, this, bridge};
+  bool respa = false;
+  std::vector<int> extensive;
+  std::vector<double> of_atoms;    // the virial of each, nine numbers
+  std::array<int64_t, 3> array_when;    // bridge.array is of then
+
+  // by these names the hooks of a step know the parts
+  Box::Numbers &kept_box = box.kept;
+  bool &early = arrays.early;
+  enum { VIRIAL, ATOM_VIRIAL };
+  void set_cell(int which, const double *array, int64_t rows, int64_t columns)
+  {
+    (which == VIRIAL ? bridge.arrays->virial : (F1 &) bridge.arrays->atom_virial).point(array, rows, columns);
+  }
+  void tell_box() { box.tell(); }
+  void keep_state() { state.announce(); }
+  void take_virial() { pressure.take(box.volume()); }
+  bool cell_is_due(bigint step) const { return pressure.box_is_due(step); }
+  bool pressure_is_due(bigint step) const { return pressure.is_due(step); }
+  int asked_by_others(int vflag) const { return pressure.asked_by_others(vflag); }
+  double potential() const { return energy.value(); }
+  void ask_for_energy(bigint step) const { energy.ask_for(step); }
+  void go_back() const { back.move(exchange); }
+  void renew_forces() const { back.renew_forces(); }
+  void end_run(const std::string &text) { failures.end_run(text); }
+  void flush_log() const
+  {
+    if (logfile) fflush(logfile);
+  }
+
+  void fill_bridge(), declare(), push(), stream_with_box();
+  int64_t set_box(const double *);
+  void point() { arrays.point(exchange); }
+  void set_array_rows(int n) { size_array_rows = n; }
+
+  // Do a list of passes. Returns whether it is there and all went well.
+
+  bool run(const Pass *pass)
+  {
+    if (!pass) return false;
+    for (; pass->loop; pass++) {
+      const bool failed = pass->loop(pass->cells);
+      failures.throw_kept();
+      if (failed) return false;
+    }
+    bridge.changes++;
+    return true;
+  }
+
+  // Call a method of the class, if it has it.
+
+  template <typename... Types, typename... Values> void call(int (*hook)(Types...), Values... arguments)
+  {
+    if (!hook) return;
+    bridge.array = nullptr;    // it may change
+    strcpy(bridge.message, "interrupted");
+    const int outcome = hook(arguments...);
+    failures.throw_kept();
+    if (outcome == FAILED_ALIKE) failures.refuse(bridge.message);
+    if (outcome != DONE) failures.end_run(bridge.message);
+  }
+
+  template <typename Number, typename... Types, typename... Values> Number ask(int (*hook)(Types...), Values... arguments)
+  {
+    Number value = 0;
+    call(hook, arguments..., &value);
+    return value;
+  }
+
+  // A method that fills in the virial: it has room for that of each atom, if LAMMPS asks for it.
+
+  template <typename... Types, typename... Values> void call_with_virial(int (*hook)(Types...), Values... arguments)
+  {
+    make_virial_per_atom();
+    call(hook, arguments...);
+    give_virial_per_atom();
+  }
+
+  void make_virial_per_atom()
+  {
+    const bool asked = bridge.wants_virial_per_atom && (vflag_atom || cvflag_atom);
+    bridge.natoms = asked ? atom->nlocal : -1;
+    of_atoms.assign(asked ? 9 * atom->nlocal : 0, 0.0);
+    bridge.virial_per_atom = of_atoms.data();
+  }
+
+  // Give LAMMPS the virial of each atom, as compute stress/atom and compute centroid/stress/atom have it. The step may have brought
+  // new atoms since v_init.
+
+  void give_virial_per_atom()
+  {
+    auto give = [this](int asked, double **&array, int &rows, int columns) {
+      if (!asked || bridge.natoms < 0) return;
+      if (bridge.natoms > rows) memory->grow(array, rows = atom->nmax, columns, "fix:vatom");
+      for (int i = 0; i < bridge.natoms; i++) std::copy_n(&of_atoms[9 * i], columns, array[i]);
+    };
+    give(vflag_atom, vatom, maxvatom, 6);
+    give(cvflag_atom, cvatom, maxcvatom, 9);
+    bridge.natoms = -1;
+  }
+
+  // A function for Python and for loops, of the type that its place in the bridge has. It calls a method of the fix, or of a part.
+
+  template <typename Result, typename... Taken> using Function = Result (*)(void *fix, Taken... taken);
+
+  template <auto method, auto... part> struct Lend {
+    template <typename Result, typename... Taken> operator Function<Result, Taken...>() const
+    {
+      return [](void *fix, Taken... taken) -> Result {
+        auto &self = *static_cast<FixPythonMove *>(fix);
+        auto &owner = (self.*....*part);
+        return self.failures.kept_from_loops([&] { return static_cast<Result>((owner.*method)(taken...)); });
+      };
+    }
+  };
+};
+
+}    // namespace nosquish
+
+#endif
