@@ -7,6 +7,7 @@
 
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 class AtomArrays : public Part {
@@ -59,5 +60,6 @@ class AtomArrays : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -16,6 +16,7 @@
 #include <cmath>
 #include <sstream>
 
+namespace {
 namespace nosquish {
 
 class Box : public Part {
@@ -144,5 +145,6 @@ class Box : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

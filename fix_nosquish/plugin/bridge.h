@@ -1,5 +1,5 @@
-/* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): a declaration a line, of the kinds
-   that are here. */
+/* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): declarations of the
+   kinds that are here. */
 
 #ifndef FIX_NOSQUISH_BRIDGE_H
 #define FIX_NOSQUISH_BRIDGE_H
@@ -14,45 +14,19 @@ enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 // where in a run the bodies are: see run/integrator.py
 enum Phase { NEW = 0, SET = 1, HALF = 2, WAITING = 3, OVER = 4 };
 
-// cells for LAMMPS's arrays: the kinds and names that they have in loops
+// cells for LAMMPS's arrays, by the kinds and names that they have in loops; see arrays.h, clusters.h, pressure.h, exchange.h
 struct Arrays {
-  F2 atom_x;
-  F2 atom_v;
-  F2 atom_f;
-  I1 groups;
-  L1 origins;    // see exchange.h
-  F2 arrived;
-  F2 atom_torque;
-  F2 atom_omega;
-  F1 atom_mass;
-  F1 type_mass;
-  I1 type;
-  F1 virial;
-  F2 atom_virial;
-  F2 atom_angmom;
-  F2 atom_mu;
-  F2 clusters;    // see clusters.h
-  F2 counted_f;   // forces before those of fixes
+  F2 atom_x, atom_v, atom_f, atom_torque, atom_omega, atom_angmom, atom_mu, atom_virial, clusters, counted_f, arrived;
+  F1 atom_mass, type_mass, virial;
+  I1 groups, type;
+  L1 origins;
 };
 
+// what is to be known of another fix: see OtherFix in host.py
 struct FixFacts {
-  const char *id;
-  const char *style;
-  int32_t groupbit;
-  int32_t time_integrate;
-  int32_t between;    // called between initial_integrate and final_integrate
-  int32_t end_of_step;
-  int32_t nevery;
-  int32_t final_integrate;
-  int32_t box_change;
-  int32_t called;         // in steps, at all
-  int32_t constrains;     // it takes degrees of freedom, and moves no atoms
-  int32_t has_energy;     // of its forces
-  int32_t energy_in_pe;   // as fix_modify energy says
-  int32_t post_force;     // it may change forces
-  int32_t has_virial;     // it knows the virial of its forces
-  int32_t virial_in_press;    // as fix_modify virial says
-  int32_t moves;    // it may change positions of its group between initial_integrate and the forces, and integrates none
+  const char *id, *style;
+  int32_t groupbit, time_integrate, between, end_of_step, nevery, final_integrate, box_change, called, constrains;
+  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves;
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -63,42 +37,32 @@ struct Pass {
 };
 
 struct Bridge {
-  // facts
   int32_t checksum;    // of this file
-  int32_t outcome;    // set by Python: how making the instance went
+  int32_t outcome;     // set by Python: how making the instance went
   // set by Python: what the instance has besides its methods
-  int32_t wants_virial;             // it fills in virial
-  int32_t wants_virial_per_atom;    // it fills in virial_per_atom
+  int32_t wants_virial, wants_virial_per_atom;    // it fills these in
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t flips;            // it changes tilts, and takes other box vectors where these are large
   int32_t needs_energy;     // it needs the potential energy at the end of steps that it names
   int32_t couples;          // its scalar is an energy that went from the system
-  int32_t restart_size;     // numbers that go to restart files
-  double *restart_state;    // these
+  int32_t restart_size;     // numbers that go to restart files, and these
+  double *restart_state;
   const char *template_id;  // of the molecules that others insert, null for none
   int32_t rigid;            // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;    // it asks where its atoms were
   int32_t carries;          // numbers that go with an atom to another rank
-  int32_t vector_size;
-  int32_t array_columns;
-  int32_t array_rows;    // -1: not known from the start
+  int32_t vector_size, array_columns, array_rows;    // of what thermo_style and others read; rows are -1 if not known from the start
   const int32_t *vector_extensive;
   int32_t *body;        // of each local atom, -1 for none; null while not known
   double *masstotal;    // of each body
   // of the fix
-  void *fix;    // first argument of the functions below
-  void *lammps;
-  const char *fix_id;
-  const char *group;
-  const char *line;    // the fix line from its style on, a word a line
-  double *virial;
-  double *virial_per_atom;    // (natoms, 9)
-  int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
-  const int64_t *next_output;    // the step of the next output
-  const int64_t *begin_step;     // the first step of the run, and the last one
-  const int64_t *end_step;
-  const int64_t *last_step;      // of the run, whatever its keywords start and stop say
+  void *fix, *lammps;    // the fix is the first argument of the functions below
+  const char *fix_id, *group, *line;    // the line is that of the script, from the fix's style on, a word a line
+  double *virial, *virial_per_atom;     // the latter (natoms, 9)
+  int32_t natoms;                       // -1 while LAMMPS asks for no virial per atom
+  // steps: of the next output; first and last of the run; last of the run, whatever its keywords start and stop say
+  const int64_t *next_output, *begin_step, *end_step, *last_step;
   // where in a run the bodies are; set by Python, and by the fix when it does passes by itself
   int32_t phase;
   int32_t velocities_set;    // the atoms' velocities are those of the step's end
@@ -134,15 +98,12 @@ struct Bridge {
   int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1; in restart files, too
   int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
   int32_t counts;    // in steps that tally the pressure: fill the cell counted_f, and leave what shake and rattle do out of the virial
-  const int64_t *body_of;    // cells of the bodies; null if there are none
-  const int64_t *displace;
-  const int64_t *state;
+  const int64_t *body_of, *displace, *state;    // cells of the bodies; null if there are none
   const double *array;    // set by Python: all of the global array, as long as it calls no hook and does no pass
   // external forces
   int32_t pushes;      // set by Python: call push when the forces of a step are known
   const char *words;    // set by Python: variables and columns whose values it needs there, with spaces between
-  int32_t tells_energy;    // set by Python: what of these forces LAMMPS is to count
-  int32_t tells_virial;
+  int32_t tells_energy, tells_virial;    // set by Python: what of these forces LAMMPS is to count
   double *values;    // of the words, one after the other, and how many each has: 0 for one that is for all bodies
   int32_t *sizes;
   double *told;    // their energy, and their virial on this rank

@@ -19,7 +19,6 @@ from ctypes import (
     c_int32,
     c_int64,
     c_void_p,
-    memset,
     py_object,
     pythonapi,
 )
@@ -233,6 +232,7 @@ def _release(address: int) -> None:
         instance.virial = instance.virial.copy()
     for name, signature in HOOKS.items():
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
+    bridge.release = type(bridge.release)()
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.may_wait = False
@@ -245,4 +245,3 @@ def _release_all() -> None:
     """Take back every callback: LAMMPS objects may outlive this interpreter."""
     for address in list(_live):
         _release(address)
-        memset(address + Bridge.release.offset, 0, Bridge.release.size)

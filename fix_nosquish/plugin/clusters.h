@@ -12,11 +12,12 @@
 #include <algorithm>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 // Whether a fix holds atoms together by forces.
 
-inline bool holds(const Fix *fix)
+bool holds(const Fix *fix)
 {
   return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
 }
@@ -95,5 +96,6 @@ class Clusters : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -6,6 +6,7 @@
 
 #include "python_move.h"
 
+namespace {
 namespace nosquish {
 
 class ComputeOfBodies : public Compute {
@@ -77,11 +78,12 @@ class ComputeOfBodies : public Compute {
   }
 };
 
-inline Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
+Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
 {
   return new ComputeOfBodies(lmp, narg, arg);
 }
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -5,9 +5,10 @@
 
 #include "python_move.h"
 
+namespace {
 namespace nosquish {
 
-inline FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
 {
   const bool quoted = PYTHON_MOVE == arg[2];
   if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
@@ -40,7 +41,7 @@ inline FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp
 
 // What Python may ask of this fix, and where LAMMPS keeps what Python reads.
 
-inline void FixPythonMove::fill_bridge()
+void FixPythonMove::fill_bridge()
 {
   using Self = FixPythonMove;
   bridge.checksum = BRIDGE_CHECKSUM;
@@ -53,13 +54,11 @@ inline void FixPythonMove::fill_bridge()
   bridge.forces_virial = pressure.virial;
   bridge.told_box = box.told.data();
   bridge.told = external.told;
-  bridge.natoms = -1;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
-  bridge.begins = bridge.energy_step = -1;
-  bridge.argument = bridge.rotor = -1;
+  bridge.begins = bridge.energy_step = bridge.argument = bridge.rotor = bridge.natoms = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   bridge.log = Lend<&Facts::log, &Self::facts>();
@@ -88,7 +87,7 @@ inline void FixPythonMove::fill_bridge()
 
 // What LAMMPS is to know of the integrator, as its class declares it.
 
-inline void FixPythonMove::declare()
+void FixPythonMove::declare()
 {
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
@@ -124,7 +123,7 @@ inline void FixPythonMove::declare()
   global_freq = 1;
 }
 
-inline int FixPythonMove::setmask()
+int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
       (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
@@ -135,7 +134,7 @@ inline int FixPythonMove::setmask()
 // have the forces of all fixes (late), or of those before this one (early). temp and press: what LAMMPS's barostats take from these
 // computes, a class that changes the box finds by itself.
 
-inline int FixPythonMove::modify_param(int narg, char **arg)
+int FixPythonMove::modify_param(int narg, char **arg)
 {
   const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
   if (word == "external" && bridge.modify_external) {
@@ -158,5 +157,6 @@ inline int FixPythonMove::modify_param(int narg, char **arg)
 }
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

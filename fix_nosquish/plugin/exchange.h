@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 // LAMMPS takes `origin` along when it sorts atoms, moves them to other ranks, adds and deletes some. What the class has lent of its
@@ -108,5 +109,6 @@ class Exchange : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 // LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
@@ -160,5 +161,6 @@ class External : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -17,6 +17,7 @@
 #include <sstream>
 #include <string>
 
+namespace {
 namespace nosquish {
 using namespace FixConst;
 
@@ -128,5 +129,6 @@ class Facts : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

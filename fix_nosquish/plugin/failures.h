@@ -16,6 +16,7 @@
 #include <thread>
 #include <utility>
 
+namespace {
 namespace nosquish {
 
 class Failures : public Part {
@@ -103,5 +104,6 @@ template <typename T> class InPlace {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

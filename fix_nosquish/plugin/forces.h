@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cmath>
 
+namespace {
 namespace nosquish {
 
 // The styles by which atoms act on bonded ones, in LAMMPS's order.
@@ -93,5 +94,6 @@ class GoingBack : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 class Halt : public Part {
@@ -50,5 +51,6 @@ class Halt : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -14,6 +14,7 @@
 #include <sys/prctl.h>
 #endif
 
+namespace {
 namespace nosquish {
 
 template <typename Function> Function *symbol(const char *name)
@@ -24,7 +25,7 @@ template <typename Function> Function *symbol(const char *name)
 // The lmp command that started this native lmp only waits for it. A signal that ends the command alone would leave this process
 // behind, so Linux is asked to end it, too. Another parent may end without that.
 
-inline void end_with_command()
+void end_with_command()
 {
 #ifdef __linux__
   const char *command = getenv("FIX_NOSQUISH_COMMAND");
@@ -67,19 +68,19 @@ struct Interpreter {
   }
 };
 
-inline bool python_is_there()    // it runs, or LAMMPS was built with its package PYTHON
+bool python_is_there()    // it runs, or LAMMPS was built with its package PYTHON
 {
   return symbol<int()>("Py_IsInitialized");
 }
 
-inline bool python_runs()
+bool python_runs()
 {
   return python_is_there() && symbol<int()>("Py_IsInitialized")();
 }
 
 // LAMMPS's command python may be the first that needs Python. It then has the packages of the same virtual environment.
 
-inline void name_python_early()
+void name_python_early()
 {
   const Interpreter python;
   if (python_is_there() && !python_runs() && !python.executable.empty() && python.unlike().empty()) python.name_program();
@@ -88,7 +89,7 @@ inline void name_python_early()
 // Make sure that Python runs in this process, and return what prevents it, or nothing. A native lmp has no Python, or the one of
 // LAMMPS's package PYTHON. The lmp command, which is a Python script, names its interpreter and its library in the environment.
 
-inline std::string start_python()
+std::string start_python()
 {
   if (python_runs()) return "";
 
@@ -126,7 +127,7 @@ inline std::string start_python()
 
 // Run a line of Python, whichever thread this is.
 
-inline void run_python(const std::string &line)
+void run_python(const std::string &line)
 {
   auto state = symbol<int()>("PyGILState_Ensure")();
   symbol<int(const char *)>("PyRun_SimpleString")(line.c_str());
@@ -134,5 +135,6 @@ inline void run_python(const std::string &line)
 }
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 class Molecules : public Part {
@@ -55,5 +56,6 @@ class Molecules : public Part {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -13,6 +13,7 @@
 
 #include <string>
 
+namespace {
 namespace nosquish {
 
 // A part sees LAMMPS, the fix that it belongs to, and what this fix shares with Python.
@@ -35,5 +36,6 @@ class Part : protected Pointers {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

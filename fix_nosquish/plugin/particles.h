@@ -8,6 +8,8 @@
 #ifndef FIX_NOSQUISH_PARTICLES_H
 #define FIX_NOSQUISH_PARTICLES_H
 
+#include "styles.h"
+
 #include "atom.h"
 #include "pointers.h"
 
@@ -39,8 +41,8 @@ class AtomVecTri {
 
 }    // namespace LAMMPS_NS
 
+namespace {
 namespace nosquish {
-using namespace LAMMPS_NS;
 
 class Particles : protected Pointers {
  public:
@@ -129,5 +131,6 @@ class Particles : protected Pointers {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

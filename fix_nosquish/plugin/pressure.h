@@ -14,6 +14,7 @@
 
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 // A compute that this fix adds, for which LAMMPS's forces tally something. A script can take it away.
@@ -142,5 +143,6 @@ class Pressure : public OwnCompute {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

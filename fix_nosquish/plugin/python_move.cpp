@@ -15,6 +15,7 @@
 #include "declaration.h"
 #include "registration.h"
 
+namespace {
 namespace nosquish {
 
 void FixPythonMove::setup(int vflag)
@@ -242,3 +243,4 @@ int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
 }
 
 }    // namespace nosquish
+}    // namespace

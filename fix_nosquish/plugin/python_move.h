@@ -26,6 +26,7 @@
 #include <string>
 #include <vector>
 
+namespace {
 namespace nosquish {
 
 class FixPythonMove : public Fix {
@@ -228,5 +229,6 @@ class FixPythonMove : public Fix {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

@@ -6,6 +6,7 @@
 #include "computes.h"
 #include "layout.h"
 
+namespace {
 namespace nosquish {
 
 struct lammpsplugin_t {
@@ -17,7 +18,7 @@ struct lammpsplugin_t {
 // This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
 // without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
 
-inline bool compiled_for(void *lmp)
+bool compiled_for(void *lmp)
 {
   return lammps_version(lmp) == COMPILED_FOR_LAMMPS &&
       lammps_config_has_mpi_support() == sizeof(MPI_Comm) &&
@@ -28,7 +29,7 @@ inline bool compiled_for(void *lmp)
 
 // Before anything relies on the layout of LAMMPS's classes.
 
-inline void refuse_other_layout(LAMMPS *lmp, const std::string &style)
+void refuse_other_layout(LAMMPS *lmp, const std::string &style)
 {
   const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"), *differs = obstacle ? nullptr : Layout(lmp).differs();
   if (!obstacle && !differs) return;
@@ -37,7 +38,7 @@ inline void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   lammps_error(lmp, LMP_ERROR_ALL, text.c_str());
 }
 
-inline void *make(void *lmp, int narg, char **arg)
+void *make(void *lmp, int narg, char **arg)
 {
   refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
   return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
@@ -45,7 +46,7 @@ inline void *make(void *lmp, int narg, char **arg)
 
 // Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
 
-inline void stay_loaded()
+void stay_loaded()
 {
 #ifdef __APPLE__
   Dl_info here;
@@ -54,6 +55,7 @@ inline void stay_loaded()
 }
 
 }    // namespace nosquish
+}    // namespace
 
 extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
 {

@@ -23,30 +23,38 @@ _POINTERS = {
     **{name: ctypes.POINTER(_TYPES[name]) for name in ("int32_t", "int64_t", "double")},
 }
 _FUNCTION = re.compile(r"(const char \*|\w+ )\(\*(\w+)\)\((.*)\)")
-_FIELD = re.compile(r"^(?:const )?(\w+) (\*?)(\w+)(?:\[(\d+)\])?$")
+_FIELDS = re.compile(r"(?:const )?(\w+) (.*)")
+_FIELD = re.compile(r"(\*?)(\w+)(?:\[(\d+)\])?")
 
 
-def _declarations(struct: str) -> list[str]:
-    """The declarations of a struct's fields, in order."""
+def _declared(struct: str) -> list[tuple[str, str, str]]:
+    """A struct's fields: of each the text that declares it, its type's name and its own."""
     (body,) = re.findall(rf"struct {struct} \{{\n(.*?)\n\}};", _TEXT, re.DOTALL)
-    return [line.strip() for line in body.split(";") if line.strip()]
+    found = []
+    for line in filter(None, map(str.strip, body.split(";"))):
+        if function := _FUNCTION.fullmatch(line):
+            found.append((line, "function", function[2]))
+        else:
+            ((kind, names),) = _FIELDS.findall(line)
+            found += [(f"{kind} {name}", kind, name.strip("*")) for name in names.split(", ")]
+    return found
 
 
-def _named_type(declaration: str) -> tuple[str, Any]:
-    """The name in a declaration, and its type."""
+def _type(declaration: str) -> Any:
+    """The type in a declaration of one field."""
     if function := _FUNCTION.fullmatch(declaration):
-        result, name, arguments = function.groups()
-        taken = [_named_type(argument)[1] for argument in arguments.split(", ") if argument]
+        result, _, arguments = function.groups()
         gives = ctypes.c_char_p if "*" in result else _TYPES[result.strip()]
-        return name, ctypes.CFUNCTYPE(gives, *taken)
-    ((kind, star, name, count),) = _FIELD.findall(declaration)
+        return ctypes.CFUNCTYPE(gives, *(_type(one) for one in arguments.split(", ") if one))
+    ((kind, name),) = _FIELDS.findall(declaration)
+    ((star, _, count),) = _FIELD.findall(name)
     if count:
-        return name, ctypes.c_char * int(count)
-    return name, _POINTERS.get(kind, ctypes.c_void_p) if star else _TYPES[kind]
+        return ctypes.c_char * int(count)
+    return _POINTERS.get(kind, ctypes.c_void_p) if star else _TYPES[kind]
 
 
 def _fields_of(struct: str) -> list[tuple[str, Any]]:
-    return [_named_type(line) for line in _declarations(struct)]
+    return [(name.partition("[")[0], _type(text)) for text, _, name in _declared(struct)]
 
 
 def _number(enum: str, name: str) -> int:
@@ -83,4 +91,4 @@ HOOKS: dict[str, Any] = {
 }
 
 # the cells for LAMMPS's arrays, in order: of each its name and its kind's, as loops have them
-CELLS = {name: kind for kind, name in map(str.split, _declarations("Arrays"))}
+CELLS = {name: kind for _, kind, name in _declared("Arrays")}

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <string>
 
+namespace {
 namespace nosquish {
 using namespace LAMMPS_NS;
 
@@ -21,14 +22,14 @@ const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt
                                 "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
 const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
 
-inline bool replaces(const std::string &style)
+bool replaces(const std::string &style)
 {
   return style.rfind("rigid", 0) == 0;
 }
 
 // A message that begins with the fix. LAMMPS adds the suffix to a style's name only after the constructor.
 
-inline std::string problem(const Fix *fix, const std::string &text)
+std::string problem(const Fix *fix, const std::string &text)
 {
   std::string name = fix->style;
   if (replaces(name) && name.find(SUFFIX) == std::string::npos) name += SUFFIX;
@@ -37,7 +38,7 @@ inline std::string problem(const Fix *fix, const std::string &text)
 
 // The message for a class of LAMMPS that is not as its header says.
 
-inline std::string another_class(const std::string &name)
+std::string another_class(const std::string &name)
 {
   return "this LAMMPS has another class " + name +
       " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
@@ -56,5 +57,6 @@ const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
                      "}\n\n";
 
 }    // namespace nosquish
+}    // namespace
 
 #endif

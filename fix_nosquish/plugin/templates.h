@@ -7,6 +7,8 @@
 #ifndef FIX_NOSQUISH_TEMPLATES_H
 #define FIX_NOSQUISH_TEMPLATES_H
 
+#include "styles.h"
+
 #include "atom.h"
 
 #include <algorithm>
@@ -27,8 +29,8 @@ class Molecule {
 
 }    // namespace LAMMPS_NS
 
+namespace {
 namespace nosquish {
-using namespace LAMMPS_NS;
 
 class Templates {
  public:
@@ -108,5 +110,6 @@ class Templates {
 };
 
 }    // namespace nosquish
+}    // namespace
 
 #endif
