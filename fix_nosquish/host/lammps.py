@@ -14,7 +14,7 @@ import numpy as np
 from ..errors import RunError
 from ..loops.compiled import KINDS, L1, L2, Cell, array, cells
 from ..motion.periodic import invert
-from ..plugin.structs import CELLS
+from ..structs import CELLS
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _MISSING = "this fix does not advance"

@@ -1,4 +1,4 @@
-/* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): declarations of the
+/* What the plugin in C++ and its Python side share. Python reads this file, too (../structs.py): declarations of the
    kinds that are here. */
 
 #ifndef FIX_NOSQUISH_BRIDGE_H
@@ -95,7 +95,7 @@ struct Bridge {
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
   Arrays *arrays;
-  int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1; in restart files, too
+  int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1
   int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
   int32_t counts;    // in steps that tally the pressure: fill the cell counted_f, and leave what shake and rattle do out of the virial
   const int64_t *body_of, *displace, *state;    // cells of the bodies; null if there are none

@@ -30,8 +30,8 @@ from numpy.ctypeslib import as_array
 from .. import of_style
 from ..errors import RunError
 from ..host.command import Line
+from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
-from .structs import CHECKSUM, HOOKS, Bridge, Outcome
 
 REQUIRED = "initial_integrate", "final_integrate"
 RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # last arguments of hooks

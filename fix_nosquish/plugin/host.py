@@ -7,7 +7,7 @@ import numpy as np
 from numpy.ctypeslib import as_array
 
 from ..loops.compiled import array
-from .structs import Bridge, FixFacts
+from ..structs import Bridge, FixFacts
 
 LISTS = (  # of passes, that the plugin does by itself: see `passes`
     *("begin", "end", "whole", "velocities", "constraint_virial", "follow"),

@@ -167,7 +167,8 @@ void FixPythonMove::init()
 {
   halt.begin_again();
   respa = utils::strmatch(update->integrate_style, "^respa");
-  if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa)) facts.refuse("its class has no methods for run_style respa");
+  if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
+    facts.refuse("its class has no methods for run_style respa");
   if (respa && arrays.early) facts.refuse("bodyforces early is not for run_style respa: use run_style verlet");
   facts.refuse_casts();
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up

@@ -121,10 +121,7 @@ class FixPythonMove : public Fix {
   Box::Numbers &kept_box = box.kept;
   bool &early = arrays.early;
   enum { VIRIAL, ATOM_VIRIAL };
-  void set_cell(int which, const double *array, int64_t rows, int64_t columns)
-  {
-    (which == VIRIAL ? bridge.arrays->virial : (F1 &) bridge.arrays->atom_virial).point(array, rows, columns);
-  }
+  void set_cell(int, const double *, int64_t, int64_t) {}    // make_virial_per_atom has done so
   void tell_box() { box.tell(); }
   void keep_state() { state.announce(); }
   void take_virial() { pressure.take(box.volume()); }
@@ -180,7 +177,7 @@ class FixPythonMove : public Fix {
     return value;
   }
 
-  // A method that fills in the virial: it has room for that of each atom, if LAMMPS asks for it.
+  // A method or a pass that fills in the virial has room for that of each atom, if LAMMPS asks for it.
 
   template <typename... Types, typename... Values> void call_with_virial(int (*hook)(Types...), Values... arguments)
   {
@@ -195,6 +192,9 @@ class FixPythonMove : public Fix {
     bridge.natoms = asked ? atom->nlocal : -1;
     of_atoms.assign(asked ? 9 * atom->nlocal : 0, 0.0);
     bridge.virial_per_atom = of_atoms.data();
+    if (!bridge.arrays) return;
+    bridge.arrays->virial.point(virial, 6);
+    bridge.arrays->atom_virial.point(of_atoms.data(), std::max(0, bridge.natoms), 9);
   }
 
   // Give LAMMPS the virial of each atom, as compute stress/atom and compute centroid/stress/atom have it. The step may have brought
@@ -221,7 +221,7 @@ class FixPythonMove : public Fix {
     {
       return [](void *fix, Taken... taken) -> Result {
         auto &self = *static_cast<FixPythonMove *>(fix);
-        auto &owner = (self.*....*part);
+        auto &owner = (self .* ... .* part);
         return self.failures.kept_from_loops([&] { return static_cast<Result>((owner.*method)(taken...)); });
       };
     }

@@ -23,7 +23,7 @@ from ..loops.compiled import (
 from ..loops.memory import room
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
-from ..plugin.structs import CELLS
+from ..structs import CELLS
 from .mpi import LONG, RANK, Mpi, add_up
 from .sharing import ASKED, ASKED_ROW, BODIES, HOME_ROW, IDS, MEET, SHARED, SHARED_ROW, find, in_row
 

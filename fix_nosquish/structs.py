@@ -1,4 +1,4 @@
-"""What C++ and Python share. bridge.h is its only definition, which this module reads."""
+"""What C++ and Python share. plugin/bridge.h is its only definition, which this module reads."""
 
 import ctypes
 import re
@@ -7,7 +7,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-_HEADER = Path(__file__).with_name("bridge.h").read_bytes()
+_HEADER = Path(__file__).with_name("plugin").joinpath("bridge.h").read_bytes()
 CHECKSUM = zlib.crc32(_HEADER) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
 _TEXT = re.sub(r"//.*|/\*(.|\n)*?\*/", "", _HEADER.decode())
 
