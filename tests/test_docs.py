@@ -232,7 +232,7 @@ def test_fix_lines_run(run_lammps, place):
 def source():
     """The text of the package, in which a message is one piece."""
     paths = (ROOT / "fix_nosquish").rglob("*")
-    text = "".join(path.read_text() for path in paths if path.suffix in (".py", ".cpp"))
+    text = "".join(path.read_text() for path in paths if path.suffix in (".py", ".cpp", ".h"))
     return re.sub(r"[\"']\s*\n\s*f?[\"']", "", text)
 
 

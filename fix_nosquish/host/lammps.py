@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import F1, F2, I1, L1, Cell, array, cells
+from ..loops.compiled import KINDS, L1, Cell, array, cells
 from ..motion.periodic import invert
+from ..structs import CELLS
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
@@ -76,26 +77,9 @@ _EXTRAPOLATED = {
 }
 _TDPD = f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"
 
-# LAMMPS's arrays as loops take them, and two that the plugin makes for `free_atoms`, in its order
-ARRAYS = {
-    "atom_x": F2,
-    "atom_v": F2,
-    "atom_f": F2,
-    "groups": I1,
-    "origins": L1,
-    "arrived": F2,
-    "atom_torque": F2,
-    "atom_omega": F2,
-    "atom_mass": F1,
-    "type_mass": F1,
-    "type": I1,
-    "virial": F1,
-    "atom_virial": F2,
-    "atom_angmom": F2,
-    "atom_mu": F2,
-    "clusters": F2,
-    "counted_f": F2,
-}
+# LAMMPS's arrays as loops take them
+_OF_LOOPS = {kind.name: kind for kind in KINDS}
+ARRAYS = {name: _OF_LOOPS[kind] for name, kind in CELLS.items()}
 
 
 def pointer(ptr: Any) -> int:

@@ -1,5 +1,10 @@
-/* What the plugin in C++ and its Python side share. Python reads this file, too (structs.py): a declaration a line, of the kinds
-   that are here. */
+/* What the plugin in C++ and its Python side share. Python reads this file, too (../structs.py): declarations of the
+   kinds that are here. */
+
+#ifndef FIX_NOSQUISH_BRIDGE_H
+#define FIX_NOSQUISH_BRIDGE_H
+
+#include "cell.h"
 
 #include <cstdint>
 
@@ -12,27 +17,19 @@ enum When {
   CALLED, SHOWN, VIRIAL_ASKED, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX
 };
 
-// cells for LAMMPS's arrays, in the order of host/lammps.py
-enum Arrays { X, V, F, GROUPS, ORIGINS, ARRIVED, TORQUE, OMEGA, MASS, TYPE_MASS, TYPE, VIRIAL, ATOM_VIRIAL, ANGMOM, MU, CLUSTERS, COUNTED };
+// cells for LAMMPS's arrays, by the kinds and names that they have in loops; see arrays.h, clusters.h, pressure.h, exchange.h
+struct Arrays {
+  F2 atom_x, atom_v, atom_f, atom_torque, atom_omega, atom_angmom, atom_mu, atom_virial, clusters, counted_f, arrived;
+  F1 atom_mass, type_mass, virial;
+  I1 groups, type;
+  L1 origins;
+};
 
+// what is to be known of another fix: see OtherFix in host.py
 struct FixFacts {
-  const char *id;
-  const char *style;
-  int32_t groupbit;
-  int32_t time_integrate;
-  int32_t between;    // called between initial_integrate and final_integrate
-  int32_t end_of_step;
-  int32_t nevery;
-  int32_t final_integrate;
-  int32_t box_change;
-  int32_t called;         // in steps, at all
-  int32_t constrains;     // it takes degrees of freedom, and moves no atoms
-  int32_t has_energy;     // of its forces
-  int32_t energy_in_pe;   // as fix_modify energy says
-  int32_t post_force;     // it may change forces
-  int32_t has_virial;     // it knows the virial of its forces
-  int32_t virial_in_press;    // as fix_modify virial says
-  int32_t moves;    // it may change positions of its group between initial_integrate and the forces, and integrates none
+  const char *id, *style;
+  int32_t groupbit, time_integrate, between, end_of_step, nevery, final_integrate, box_change, called, constrains;
+  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves;
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -46,85 +43,65 @@ struct Pass {
 // actions ends with one of no phase.
 struct Action {
   int64_t phases;
-  int64_t when;      // all of these hold
-  int64_t unless;    // none of these does
-  const Pass *passes;    // null if Python does it
-  int64_t number;    // by which Python knows it; -1 if it has nothing to do, but where passes fail
-  int64_t then;      // the phase behind it, -1 if it stays
-  int64_t sets;      // bits that hold from now on
-  int64_t clears;    // bits that do no more
+  int64_t when, unless;    // all of these bits hold, and none of those
+  const Pass *passes;      // null if Python does it, or nothing is done
+  int64_t number;          // by which Python knows it; -1 if it has nothing to do
+  int64_t then;            // the phase behind it, -1 if it stays
+  int64_t sets, clears;    // bits that hold from now on, and that do no more
 };
 
 struct Bridge {
-  // facts
   int32_t checksum;    // of this file
-  int32_t outcome;    // set by Python: how making the instance went
+  int32_t outcome;     // set by Python: how making the instance went
   // set by Python: what the instance has besides its methods
-  int32_t wants_virial;             // it fills in virial
-  int32_t wants_virial_per_atom;    // it fills in virial_per_atom
+  int32_t wants_virial, wants_virial_per_atom;    // it fills these in
   int32_t writes_restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t flips;            // it changes tilts, and takes other box vectors where these are large
   int32_t needs_energy;     // it needs the potential energy at the end of steps that it names
   int32_t couples;          // its scalar is an energy that went from the system
-  int32_t restart_size;     // numbers that go to restart files
-  double *restart_state;    // these
+  int32_t restart_size;     // numbers that go to restart files, and these
+  double *restart_state;
   const char *template_id;  // of the molecules that others insert, null for none
   int32_t rigid;            // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;    // it asks where its atoms were
   int32_t carries;          // numbers that go with an atom to another rank
-  int32_t vector_size;
-  int32_t array_columns;
-  int32_t array_rows;    // -1: not known from the start
+  int32_t vector_size, array_columns, array_rows;    // of what thermo_style and others read; rows are -1 if not known from the start
   const int32_t *vector_extensive;
   int32_t *body;        // of each local atom, -1 for none; null while not known
   double *masstotal;    // of each body
   // of the fix
-  void *fix;    // first argument of the functions below
-  void *lammps;
-  const char *fix_id;
-  const char *group;
-  const char *line;    // the fix line from its style on, a word a line
-  double *virial;
-  double *virial_per_atom;    // (natoms, 9)
-  int32_t natoms;             // -1 while LAMMPS asks for no virial per atom
-  const int64_t *next_output;    // the step of the next output
-  const int64_t *begin_step;     // the first step of the run, and the last one
-  const int64_t *end_step;
-  const int64_t *last_step;      // of the run, whatever its keywords start and stop say
-  // the schedule: see run/schedule.py. A list of actions is null if there is nothing to do, or if Python follows the schedule
-  int32_t phase;     // where in a run the bodies are
-  int64_t facts;     // bits of When
-  int32_t vflag;     // what virial LAMMPS asks for in this step
-  int64_t changes;   // how many times the fix has changed the bodies by itself
+  void *fix, *lammps;    // the fix is the first argument of the functions below
+  const char *fix_id, *group, *line;    // the line is that of the script, from the fix's style on, a word a line
+  double *virial, *virial_per_atom;     // the latter (natoms, 9)
+  int32_t natoms;                       // -1 while LAMMPS asks for no virial per atom
+  // steps: of the next output; first and last of the run; last of the run, whatever its keywords start and stop say
+  const int64_t *next_output, *begin_step, *end_step, *last_step;
+  int32_t vflag;        // what virial LAMMPS asks for in this step
+  int64_t changes;      // how many times the fix has changed the bodies by itself
+  // the schedule: see run/schedule.py
+  int32_t phase;          // where in a run the bodies are
+  int64_t facts;          // bits of When that hold for longer than a step
   int64_t begins;         // the next step that Python begins, -1 for none
-  int64_t energy_step;    // the next one that it ends with the potential energy, -1 for none
-  int32_t velocities_every;    // velocities are read at the end of steps that are a multiple of this (0: of none)
-  int32_t table_every;         // and a table is written at that of these
-  const Action *at_setup;
-  const Action *at_begin;
-  const Action *at_exchange;
-  const Action *at_neighbor;
-  const Action *at_end;
-  const Action *at_deform;     // behind a change of the box by another fix
-  const Action *at_flipped;    // behind its change to other vectors of the same lattice
+  int64_t energy_step;    // the next one at whose end Python needs the potential energy, -1 for none
+  int32_t velocities_every, table_every;    // velocities are read, and a table is written, at the end of multiples of these; 0: never
+  // lists of actions, null where there is nothing to do, or where Python follows the schedule
+  const Action *at_setup, *at_begin, *at_exchange, *at_neighbor, *at_end;
+  const Action *at_deform, *at_flipped;    // behind a change of the box by another fix; and to other vectors of the same lattice
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped
   double *rate;        // of the box vectors' components, in LAMMPS's order: xx yy zz yz xz xy
   int32_t stream_group;    // the bit of the group whose velocities change at periodic faces (fix deform remap v), or 0
-  int64_t *arrays;    // cells for LAMMPS's arrays
-  int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1; in restart files, too
+  Arrays *arrays;
+  int32_t rotor;   // whether the rotation is exact (1, 0) where the bodies that there are would choose otherwise, else -1
   int32_t held;    // the bit of the group whose atoms move with the box, if a fix shake or rattle holds some; else 0
-  int32_t counts;    // in steps that tally the pressure: fill the cell COUNTED, and leave what shake and rattle do out of the virial
-  const int64_t *body_of;    // cells of the bodies; null if there are none
-  const int64_t *displace;
-  const int64_t *state;
+  int32_t counts;    // in steps that tally the pressure: fill the cell counted_f, and leave what shake and rattle do out of the virial
+  const int64_t *body_of, *displace, *state;    // cells of the bodies; null if there are none
   const double *array;    // set by Python: all of the global array, as long as it calls no hook and does no pass
   // external forces
   int32_t pushes;      // set by Python: call push when the forces of a step are known
   const char *words;    // set by Python: variables and columns whose values it needs there, with spaces between
-  int32_t tells_energy;    // set by Python: what of these forces LAMMPS is to count
-  int32_t tells_virial;
+  int32_t tells_energy, tells_virial;    // set by Python: what of these forces LAMMPS is to count
   double *values;    // of the words, one after the other, and how many each has: 0 for one that is for all bodies
   int32_t *sizes;
   double *told;    // their energy, and their virial on this rank
@@ -146,7 +123,7 @@ struct Bridge {
   void (*ask_for_energy)(void *fix, int64_t step);    // have LAMMPS tally it in this step
   int (*go_back)(void *fix);    // move atoms by what is in place of their velocities, and compute forces; 0 if all is well
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
-  int64_t (*find_clusters)(void *fix);    // fill the cell CLUSTERS
+  int64_t (*find_clusters)(void *fix);    // fill the cell clusters
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
@@ -184,3 +161,5 @@ struct Bridge {
   int32_t argument;    // of LAMMPS's fix command, that is wrong; -1 for none
   char message[4096];
 };
+
+#endif

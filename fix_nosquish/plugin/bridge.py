@@ -9,52 +9,44 @@ import importlib
 import os
 import sys
 import traceback
+from collections.abc import Callable
 from ctypes import (
     CFUNCTYPE,
+    POINTER,
     PYFUNCTYPE,
     c_char_p,
+    c_double,
     c_int32,
+    c_int64,
     c_void_p,
-    memset,
     py_object,
     pythonapi,
 )
+from typing import Any
+
+import numpy as np
+from numpy.ctypeslib import as_array
 
 from .. import of_style
 from ..errors import RunError
 from ..host.command import Line
+from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
-from .structs import CHECKSUM, DONE, FAILED_ALIKE, FAILED_HERE, Bridge
 
 REQUIRED = "initial_integrate", "final_integrate"
-HOOKS = {
-    name: kind
-    for name, kind in Bridge._fields_
-    if name
-    in (
-        *REQUIRED,
-        *("init", "setup", "min_setup", "post_neighbor", "reset_dt", "end_of_step", "post_run"),
-        *("initial_integrate_respa", "final_integrate_respa", "dof"),
-        *("write_restart_file", "write_restart", "act", "modify_external", "push"),
-        *("zero_momentum", "zero_rotation", "reset_target", "rows_of_rank"),
-        *("compute_scalar", "compute_vector", "compute_array"),
-    )
-}
-NUMBERS = {"dof": int, "compute_scalar": float, "compute_vector": float, "compute_array": float}
-# in which virial_per_atom can be filled in
-WITH_VIRIAL = "setup", "final_integrate", "end_of_step"
+RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # last arguments of hooks
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
 
-def failed(bridge, problem):
+def failed(bridge: Bridge, problem: BaseException) -> Outcome:
     """Leave the message of an exception for LAMMPS; return how the run must end."""
     alike = isinstance(problem, RunError) and problem.everywhere
     text = str(problem)
     if not isinstance(problem, RunError):
         kind = type(problem)
         text = f"{kind.__name__}: {text}" if text else kind.__name__
-        if sys.stderr:
+        if sys.stderr and problem.__traceback__:
             trace = problem.__traceback__.tb_next  # from the class's own frame on
             sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
             sys.stderr.flush()
@@ -62,13 +54,14 @@ def failed(bridge, problem):
     bridge.argument = -1 if argument is None else argument
     room = Bridge.message.size - 1
     bridge.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
-    return FAILED_ALIKE if alike else FAILED_HERE
+    return Outcome.FAILED_ALIKE if alike else Outcome.FAILED_HERE
 
 
-_live = {}  # address of a bridge -> the bridge, its instance and host, while the fix exists
+# by the address of a bridge: the bridge, its instance and host, while the fix exists
+_live: dict[int, tuple[Bridge, Any, Host | None]] = {}
 
 
-def attach(address):
+def attach(address: int) -> None:
     """Make the instance that a new fix names, and fill in its hooks. Called by the plugin."""
     bridge = Bridge.from_address(address)
     if bridge.checksum != CHECKSUM:
@@ -81,24 +74,22 @@ def attach(address):
             if getattr(instance, "story", None):
                 host.log(instance.story)
         if hasattr(instance, "virial"):
-            import numpy
-
             bridge.wants_virial = 1
-            instance.virial = numpy.ctypeslib.as_array(bridge.virial, shape=(6,))
+            instance.virial = as_array(bridge.virial, shape=(6,))
         bridge.wants_virial_per_atom = hasattr(instance, "virial_per_atom")
         _announce(bridge, instance)
         for name, signature in HOOKS.items():
             if callable(getattr(instance, name, None)):
-                setattr(bridge, name, signature(_hook(bridge, instance, name)))
+                setattr(bridge, name, signature(_hook(bridge, instance, name, signature)))
         bridge.release = _release
     except BaseException as problem:  # no exception may pass into C++
         bridge.outcome = failed(bridge, problem)
     else:
         _live[address] = bridge, instance, host
-        bridge.outcome = DONE
+        bridge.outcome = Outcome.DONE
 
 
-def _text(line):
+def _text(line: bytes) -> str:
     """The fix line, a word a line, as text.
 
     Raises:
@@ -116,7 +107,7 @@ def _text(line):
         ) from None
 
 
-def _construct(bridge):
+def _construct(bridge: Bridge) -> Any:
     """Make the instance that the fix line names."""
     style, *words = _text(bridge.line).split("\n")
     capsule = new_capsule(bridge.lammps, None, None)
@@ -126,7 +117,7 @@ def _construct(bridge):
     return of_style(style, words)(capsule, line)
 
 
-def _of_target(target, capsule):
+def _of_target(target: str, capsule: object) -> Any:
     """Import, look up and call "module.class words", as LAMMPS's own fix python/move does."""
     if not target.strip():
         raise RunError(
@@ -165,10 +156,10 @@ def _of_target(target, capsule):
     return instance
 
 
-def _announce(bridge, instance):
+def _announce(bridge: Bridge, instance: Any) -> None:
     """Note what LAMMPS must know of the instance from the start, such as its vector's size."""
 
-    def has(method):
+    def has(method: str) -> bool:
         return callable(getattr(instance, method, None))
 
     if has("write_restart_file"):
@@ -176,12 +167,10 @@ def _announce(bridge, instance):
     template = getattr(instance, "template", None)
     bridge.template_id = template and template.encode()
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
-    bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
+    for name in "follows_atoms", "flips", "needs_energy", "couples":
+        setattr(bridge, name, bool(getattr(instance, name, False)))
     bridge.carries = int(getattr(instance, "carries", 0))
     bridge.changes_box = int(getattr(instance, "every", 0))
-    bridge.flips = bool(getattr(instance, "flips", False))
-    bridge.needs_energy = bool(getattr(instance, "needs_energy", False))
-    bridge.couples = bool(getattr(instance, "couples", False))
     state = getattr(instance, "restart_state", None)
     if state is not None:
         bridge.restart_size = len(state)
@@ -196,71 +185,63 @@ def _announce(bridge, instance):
         bridge.array_columns = int(instance.array_columns)
 
 
-def _hook(bridge, instance, name):
-    """A callback that calls the method of that name, and lets no exception into C++."""
+def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[..., int]:
+    """A callback that calls the method of that name, and lets no exception into C++.
 
-    def call(*arguments):
+    The method takes texts as `str`. What it returns goes to the last argument of the callback, if
+    that is a place for numbers.
+    """
+    result = RESULTS.get(signature._argtypes_[-1]) if signature._argtypes_ else None
+
+    def call(*arguments: Any) -> int:
+        *taken, place = (*arguments, None) if result is None else arguments
         try:
-            getattr(instance, name)(*arguments)
-            return DONE
+            taken = [os.fsdecode(one) if isinstance(one, bytes) else one for one in taken]
+            given = getattr(instance, name)(*taken)
+            if result:
+                for k, number in enumerate(given if isinstance(given, tuple) else (given,)):
+                    place[k] = result(number)
         except BaseException as problem:
             return failed(bridge, problem)
+        return Outcome.DONE
 
-    def call_with_text(text):
-        return call(os.fsdecode(text))
-
-    def call_with_virial(*arguments):
+    def call_with_virial(*arguments: Any) -> int:
         instance.virial_per_atom = _virial_per_atom(bridge)
         outcome = call(*arguments)
         instance.virial_per_atom = None
         return outcome
 
-    def call_for_number(*arguments):
-        *arguments, result = arguments
-        try:
-            result[0] = NUMBERS[name](getattr(instance, name)(*arguments))
-            return DONE
-        except BaseException as problem:
-            return failed(bridge, problem)
-
-    if name in NUMBERS:
-        return call_for_number
-    if name in ("write_restart_file", "modify_external"):
-        return call_with_text
-    return call_with_virial if bridge.wants_virial_per_atom and name in WITH_VIRIAL else call
+    return call_with_virial if bridge.wants_virial_per_atom else call
 
 
-def _virial_per_atom(bridge):
-    """A view (natoms, 9) of the atoms' virial by the fix, zeroed; None if LAMMPS asks for none."""
-    if bridge.natoms < 0:
-        return None
-    import numpy
-
-    if bridge.natoms == 0:
-        return numpy.empty((0, 9))
-    return numpy.ctypeslib.as_array(bridge.virial_per_atom, shape=(bridge.natoms, 9))
+def _virial_per_atom(bridge: Bridge) -> np.ndarray | None:
+    """A view (natoms, 9) of the atoms' virial by the fix, zeroed; None where LAMMPS asks for none,
+    and in hooks that have nothing to add to it."""
+    if bridge.natoms <= 0:
+        return None if bridge.natoms else np.empty((0, 9))
+    return as_array(bridge.virial_per_atom, shape=(bridge.natoms, 9))
 
 
 @CFUNCTYPE(None, c_void_p)
-def _release(address):
+def _release(address: int) -> None:
     """Let go of the instance: the fix goes away, and with it the memory of the bridge."""
     bridge, instance, host = _live.pop(address)
     if host:
-        host._bridge = None
+        del host._bridge
     if bridge.wants_virial:
         instance.virial = instance.virial.copy()
     for name, signature in HOOKS.items():
         setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
-    bridge.phase = 0
+    bridge.release = type(bridge.release)()
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
+    bridge.phase = 0
     if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory
         instance.let_go()
 
 
 @atexit.register
-def _release_all():
+def _release_all() -> None:
     """Take back every callback: LAMMPS objects may outlive this interpreter."""
     for address in list(_live):
         _release(address)
-        memset(address + Bridge.release.offset, 0, Bridge.release.size)

@@ -1,5 +1,13 @@
 /* Computes rigid/local/nosquish, ke/rigid/nosquish, erotate/rigid/nosquish: what LAMMPS's own say of its rigid fixes, of the fixes of
-   this plugin. Part of python_move.cpp. */
+   this plugin. */
+
+#ifndef FIX_NOSQUISH_COMPUTES_H
+#define FIX_NOSQUISH_COMPUTES_H
+
+#include "python_move.h"
+
+namespace {
+namespace nosquish {
 
 class ComputeOfBodies : public Compute {
  public:
@@ -74,3 +82,8 @@ Compute *make_compute(LAMMPS *lmp, int narg, char **arg)
 {
   return new ComputeOfBodies(lmp, narg, arg);
 }
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

@@ -3,26 +3,32 @@
 #ifndef FIX_NOSQUISH_EXTERNAL_H
 #define FIX_NOSQUISH_EXTERNAL_H
 
-#include "error.h"
-#include "fix.h"
+#include "part.h"
+
 #include "input.h"
+#include "memory.h"
 #include "modify.h"
+#include "update.h"
 #include "variable.h"
 
 #include <algorithm>
+#include <sstream>
 #include <string>
 #include <vector>
+
+namespace {
+namespace nosquish {
 
 // LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
 // runs or to where they were, and the variable may be another one of the same number. Only its own classes may have it forget.
 
 template <auto member> struct Private {
-  friend auto vectors_of(LAMMPS_NS::Variable &variable) { return variable.*member; }
+  friend auto vectors_of(Variable &variable) { return variable.*member; }
 };
-auto vectors_of(LAMMPS_NS::Variable &);
-template struct Private<&LAMMPS_NS::Variable::vecs>;
+auto vectors_of(Variable &);
+template struct Private<&Variable::vecs>;
 
-inline void forget_vectors(LAMMPS_NS::Variable &variable)
+inline void forget_vectors(Variable &variable)
 {
   const auto vectors = vectors_of(variable);
   for (int k = 0; k < variable.nvar; k++)
@@ -32,11 +38,11 @@ inline void forget_vectors(LAMMPS_NS::Variable &variable)
 // The fix of which LAMMPS takes energy and virial of external forces, where fix_modify external says so: the scalar of the fix
 // that moves the bodies is another one. It has that fix's ID, with _external.
 
-class ExternalForces : public LAMMPS_NS::Fix {
+class ExternalForces : public Fix {
  public:
   double energy = 0.0;
 
-  ExternalForces(LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+  ExternalForces(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
   {
     scalar_flag = extscalar = global_freq = energy_global_flag = virial_global_flag = 1;
   }
@@ -49,12 +55,12 @@ class ExternalForces : public LAMMPS_NS::Fix {
   }
 
   // in the place of the one that there is, if there is one
-  static void replace(LAMMPS_NS::Modify *modify, const std::string &id, bool tells_energy, bool tells_virial)
+  static void replace(Modify *modify, const std::string &id, bool tells_energy, bool tells_virial)
   {
     if (dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id))) modify->delete_fix(id);
     if (!tells_energy && !tells_virial) return;
     const std::string style = "nosquish/external";    // known to LAMMPS for this moment: no script makes one
-    (*modify->fix_map)[style] = [](LAMMPS_NS::LAMMPS *lmp, int narg, char **arg) -> Fix * { return new ExternalForces(lmp, narg, arg); };
+    (*modify->fix_map)[style] = [](LAMMPS *lmp, int narg, char **arg) -> Fix * { return new ExternalForces(lmp, narg, arg); };
     Fix *made = modify->add_fix(id + " all " + style, 0);
     modify->fix_map->erase(style);
     made->thermo_energy = tells_energy;
@@ -62,29 +68,100 @@ class ExternalForces : public LAMMPS_NS::Fix {
   }
 };
 
-// What a word is now: a number (and 0 is returned), or one for each body (and so many). A column is that of a vector-style variable.
+// What fix_modify external asks for. Python reads the words; LAMMPS evaluates variables and columns among them in each step.
 
-inline int values_of(const std::string &word, const std::string &own, LAMMPS_NS::Variable &variable, LAMMPS_NS::Error *error,
-                     std::vector<double> &values)
-{
-  const bool column = word[0] != 'v';
-  if (column) variable.set(own + " vector " + word);
-  forget_vectors(variable);
-  const std::string name = column ? own : word.substr(2);
-  const int number = variable.find(name.c_str());
-  int count = 0;
-  if (number >= 0 && variable.vectorstyle(number)) {
-    double *first = nullptr;
-    count = variable.compute_vector(number, &first);
-    values.insert(values.end(), first, first + count);
-  } else if (number >= 0 && variable.equalstyle(number)) {
-    values.push_back(variable.compute_equal(number));
-  } else {
-    error->all(FLERR, "fix_modify external: " + word + (number < 0 ? ": there is no such variable" : " is of a variable of another style") +
-                          ": define it with 'variable " + name + " equal ...' or 'variable " + name + " vector ...'");
+class External : public Part {
+ public:
+  double told[7] = {};    // energy, and virial on this rank
+
+  using Part::Part;
+
+  ~External() override
+  {
+    if (bridge.words && modify->nfix) ExternalForces::replace(modify, id(), false, false);
   }
-  if (column) variable.set(own + " delete");
-  return count;
-}
+
+  // The words behind fix_modify external, with f_ID[*] as single columns.
+
+  std::string words_of(int narg, char **arg) const
+  {
+    Fix *there = modify->get_fix_by_id(id());
+    if (there && !dynamic_cast<ExternalForces *>(there))
+      refuse("fix " + id() + " (style " + there->style + ") has the ID of the fix that tells of external forces: give it another ID");
+    char **all = arg;
+    const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);
+    std::string words;
+    for (int k = 1; k < n; k++) words += std::string(all[k]) + " ";
+    if (all == arg) return words;
+    for (int k = 0; k < n; k++) delete[] all[k];
+    memory->sfree(all);
+    return words;
+  }
+
+  // Python has read the words.
+
+  void set() const { ExternalForces::replace(modify, id(), bridge.tells_energy, bridge.tells_virial); }
+
+  // Have ready what the words are now.
+
+  void evaluate()
+  {
+    std::istringstream words(bridge.words ? bridge.words : "");
+    values.clear();
+    sizes.clear();
+    modify->clearstep_compute();
+    for (std::string word; words >> word;) sizes.push_back(add(word));
+    forget_vectors(*input->variable);    // they may have velocities between the halves of a step
+    modify->addstep_compute(update->ntimestep + 1);
+    bridge.values = values.data();
+    bridge.sizes = sizes.data();
+  }
+
+  // Have LAMMPS count what Python has told of energy and virial.
+
+  void count() const
+  {
+    if (!bridge.tells_energy && !bridge.tells_virial) return;
+    const auto telling = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id()));
+    if (!telling) refuse("fix " + id() + " is gone, which tells of external forces: leave out the unfix");
+    telling->take(told);
+  }
+
+ private:
+  std::vector<double> values;    // of all words
+  std::vector<int> sizes;
+
+  std::string id() const { return std::string(fix->id) + "_external"; }
+
+  // Add what a word is now: a number (and return 0), or one for each body (and return so many). A column is made a vector-style
+  // variable.
+
+  int add(const std::string &word)
+  {
+    Variable &variable = *input->variable;
+    const bool column = word[0] != 'v';
+    if (column) variable.set(id() + " vector " + word);
+    forget_vectors(variable);
+    const std::string name = column ? id() : word.substr(2);
+    const int number = variable.find(name.c_str());
+    int count = 0;
+    if (number >= 0 && variable.vectorstyle(number)) {
+      double *first = nullptr;
+      count = variable.compute_vector(number, &first);
+      values.insert(values.end(), first, first + count);
+    } else if (number >= 0 && variable.equalstyle(number)) {
+      values.push_back(variable.compute_equal(number));
+    } else {
+      error->all(FLERR, "fix_modify external: " + word +
+                     (number < 0 ? ": there is no such variable" : " is of a variable of another style") +
+                     ": define it with 'variable " + name + " equal ...' or 'variable " + name + " vector ...'");
+    }
+    if (column) variable.set(id() + " delete");
+    return count;
+  }
+};
+
+}    // namespace nosquish
+}    // namespace
 
 #endif

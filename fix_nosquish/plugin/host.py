@@ -10,7 +10,7 @@ from numpy.ctypeslib import as_array
 from ..errors import RunError
 from ..loops.compiled import array
 from ..run.schedule import ACTIONS, SCHEDULE
-from .structs import Action, Bridge, FixFacts
+from ..structs import Action, Bridge, FixFacts
 
 AT = "at_"  # what the fields of lists of actions begin with, behind which the hook's name follows
 LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))

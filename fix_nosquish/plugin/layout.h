@@ -4,10 +4,12 @@
 
    What cannot be compared, because the library interface tells nothing of it: the virials, tail corrections and flags in Pair, Bond,
    Angle, Dihedral, Improper and KSpace, and where their methods are (used at constant pressure and by hybrid Monte Carlo); members
-   of Output behind the number of dumps; Group, Input and Error. Timer is compared where it is used: see end_of_step. */
+   of Output behind the number of dumps; Group, Input and Error. Timer is compared where it is used: see halt.h. */
 
 #ifndef FIX_NOSQUISH_LAYOUT_H
 #define FIX_NOSQUISH_LAYOUT_H
+
+#include "styles.h"
 
 #include "atom.h"
 #include "comm.h"
@@ -20,56 +22,100 @@
 #include "modify.h"
 #include "neighbor.h"
 #include "output.h"
+#include "pointers.h"
 #include "universe.h"
 #include "update.h"
 
 #include <cstring>
 #include <dlfcn.h>
+#include <functional>
 #include <new>
 #include <string>
+#include <utility>
 #include <vector>
 
-class Layout {
+namespace {
+namespace nosquish {
+
+class Layout : private Pointers {
  public:
-  explicit Layout(LAMMPS_NS::LAMMPS *lmp) : lmp(lmp) {}
+  using Pointers::Pointers;
 
   // LAMMPS's own class, by which all others are found.
 
-  bool lammps() const
-  {
-    return lmp->num_ver == lammps_version(lmp) && lmp->world == MPI_Comm_f2c(lammps_get_mpi_comm(lmp));
-  }
+  bool lammps() const { return lmp->num_ver == lammps_version(lmp) && world == MPI_Comm_f2c(lammps_get_mpi_comm(lmp)); }
 
   // Those by which a style is entered: all that is needed as LAMMPS starts, whether a script uses this plugin or not.
 
-  bool styles() const { return lammps() && modify(); }
+  bool styles() const { return lammps() && lists_of_modify(); }
 
   // The first class that is another than LAMMPS's, on any rank; null for none. Collective.
 
   const char *differs() const
   {
-    using Check = bool (Layout::*)() const;
-    const std::vector<std::pair<const char *, Check>> classes = {
-        {"LAMMPS", &Layout::lammps}, {"Update", &Layout::update}, {"Domain", &Layout::domain}, {"Force", &Layout::force},
-        {"Comm", &Layout::comm},     {"Neighbor", &Layout::neighbor}, {"Atom", &Layout::atom}, {"Modify", &Layout::modify},
-        {"Compute", &Layout::compute}, {"Fix", &Layout::fix}, {"Universe", &Layout::universe}, {"Output", &Layout::output}};
+    const std::vector<std::pair<const char *, std::function<bool()>>> classes = {
+        {"LAMMPS", [this] { return lammps(); }},
+        {"Update",
+         [this] {
+           return at("dt", &update->dt) && at("ntimestep", &update->ntimestep) && at("atime", &update->atime) &&
+               at("eflag_global", &update->eflag_global) && at("vflag_global", &update->vflag_global) &&
+               at("vflag_atom", &update->vflag_atom) && at("units", update->unit_style);
+         }},
+        {"Domain",
+         [this] {
+           return at("periodicity", domain->periodicity) && at("triclinic", &domain->triclinic) && at("boxlo", domain->boxlo) &&
+               at("boxhi", domain->boxhi) && at("sublo", domain->sublo) && at("subhi", domain->subhi) &&
+               at("sublo_lambda", domain->sublo_lamda) && at("subhi_lambda", domain->subhi_lamda) && at("xy", &domain->xy) &&
+               at("xz", &domain->xz) && at("yz", &domain->yz) && at("xlattice", &domain->lattice->xlattice) &&
+               is("dimension", domain->dimension);
+         }},
+        {"Force",
+         [this] {
+           return at("boltz", &force->boltz) && at("qelectron", &force->qelectron) && at("special_lj", force->special_lj) &&
+               at("special_coul", force->special_coul) && is("newton_pair", force->newton_pair) &&
+               at("pair_style", force->pair_style) && at("kspace_style", force->kspace_style);
+         }},
+        {"Comm",
+         [this] {
+           return at("procgrid", comm->procgrid) && is("world_rank", comm->me) && is("world_size", comm->nprocs) &&
+               is("ghost_velocity", comm->ghost_velocity);
+         }},
+        {"Neighbor",
+         [this] {
+           return is("neigh_every", neighbor->every) && is("neigh_delay", neighbor->delay) &&
+               is("neigh_dist_check", neighbor->dist_check) && is("nbondlist", neighbor->nbondlist) &&
+               at("neigh_bondlist", neighbor->bondlist);
+         }},
+        {"Atom",
+         [this] {
+           return at("natoms", &atom->natoms) && at("nlocal", &atom->nlocal) && at("nghost", &atom->nghost) &&
+               at("q_flag", &atom->q_flag) && at("map_style", &atom->map_style) && at("sortfreq", &atom->sortfreq) &&
+               at("nextsort", &atom->nextsort) && is("nmax", atom->nmax) && is("ntypes", atom->ntypes) &&
+               is("torque_flag", atom->torque_flag) && array("mass", atom->mass) && array("x", atom->x) && array("v", atom->v) &&
+               array("f", atom->f) && array("mask", atom->mask) && array("type", atom->type) && array("rmass", atom->rmass) &&
+               array("omega", atom->omega) && array("torque", atom->torque) && array("angmom", atom->angmom) &&
+               array("mu", atom->mu) && array("ellipsoid", atom->ellipsoid) && array("line", atom->line) && array("tri", atom->tri);
+         }},
+        {"Modify", [this] { return lists_of_modify(); }},
+        {"Compute", [this] { return computes(); }},
+        {"Fix", [this] { return fix(); }},
+        {"Universe", [this] { return is("universe_rank", universe->me) && is("universe_size", universe->nprocs); }},
+        {"Output",
+         [this] { return is("thermo_every", output->thermo_every) && lammps_id_count(lmp, "dump") == output->ndump; }},
+    };
     int first = 0, of_all = 0;
     const int n = classes.size();
-    while (first < n && (this->*classes[first].second)()) first++;
+    while (first < n && classes[first].second()) first++;
     MPI_Allreduce(&first, &of_all, 1, MPI_INT, MPI_MIN, MPI_Comm_f2c(lammps_get_mpi_comm(lmp)));
     return of_all < n ? classes[of_all].first : nullptr;
   }
 
  private:
-  LAMMPS_NS::LAMMPS *lmp;
-
   // What an older LAMMPS does not tell counts as alike.
 
-  bool at(const char *name, const void *own) const
-  {
-    const void *told = lammps_extract_global(lmp, name);
-    return !told || told == own;
-  }
+  bool at(const char *name, const void *own) const { return is_alike(lammps_extract_global(lmp, name), own); }
+  bool array(const char *name, const void *own) const { return is_alike(lammps_extract_atom(lmp, name), own); }
+  static bool is_alike(const void *told, const void *own) { return !told || told == own; }
 
   bool is(const char *name, int own) const
   {
@@ -77,83 +123,19 @@ class Layout {
     return told < 0 || told == own;
   }
 
-  bool array(const char *name, const void *own) const
+  bool lists_of_modify() const
   {
-    const void *told = lammps_extract_atom(lmp, name);
-    return !told || told == own;
-  }
-
-  bool update() const
-  {
-    const auto all = lmp->update;
-    return at("dt", &all->dt) && at("ntimestep", &all->ntimestep) && at("atime", &all->atime) &&
-        at("eflag_global", &all->eflag_global) && at("vflag_global", &all->vflag_global) && at("vflag_atom", &all->vflag_atom) &&
-        at("units", all->unit_style);
-  }
-
-  bool domain() const
-  {
-    const auto all = lmp->domain;
-    return at("periodicity", all->periodicity) && at("triclinic", &all->triclinic) && at("boxlo", all->boxlo) &&
-        at("boxhi", all->boxhi) && at("sublo", all->sublo) && at("subhi", all->subhi) && at("sublo_lambda", all->sublo_lamda) &&
-        at("subhi_lambda", all->subhi_lamda) && at("xy", &all->xy) && at("xz", &all->xz) && at("yz", &all->yz) &&
-        at("xlattice", &all->lattice->xlattice) && is("dimension", all->dimension);
-  }
-
-  bool force() const
-  {
-    const auto all = lmp->force;
-    return at("boltz", &all->boltz) && at("qelectron", &all->qelectron) && at("special_lj", all->special_lj) &&
-        at("special_coul", all->special_coul) && is("newton_pair", all->newton_pair) && at("pair_style", all->pair_style) &&
-        at("kspace_style", all->kspace_style);
-  }
-
-  bool comm() const
-  {
-    const auto all = lmp->comm;
-    return at("procgrid", all->procgrid) && is("world_rank", all->me) && is("world_size", all->nprocs) &&
-        is("ghost_velocity", all->ghost_velocity);
-  }
-
-  bool neighbor() const
-  {
-    const auto all = lmp->neighbor;
-    return is("neigh_every", all->every) && is("neigh_delay", all->delay) && is("neigh_dist_check", all->dist_check) &&
-        is("nbondlist", all->nbondlist) && at("neigh_bondlist", all->bondlist);
-  }
-
-  bool atom() const
-  {
-    const auto all = lmp->atom;
-    return at("natoms", &all->natoms) && at("nlocal", &all->nlocal) && at("nghost", &all->nghost) && at("q_flag", &all->q_flag) &&
-        at("map_style", &all->map_style) && at("sortfreq", &all->sortfreq) && at("nextsort", &all->nextsort) &&
-        is("nmax", all->nmax) && is("ntypes", all->ntypes) && is("torque_flag", all->torque_flag) && array("mass", all->mass) &&
-        array("x", all->x) && array("v", all->v) && array("f", all->f) && array("mask", all->mask) && array("type", all->type) &&
-        array("rmass", all->rmass) && array("omega", all->omega) && array("torque", all->torque) &&
-        array("angmom", all->angmom) && array("mu", all->mu) && array("ellipsoid", all->ellipsoid) && array("line", all->line) &&
-        array("tri", all->tri);
-  }
-
-  bool modify() const
-  {
-    return lammps_id_count(lmp, "fix") == lmp->modify->nfix && lammps_id_count(lmp, "compute") == lmp->modify->ncompute;
-  }
-
-  bool universe() const { return is("universe_rank", lmp->universe->me) && is("universe_size", lmp->universe->nprocs); }
-
-  bool output() const
-  {
-    return is("thermo_every", lmp->output->thermo_every) && lammps_id_count(lmp, "dump") == lmp->output->ndump;
+    return lammps_id_count(lmp, "fix") == modify->nfix && lammps_id_count(lmp, "compute") == modify->ncompute;
   }
 
   // LAMMPS makes a few computes by itself, of known kinds.
 
-  bool compute() const
+  bool computes() const
   {
-    for (int n = 0; n < lmp->modify->ncompute; n++) {
+    for (int n = 0; n < modify->ncompute; n++) {
       char name[64] = "";
       if (!lammps_id_name(lmp, "compute", n, name, sizeof name)) continue;
-      const auto one = lmp->modify->compute[n];
+      const auto one = modify->compute[n];
       const bool pressure = strcmp(name, "thermo_press") == 0, energy = strcmp(name, "thermo_pe") == 0;
       if (strncmp(one->id, name, sizeof name - 1) != 0) return false;
       if ((pressure || energy) && (one->pressflag != pressure || one->peflag != energy)) return false;
@@ -163,8 +145,8 @@ class Layout {
 
   // Fix is what this plugin's fix derives from: LAMMPS makes its part of the object, and calls its methods by their numbers.
 
-  struct Probe : LAMMPS_NS::Fix {
-    Probe(LAMMPS_NS::LAMMPS *lmp, char **words) : LAMMPS_NS::Fix(lmp, 3, words) {}
+  struct Probe : Fix {
+    Probe(LAMMPS *lmp, char **words) : Fix(lmp, 3, words) {}
     int setmask() override { return 0; }
 
     static const int UNWRITTEN = 0x5a5a5a5a;
@@ -200,5 +182,8 @@ class Layout {
     return alike;
   }
 };
+
+}    // namespace nosquish
+}    // namespace
 
 #endif

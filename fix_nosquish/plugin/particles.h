@@ -8,10 +8,14 @@
 #ifndef FIX_NOSQUISH_PARTICLES_H
 #define FIX_NOSQUISH_PARTICLES_H
 
+#include "styles.h"
+
 #include "atom.h"
+#include "pointers.h"
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <typeinfo>
 
@@ -37,23 +41,22 @@ class AtomVecTri {
 
 }    // namespace LAMMPS_NS
 
-class Particles {
- public:
-  // Find the styles of this simulation.
+namespace {
+namespace nosquish {
 
-  void find(LAMMPS_NS::Atom *atom)
-  {
-    ellipsoids = style<LAMMPS_NS::AtomVecEllipsoid>(atom, "ellipsoid", "N9LAMMPS_NS16AtomVecEllipsoidE");
-    lines = style<LAMMPS_NS::AtomVecLine>(atom, "line", "N9LAMMPS_NS11AtomVecLineE");
-    tris = style<LAMMPS_NS::AtomVecTri>(atom, "tri", "N9LAMMPS_NS10AtomVecTriE");
-  }
+class Particles : protected Pointers {
+ public:
+  using Pointers::Pointers;
 
   // Write of each local atom three numbers and a quaternion: the principal moments of an ellipsoid or a triangle, a line's
   // length; zeros for an atom that is none of these. Returns whether the styles are those that are declared here, and write what
   // is known.
 
-  bool read(const LAMMPS_NS::Atom *atom, double *numbers)
+  bool read(double *numbers)
   {
+    ellipsoids = style<AtomVecEllipsoid>("ellipsoid", "N9LAMMPS_NS16AtomVecEllipsoidE");
+    lines = style<AtomVecLine>("line", "N9LAMMPS_NS11AtomVecLineE");
+    tris = style<AtomVecTri>("tri", "N9LAMMPS_NS10AtomVecTriE");
     double packed[64];    // more than any of them writes; the first number is a flag
     for (int i = 0; i < atom->nlocal; i++, numbers += 7) {
       std::fill_n(numbers, 7, 0.0);
@@ -72,14 +75,12 @@ class Particles {
           return false;
         }
       } else if (is(atom->line, i)) {
-        if (!lines) return false;
-        if (lines->pack_border_bonus(1, &i, packed) != LINE) return false;
+        if (!lines || lines->pack_border_bonus(1, &i, packed) != LINE) return false;
         numbers[0] = packed[1];
         numbers[3] = std::cos(0.5 * packed[2]);
         numbers[6] = std::sin(0.5 * packed[2]);
       } else if (is(atom->tri, i)) {
-        if (!tris) return false;
-        if (tris->pack_border_bonus(1, &i, packed) != TRI) return false;
+        if (!tris || tris->pack_border_bonus(1, &i, packed) != TRI) return false;
         std::copy_n(packed + 14, 3, numbers);
         std::copy_n(packed + 1, 4, numbers + 3);
       }
@@ -89,8 +90,9 @@ class Particles {
 
   // Give a local atom this orientation, if it has one.
 
-  void orient(const LAMMPS_NS::Atom *atom, int i, const double *quat)
+  int64_t orient(int64_t atom_of_rank, const double *quat) const
   {
+    const int i = (int) atom_of_rank;
     double numbers[4] = {quat[0], quat[1], quat[2], quat[3]};
     if (is(atom->ellipsoid, i)) {
       ellipsoids->unpack_comm_bonus(1, i, numbers);
@@ -101,15 +103,16 @@ class Particles {
     } else if (is(atom->tri, i)) {
       tris->unpack_comm_bonus(1, i, numbers);
     }
+    return 0;
   }
 
  private:
   // how many numbers the styles write: of an ellipsoid, a superellipsoid, a line and a triangle
   enum { PLAIN = 8, SUPER = 13, LINE = 3, TRI = 17 };
 
-  LAMMPS_NS::AtomVecEllipsoid *ellipsoids = nullptr;
-  LAMMPS_NS::AtomVecLine *lines = nullptr;
-  LAMMPS_NS::AtomVecTri *tris = nullptr;
+  AtomVecEllipsoid *ellipsoids = nullptr;
+  AtomVecLine *lines = nullptr;
+  AtomVecTri *tris = nullptr;
 
   static bool is(const int *index, int i) { return index && index[i] >= 0; }
 
@@ -119,12 +122,15 @@ class Particles {
     virtual ~Object();
   };
 
-  template <typename Style> static Style *style(LAMMPS_NS::Atom *atom, const char *name, const char *mangled)
+  template <typename Style> Style *style(const char *name, const char *mangled) const
   {
     auto object = reinterpret_cast<Object *>(atom->style_match(name));
     if (!object || strcmp(typeid(*object).name(), mangled) != 0) return nullptr;
     return static_cast<Style *>(dynamic_cast<void *>(object));
   }
 };
+
+}    // namespace nosquish
+}    // namespace
 
 #endif

@@ -7,6 +7,8 @@
 #ifndef FIX_NOSQUISH_TEMPLATES_H
 #define FIX_NOSQUISH_TEMPLATES_H
 
+#include "styles.h"
+
 #include "atom.h"
 
 #include <algorithm>
@@ -27,6 +29,9 @@ class Molecule {
 
 }    // namespace LAMMPS_NS
 
+namespace {
+namespace nosquish {
+
 class Templates {
  public:
   // as LAMMPS's class has them, one behind the other
@@ -35,7 +40,7 @@ class Templates {
   // Write the geometric centre, mass, centre of mass and tensor of inertia (xx yy zz yz xz xy) of a template, KNOWN numbers;
   // no number for what it does not say and LAMMPS cannot work out. Returns whether they were found.
 
-  static bool read(LAMMPS_NS::Atom *atom, LAMMPS_NS::Molecule *molecule, double *numbers)
+  static bool read(Atom *atom, Molecule *molecule, double *numbers)
   {
     // where types have no masses LAMMPS would read them nevertheless, for atoms to which the template gives none
     std::vector<double> masses(atom->ntypes + 1, FAINT);
@@ -103,5 +108,8 @@ class Templates {
     if (std::isnan(numbers[MASS])) std::fill(numbers + COM, numbers + TENSOR, none);
   }
 };
+
+}    // namespace nosquish
+}    // namespace
 
 #endif

@@ -1,6 +1,6 @@
 """What LAMMPS and its users ask of the bodies, at any time from the first run on."""
 
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -79,19 +79,19 @@ class Answers:
         return rows[i, j]
 
     @hook
-    def rows_of_rank(self, words: bytes, groupbit: int, found: Any) -> None:
+    def rows_of_rank(self, words: str, groupbit: int) -> tuple[int, int]:
         """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
 
         Args:
             words: the values, with a space between.  groupbit: of the compute's group.
-            found: (2,) gets the address of the rows, which stay until the next call, and how many
-                there are.
+        Returns:
+            the address of the rows, which stay until the next call, and how many there are.
         """
         bodies = self.reports.made()
         self._rows = output.rows_of_rank(
-            bodies, self.lammps, self.communicator, words.decode().split(), groupbit
+            bodies, self.lammps, self.communicator, words.split(), groupbit
         )
-        found[0], found[1] = self._rows.ctypes.data, len(self._rows)
+        return self._rows.ctypes.data, len(self._rows)
 
     @hook
     def zero_momentum(self) -> None:

@@ -1,0 +1,150 @@
+/* The periodic box, where the class or another fix changes it. */
+
+#ifndef FIX_NOSQUISH_BOX_H
+#define FIX_NOSQUISH_BOX_H
+
+#include "part.h"
+
+#include "atom.h"
+#include "domain.h"
+#include "force.h"
+#include "kspace.h"
+#include "update.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <sstream>
+
+namespace {
+namespace nosquish {
+
+class Box : public Part {
+ public:
+  using Numbers = std::array<double, 9>;    // lowest and highest coordinates, xy, xz, yz
+  Numbers kept{};                           // what the passes are for
+  Numbers told{};                           // what the passes deform and flipped take
+
+  using Part::Part;
+
+  Numbers now() const
+  {
+    const double *lo = domain->boxlo, *hi = domain->boxhi;
+    return {lo[0], lo[1], lo[2], hi[0], hi[1], hi[2], domain->xy, domain->xz, domain->yz};
+  }
+
+  Numbers operator()() const { return now(); }
+
+  void keep() { kept = now(); }
+  void tell() { told = now(); }
+
+  // A run begins.
+
+  void begin_run()
+  {
+    std::copy_n(domain->h_rate, 6, first_rate);
+    first_volume = volume();
+  }
+
+  // The box has changed, and all atoms are where it has them.
+
+  void set(const double *numbers)
+  {
+    std::copy_n(numbers, 3, domain->boxlo);
+    std::copy_n(numbers + 3, 3, domain->boxhi);
+    if (domain->triclinic) {
+      domain->xy = numbers[6];
+      domain->xz = numbers[7];
+      domain->yz = numbers[8];
+    }
+    domain->set_global_box();
+    domain->set_local_box();
+    if (force->kspace) force->kspace->setup();
+    keep();
+  }
+
+  // The box has other vectors of the same lattice: behind those of `set` the multiples of a added to b, of a to c, and of b to c.
+  // Nothing moves in space, but atoms belong to other ranks, far away. So LAMMPS brings them there, in parts of the way.
+
+  int64_t flip(const double *numbers)
+  {
+    const double xy = numbers[9], xz = numbers[10], yz = numbers[11];
+    domain->x2lamda(atom->nlocal);
+    domain->pbc();
+    comm->setup();    // fix balance may just have given the ranks other parts of the box
+    comm->exchange();
+    if (yz != 0.0) {
+      domain->image_flip(0, 0, (int) yz);
+      shift_lamda(1, 0.0, yz);
+    }
+    if (xy != 0.0 || xz != 0.0) {
+      domain->image_flip((int) xy, (int) xz, 0);
+      shift_lamda(0, xy, xz);
+    }
+    set(numbers);
+    domain->lamda2x(atom->nlocal);
+    return 0;
+  }
+
+  double volume() const
+  {
+    const double area = domain->xprd * domain->yprd;
+    return domain->dimension == 3 ? area * domain->zprd : area;
+  }
+
+  // A warning, once in a run. A liquid or a solid changes its volume by much less than this: it boils or flies apart, or the start
+  // was far too dilute. Empty if there is nothing to say.
+
+  std::string warning()
+  {
+    constexpr double much = 8.0;
+    const double ratio = first_volume > 0.0 ? volume() / first_volume : 1.0;
+    if (ratio < much && ratio > 1.0 / much) return "";
+    first_volume = 0.0;
+    std::ostringstream text;
+    text << "by step " << update->ntimestep << " the volume is " << ratio << " times that at the start of the run, " << volume()
+         << ". If the system is to be a liquid or a solid, "
+         << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
+                         : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists "
+                           "for this box")
+         << '\n';
+    return "WARNING: " + problem(fix, text.str());
+  }
+
+  // With remap v fix deform changes the box alone, and does not tell. Returns whether it has done so.
+
+  bool streams() const
+  {
+    if (!bridge.stream_group || !bridge.at_deform || now() == kept) return false;
+    if (!std::equal(first_rate, first_rate + 6, domain->h_rate))
+      refuse("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, as of erate, vel, "
+             "delta, scale or final");
+    return true;
+  }
+
+ private:
+  double first_volume = 0.0;     // of the run; 0 when its change has been told
+  double first_rate[6] = {};     // how fast fix deform's box vectors change, as a run begins
+
+  // Take from an axis of the atoms' coordinates in the box so many of y, and of z, about its centre; no further at once than to
+  // the next rank.
+
+  void shift_lamda(int axis, double y, double z)
+  {
+    const double width = domain->subhi_lamda[axis] - domain->sublo_lamda[axis];
+    double least = 0.0;
+    MPI_Allreduce(&width, &least, 1, MPI_DOUBLE, MPI_MIN, world);
+    const int parts = (int) std::ceil(0.5 * (std::fabs(y) + std::fabs(z)) / (0.9 * least));
+    for (int part = 0; part < parts; part++) {
+      double **x = atom->x;
+      for (int i = 0; i < atom->nlocal; i++) x[i][axis] -= (y * (x[i][1] - 0.5) + z * (x[i][2] - 0.5)) / parts;
+      domain->pbc();
+      comm->exchange();
+    }
+  }
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

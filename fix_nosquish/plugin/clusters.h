@@ -1,0 +1,101 @@
+/* Clusters of atoms that fix shake or rattle holds together, where the box moves them. */
+
+#ifndef FIX_NOSQUISH_CLUSTERS_H
+#define FIX_NOSQUISH_CLUSTERS_H
+
+#include "part.h"
+
+#include "atom.h"
+#include "domain.h"
+#include "modify.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace {
+namespace nosquish {
+
+// Whether a fix holds atoms together by forces.
+
+bool holds(const Fix *fix)
+{
+  return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
+}
+
+// Atoms that are held move with the box as one, by the centre of mass of their cluster. So its constraints stay, and their forces do
+// no work. An atom that is not held is its own centre.
+
+class Clusters : public Part {
+ public:
+  using Part::Part;
+
+  // Fill the cell `clusters`, of each local atom: how far it is from the centre of its cluster, and the velocity of that, six
+  // numbers. Ghost atoms may be where they were before this step. Returns the ID of an atom of which others that are held with it
+  // stay where they are, or 0. Collective.
+
+  int64_t find()
+  {
+    comm->forward_comm();
+    comm->forward_comm(fix);
+    std::vector<Fix *> holding;
+    for (const auto &other : modify->get_fix_list())
+      if (holds(other)) holding.push_back(other);
+    rows.assign(6 * (size_t) atom->nlocal, 0.0);
+    tagint cut = 0;
+    for (int i = 0; i < atom->nlocal; i++) {
+      double *cluster = &rows[6 * (size_t) i];
+      std::copy_n(atom->v[i], 3, cluster + 3);
+      for (Fix *other : holding)
+        if ((atom->mask[i] & bridge.held) && !fill(i, other, cluster)) cut = std::max(cut, atom->tag[i]);
+    }
+    bridge.arrays->clusters.point(rows.data(), atom->nlocal, 6);
+    return cut;
+  }
+
+  // Velocities for ghost atoms.
+
+  int pack(int n, const int *list, double *buffer) const
+  {
+    for (int k = 0; k < n; k++) buffer = std::copy_n(atom->v[list[k]], 3, buffer);
+    return 3 * n;
+  }
+
+  void unpack(int n, int first, const double *buffer) const
+  {
+    for (int i = first; i < first + n; i++, buffer += 3) std::copy_n(buffer, 3, atom->v[i]);
+  }
+
+ private:
+  std::vector<double> rows;
+
+  // The row of an atom that a fix may hold. What it holds an atom with is in what it sends along with the atom: how many there are
+  // (1: three with an angle), and their IDs. Returns whether all of these move with the box.
+
+  bool fill(int i, Fix *other, double *cluster) const
+  {
+    double sent[16], mass = 0.0;
+    bool all_move = true;
+    other->pack_exchange(i, sent);
+    const int flag = (int) sent[0], members = flag == 1 ? 3 : flag;
+    if (!members) return true;
+    std::fill_n(cluster, 6, 0.0);
+    for (int k = 1; k <= members; k++) {
+      const int j = domain->closest_image(i, atom->map((tagint) sent[k]));
+      if (j < 0) continue;    // fix shake ends the run, and says why
+      all_move &= (atom->mask[j] & bridge.held) != 0;
+      const double m = atom->rmass ? atom->rmass[j] : atom->mass[atom->type[j]];
+      mass += m;
+      for (int c = 0; c < 3; c++) {
+        cluster[c] += m * (atom->x[i][c] - atom->x[j][c]);
+        cluster[3 + c] += m * atom->v[j][c];
+      }
+    }
+    for (int c = 0; c < 6; c++) cluster[c] /= mass;
+    return all_move;
+  }
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

@@ -1,0 +1,166 @@
+/* The fix between runs: how it is made, what it declares to LAMMPS and to Python, and what LAMMPS asks of it. */
+
+#ifndef FIX_NOSQUISH_DECLARATION_H
+#define FIX_NOSQUISH_DECLARATION_H
+
+#include "python_move.h"
+
+namespace {
+namespace nosquish {
+
+FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+{
+  const bool quoted = PYTHON_MOVE == arg[2];
+  if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
+  if (quoted && narg > 4) facts.refuse("put the class and its words in quotes: \"" + std::string(arg[3]) + " " + arg[4] + " ...\"");
+
+  facts.refuse_accelerators();
+  time_integrate = 1;
+  dynamic_group_allow = 1;
+  dynamic = 1;    // see init()
+
+  const auto obstacle = start_python();
+  if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have a Python, and wait in it
+
+  fill_bridge();
+  std::string line = arg[2];
+  for (int k = 3; k < narg; k++) line += std::string("\n") + arg[k];
+  bridge.line = line.c_str();
+  const auto address = std::to_string(reinterpret_cast<uintptr_t>(static_cast<Bridge *>(&bridge)));
+  run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
+  bridge.line = nullptr;
+  if (bridge.outcome != DONE) failures.end_run(bridge.message, 5.0);    // imports may take their time
+
+  if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
+  if (bridge.changes_box) pressure.add("_virial", " all pressure NULL virial");
+  if (bridge.needs_energy) energy.add("_energy", " all pe");
+  declare();
+  if (bridge.follows_atoms) exchange.begin();
+  state.take_over();
+}
+
+// What Python may ask of this fix, and where LAMMPS keeps what Python reads.
+
+void FixPythonMove::fill_bridge()
+{
+  using Self = FixPythonMove;
+  bridge.checksum = BRIDGE_CHECKSUM;
+  bridge.fix = this;
+  bridge.lammps = lmp;
+  bridge.fix_id = id;
+  bridge.group = group->names[igroup];
+  bridge.virial = virial;
+  bridge.rate = domain->h_rate;
+  bridge.forces_virial = pressure.virial;
+  bridge.told_box = box.told.data();
+  bridge.told = external.told;
+  bridge.next_output = &output->next;
+  bridge.begin_step = &update->beginstep;
+  bridge.end_step = &update->endstep;
+  bridge.last_step = &update->laststep;
+  bridge.begins = bridge.energy_step = bridge.argument = bridge.rotor = bridge.natoms = -1;
+  strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
+
+  bridge.log = Lend<&Facts::log, &Self::facts>();
+  bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
+  bridge.ghost_velocity = Lend<&Facts::ghost_velocity, &Self::facts>();
+  bridge.scalar_pressure = Lend<&Facts::scalar_pressure, &Self::facts>();
+  bridge.command = Lend<&Facts::last_command, &Self::facts>();
+  bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
+  bridge.varies = Lend<&Facts::varies, &Self::facts>();
+  bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
+  bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();
+  bridge.gravity = Lend<&Facts::gravity, &Self::facts>();
+
+  bridge.point = Lend<&Self::point>();
+  bridge.now = Lend<&Self::now>();
+  bridge.potential = Lend<&PotentialEnergy::value, &Self::energy>();
+  bridge.ask_for_energy = Lend<&PotentialEnergy::ask_for, &Self::energy>();
+  bridge.go_back = Lend<&Self::go_back>();
+  bridge.keep = Lend<&Box::keep, &Self::box>();
+  bridge.set_box = Lend<&Self::set_box>();
+  bridge.flip_box = Lend<&Box::flip, &Self::box>();
+  bridge.find_clusters = Lend<&Clusters::find, &Self::clusters>();
+  bridge.set_array_rows = Lend<&Self::set_array_rows>();
+  bridge.stop = Lend<&Halt::ask, &Self::halt>();
+  bridge.particles = Lend<&Particles::read, &Self::particles>();
+  bridge.orient = Lend<&Particles::orient, &Self::particles>();
+  bridge.inserted = Lend<&Molecules::take, &Self::molecules>();
+  bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();
+}
+
+// What LAMMPS is to know of the integrator, as its class declares it.
+
+void FixPythonMove::declare()
+{
+  if (bridge.dof) dof_flag = 1;
+  if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
+  if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
+  centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
+  restart_file = bridge.writes_restart_file;
+  state.announce();
+  ecouple_flag = bridge.couples;
+  if (bridge.changes_box) {
+    comm_forward = comm_reverse = 3;
+    box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
+    no_change_box = 1;
+    pre_exchange_migrate = bridge.flips;
+  }
+  rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
+
+  scalar_flag = bridge.compute_scalar != nullptr;
+  extscalar = bridge.couples;
+  extarray = 0;
+  if (bridge.vector_size > 0) {
+    extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
+    vector_flag = 1;
+    size_vector = bridge.vector_size;
+    extvector = -1;
+    extlist = extensive.data();
+  }
+  if (bridge.array_columns > 0) {
+    array_flag = 1;
+    size_array_cols = bridge.array_columns;
+    size_array_rows = std::max(0, bridge.array_rows);
+    size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
+  }
+  global_freq = 1;
+}
+
+int FixPythonMove::setmask()
+{
+  return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
+      (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
+      (bridge.post_run ? POST_RUN : 0);
+}
+
+// external: forces and torques on the bodies, as Python reads the words; they go to the end of the command. bodyforces: rigid bodies
+// have the forces of all fixes (late), or of those before this one (early). temp and press: what LAMMPS's barostats take from these
+// computes, a class that changes the box finds by itself.
+
+int FixPythonMove::modify_param(int narg, char **arg)
+{
+  const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
+  if (word == "external" && bridge.modify_external) {
+    call(bridge.modify_external, external.words_of(narg, arg).c_str());
+    external.set();
+    return narg;
+  }
+  if (!bridge.follows_atoms || narg < 2) return 0;
+  if (bridge.changes_box && (word == "temp" || word == "press")) {
+    facts.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
+               "the atoms that its box takes along");
+    return 2;
+  }
+  if (word != "bodyforces") return 0;
+  if (value != "early" && value != "late") facts.refuse("bodyforces " + value + ": expected early or late");
+  arrays.early = value == "early";
+  int &mask = modify->fmask[modify->find_fix(id)];
+  mask = arrays.early ? mask | POST_FORCE : mask & ~POST_FORCE;
+  return 2;
+}
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

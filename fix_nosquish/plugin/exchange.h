@@ -1,0 +1,114 @@
+/* What goes along with atoms to other ranks: where each was, and what its body is there. */
+
+#ifndef FIX_NOSQUISH_EXCHANGE_H
+#define FIX_NOSQUISH_EXCHANGE_H
+
+#include "part.h"
+
+#include "atom.h"
+#include "group.h"
+#include "memory.h"
+#include "modify.h"
+#include "neighbor.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace {
+namespace nosquish {
+
+// LAMMPS takes `origin` along when it sorts atoms, moves them to other ranks, adds and deletes some. What the class has lent of its
+// bodies goes along to other ranks. There it is a row of `arrived`, from which it goes on if the atom does. The cell `arrived` tells
+// how many rows are in use.
+
+class Exchange : public Part {
+ public:
+  // of each atom: rank << 32 | place when the class noted its atoms, -1 if it was not noted, -2 - row if it came with that row
+  int64_t *origin = nullptr;
+  std::vector<double> arrived;
+
+  using Part::Part;
+
+  ~Exchange() override
+  {
+    if (bridge.follows_atoms && modify->get_fix_by_id(fix->id)) atom->delete_callback(fix->id, Atom::GROW);
+    memory->destroy(origin);
+  }
+
+  // From now on LAMMPS calls the fix for its atoms.
+
+  void begin()
+  {
+    fix->create_attribute = 1;
+    fix->maxexchange = std::max(1, bridge.carries);
+    grow(atom->nmax);
+    std::fill_n(origin, atom->nlocal, -1);
+    atom->add_callback(Atom::GROW);
+  }
+
+  void grow(int n) { memory->grow(origin, n, "python/move:origin"); }
+  bool moves(int i) const { return origin && origin[i] != -1; }    // the class has noted this atom
+
+  int pack(int i, double *buffer) const
+  {
+    const int64_t from = origin[i];
+    const bool known = from < -1 || (from >= 0 && bridge.state);
+    if (!bridge.carries || !known) {
+      buffer[0] = ubuf(bridge.carries ? (int64_t) -1 : from).d;
+      return 1;
+    }
+    buffer[0] = ubuf(from).d;
+    if (from < -1) {
+      std::copy_n(&arrived[(-2 - from) * bridge.carries], bridge.carries, buffer);
+    } else {
+      const int64_t place = from & 0xffffffff;
+      buffer = column(bridge.state, reinterpret_cast<const int64_t *>(bridge.body_of[0])[place], buffer);
+      column(bridge.displace, place, buffer);
+    }
+    return bridge.carries;
+  }
+
+  int unpack(int i, const double *buffer)
+  {
+    const int64_t from = origin[i] = ubuf(buffer[0]).i;
+    if (!bridge.carries || from == -1) return 1;
+    if (from >> 32 != comm->me && bridge.arrays) {    // else it is where its body knows it
+      int64_t &rows = bridge.arrays->arrived.rows;
+      origin[i] = -2 - rows;
+      arrived.resize(rows++ * bridge.carries);
+      arrived.insert(arrived.end(), buffer, buffer + bridge.carries);
+    }
+    return bridge.carries;
+  }
+
+  // LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
+
+  void refuse_stale_forces() const
+  {
+    const int bit = neighbor->includegroup ? group->bitmask[neighbor->includegroup] : 0;
+    tagint own = 0, left = 0;
+    for (int i = 0; i < atom->nlocal && bit; i++)
+      if (moves(i) && !(atom->mask[i] & bit)) own = atom->tag[i];
+    if (bit) MPI_Allreduce(&own, &left, 1, MPI_LMP_TAGINT, MPI_MAX, world);
+    if (left)
+      refuse("neigh_modify include leaves out atom " + std::to_string(left) + ", which this fix moves, and LAMMPS computes no forces on "
+             "such atoms: have all bodies and points in that group (and in that of atom_modify first), or leave it out");
+  }
+
+  double bytes() const { return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }
+
+ private:
+  // Write column k of an array behind the last number that is in the buffer; return the new last one.
+
+  static double *column(const int64_t *cell, int64_t k, double *last)
+  {
+    const auto values = reinterpret_cast<const double *>(cell[0]);
+    for (int64_t row = 0; row < cell[1]; row++) *++last = values[row * cell[2] + k];
+    return last;
+  }
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

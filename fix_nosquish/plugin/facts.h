@@ -1,0 +1,134 @@
+/* What Python asks of LAMMPS, of the other fixes first, and what its library interface does not tell. */
+
+#ifndef FIX_NOSQUISH_FACTS_H
+#define FIX_NOSQUISH_FACTS_H
+
+#include "lammps_versions.h"
+#include "part.h"
+
+#include "compute.h"
+#include "force.h"
+#include "group.h"
+#include "input.h"
+#include "kspace.h"
+#include "library.h"
+#include "modify.h"
+
+#include <sstream>
+#include <string>
+
+namespace {
+namespace nosquish {
+using namespace FixConst;
+
+class Facts : public Part {
+ public:
+  using Part::Part;
+
+  // Fix n of all; false behind the last. The fix itself has no ID there.
+
+  bool describe(int n, void *facts) const
+  {
+    if (n >= modify->nfix) return false;
+    const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE | PRE_REVERSE | POST_FORCE |
+        POST_INTEGRATE_RESPA | PRE_FORCE_RESPA | POST_FORCE_RESPA;
+    const int early_hooks = INITIAL_INTEGRATE | POST_INTEGRATE | INITIAL_INTEGRATE_RESPA | POST_INTEGRATE_RESPA;
+    const Fix *other = modify->fix[n];
+    auto hooks = [mask = modify->fmask[n]](int some) { return (mask & some) != 0; };
+    *static_cast<FixFacts *>(facts) = !other || other == fix
+        ? FixFacts()
+        : FixFacts{other->id, other->style, other->groupbit, other->time_integrate, hooks(between), hooks(END_OF_STEP), other->nevery,
+                   hooks(FINAL_INTEGRATE), (other->box_change & ~Fix::BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
+                   hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
+                   other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,
+                   other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate};
+    return true;
+  }
+
+  // What constrains atoms says so by the degrees of freedom that it removes. What moves them by itself may not know it yet.
+
+  int64_t removed_freedom(const char *other, const char *group_id) const
+  {
+    Fix *found = modify->get_fix_by_id(other);
+    const int number = group->find(group_id);
+    return found && found->dof_flag && !found->time_integrate && number >= 0 ? found->dof(number) : 0;
+  }
+
+  bool varies(const char *other) const
+  {
+    Fix *found = modify->get_fix_by_id(other);
+    return found && found->memory_usage() > 0.0;
+  }
+
+  void begin_step_of(const char *other) const
+  {
+    if (Fix *found = modify->get_fix_by_id(other)) found->initial_integrate(0);
+  }
+
+  int64_t gravity(const char *other) const
+  {
+    int dimension;
+    const int at = modify->find_fix(other);    // behind this fix it does not know its variables' values when this one begins
+    const bool before = at >= 0 && at < modify->find_fix(fix->id);
+    return reinterpret_cast<int64_t>(before ? modify->fix[at]->extract("gvec", dimension) : nullptr);
+  }
+
+  bool ghost_velocity() const { return comm->ghost_velocity; }
+  bool scalar_pressure() const { return force->kspace && force->kspace->scalar_pressure_flag; }
+  bool pair_style(const char *first) const { return force->pair_match(std::string("^") + first, 0, 1); }
+
+  const char *last_command()
+  {
+    const char *first = CurrentCommand::of(input);
+    command = first ? first : "";
+    for (int k = 0; first && k < input->narg; k++) command += std::string(" ") + input->arg[k];
+    return command.c_str();
+  }
+
+  // Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
+
+  void log(const char *text) const
+  {
+    if (comm->me) return;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.rfind("WARNING", 0) == 0) {
+        const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
+        error->set_numwarn(count);
+        if (most != 0 && (most < 0 || count > most)) continue;
+      }
+      utils::logmesg(lmp, line + "\n");
+    }
+  }
+
+  // Forces on a graphics card: LAMMPS would bring them for this fix, but nobody has tried. KOKKOS for the host's own cores has
+  // the same memory as LAMMPS.
+
+  void refuse_accelerators() const
+  {
+    bool card = !modify->get_fix_by_style("^GPU$").empty();
+    for (const char *api : {"cuda", "hip", "sycl"}) card |= lmp->kokkos && lammps_config_accelerator("KOKKOS", "api", api);
+    if (card)
+      refuse("forces on a graphics card were never tried with this fix: start LAMMPS without -sf gpu, package gpu, or -k on with a card");
+    if (lmp->kokkos) log(problem(fix, "KOKKOS runs on the host here. Forces are where this fix needs them, and nothing is copied").c_str());
+  }
+
+  // LAMMPS takes a fix whose style begins with rigid for its own class in places, without a look.
+
+  void refuse_casts() const
+  {
+    for (const auto &other : modify->get_compute_list())
+      for (const auto &name : COMPUTES)
+        if (replaces(fix->style) && name == other->style)
+          refuse("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix rigid for its own: "
+                 "define it with the suffix on, or write " + name + SUFFIX);
+  }
+
+ private:
+  std::string command;
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

@@ -1,0 +1,61 @@
+/* Molecules that other fixes insert as rigid bodies, of the template that the fix line names. */
+
+#ifndef FIX_NOSQUISH_MOLECULES_H
+#define FIX_NOSQUISH_MOLECULES_H
+
+#include "part.h"
+#include "templates.h"
+
+#include "atom.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+namespace {
+namespace nosquish {
+
+class Molecules : public Part {
+ public:
+  using Part::Part;
+
+  // The molecules of the template, side by side; null if there is no template.
+
+  Molecule **first() const
+  {
+    const int number = bridge.template_id ? atom->find_molecule(bridge.template_id) : -1;
+    return number < 0 ? nullptr : atom->molecules + number;
+  }
+
+  bool describe(int number, double *numbers) const { return first() && Templates::read(atom, first()[number], numbers); }
+
+  // Another fix has inserted a molecule of the template, with atoms of its own on each rank: all ranks are told. What its atoms do
+  // not say of it is kept until LAMMPS has brought them to their ranks.
+
+  void add(int before, tagint tag, int number, const double *velocity, const double *quat)
+  {
+    inserted.insert(inserted.end(), {(double) tag, (double) (atom->nlocal - before), (double) number});
+    inserted.insert(inserted.end(), velocity, velocity + 3);
+    inserted.insert(inserted.end(), quat, quat + 4);
+  }
+
+  // How many there are; with a place for their numbers these are taken, and forgotten.
+
+  int take(double *numbers)
+  {
+    const int count = inserted.size() / NUMBERS;
+    if (!numbers) return count;
+    std::copy(inserted.begin(), inserted.end(), numbers);
+    inserted.clear();
+    return count;
+  }
+
+ private:
+  static constexpr int NUMBERS = 10;    // of each molecule
+  std::vector<double> inserted;
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

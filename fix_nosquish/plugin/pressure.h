@@ -1,0 +1,148 @@
+/* What the pressure and the energy of the integrator need of LAMMPS's forces. */
+
+#ifndef FIX_NOSQUISH_PRESSURE_H
+#define FIX_NOSQUISH_PRESSURE_H
+
+#include "box.h"
+#include "clusters.h"
+#include "failures.h"
+#include "forces.h"
+
+#include "compute.h"
+#include "modify.h"
+#include "output.h"
+
+#include <vector>
+
+namespace {
+namespace nosquish {
+
+// A compute that this fix adds, for which LAMMPS's forces tally something. A script can take it away.
+
+class OwnCompute : public Part {
+ public:
+  using Part::Part;
+
+  ~OwnCompute() override
+  {
+    if (!id.empty() && modify->get_compute_by_id(id)) modify->delete_compute(id);
+  }
+
+  void add(const std::string &what, const std::string &words)
+  {
+    const std::string name = std::string(fix->id) + what;
+    modify->add_compute(name + words);
+    id = name;    // a script's own of this name stays
+  }
+
+  Compute *find() const
+  {
+    Compute *found = modify->get_compute_by_id(id);
+    if (!found) refuse("compute " + id + " is gone, which this fix has added and needs: leave out the uncompute");
+    return found;
+  }
+
+  void ask_for(bigint step) const { find()->addstep(step); }
+
+ protected:
+  std::string id;
+};
+
+class PotentialEnergy : public OwnCompute {
+ public:
+  using OwnCompute::OwnCompute;
+
+  // The potential energy of the last forces, for which LAMMPS has tallied it. If a step has begun since, compute pe must not know.
+
+  double value() const
+  {
+    const InPlace<bigint> step(update->ntimestep, update->eflag_global);
+    return find()->compute_scalar();
+  }
+};
+
+// The pressure of the steps in which the box changes, and of those behind them.
+
+class Pressure : public OwnCompute {
+ public:
+  double virial[6] = {};    // of all ranks and without this fix, where the box or its velocity changes next
+
+  using OwnCompute::OwnCompute;
+
+  bool box_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
+  bool is_due(bigint step) const { return box_is_due(step) || box_is_due(step - 1); }
+
+  // Have LAMMPS tally the virial in the first step from this one on that needs it.
+
+  void ask_from(bigint step) const
+  {
+    const bigint every = bridge.changes_box;
+    ask_for(box_is_due(step - 1) ? step : (step + every - 1) / every * every);
+  }
+
+  // What virial is asked for in this step by others than this fix, whose own part of it the new box does not need.
+
+  int asked_by_others(int vflag) const
+  {
+    const bigint step = update->ntimestep;
+    if (!is_due(step) || (vflag & (VIRIAL_ATOM | VIRIAL_CENTROID))) return vflag;
+    if (output->any_time_dumps && output->next_time_dump_any == step) return vflag;
+    for (const auto &compute : modify->get_compute_list())
+      if (compute->pressflag && id != compute->id && compute->matchstep(step)) return vflag;
+    return 0;
+  }
+
+  // Where it is needed, the virial of LAMMPS's forces, and of the fixes that LAMMPS counts.
+
+  void take(double volume)
+  {
+    if (!is_due(update->ntimestep)) return;
+    if (update->vflag_global != update->ntimestep)
+      refuse("LAMMPS has not tallied the virial that the new box needs: begin the run with 'pre yes'");
+    double sums[6] = {};
+    auto add = [](double *to, const double *virial) {
+      for (int k = 0; k < 6; k++) to[k] += virial[k];
+    };
+    if (force->pair) add(sums, force->pair->virial);
+    for_bonded(force, atom, [&](auto *style) { add(sums, style->virial); });
+    for (const auto &other : modify->get_fix_list())
+      if (other != fix && other->thermo_virial && !(bridge.counts && holds(other))) add(sums, other->virial);
+    MPI_Allreduce(sums, virial, 6, MPI_DOUBLE, MPI_SUM, world);
+    if (force->kspace) add(virial, force->kspace->virial);
+    if (force->pair && force->pair->tail_flag)
+      for (int k = 0; k < domain->dimension; k++) virial[k] += force->pair->ptail / volume;
+    ask_from(update->ntimestep + 1);
+  }
+
+  // Keep the forces that LAMMPS's virial counts, before fixes add theirs: those of pairs, bonds and mesh.
+
+  void keep_counted()
+  {
+    if (!bridge.counts || !is_due(update->ntimestep)) return;
+    const int local = atom->nlocal, all = local + atom->nghost;
+    counted.assign(3 * (size_t) all, 0.0);
+    for (int i = 0; i < (force->newton ? all : local); i++) std::copy_n(atom->f[i], 3, &counted[3 * (size_t) i]);
+    if (force->newton) comm->reverse_comm(fix);
+    bridge.arrays->counted_f.point(counted.data(), local, 3);
+  }
+
+  int pack(int n, int first, double *buffer) const
+  {
+    std::copy_n(&counted[3 * (size_t) first], 3 * n, buffer);
+    return 3 * n;
+  }
+
+  void unpack(int n, const int *list, const double *buffer)
+  {
+    for (int k = 0; k < n; k++)
+      for (int c = 0; c < 3; c++) counted[3 * (size_t) list[k] + c] += *buffer++;
+  }
+
+ private:
+  std::vector<double> counted;    // forces on local and ghost atoms
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

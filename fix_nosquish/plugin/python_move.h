@@ -1,0 +1,223 @@
+/* The fix as LAMMPS sees it. What it does in a step is in python_move.cpp; most else is in its parts. */
+
+#ifndef FIX_NOSQUISH_PYTHON_MOVE_H
+#define FIX_NOSQUISH_PYTHON_MOVE_H
+
+#include "arrays.h"
+#include "bridge.h"
+#include "exchange.h"
+#include "external.h"
+#include "facts.h"
+#include "failures.h"
+#include "forces.h"
+#include "halt.h"
+#include "interpreter.h"
+#include "molecules.h"
+#include "particles.h"
+#include "pressure.h"
+#include "restart.h"
+
+#include "citeme.h"
+#include "group.h"
+#include "timer.h"
+#include "update.h"
+
+#include <array>
+#include <string>
+#include <vector>
+
+namespace {
+namespace nosquish {
+
+class FixPythonMove : public Fix {
+ public:
+  FixPythonMove(LAMMPS *, int, char **);
+
+  // the hooks of a step
+  void setup(int) override;
+  void min_setup(int vflag) override { call(bridge.min_setup, vflag); }
+  void setup_post_neighbor() override { post_neighbor(); }
+  void post_neighbor() override;
+  void setup_pre_reverse(int, int) override { pressure.keep_counted(); }
+  void pre_reverse(int, int) override { pressure.keep_counted(); }
+  void pre_exchange() override { follow(bridge.at_exchange); }
+  void post_force(int) override { arrays.keep_forces(); }
+  void initial_integrate(int) override;
+  void final_integrate() override;
+  void initial_integrate_respa(int, int, int) override;
+  void final_integrate_respa(int, int) override;
+  void end_of_step() override;
+
+  // before and behind a run, and between runs
+  int setmask() override;
+  int modify_param(int, char **) override;
+  void init() override;
+  void post_run() override;
+  void write_restart_file(const char *name) override { call(bridge.write_restart_file, name); }
+  void write_restart(FILE *) override;
+  void restart(char *buffer) override { state.read(buffer); }
+  void reset_dt() override { call(bridge.reset_dt); }
+  void deform(int) override;
+  void zero_momentum() override { call(bridge.zero_momentum); }
+  void zero_rotation() override { call(bridge.zero_rotation); }
+  void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
+
+  // what others ask of the fix
+  bigint dof(int group) override { return ask<int64_t>(bridge.dof, group); }
+  double compute_scalar() override { return ask<double>(bridge.compute_scalar); }
+  double compute_vector(int) override;
+  double compute_array(int, int) override;
+  void *extract(const char *, int &) override;
+  double memory_usage() override { return exchange.bytes(); }
+  bool has_bodies() const { return bridge.rows_of_rank; }
+  double kinetic_energy(int which) { return ask<double>(bridge.compute_vector, which); }    // of translation (0), or of rotation (1)
+  int rows_of_rank(const char *words, int group, double *&values);
+
+  // atoms
+  void grow_arrays(int n) override { exchange.grow(n); }
+  void copy_arrays(int i, int j, int) override { exchange.origin[j] = exchange.origin[i]; }
+  void set_arrays(int i) override { exchange.origin[i] = -1; }
+  int pack_exchange(int i, double *buffer) override { return exchange.pack(i, buffer); }
+  int unpack_exchange(int i, double *buffer) override { return exchange.unpack(i, buffer); }
+  int pack_reverse_comm(int n, int first, double *buffer) override { return pressure.pack(n, first, buffer); }
+  void unpack_reverse_comm(int n, int *list, double *buffer) override { pressure.unpack(n, list, buffer); }
+  int pack_forward_comm(int n, int *list, double *buffer, int, int *) override { return clusters.pack(n, list, buffer); }
+  void unpack_forward_comm(int n, int first, double *buffer) override { clusters.unpack(n, first, buffer); }
+  void set_molecule(int before, tagint tag, int number, double *, double *velocity, double *quat) override
+  {
+    molecules.add(before, tag, number, velocity, quat);
+  }
+
+ private:
+  struct Instance : Bridge {    // what is shared with Python, which lets go of the class's instance when the fix goes
+    Instance() : Bridge() {}
+    ~Instance()
+    {
+      if (release) release(static_cast<Bridge *>(this));
+    }
+  };
+
+  Failures failures{lmp, this, bridge};
+  Instance bridge;
+  Facts facts{lmp, this, bridge};
+  Exchange exchange{lmp, this, bridge};
+  AtomArrays arrays{lmp, this, bridge};
+  Molecules molecules{lmp, this, bridge};
+  Particles particles{lmp};
+  Box box{lmp, this, bridge};
+  Clusters clusters{lmp, this, bridge};
+  Pressure pressure{lmp, this, bridge};
+  PotentialEnergy energy{lmp, this, bridge};
+  GoingBack back{lmp, this, bridge};
+  External external{lmp, this, bridge};
+  Restart state{lmp, this, bridge};
+  Halt halt{lmp, this, bridge};
+  bool respa = false;
+  std::vector<int> extensive;
+  std::vector<double> of_atoms;    // the virial of each, nine numbers
+  std::array<int64_t, 3> array_when;    // bridge.array is of then
+
+  void fill_bridge(), declare(), push(), stream_with_box();
+  int64_t set_box(const double *);
+  void point()
+  {
+    if (bridge.arrays) arrays.point(exchange);
+  }
+  void set_array_rows(int n) { size_array_rows = n; }
+  int64_t now() const;
+  bool follow(const Action *);
+  int go_back();
+  void flush_log() const
+  {
+    if (logfile) fflush(logfile);
+  }
+
+  // Do a list of passes. Returns what the first one that has found something wrong says, 0 if none has.
+
+  int64_t run(const Pass *pass)
+  {
+    if (!pass) return 0;
+    for (; pass->loop; pass++) {
+      const int64_t found = pass->loop(pass->cells);
+      failures.throw_kept();
+      if (found) return found;
+    }
+    bridge.changes++;
+    return 0;
+  }
+
+  // Call a method of the class, if it has it.
+
+  template <typename... Types, typename... Values> void call(int (*hook)(Types...), Values... arguments)
+  {
+    if (!hook) return;
+    bridge.array = nullptr;    // it may change
+    strcpy(bridge.message, "interrupted");
+    const int outcome = hook(arguments...);
+    failures.throw_kept();
+    if (outcome == FAILED_ALIKE) failures.refuse(bridge.message);
+    if (outcome != DONE) failures.end_run(bridge.message);
+  }
+
+  template <typename Number, typename... Types, typename... Values> Number ask(int (*hook)(Types...), Values... arguments)
+  {
+    Number value = 0;
+    call(hook, arguments..., &value);
+    return value;
+  }
+
+  // What fills in the virial has room for that of each atom, if LAMMPS asks for it.
+
+  template <typename Function> void with_virial(Function function)
+  {
+    make_virial_per_atom();
+    function();
+    give_virial_per_atom();
+  }
+
+  void make_virial_per_atom()
+  {
+    const bool asked = bridge.wants_virial_per_atom && (vflag_atom || cvflag_atom);
+    bridge.natoms = asked ? atom->nlocal : -1;
+    of_atoms.assign(asked ? 9 * atom->nlocal : 0, 0.0);
+    bridge.virial_per_atom = of_atoms.data();
+    if (!bridge.arrays) return;
+    bridge.arrays->virial.point(virial, 6);
+    bridge.arrays->atom_virial.point(of_atoms.data(), std::max(0, bridge.natoms), 9);
+  }
+
+  // Give LAMMPS the virial of each atom, as compute stress/atom and compute centroid/stress/atom have it. The step may have brought
+  // new atoms since v_init.
+
+  void give_virial_per_atom()
+  {
+    auto give = [this](int asked, double **&array, int &rows, int columns) {
+      if (!asked || bridge.natoms < 0) return;
+      if (bridge.natoms > rows) memory->grow(array, rows = atom->nmax, columns, "fix:vatom");
+      for (int i = 0; i < bridge.natoms; i++) std::copy_n(&of_atoms[9 * i], columns, array[i]);
+    };
+    give(vflag_atom, vatom, maxvatom, 6);
+    give(cvflag_atom, cvatom, maxcvatom, 9);
+    bridge.natoms = -1;
+  }
+
+  // A function for Python and for loops, of the type that its place in the bridge has. It calls a method of the fix, or of a part.
+
+  template <typename Result, typename... Taken> using Function = Result (*)(void *fix, Taken... taken);
+
+  template <auto method, auto... part> struct Lend {
+    template <typename Result, typename... Taken> operator Function<Result, Taken...>() const
+    {
+      return [](void *fix, Taken... taken) -> Result {
+        auto &self = *static_cast<FixPythonMove *>(fix);
+        auto &owner = (self .* ... .* part);
+        return self.failures.kept_from_loops([&] { return static_cast<Result>((owner.*method)(taken...)); });
+      };
+    }
+  };
+};
+
+}    // namespace nosquish
+}    // namespace
+
+#endif

@@ -1,0 +1,62 @@
+/* The names of the styles, and what is said with them. */
+
+#ifndef FIX_NOSQUISH_STYLES_H
+#define FIX_NOSQUISH_STYLES_H
+
+#include "fix.h"
+
+#include <algorithm>
+#include <string>
+
+namespace {
+namespace nosquish {
+using namespace LAMMPS_NS;
+
+const std::string PYTHON_MOVE = "python/move";
+const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
+
+// With the suffix LAMMPS takes these in the place of its own, and their computes: see computes.h.
+
+const std::string SUFFIX = "/nosquish";
+const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt",       "rigid/npt",       "rigid/nph",
+                                "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
+const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
+
+bool replaces(const std::string &style)
+{
+  return style.rfind("rigid", 0) == 0;
+}
+
+// A message that begins with the fix. LAMMPS adds the suffix to a style's name only after the constructor.
+
+std::string problem(const Fix *fix, const std::string &text)
+{
+  std::string name = fix->style;
+  if (replaces(name) && name.find(SUFFIX) == std::string::npos) name += SUFFIX;
+  return "Fix " + std::string(fix->id) + " " + name + ": " + text;
+}
+
+// The message for a class of LAMMPS that is not as its header says.
+
+std::string another_class(const std::string &name)
+{
+  return "this LAMMPS has another class " + name +
+      " than the headers with which fix_nosquish's plugin was compiled, although the version is the same: it was built with other "
+      "options or patches. Compile the plugin again, in a checkout of fix_nosquish: pip install --force-reinstall --no-deps . "
+      "with NOSQUISH_LAMMPS set to the source tree or the install folder of this LAMMPS (see docs/own-lammps.md)";
+}
+
+const char PAPER[] = "fix nosquish: https://doi.org/10.1063/1.1473654\n\n"
+                     "@Article{Miller2002,\n"
+                     " author = {Miller, T. F. and Eleftheriou, M. and Pattnaik, P. and Ndirango, A. and Newns, D. and Martyna, G. J.},\n"
+                     " title = {Symplectic quaternion scheme for biophysical molecular dynamics},\n"
+                     " journal = {J. Chem. Phys.},\n"
+                     " volume = 116,\n"
+                     " pages = {8649--8659},\n"
+                     " year = 2002\n"
+                     "}\n\n";
+
+}    // namespace nosquish
+}    // namespace
+
+#endif
