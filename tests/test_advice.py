@@ -9,7 +9,7 @@ import pytest
 from conftest import read_thermo
 from endings import assert_ended
 
-from fix_nosquish.plugin.host import OtherFix
+from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.other_fixes import OtherFixes
 
 CO2 = """

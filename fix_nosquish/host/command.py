@@ -487,8 +487,9 @@ class Command:
         if "thermostat" in known:
             _check_thermostat(line, values, "barostat" in known)
         if "steps" in known:
-            needed = ((name, known[name].expected) for name in ("temp", "steps", "seed"))
-            _refuse(line, *((name not in values, _missing(name, what)) for name, what in needed))
+            for name in "temp", "steps", "seed":
+                missing = f"keyword {name} is missing: give it {known[name].expected}"
+                _refuse(line, (name not in values, missing))
         if "dmax" in known:
             _check_quench(line, values)
         if "iso" in known:
@@ -547,10 +548,6 @@ def _refuse(line: Line, *problems: tuple[object, str]) -> None:
             raise line.wrong(message)
 
 
-def _missing(name: str, expected: str) -> str:
-    return f"keyword {name} is missing: give it {expected}"
-
-
 def _check_pressure(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if the words of a barostat do not go together."""
     given, couple = set(values.get("pressure", ())), values.get("couple", "none")
@@ -595,7 +592,10 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
     no_use = "keyword {} is of no use to this thermostat: leave it out"
     _refuse(
         line,
-        ("temp" not in values, _missing("temp", OWN_KEYWORDS["temp"].expected)),
+        (
+            "temp" not in values,
+            f"keyword temp is missing: give it {OWN_KEYWORDS['temp'].expected}",
+        ),
         (
             draws and "seed" not in values,
             f"keyword seed is missing: this {draws} draws random numbers, so give it "
@@ -613,12 +613,10 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
 
 def _check_quench(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if a tolerance is missing; have moments that serve a quench."""
-    largest = "the largest {0} on a body that may be left at the end, {1}"
-    _refuse(
-        line,
-        *(
-            (name not in values.get("quench", ()), _missing(name, largest.format(name, _NUMBER)))
-            for name in ("force", "torque")
-        ),
-    )
+    for name in "force", "torque":
+        missing = (
+            f"keyword {name} is missing: give it the largest {name} on a body that "
+            f"may be left at the end, {_NUMBER}"
+        )
+        _refuse(line, (name not in values.get("quench", ()), missing))
     values["moments"] = Moments("alike")

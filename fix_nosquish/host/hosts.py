@@ -3,11 +3,37 @@
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import RunError
+
+
+class OtherFix(NamedTuple):
+    """A fix of the same simulation."""
+
+    id: str
+    style: str
+    groupbit: int
+    time_integrate: bool  # it moves the atoms of its group
+    between: bool  # it is called between initial_integrate and final_integrate
+    end_of_step: bool  # it is called at the end of every nevery-th step
+    nevery: int
+    final_integrate: bool  # it is called where final_integrate is
+    box_change: bool  # it changes the box
+    called: bool  # it is called in steps, at all
+    constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
+    has_energy: bool  # it knows the energy of its forces
+    energy_in_pe: bool  # which fix_modify energy adds to the potential energy
+    post_force: bool  # it may change forces
+    has_virial: bool  # it knows the virial of its forces
+    virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
+    moves: bool  # it may change positions before the forces of a step, and integrates none
+
+    def has(self, groups: np.ndarray) -> np.ndarray:
+        """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
+        return groups & np.uint32(self.groupbit & 0xFFFFFFFF) != 0
 
 
 class Host(Protocol):
@@ -96,7 +122,7 @@ class Host(Protocol):
     def log(self, text: str) -> None:
         """Print lines on LAMMPS's screen and in its log; collective."""
 
-    def fixes(self) -> list | None:
+    def fixes(self) -> list[OtherFix] | None:
         """All other fixes, in the order in which LAMMPS calls them; None if they are not known."""
 
     def shapes(self, natoms: int) -> np.ndarray | None:

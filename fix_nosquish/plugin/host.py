@@ -2,44 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from ctypes import byref, c_void_p, cast
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.ctypeslib import as_array
 
 from ..errors import RunError
+from ..host.hosts import OtherFix
 from ..loops.compiled import array
 from ..run.schedule import ACTIONS, SCHEDULE
 from ..structs import Action, Bridge, FixFacts
 
 AT = "at_"  # what the fields of lists of actions begin with, behind which the hook's name follows
 LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))
-
-
-class OtherFix(NamedTuple):
-    """A fix of the same simulation."""
-
-    id: str
-    style: str
-    groupbit: int
-    time_integrate: bool  # it moves the atoms of its group
-    between: bool  # it is called between initial_integrate and final_integrate
-    end_of_step: bool  # it is called at the end of every nevery-th step
-    nevery: int
-    final_integrate: bool  # it is called where final_integrate is
-    box_change: bool  # it changes the box
-    called: bool  # it is called in steps, at all
-    constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
-    has_energy: bool  # it knows the energy of its forces
-    energy_in_pe: bool  # which fix_modify energy adds to the potential energy
-    post_force: bool  # it may change forces
-    has_virial: bool  # it knows the virial of its forces
-    virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
-    moves: bool  # it may change positions before the forces of a step, and integrates none
-
-    def has(self, groups):
-        """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
-        return groups & np.uint32(self.groupbit & 0xFFFFFFFF) != 0
 
 
 def _shared(name, kind):
@@ -101,7 +76,7 @@ class Host:
     def log(self, text: str) -> None:
         self._bridge.log(self._bridge.fix, text.encode())
 
-    def fixes(self) -> list | None:
+    def fixes(self) -> list[OtherFix]:
         facts, found, n = FixFacts(), [], 0
         while self._bridge.nth_fix(self._bridge.fix, n, byref(facts)):
             if facts.id is not None:  # not this fix itself

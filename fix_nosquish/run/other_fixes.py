@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..bodies.membership import Membership
-from ..host.hosts import Host
+from ..host.hosts import Host, OtherFix
 
 if TYPE_CHECKING:
-    from ..plugin.host import OtherFix
     from .integrator import Integrator
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
@@ -101,7 +100,7 @@ class OtherFixes:
 
     def __init__(
         self,
-        fixes: "Iterable[OtherFix] | None",
+        fixes: Iterable[OtherFix] | None,
         ours: Collection[str | None] = (),
         command: Sequence[str] = (),
         step: int = 0,
@@ -123,10 +122,10 @@ class OtherFixes:
         self.movers = [fix for fix in fixes if fix.moves and not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
 
-    def __iter__(self) -> "Iterator[OtherFix]":
+    def __iter__(self) -> Iterator[OtherFix]:
         return iter(self._fixes)
 
-    def suspects(self) -> "list[OtherFix]":
+    def suspects(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""
         late = {fix.id for fix in self.late if not fix.style.startswith(_VELOCITIES)}
         return [
@@ -135,7 +134,7 @@ class OtherFixes:
             if fix in self.movers or fix.id in late or fix.style.startswith(_USERS)
         ]
 
-    def pushing(self) -> "list[OtherFix]":
+    def pushing(self) -> list[OtherFix]:
         """Those that may change the total momentum of what they act on."""
         return [
             fix
@@ -143,7 +142,7 @@ class OtherFixes:
             if fix.called and not fix.style.startswith(_CONSERVING) and not _is_harmless(fix)
         ]
 
-    def without_energy(self) -> "tuple[OtherFix, str] | None":
+    def without_energy(self) -> tuple[OtherFix, str] | None:
         """The first one that may change positions, momenta or forces with no energy in LAMMPS's
         potential energy, and a remedy; None if there is no such fix."""
         for fix in self:
@@ -165,11 +164,11 @@ def pushing_pair_style(host: Host, newton: bool) -> str | None:
     return next(filter(host.pair_style, styles), None)
 
 
-def _is_harmless(fix: "OtherFix") -> bool:
+def _is_harmless(fix: OtherFix) -> bool:
     return fix.style.startswith(_HARMLESS) or fix.style[0].isupper()
 
 
-def _stays(fix: "OtherFix") -> bool:
+def _stays(fix: OtherFix) -> bool:
     return fix.constrains or fix.style.startswith(_STAYING) or _is_harmless(fix)
 
 
@@ -211,7 +210,7 @@ def refuse_other_integrators(integrator: "Integrator") -> None:
     integrator.communicator.agree(problem)
 
 
-def _problem_beside(fix: "OtherFix", both: np.ndarray, integrator: "Integrator") -> str | None:
+def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -> str | None:
     """Why a fix cannot act beside an integrator, or None; collective.
 
     Args:
@@ -245,8 +244,8 @@ def _problem_beside(fix: "OtherFix", both: np.ndarray, integrator: "Integrator")
             )
         if fix.time_integrate:
             return (
-                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by '
-                f"{theirs}: give that fix {without}"
+                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by fix '
+                f"{fix.id} (style {fix.style}): give that fix {without}"
             )
         return (
             f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
