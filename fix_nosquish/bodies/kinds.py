@@ -1,7 +1,13 @@
-"""Whether bodies of one kind, molecules of one species, have one shape."""
+"""Whether molecules of one species have one shape as rigid bodies."""
+
+from typing import NamedTuple
 
 import numpy as np
 
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
+from .bodies import Bodies
+from .membership import Membership
 from .principal import weights
 
 _DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
@@ -9,51 +15,79 @@ _SAID = 5  # warnings at most
 _SHAPES = "three-dimensional", "planar", "linear"
 
 
-def compare(bodies, lammps, communicator, membership):
-    """Warn of bodies with the same atom types, in the order of IDs, but not one shape; collective.
+class Species(NamedTuple):
+    """Bodies with the same atom types in the order of IDs, where there are several; alike on all
+    ranks.
 
-    Each body is laid over the one of its kind that has the lowest ID, turned (or mirrored: a
-    racemate is of one kind) by least squares. All atoms count alike: by their masses, rounding
+    Attributes:
+        key: (s,) int64, what tells a species apart, ascending.
+        natoms: (s,) number of atoms of a body.
+        first: (s,) the lowest ID of a body.
+        counts: (s, 3) how many bodies have each of _SHAPES.
+    """
+
+    key: np.ndarray
+    natoms: np.ndarray
+    first: np.ndarray
+    counts: np.ndarray
+
+
+def compare(bodies: Bodies, membership: Membership) -> list[str]:
+    """Warn of molecules of one species that do not have one shape; collective.
+
+    Each body is laid over the one of its species that has the lowest ID, turned (or mirrored: a
+    racemate is of one species) by least squares. All atoms count alike: by their masses, rounding
     errors would turn bodies about directions in which only massless sites extend.
 
     Returns:
-        a list of lines, alike on all ranks.
+        lines for the log, alike on all ranks.
     """
-    place, key = _places_and_keys(bodies, lammps)
+    communicator, owned = membership.communicator, bodies.sharers.owned
+    place, key = _places_and_keys(bodies, membership.lammps)
     compared = (bodies.natoms > 1) & (key >= 0)
-    owned = bodies.sharers.owned
-    keys, natoms, lowest, counts = _kinds(bodies, communicator, key, compared & owned)
-    if not len(keys):
+    found = _species(bodies, communicator, key, compared & owned)
+    if not len(found.key):
         return []
-    kind = np.searchsorted(keys, key).clip(max=len(keys) - 1)
-    kind[~compared | (keys[kind] != key)] = -1
-    far = _deviations(bodies, communicator, kind, place, natoms, lowest)
-    differ, furthest = _furthest(communicator, len(keys), kind, far, bodies.id, owned)
-    mixed = np.count_nonzero(counts, axis=1) > 1
+    species = np.searchsorted(found.key, key).clip(max=len(found.key) - 1)
+    species[~compared | (found.key[species] != key)] = -1
+    far = _deviations(bodies, communicator, species, place, found)
+    other = (far > _DIFFERENT) & owned
+    differ = communicator.total(np.bincount(species[other], minlength=len(found.key))).astype(int)
+    # of each species the body that differs most
+    rows = _first_of_each(np.array([species, far, bodies.id], float)[:, other].T)
+    furthest = np.zeros((len(found.key), 2))
+    rows = _first_of_each(communicator.gather_to_all(rows))
+    furthest[rows[:, 0].astype(int)] = rows[:, 1:]
+    mixed = np.count_nonzero(found.counts, axis=1) > 1
     said = np.flatnonzero((differ > 0) | mixed)
     said = said[np.argsort(-furthest[said, 0], kind="stable")]
-    lines = [
-        _line(membership, natoms[k], lowest[k], counts[k], differ[k], *furthest[k])
-        for k in said[:_SAID]
-    ]
+    lines = [_line(membership, found, k, differ[k], *furthest[k]) for k in said[:_SAID]]
     if len(said) > _SAID:
         lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
     return lines
 
 
-def _deviations(bodies, communicator, kind, place, natoms, lowest):
-    """How far each body is from the first of its kind, as a part of its size, (n,); collective.
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Of rows (n, k) with the same first number, the one whose second number is the largest."""
+    rows = rows[np.lexsort((-rows[:, 1], rows[:, 0]))]
+    return rows[np.unique(rows[:, 0], return_index=True)[1]]
+
+
+def _deviations(
+    bodies: Bodies, communicator: Alone, species: np.ndarray, place: np.ndarray, found: Species
+) -> np.ndarray:
+    """How far each body is from the first of its species, as a part of its size, (n,); collective.
 
     Args:
-        kind: (n,) int of each body, -1 for those that are not compared.
+        species: (n,) the place of each body's species in `found`, -1 for those that are not
+            compared.
         place: (m,) of each atom among its body's.
-        natoms, lowest: of each kind, the number of atoms and the lowest ID of a body.
     """
-    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(natoms)])
-    mine = kind[bodies.body] >= 0
+    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(found.natoms)])
+    mine = species[bodies.body] >= 0
     body, d = bodies.body[mine], bodies.displace[:3, mine]
-    where = start[kind[body]] + place[mine]
-    of_first = bodies.id[body] == lowest[kind[body]]
+    where = start[species[body]] + place[mine]
+    of_first = bodies.id[body] == found.first[species[body]]
     told = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
     model = np.empty((3, start[-1]))
     model[:, told[:, 0].astype(int)] = told[:, 1:].T
@@ -62,10 +96,10 @@ def _deviations(bodies, communicator, kind, place, natoms, lowest):
     model = model[:, where]
     products = sharers.total(body, *(a * b for a in d for b in model)).T.reshape(-1, 3, 3)
 
-    def deviation(turn):
-        """How far each body is from the first of its kind, turned so, of its size, (n,)."""
+    def deviation(turn: np.ndarray) -> np.ndarray:
+        """How far each body is from the first of its species, turned so, of its size, (n,)."""
         off = np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0)
-        return np.where(kind >= 0, sharers.highest(body, off)[0] / size[kind], 0.0)
+        return np.where(species >= 0, sharers.highest(body, off)[0] / size[species], 0.0)
 
     # principal axes of bodies of one shape differ in their signs only, unless moments are equal
     turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
@@ -78,55 +112,32 @@ def _deviations(bodies, communicator, kind, place, natoms, lowest):
     return far
 
 
-def _furthest(communicator, kinds, kind, far, ids, owned):
-    """Of each of so many kinds, how many bodies differ from the first, (kinds,), and how far is
-    the one that is furthest, and its ID, (kinds, 2); collective.
+def _species(bodies: Bodies, communicator: Alone, key: np.ndarray, owned: np.ndarray) -> Species:
+    """The species of which there are several bodies; collective.
 
     Args:
-        kind, far, ids, owned: (bodies,) of each, what `compare` knows of it.
+        key: (n,) what tells species apart.
+        owned: (n,) bool, which bodies to count here.
     """
-    other = np.flatnonzero((far > _DIFFERENT) & owned)
-    other = other[np.lexsort((-far[other], kind[other]))]  # of each kind the furthest is the first
-    which, first, count = np.unique(kind[other], return_index=True, return_counts=True)
-    worst = other[first]
-    found = np.stack([which, count, far[worst], ids[worst]], axis=1).astype(float)
-    found = communicator.gather_to_all(found)
-    found = found[np.lexsort((-found[:, 2], found[:, 0]))]
-    differ, furthest = np.zeros(kinds, int), np.zeros((kinds, 2))
-    np.add.at(differ, found[:, 0].astype(int), found[:, 1].astype(int))
-    which, first = np.unique(found[:, 0].astype(int), return_index=True)
-    furthest[which] = found[first, 2:]
-    return differ, furthest
+    counts = _shapes(bodies)[:, None] == np.arange(len(_SHAPES))
+    rows = np.column_stack([key, bodies.natoms.astype(np.int64), bodies.id, counts])[owned]
+    rows = _merged(communicator.gather_to_all(_merged(rows)))
+    rows = rows[rows[:, 3:].sum(axis=1) > 1]
+    return Species(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:])
 
 
-def _kinds(bodies, communicator, key, owned):
-    """The kinds of which there are several bodies; collective.
-
-    Args:
-        key: (bodies,) what tells kinds apart.  owned: (bodies,) bool, which to count here.
-    Returns:
-        keys (n,), natoms (n,), the lowest body ID of each (n,), how many have each shape (n, 3).
-    """
-    shape = _shapes(bodies)[owned]
-    keys, first, kind = np.unique(key[owned], return_index=True, return_inverse=True)
-    rows = np.empty((len(keys), 6), np.int64)
-    rows[:, 0], rows[:, 1] = keys, bodies.natoms[owned][first]
-    rows[:, 2] = np.iinfo(np.int64).max
-    np.minimum.at(rows[:, 2], kind, bodies.id[owned])
-    for k in range(3):
-        rows[:, 3 + k] = np.bincount(kind, shape == k, minlength=len(keys))
-    rows = communicator.gather_to_all(rows)
-    keys, first, kind = np.unique(rows[:, 0], return_index=True, return_inverse=True)
-    natoms, counts = rows[first, 1], np.zeros((len(keys), 3), int)
-    lowest = np.full(len(keys), np.iinfo(np.int64).max)
-    np.minimum.at(lowest, kind, rows[:, 2])
-    np.add.at(counts, kind, rows[:, 3:])
-    several = counts.sum(axis=1) > 1
-    return keys[several], natoms[several], lowest[several], counts[several]
+def _merged(rows: np.ndarray) -> np.ndarray:
+    """Rows (key, natoms, ID, counts...) with the same key as one: the lowest ID, summed counts."""
+    _, first, species = np.unique(rows[:, 0], return_index=True, return_inverse=True)
+    merged = rows[first]
+    np.minimum.at(merged[:, 2], species, rows[:, 2])
+    merged[:, 3:] = 0
+    np.add.at(merged[:, 3:], species, rows[:, 3:])
+    return merged
 
 
-def _places_and_keys(bodies, lammps):
-    """The place of each atom here among its body's, in the order of IDs, and keys of kinds.
+def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.ndarray]:
+    """The place of each atom here among its body's, in the order of IDs, and keys of species.
 
     Returns:
         (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if
@@ -150,19 +161,29 @@ def _places_and_keys(bodies, lammps):
     return place, np.where(shared & gaps, -1, key)
 
 
-def _shapes(bodies):
+def _shapes(bodies: Bodies) -> np.ndarray:
     """Which of _SHAPES each body has, (n,)."""
     shape = np.zeros(len(bodies), int)
-    shape[: bodies.rotors][bodies.flat] = 1
-    shape[bodies.rotors :] = 2
-    return shape if not bodies.planar else np.zeros(len(bodies), int)
+    if not bodies.planar:
+        shape[: bodies.rotors] = bodies.flat
+        shape[bodies.rotors :] = 2
+    return shape
 
 
-def _line(membership, natoms, lowest, counts, differ, far, furthest):
-    name = membership.name(int(lowest))
+def _line(
+    membership: Membership, found: Species, k: int, differ: int, far: float, furthest: float
+) -> str:
+    """The warning of one species.
+
+    Args:
+        k: its place in `found`.
+        differ: how many bodies differ from the first.
+        far, furthest: by how much the one does that differs most, and its ID.
+    """
+    name, counts = membership.name(int(found.first[k])), found.counts[k]
     text = (
-        f"WARNING: the {counts.sum()} bodies of {natoms} atoms that have the same atom types as "
-        f"{name}, in the same order, differ in shape"
+        f"WARNING: the {counts.sum()} bodies of {found.natoms[k]} atoms that have the same atom "
+        f"types as {name}, in the same order, differ in shape"
     )
     if differ:
         other = membership.name(int(furthest))

@@ -17,8 +17,8 @@ import weakref
 
 import numpy as np
 
-from ..bodies.bodies import matrices
 from ..errors import RunError
+from ..motion.frames import matrices
 from ..motion.operations import EXACT, MROT
 from ..run import thermo
 

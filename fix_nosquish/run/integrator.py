@@ -21,10 +21,12 @@ from math import gcd
 import numpy as np
 
 from ..bodies import extended, infile, templates, turnover
-from ..bodies.build import build, count
-from ..bodies.extended import particles_of
+from ..bodies.bodies import Start
+from ..bodies.build import Recipe, build, count
+from ..bodies.given import nothing
 from ..bodies.kinds import compare
 from ..bodies.membership import Membership
+from ..bodies.particles import particles_of
 from ..box import deform
 from ..errors import RunError
 from ..host import rigid_fixes
@@ -155,7 +157,7 @@ class Integrator(Declaration):
         else:
             self.array_rows = None  # they will be others
             if not self.template:
-                self.array_rows = count(self.communicator, self.membership)
+                self.array_rows = count(self.membership)
             self.rigid_flag = self.lammps.radius is not None
 
     def _refuse_other_rotor(self, rotor):
@@ -294,7 +296,7 @@ class Integrator(Declaration):
         if anew:
             self._build()
         else:
-            self.bodies.bind(self.lammps, self.membership)
+            self.bodies.bind(self.membership)
         self._bind()
         if anew:
             if self.streams:  # velocities are those that bodies have where the box has them
@@ -316,9 +318,16 @@ class Integrator(Declaration):
         self._tell_count()
 
     @property
-    def told(self):
-        """What tells of bodies besides their atoms when a run makes them; see `build`."""
-        return partial(infile.read, self.infile, self.counts) if self.infile else None
+    def recipe(self):
+        """How a run makes the bodies of its atoms; see `build`."""
+        return Recipe(
+            self.membership,
+            self.shapes(),
+            self.oriented,
+            partial(infile.read, self.infile, self.counts) if self.infile else nothing,
+            self.rows + self.kept,
+            keeps_shapes=self._ran and not self.infile,
+        )
 
     @property
     def counts(self):
@@ -328,7 +337,7 @@ class Integrator(Declaration):
     @property
     def keeps_bodies(self):
         """Whether of some bodies more is known than their atoms tell."""
-        return bool(self.infile or (self.notes and len(self.notes["given"])))
+        return bool(self.infile or (self.notes and len(self.notes.given)))
 
     @property
     def _goes_on(self):
@@ -371,16 +380,13 @@ class Integrator(Declaration):
 
     def _build(self):
         known = self.bodies and (self.bodies.id, self.bodies.wrench.copy())
-        former = self.former()
+        former, recipe = self.former(), self.recipe
         self.host.carry(None, None)
         self.bodies = self.passes = None  # there may be no room for both
-        self._lost = former is not None
-        self.bodies, self.notes = build(
-            self.lammps, self.communicator, self.membership, self.told, self.rows + self.kept,
-            former, **self.particles(),
-        )  # fmt: skip
+        self._lost = former is not None and recipe.keeps_shapes
+        self.bodies, self.notes, kept = build(recipe, former)
         self._lost = self._started = False
-        if not np.isfinite(self.notes["kinetic"]):
+        if not np.isfinite(self.notes.kinetic):
             raise RunError(
                 "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
                 "energy is not finite. Look at what has set them (velocity, read_data)",
@@ -388,13 +394,12 @@ class Integrator(Declaration):
             )
         self._choose_rotor()
         bodies = self.bodies
-        kept = self.notes.pop("kept")
         # a rerun is to tell of the atoms as they stand in the file, which has rounded places
         bodies.loose = self.command.reinit and "rerun" in self.host.command[:1]
-        if kept and kept.text and not bodies.loose:
+        if kept.text and not bodies.loose:
             self.lammps.per_atom("x", columns=3)[kept.atoms] += kept.shift
             self.host.log(kept.text)
-        if kept and kept.turned:
+        if kept.turned:
             self.host.log(
                 f"{kept.turned} particles were turned with their bodies, which something has moved "
                 "between the runs (an orientation that 'set' gave them there is dropped)\n"
@@ -403,7 +408,7 @@ class Integrator(Declaration):
             # commands like write_data compute no forces
             bodies.wrench[:, np.argsort(bodies.id)] = known[1][:, np.argsort(known[0])]
         bodies.external = self.external
-        bodies.bind(self.lammps, self.membership)
+        bodies.bind(self.membership)
         self._mass = self._mass_of_atoms()
         bodies.know_box(self.lammps.box)
         self.host.carry(self.lammps, bodies)
@@ -412,10 +417,8 @@ class Integrator(Declaration):
         self.host.noted()
         self._switches = Switches(self.command, self.lammps.dimension, self.communicator, bodies)
         self._box = self.lammps.box
-        if self.notes.pop("new"):
-            self.notes["warnings"] += compare(
-                bodies, self.lammps, self.communicator, self.membership
-            )
+        if kept.new:
+            self.notes.warnings += compare(bodies, self.membership)
 
     @property
     def _mrot(self):
@@ -493,23 +496,12 @@ class Integrator(Declaration):
         """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
         return self.host.shapes(len(self.lammps.groups)) if self.oriented else None
 
-    def particles(self):
-        """What `build` must know of atoms that are more than points."""
-        return {"shapes": self.shapes(), "oriented": self.oriented}
-
     def bodies_of_atoms(self):
         """The `Bodies` that a run would make of the atoms as they are now; collective."""
-        return build(
-            self.lammps, self.communicator, self.membership, self.told, former=self.former(),
-            **self.particles(),
-        )[0]  # fmt: skip
+        return build(self.recipe, self.former()).bodies
 
     def former(self):
-        """What the atoms were in the bodies of the last run, None if that says nothing; collective.
-
-        An atom that was in a body stays in it; a variable is asked for the others only.  (LAMMPS's
-        own fix cannot know which these are.)
-        """
+        """What the atoms were in the bodies of the last run, None if there are none; collective."""
         if self._lost:
             raise RunError(
                 "the bodies of the last run are gone, because this one could not begin: "
@@ -519,10 +511,7 @@ class Integrator(Declaration):
         if self.bodies is None:
             return None
         self.host.point()
-        former = self.bodies.of_atoms(self.lammps, self.host.follows)
-        if self.membership.variable and former.followed:
-            self.membership.before = former.id, former.known
-        return former if self._ran and not self.infile else None
+        return self.bodies.of_atoms(self.lammps, self.host.follows)
 
     @hook
     def setup(self, vflag):
@@ -557,7 +546,7 @@ class Integrator(Declaration):
             self.reports.say(bool(vflag))
             self.reports.write()
         cause, remedy, spacing = log.forces_at_start(self)
-        self.bodies.start = self.lammps.step, cause, remedy, spacing
+        self.bodies.start = Start(self.lammps.step, cause, remedy, spacing)
         names = " or ".join(f"fix {f.id} (style {f.style})" for f in self.other_fixes.suspects())
         self.bodies.suspects = names and f", perhaps {names}"
         if cause and not self.quenches:
@@ -653,12 +642,9 @@ class Integrator(Declaration):
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
         molecules = templates.inserted(self.host, self.communicator)
-        told = partial(templates.read, molecules) if molecules else None
-        how = {"told": told, "own_rows": self.rows + self.kept, **self.particles()}
-        lines, given = turnover.turn_over(
-            self.bodies, self.lammps, self.communicator, self.membership, how
-        )
-        self.notes["given"] = np.union1d(self.notes["given"], given)
+        told = partial(templates.read, molecules) if molecules else nothing
+        lines, given = turnover.turn_over(self.bodies, self.recipe._replace(told=told))
+        self.notes.given = np.union1d(self.notes.given, given)
         if self.start or self.every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
@@ -903,15 +889,13 @@ class Integrator(Declaration):
             (2,) the kinetic energy of this rank's atoms before and of its bodies now, but for those
             of which more is known.
         """
-        bodies, spins, known = self.bodies, None, None
-        given = np.isin(bodies.id, self.notes["given"])
-        if given.any():
-            known = np.flatnonzero(given), bodies.momenta()[:, given]
+        bodies, particles = self.bodies, None
+        given = np.isin(bodies.id, self.notes.given)
         before = bodies.kinetic_of_atoms(self.lammps)
         if bodies.spin:
             particles = particles_of(self.lammps, self.shapes(), bodies.index)
-            spins, before = particles.momentum, before + particles.kinetic()
-        bodies.take_velocities(self.lammps, spins, known)
+            before = before + particles.kinetic()
+        bodies.take_velocities(self.lammps, particles, given, bodies.momenta()[:, given])
         after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
         return np.array([before[~given[bodies.body]].sum(), after.sum()])
 
@@ -1037,7 +1021,7 @@ class Integrator(Declaration):
         else:
             self.membership = Membership(self.lammps, self.communicator, self.command)
             bodies = self.bodies_of_atoms()
-            bodies.bind(self.lammps, self.membership)
+            bodies.bind(self.membership)
             bodies.know_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
         atom_v = self.lammps.per_atom("v", columns=3)  # before a first run no cell points there

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 
-from ..bodies.bodies import matrices
+from ..motion.frames import matrices
 
 # mass, length, time, velocity, force, torque in each of LAMMPS's unit styles
 _UNITS = {

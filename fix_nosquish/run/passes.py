@@ -219,8 +219,8 @@ class Passes:
             velocities.append(extended.set_spins.bind_to(self.cells))
         if not bodies.oriented:
             return velocities, []
-        to = {"turn_atom": integrator.host.turn_atom, "quat": np.empty(4)}
-        return velocities, [extended.turn.bind_to(self.cells, **to)]
+        to = {"orient_atom": integrator.host.turn_atom, "quat": np.empty(4)}
+        return velocities, [extended.orient.bind_to(self.cells, **to)]
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
