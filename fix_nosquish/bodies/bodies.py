@@ -82,25 +82,31 @@ class _View:
 class Bodies:
     """The bodies of which this rank owns atoms, those of one kind side by side.
 
-    Loops find all of it in `cells`, which `follow` sets anew: arrays here are views of what is
-    there when they are asked for, of use until then.
+    Loops find everything in `cells`.  Arrays here are views of what is in the cells when they are
+    asked for: do not keep them, because `follow` sets the cells anew.
 
     Attributes:
         id: (n,) body IDs.
         rotors, turning: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, turning) are linear, [turning, n) are points.
-        mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`; x
-            is kept in the box, which image counts.  x, v and the torque are in the space frame,
-            moments in the principal frame, from the largest to the smallest (with order 123 the
+        state: (rows, n); mass, moment, x, v, q, p, wrench, force, torque, natoms and image are
+            views of its rows.
+        mass, natoms: (n,).
+        moment: (3, n) in the principal frame, from the largest to the smallest (with order 123 the
             other way round; in a plane the third is about z).
-        force, torque: (3, n), views of `wrench`, (6, n) of `state`, which sharing ranks exchange.
+        x, v: (3, n) in the space frame; x is kept in the box, and `image`, (3, n), counts how many
+            box vectors the body is away.
+        q, p: (4, n).
+        wrench: (6, n) force and torque in the space frame, which sharing ranks exchange.
+        force, torque: (3, n), the two parts of it.
         index, displace: this rank's atoms as the loops take them; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its ID.
         sharers: the `Sharers` of these bodies.
         start: what is known of the start of the run.
-        suspects: which other fixes may have moved atoms, to be said behind that one was moved.
+        suspects: part of the message for an atom that was moved: which other fixes may have done
+            that.
         external: what takes external forces; see `add_force`.
-        loose: whether atoms may stand anywhere near where their bodies have them.
+        loose: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
@@ -202,7 +208,8 @@ class Bodies:
     # ------------------------------------------------------------- after LAMMPS has moved atoms
 
     def bind(self, membership: Membership) -> None:
-        """Bind the pass that follows the atoms of this LAMMPS."""
+        """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
+        along where it is now: `note`."""
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         bound = (
             self.cells
@@ -212,20 +219,16 @@ class Bodies:
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)
         self._following_fewer = migration.follow.bind_to(bound, what=follows | FEWER)
-        self._note = migration.follow.bind_to(bound, what=NOTE)
+        self.note = migration.follow.bind_to(bound, what=NOTE)
         self._settle = migration.follow.bind_to(bound, what=SETTLE)
 
-    def note(self) -> None:
-        """Have each of LAMMPS's atoms take along where it is now."""
-        self._note()
-
     def follow(self, lammps: Lammps) -> bool:
-        """Be the same bodies after LAMMPS has moved atoms; collective.
+        """Follow the atoms after LAMMPS has moved them between ranks and in its arrays; collective.
 
         Returns:
-            whether that is so: False if atoms of bodies came or are gone on any rank.
+            whether the bodies are the same: False if atoms of bodies came or are gone on any rank.
         Raises:
-            RunError: if atoms stand where this fix has not put them.
+            RunError: on all ranks, if atoms are where this fix has not put them.
         """
         self.know_box(lammps.box)
         problem = self.following()
@@ -234,7 +237,7 @@ class Bodies:
         return problem != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
-        """Be without some bodies, whose atoms are gone, and with others; collective.
+        """Drop bodies whose atoms are gone, and take in others; collective.
 
         Args:
             gone: (n,) bool, which bodies those are.
@@ -244,12 +247,11 @@ class Bodies:
         """
         self.state[block.ID, gone] = NO_ID  # a new one may have its ID
         if new is not None:
-            # they come as others come from other ranks: with their atoms
+            # they come with their atoms, as bodies do that come from other ranks
             arrived = lammps.cells["arrived"]
-            behind = OF_BODY + len(new.state)
-            rows = np.zeros((len(new.index), behind + len(new.displace)))
-            rows[:, OF_BODY:behind] = new.state[:, new.body].T
-            rows[:, behind:] = new.displace.T
+            columns = new._columns_of_atoms()
+            rows = np.zeros((columns.shape[1], OF_BODY + len(columns)))
+            rows[:, OF_BODY:] = columns.T
             lammps.cells["origins"].array[new.index] = (
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
@@ -304,18 +306,19 @@ class Bodies:
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        place, row = places(origins[here]), -2 - origins[came]
-        rows, behind = np.r_[ID, NATOMS, Q], OF_BODY + len(self.state)
-        of_bodies = np.zeros((len(rows), len(origins)))
-        displace = np.zeros((len(self.displace), len(origins)))
-        of_bodies[:, here] = self.state[rows][:, self.body[place]]
-        of_bodies[:, came] = arrived[row[:, None], OF_BODY + rows].T
-        displace[:, here], displace[:, came] = self.displace[:, place], arrived[row, behind:].T
-        ids, natoms, q = of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:]
-        return Former(here | came, ids, natoms, q, displace, followed)
+        columns = np.zeros((len(self.state) + len(self.displace), len(origins)))
+        columns[:, here] = self._columns_of_atoms()[:, places(origins[here])]
+        columns[:, came] = arrived[-2 - origins[came], OF_BODY:].T
+        state, displace = np.split(columns, [len(self.state)])
+        ids = state[block.ID].astype(np.int64)
+        return Former(here | came, ids, state[block.NATOMS], state[Q], displace, followed)
+
+    def _columns_of_atoms(self) -> np.ndarray:
+        """Of each atom here the state of its body, then its own column of `displace`, (..., m)."""
+        return np.concatenate([self.state[:, self.body], self.displace])
 
     def know_box(self, box: Box) -> None:
-        """The bodies are in this `lammps.Box` now."""
+        """Have the cells of the box as this one is, if it is another one than before."""
         if box is not self._box:
             self._box = box
             near = np.inf if self.loose else OFF_BODY * box.size + 8 * np.spacing(box.farthest)
@@ -325,7 +328,7 @@ class Bodies:
             self.cells["near"].set(near)
 
     def _off(self) -> str | None:
-        """What to say of the atom that is off its body, None for none on this rank."""
+        """The message for the atom that is off its body; None if there is none on this rank."""
         far, atom = self.cells["off"].array
         if far <= self.cells["near"].number:
             return None

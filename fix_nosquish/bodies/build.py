@@ -34,7 +34,7 @@ class Recipe(NamedTuple):
         membership: which atoms form which body.
         shapes: see `hosts.Host.shapes`.
         oriented: whether atoms of this atom style can have an orientation.
-        told: finds what is known of bodies besides their atoms; collective.
+        find_given: finds what is known of bodies besides their atoms; collective.
         own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         keeps_shapes: whether bodies keep the shapes that they had.
     """
@@ -42,7 +42,7 @@ class Recipe(NamedTuple):
     membership: Membership
     shapes: np.ndarray | None
     oriented: bool
-    told: Callable[[Unfolded], Given] = nothing
+    find_given: Callable[[Unfolded], Given] = nothing
     own_rows: int = 0
     keeps_shapes: bool = False
 
@@ -94,11 +94,11 @@ def build(recipe: Recipe, former: Former | None = None, atoms: np.ndarray | None
     membership, lammps = recipe.membership, recipe.membership.lammps
     members = find_members(membership, recipe.shapes, recipe.oriented, former, atoms)
     unfolded = unfold(members)
-    given = recipe.told(unfolded)
+    given = recipe.find_given(unfolded)
     mass, centre = members.mass.copy(), unfolded.centre.copy()
     mass[given.which], centre[:, given.which] = given.mass, given.centre
     members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
-    kept = shapes.as_they_are(members, unfolded.delta - centre[:, members.body].T)
+    kept = shapes.Kept(members, unfolded.delta - centre[:, members.body].T)
     if former is not None and recipe.keeps_shapes:
         kept = shapes.keep(members, former, kept.r)
     members = kept.members

@@ -20,7 +20,7 @@ _MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
 class Kept(NamedTuple):
-    """What keeping the shapes of bodies changes.
+    """Bodies with the shapes that they keep, and what that changes; by default nothing.
 
     Attributes:
         members: the `Members`, with particles that are turned with their bodies.
@@ -34,16 +34,11 @@ class Kept(NamedTuple):
 
     members: Members
     r: np.ndarray
-    atoms: np.ndarray
-    shift: np.ndarray
+    atoms: np.ndarray = np.empty(0, np.int64)
+    shift: np.ndarray = np.empty((0, 3))
     text: str = ""
     turned: int = 0
     new: bool = True
-
-
-def as_they_are(members: Members, r: np.ndarray, new: bool = True) -> Kept:
-    """`Kept` of bodies with the shapes that their atoms have, at places r (m, 3)."""
-    return Kept(members, r, members.atoms[:0], r[:0], new=new)
 
 
 def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
@@ -77,7 +72,7 @@ def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
 
     moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
     if not communicator.any(moved.any()):
-        return as_they_are(members, r, new)
+        return Kept(members, r, new=new)
     particles = members.particles if len(columns) > ORIENT else None
     turn = _turns(members, former, moved, r, d, particles)
     placed = np.einsum("mab,bm->ma", turn[body], d)

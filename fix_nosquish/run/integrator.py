@@ -24,9 +24,9 @@ from ..bodies import extended, infile, templates, turnover
 from ..bodies.bodies import Start
 from ..bodies.build import Recipe, build, count
 from ..bodies.given import nothing
-from ..bodies.kinds import compare
 from ..bodies.membership import Membership
 from ..bodies.particles import particles_of
+from ..bodies.species import compare
 from ..box import deform
 from ..errors import RunError
 from ..host import rigid_fixes
@@ -642,8 +642,9 @@ class Integrator(Declaration):
     def _turn_over(self):
         """Atoms of bodies came or are gone, and their bodies with them; collective."""
         molecules = templates.inserted(self.host, self.communicator)
-        told = partial(templates.read, molecules) if molecules else nothing
-        lines, given = turnover.turn_over(self.bodies, self.recipe._replace(told=told))
+        find_given = partial(templates.read, molecules) if molecules else nothing
+        recipe = self.recipe._replace(find_given=find_given)
+        lines, given = turnover.turn_over(self.bodies, recipe)
         self.notes.given = np.union1d(self.notes.given, given)
         if self.start or self.every or self.needs_energy:
             raise RunError(
