@@ -11,6 +11,8 @@ class RunError(Exception):
         argument: Which argument of LAMMPS's command is wrong, from 0 on; None for none.
     """
 
-    def __init__(self, message, *, everywhere=False, argument=None):
+    def __init__(
+        self, message: str, *, everywhere: bool = False, argument: int | None = None
+    ) -> None:
         super().__init__(message)
         self.everywhere, self.argument = everywhere, argument

@@ -5,23 +5,26 @@ momentum p, with its mass and principal moments.  Every rank keeps the bodies of
 atom, and of their atoms only its own.  `build` makes them.
 """
 
+from collections.abc import Sequence
 from copy import copy
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import RunError
+from ..host.lammps import Box, Lammps
 from ..loops.compiled import F2, L1, Cell, I
 from ..loops.memory import Memory
 from ..motion import block
-from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, vector_times
+from ..motion.frames import angular_momentum, matrices, quaternion_momentum, vector_times
 from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
-from ..ranks.communicator import ALONE
+from ..ranks.communicator import ALONE, Alone
 from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
 from ..ranks.sharing import Sharers, places
-from .membership import POINTS
+from .membership import POINTS, Former, Membership
+from .particles import Particles
 
 OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
 NO_ID = 2.0**62  # of a body that is no more
@@ -29,76 +32,85 @@ _SOON = 100  # steps after which what happens is no longer due to the start
 
 # rows of a body's state
 ROWS = block.ROWS
-MASS, MOMENT, X, V, Q, P, WRENCH, NATOMS, IMAGE, HOME, ID = (
-    slice(row, row + rows)
-    for row, rows in (
-        *(
-            (block.MASS, 1),
-            (block.MOMENT, 3),
-            (block.X, 3),
-            (block.V, 3),
-            (block.Q, 4),
-            (block.P, 4),
-        ),
-        *((block.FORCE, 6), (block.NATOMS, 1), (block.IMAGE, 3), (block.HOME, 1), (block.ID, 1)),
+MASS, MOMENT, X, V, Q, P, WRENCH, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID = (
+    slice(row, row + count)
+    for row, count in (
+        (block.MASS, 1),
+        (block.MOMENT, 3),
+        (block.X, 3),
+        (block.V, 3),
+        (block.Q, 4),
+        (block.P, 4),
+        (block.FORCE, 6),
+        (block.FORCE, 3),
+        (block.TORQUE, 3),
+        (block.NATOMS, 1),
+        (block.IMAGE, 3),
+        (block.HOME, 1),
+        (block.ID, 1),
     )
 )
 
 
-class Former(NamedTuple):
-    """What LAMMPS's atoms on this rank were in bodies.
+class Start(NamedTuple):
+    """What is known of the start of a run: its step, and what `log.forces_at_start` says."""
 
-    Attributes:
-        known: (natoms,) bool, which atoms were in a body.
-        id, natoms: (natoms,) the body's ID and number of atoms.  q: (4, natoms) its quaternion.
-        displace: (rows, natoms) the atom's column of `Bodies.displace`.
-        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
-    """
-
-    known: np.ndarray
-    id: np.ndarray
-    natoms: np.ndarray
-    q: np.ndarray
-    displace: np.ndarray
-    followed: bool
+    step: int = 0
+    cause: str = ""
+    remedy: str = ""
+    spacing: float = np.inf
 
 
-def _rows(rows):
-    """An attribute that is these rows of the state."""
-    return property(lambda self: self.state[rows])
+class TakesForces(Protocol):
+    """What takes external forces, as `run.external.External` does."""
+
+    def give(
+        self, ids: Sequence[int], force: np.ndarray, torque: np.ndarray | Sequence[float]
+    ) -> None: ...
 
 
-def _cell(name):
-    """An attribute that is the array in a cell."""
-    return property(lambda self: self.cells[name].array)
+class _View:
+    """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
+
+    def __init__(self, cell: str, rows: int | slice = slice(None)) -> None:
+        self._cell, self._rows = cell, rows
+
+    def __get__(self, bodies: "Bodies", owner: type) -> np.ndarray:
+        return bodies.cells[self._cell].array[self._rows]
 
 
 class Bodies:
     """The bodies of which this rank owns atoms, those of one kind side by side.
 
-    Loops find all of it in `cells`, which `follow` sets anew: arrays here are views of what is
-    there when they are asked for, of use until then.
+    Loops find everything in `cells`.  Arrays here are views of what is in the cells when they are
+    asked for: do not keep them, because `follow` sets the cells anew.
 
     Attributes:
         id: (n,) body IDs.
         rotors, turning: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
             [rotors, turning) are linear, [turning, n) are points.
-        mass (n,), moment (3, n), x, v, image (3, n), q, p (4, n), natoms (n,): views of `state`; x
-            is kept in the box, which image counts.  x, v and the torque are in the space frame,
-            moments in the principal frame, from the largest to the smallest (with order 123 the
+        state: (rows, n); mass, moment, x, v, q, p, wrench, force, torque, natoms and image are
+            views of its rows.
+        mass, natoms: (n,).
+        moment: (3, n) in the principal frame, from the largest to the smallest (with order 123 the
             other way round; in a plane the third is about z).
-        force, torque: (3, n), views of `wrench`, (6, n) of `state`, which sharing ranks exchange.
+        x, v: (3, n) in the space frame; x is kept in the box, and `image`, (3, n), counts how many
+            box vectors the body is away.
+        q, p: (4, n).
+        wrench: (6, n) force and torque in the space frame, which sharing ranks exchange.
+        force, torque: (3, n), the two parts of it.
         index, displace: this rank's atoms as the loops take them; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its ID.
         sharers: the `Sharers` of these bodies.
-        start: None, or what is known of the start of the run: its step, and what
-            `log.forces_at_start` says.
-        external: None, or what takes external forces; see `add_force`.
-        loose: whether atoms may stand anywhere near where their bodies have them.
-        planar: whether they turn in the xy plane only, about their axis 3.
+        start: what is known of the start of the run.
+        suspects: part of the message for an atom that was moved: which other fixes may have done
+            that.
+        external: what takes external forces; see `add_force`.
+        loose: whether atoms may be away from where their bodies have them.
+        planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Layout.kinds`[3].
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
-        oriented: whether some atom of them has an orientation; see `extended`.
+        oriented: whether some atom of a body has an orientation; see `extended`.
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
 
     Args:
@@ -109,21 +121,24 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
+    external: TakesForces
+
     def __init__(
         self,
-        state,
-        body,
-        displace,
-        here,
-        planar,
-        spin,
-        oriented=False,
-        communicator=ALONE,
-        chosen=0,
-    ):
+        state: np.ndarray,
+        body: np.ndarray,
+        displace: np.ndarray,
+        here: np.ndarray,
+        planar: bool,
+        spin: bool,
+        oriented: bool = False,
+        communicator: Alone = ALONE,
+        chosen: int = 0,
+    ) -> None:
         self.planar, self.spin, self.oriented = planar, spin, oriented
-        self.chosen, self.start, self.loose, self.suspects = chosen, None, False, ""
-        self._communicator, self._box = communicator, None
+        self.chosen, self.start, self.loose, self.suspects = chosen, Start(), False, ""
+        self._communicator = communicator
+        self._box: Box | None = None
         self._memory = Memory("bodies", migration.BodyRows)
         for name, values in (
             ("state", state),
@@ -147,69 +162,71 @@ class Bodies:
         ):
             self.cells[name] = Cell(kinds[name], value)
         self.cells |= {"mask": Cell(F2, np.ones((6, 1)))}
+        self.cells |= {name: Cell(kinds[name]) for name in PeriodicBox._fields}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
-    external = None
-    rotors, turning = (
-        property(lambda self, k=k: self.cells["kinds"].array[k].item()) for k in (0, 1)
-    )
-    state, displace, index, body = map(_cell, ("state", "displace", "index", "body"))
-    mass, natoms, moment, x, v, q, p, wrench, image = map(
-        _rows, (block.MASS, block.NATOMS, MOMENT, X, V, Q, P, WRENCH, IMAGE)
-    )
-    force, torque = map(
-        _rows, (slice(block.FORCE, block.TORQUE), slice(block.TORQUE, block.NATOMS))
+    state, displace, index, body = (_View(name) for name in ("state", "displace", "index", "body"))
+    mass, natoms = (_View("state", row) for row in (block.MASS, block.NATOMS))
+    moment, x, v, q, p, wrench, force, torque, image = (
+        _View("state", rows) for rows in (MOMENT, X, V, Q, P, WRENCH, FORCE, TORQUE, IMAGE)
     )
 
     @property
-    def id(self):
+    def rotors(self) -> int:
+        return self.cells["kinds"].array[0].item()
+
+    @property
+    def turning(self) -> int:
+        return self.cells["kinds"].array[1].item()
+
+    @property
+    def id(self) -> np.ndarray:
         return self.state[block.ID].astype(np.int64)
 
     @property
-    def listed(self):
+    def tag(self) -> np.ndarray:
+        return self.displace[3].astype(np.int64)
+
+    @property
+    def listed(self) -> np.ndarray:
         """Which bodies are counted here and are bodies of the fix line, not its points, (n,)."""
         return self.sharers.owned & (self.state[block.ID] < POINTS)
 
     @property
-    def tag(self):
-        return self.displace[3].astype(np.int64)
-
-    @property
-    def flat(self):
+    def flat(self) -> np.ndarray:
         """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
         moment = self.moments_of_atoms[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
-    def __len__(self):
+    def __len__(self) -> int:
         return self.cells["state"].numbers[2].item()
 
     # ------------------------------------------------------------- after LAMMPS has moved atoms
 
-    def bind(self, lammps, membership):
-        """Bind the pass that follows the atoms of this LAMMPS."""
+    def bind(self, membership: Membership) -> None:
+        """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
+        along where it is now: `note`."""
         masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
-        for name in PeriodicBox._fields:
-            self.cells.setdefault(name, Cell(migration.follow.kinds[name]))
-        bound = self.cells | lammps.cells | {name: Cell(I, mask) for name, mask in masks.items()}
-        bound["arrived_cell"] = Cell(L1, lammps.cells["arrived"].numbers)
+        bound = (
+            self.cells
+            | membership.lammps.cells
+            | {name: Cell(I, mask) for name, mask in masks.items()}
+        )
+        bound["arrived_cell"] = Cell(L1, membership.lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE
         self.following = migration.follow.bind_to(bound, what=follows)
         self._following_fewer = migration.follow.bind_to(bound, what=follows | FEWER)
-        self._note = migration.follow.bind_to(bound, what=NOTE)
+        self.note = migration.follow.bind_to(bound, what=NOTE)
         self._settle = migration.follow.bind_to(bound, what=SETTLE)
 
-    def note(self):
-        """Have each of LAMMPS's atoms take along where it is now."""
-        self._note()
-
-    def follow(self, lammps):
-        """Be the same bodies after LAMMPS has moved atoms; collective.
+    def follow(self, lammps: Lammps) -> bool:
+        """Follow the atoms after LAMMPS has moved them between ranks and in its arrays; collective.
 
         Returns:
-            whether that is so: False if atoms of bodies came or are gone on any rank.
+            whether the bodies are the same: False if atoms of bodies came or are gone on any rank.
         Raises:
-            RunError: if atoms stand where this fix has not put them.
+            RunError: on all ranks, if atoms are where this fix has not put them.
         """
         self.know_box(lammps.box)
         problem = self.following()
@@ -217,8 +234,8 @@ class Bodies:
             self._communicator.agree(self._off())
         return problem != migration.CHANGED
 
-    def change(self, lammps, gone, new=None):
-        """Be without some bodies, whose atoms are gone, and with others; collective.
+    def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
+        """Drop bodies whose atoms are gone, and take in others; collective.
 
         Args:
             gone: (n,) bool, which bodies those are.
@@ -228,12 +245,11 @@ class Bodies:
         """
         self.state[block.ID, gone] = NO_ID  # a new one may have its ID
         if new is not None:
-            # they come as others come from other ranks: with their atoms
+            # they come with their atoms, as bodies do that come from other ranks
             arrived = lammps.cells["arrived"]
-            behind = OF_BODY + len(new.state)
-            rows = np.zeros((len(new.index), behind + len(new.displace)))
-            rows[:, OF_BODY:behind] = new.state[:, new.body].T
-            rows[:, behind:] = new.displace.T
+            columns = new._columns_of_atoms()
+            rows = np.zeros((columns.shape[1], OF_BODY + len(columns)))
+            rows[:, OF_BODY:] = columns.T
             lammps.cells["origins"].array[new.index] = (
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
@@ -248,7 +264,7 @@ class Bodies:
                 everywhere=True,
             )
 
-    def settle(self, lammps):
+    def settle(self, lammps: Lammps) -> None:
         """Find which atoms LAMMPS has in another periodic image than their bodies; collective.
 
         Raises:
@@ -258,21 +274,24 @@ class Bodies:
         if self._settle():
             self._communicator.agree(self._off())
 
-    def refuse_moved_atoms(self, lammps):
+    def refuse_moved_atoms(self, lammps: Lammps) -> None:
         """End the run if an atom is not where its body has it; collective.
 
         The bodies stay as they are, to the last bit.
+
+        Raises:
+            RunError: on all ranks.
         """
-        tags, problem = lammps.tags, None
+        tags = lammps.tags
         now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
-        other = now != self.tag
-        if other.any():
-            problem = (
-                f"atom {self.tag[other.argmax()]} is not where its rigid body has it: "
+        self._communicator.refuse(
+            now != self.tag,
+            lambda k: (
+                f"atom {self.tag[k]} is not where its rigid body has it: "
                 "since the last run it has gone to another rank or to another place in LAMMPS's "
                 "arrays, or has another ID. Use 'run N pre yes'"
-            )
-        self._communicator.agree(problem)
+            ),
+        )
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
         if self._settle():
             self._communicator.agree(self._off())
@@ -280,23 +299,24 @@ class Bodies:
             self._memory.put(name, kept[name])
         self.cells["aways"].array[:] = kept["aways"]
 
-    def of_atoms(self, lammps, followed=True):
-        """What each of LAMMPS's atoms here is in these bodies: a `Former`."""
+    def of_atoms(self, lammps: Lammps, followed: bool = True) -> Former:
+        """What each of LAMMPS's atoms here is in these bodies; see `Former`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        place, row = places(origins[here]), -2 - origins[came]
-        rows, behind = np.r_[ID, NATOMS, Q], OF_BODY + len(self.state)
-        of_bodies = np.zeros((len(rows), len(origins)))
-        displace = np.zeros((len(self.displace), len(origins)))
-        of_bodies[:, here] = self.state[rows][:, self.body[place]]
-        of_bodies[:, came] = arrived[row[:, None], OF_BODY + rows].T
-        displace[:, here], displace[:, came] = self.displace[:, place], arrived[row, behind:].T
-        ids, natoms, q = of_bodies[0].astype(np.int64), of_bodies[1], of_bodies[2:]
-        return Former(here | came, ids, natoms, q, displace, followed)
+        columns = np.zeros((len(self.state) + len(self.displace), len(origins)))
+        columns[:, here] = self._columns_of_atoms()[:, places(origins[here])]
+        columns[:, came] = arrived[-2 - origins[came], OF_BODY:].T
+        state, displace = np.split(columns, [len(self.state)])
+        ids = state[block.ID].astype(np.int64)
+        return Former(here | came, ids, state[block.NATOMS], state[Q], displace, followed)
 
-    def know_box(self, box):
-        """The bodies are in this `lammps.Box` now."""
+    def _columns_of_atoms(self) -> np.ndarray:
+        """Of each atom here the state of its body, then its own column of `displace`, (..., m)."""
+        return np.concatenate([self.state[:, self.body], self.displace])
+
+    def know_box(self, box: Box) -> None:
+        """Have the cells of the box as this one is, if it is another one than before."""
         if box is not self._box:
             self._box = box
             near = np.inf if self.loose else OFF_BODY * box.size + 8 * np.spacing(box.farthest)
@@ -305,8 +325,8 @@ class Bodies:
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
             self.cells["near"].set(near)
 
-    def _off(self):
-        """What to say of the atom that is off its body, None for none on this rank."""
+    def _off(self) -> str | None:
+        """The message for the atom that is off its body; None if there is none on this rank."""
         far, atom = self.cells["off"].array
         if far <= self.cells["near"].number:
             return None
@@ -319,7 +339,12 @@ class Bodies:
 
     # ------------------------------------------------------------- motion
 
-    def add_force(self, ids, force, torque=(0.0, 0.0, 0.0)):
+    def add_force(
+        self,
+        ids: Sequence[int],
+        force: np.ndarray,
+        torque: np.ndarray | Sequence[float] = (0.0, 0.0, 0.0),
+    ) -> None:
         """Hand in an external force and torque for each of these bodies; collective.
 
         They act on the bodies from the next forces that LAMMPS computes, in all steps and runs
@@ -337,24 +362,30 @@ class Bodies:
         """
         self.external.give(ids, force, torque)
 
-    def take_velocities(self, lammps, spins=None, given=None):
+    def take_velocities(
+        self,
+        lammps: Lammps,
+        particles: Particles | None,
+        given: np.ndarray,
+        momenta: np.ndarray,
+    ) -> None:
         """Set v and p to the rigid motion with the momenta of the atoms' velocities; collective.
 
         Args:
-            spins: (3, m) the angular momenta of the atoms themselves; None for none.
-            given: (bodies, momenta): places of bodies whose momenta (6, m), linear and angular, are
-                known otherwise.
+            particles: what the bodies' atoms are, (m,); None if all are points.
+            given: (k,) places of bodies whose momenta are known otherwise, or (n,) bool.
+            momenta: (6, k), linear and angular ones of these, space frame.
         """
         mass, wrench = lammps.masses, self.wrench.copy()
-        momenta = mass[:, None] * lammps.v
-        gather.bind_to(self.cells, atom_f=momenta, every=True)()
+        of_atoms = mass[:, None] * lammps.v
+        gather.bind_to(self.cells, atom_f=of_atoms, every=True)()
         momentum = self.wrench.copy()
-        if spins is not None:
+        if particles is not None:
+            spins = particles.momentum
             momentum[3:] += [np.bincount(self.body, row, minlength=len(self)) for row in spins]
         self.wrench[:] = wrench
         self.sharers.combine(momentum)
-        if given is not None:
-            momentum[:, given[0]] = given[1]
+        momentum[:, given] = momenta
         if self.planar:
             momentum[2:5] = 0.0
         self.v[:] = 1.0 / self.mass * momentum[:3]
@@ -367,11 +398,11 @@ class Bodies:
             q, about = self.q[:, linear], self.angular_momentum()[2, linear]
             self.p[:, linear] -= 2.0 * about * np.array([-q[3], q[2], -q[1], q[0]])
 
-    def angular_momentum(self):
+    def angular_momentum(self) -> np.ndarray:
         """Angular momentum in the principal frame, (3, n)."""
         return np.array(angular_momentum(self.q, self.p))
 
-    def angular_velocity(self):
+    def angular_velocity(self) -> np.ndarray:
         """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
         turns = self.moment > 0
         return np.divide(
@@ -379,66 +410,47 @@ class Bodies:
         )
 
     @property
-    def slowness(self):
+    def slowness(self) -> np.ndarray | float:
         """The root of each moment over that of the atoms, (3, n), or 1.0; see `block.Layout`."""
         return self.state[self.chosen : self.chosen + 3] if self.chosen else 1.0
 
     @property
-    def moments_of_atoms(self):
+    def moments_of_atoms(self) -> np.ndarray:
         """Principal moments that follow from the atoms, or the infile, (3, n)."""
         return self.moment / self.slowness**2
 
-    def momenta(self):
+    def momenta(self) -> np.ndarray:
         """Linear and angular momentum of the atoms' velocities in the space frame, (6, n)."""
         angular = self.angular_momentum() / self.slowness
         angular = np.einsum("abn,bn->an", matrices(self.q), angular)
         return np.concatenate([self.mass * self.v, angular])
 
-    def instability(self, body, lammps):
-        """Why a body moves too far in a step, and what to do; '', '' if it does not."""
+    def instability(self, body: int, lammps: Lammps) -> tuple[str, str]:
+        """Why the body at this place moves too far in a step, and what to do; two empty texts if it
+        does not."""
         speeds = self.v, self.angular_velocity()
         move, turn = (lammps.innermost_dt * np.linalg.norm(speed[:, body]) for speed in speeds)
-        first, cause, remedy, spacing = self.start or (0, "", "", np.inf)
-        if move < 0.5 * spacing and turn < 1.0:
+        start = self.start
+        if move < 0.5 * start.spacing and turn < 1.0:
             return "", ""
-        if cause and lammps.step <= first + _SOON:
-            return cause, remedy
+        if start.cause and lammps.step <= start.step + _SOON:
+            return start.cause, start.remedy
         cause = f"a body moves by {move:.3g} and turns by {turn:.2g} rad in it"
         return f"the time step is too long: {cause}", "use a shorter one, or a better start"
 
-    def kinetic_of_atoms(self, lammps):
+    def kinetic_of_atoms(self, lammps: Lammps) -> np.ndarray:
         """Kinetic energy of the velocity of each atom, mass times velocity squared, (m,)."""
         v = lammps.v[self.index]
         return 0.5 * lammps.masses[self.index] * (v**2).sum(axis=1)
 
-    def kinetic(self):
+    def kinetic(self) -> np.ndarray:
         """Kinetic energy of translation and of rotation, mass times velocity squared, (2, n)."""
         turning = (self.angular_momentum() * self.angular_velocity()).sum(axis=0)
         return 0.5 * np.array([self.mass * (self.v**2).sum(axis=0), turning])
 
 
-def aligned(shape):
-    """An array of ones that begins where one of the processor's lines does."""
+def aligned(shape: tuple[int, int]) -> np.ndarray:
+    """An array of ones of this shape that begins where one of the processor's cache lines does."""
     numbers = np.ones(shape[0] * shape[1] + block.LINE)
     begin = -(numbers.ctypes.data // numbers.itemsize) % block.LINE
     return numbers[begin : begin + shape[0] * shape[1]].reshape(shape)
-
-
-def matrices(q):
-    """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
-    return np.array(rotation_matrix(q)).reshape(3, 3, -1)
-
-
-def quaternions(axes):
-    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
-    r = axes.transpose(1, 2, 0)
-    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
-    products = np.array([
-        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
-        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
-        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
-        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
-    ])  # fmt: skip
-    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
-    q = products[largest, :, np.arange(len(axes))].T
-    return q / np.sqrt((q * q).sum(axis=0))

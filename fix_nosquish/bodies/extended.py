@@ -7,102 +7,23 @@ dipole there.
 """
 
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 
 from ..loops.compiled import F1, F2, I1, L1, address, call, loop
 from ..motion.block import ATOM, LANES, MOMENT, Layout, P, Q, four, take, three, write
-from ..motion.frames import angular_velocity, product, rotation_matrix, to_body, to_space
+from ..motion.frames import (
+    angular_velocity,
+    product,
+    rotation_matrix,
+    to_body,
+    to_space,
+)
 from ..motion.step import show_atoms_moments
-from .bodies import matrices
 
-# moments of inertia of unit mass and size: a solid sphere's radius, the length of a line
-SPHERE, LINE = 0.4, 1.0 / 12.0
 # rows of `displace`, if atoms can have an orientation: a quaternion, moments about its axes for
 # particles that keep an angular momentum, a dipole; zero for what an atom has not
 ORIENT, OWN_MOMENT, DIPOLE, ROWS = 4, 8, 11, 14
-
-
-class Particles(NamedTuple):
-    """What atoms are besides points.
-
-    Attributes:
-        moment: (3, m) principal moments of inertia of each, 0 of a point.
-        quat: (4, m) the orientation of its principal frame in space, 0 if it has none.
-        dipole: (3, m) its dipole in space.
-        momentum: (3, m) its angular momentum in space.
-        keeps: (m,) bool, whether LAMMPS has this momentum, not its angular velocity.
-    """
-
-    moment: np.ndarray
-    quat: np.ndarray
-    dipole: np.ndarray
-    momentum: np.ndarray
-    keeps: np.ndarray
-
-    @property
-    def finite(self):
-        """Which of them have a moment of inertia, (m,)."""
-        return self.moment.any(axis=0)
-
-    @property
-    def axes(self):
-        """Rotations (3, 3, m) from their principal frames to space."""
-        none = ~self.quat.any(axis=0)
-        quat = self.quat + np.outer([1.0, 0.0, 0.0, 0.0], none)
-        return matrices(quat)
-
-    def inertia(self):
-        """Their tensors of inertia in space, (3, 3, m)."""
-        axes = self.axes
-        return np.einsum("akm,km,bkm->abm", axes, self.moment, axes)
-
-    def directions(self):
-        """Two vectors that each of them points to, (2, 3, m), 0 for one without an orientation."""
-        axes = self.axes * self.quat.any(axis=0)
-        return np.array([axes[:, 0], axes[:, 1]]) + self.dipole
-
-    def kinetic(self):
-        """The energy of their rotation, (m,)."""
-        momentum = np.einsum("akm,am->km", self.axes, self.momentum)
-        turns = self.moment > 0
-        squares = np.divide(momentum**2, self.moment, out=np.zeros_like(momentum), where=turns)
-        return 0.5 * squares.sum(axis=0)
-
-
-def particles_of(lammps, shapes, atoms):
-    """What these atoms are besides points: `Particles`.
-
-    Args:
-        lammps: the `Lammps`.  atoms: (m,) indices of atoms.
-        shapes: (natoms, 7), see `hosts.Host.shapes`; None if none is known.
-    """
-    m, mass = len(atoms), lammps.masses[atoms]
-    moment, quat, dipole, momentum = (np.zeros((k, m)) for k in (3, 4, 3, 3))
-    keeps = np.zeros(m, bool)
-    radius, mu = lammps.radius, lammps.per_atom("mu", columns=4)
-    omega, angmom = (lammps.per_atom(name, columns=3) for name in ("omega", "angmom"))
-    if radius is not None:
-        moment[:] = SPHERE * mass * radius[atoms] ** 2
-        momentum[:] = moment * omega[atoms].T
-    if mu is not None:
-        dipole[:] = mu[atoms, :3].T * (mu[atoms, 3] > 0)
-    if shapes is not None:
-        sizes, quat = shapes[atoms, :3].T, shapes[atoms, 3:].T
-        for name in "ellipsoid", "line", "tri":
-            index = lammps.per_atom(name, np.int32)
-            if index is None:
-                continue
-            which = index[atoms] >= 0
-            moment[:, which] = sizes[:, which]
-            if name == "line":  # LAMMPS's lines are in two dimensions
-                about = mass[which] * (LINE * sizes[0, which] ** 2)
-                moment[:, which] = about * [[0.0], [1.0], [1.0]]
-                momentum[:, which] = moment[:, which] * omega[atoms[which]].T * [[0], [0], [1]]
-            else:
-                momentum[:, which], keeps[which] = angmom[atoms[which]].T, True
-    return Particles(moment, quat, dipole, momentum, keeps)
 
 
 @loop

@@ -4,49 +4,35 @@ from typing import NamedTuple
 
 import numpy as np
 
-
-class Start(NamedTuple):
-    """What follows from the atoms of this rank's bodies.
-
-    Attributes:
-        place, image: (3, n) of each body's first atom, and delta (atoms, 3) from there: see
-            `unfold`.
-        natoms, mass: (n,).  centre: (3, n) of mass, from the first atom.
-        particles: (3, 3, n) what particles that are no points add to the inertia, or 0.
-    """
-
-    place: np.ndarray
-    image: np.ndarray
-    delta: np.ndarray
-    natoms: np.ndarray
-    mass: np.ndarray
-    centre: np.ndarray
-    particles: np.ndarray
+from .unfold import Unfolded
 
 
 class Given(NamedTuple):
     """What else is known of some of this rank's bodies.
 
     Attributes:
-        bodies: (m,) their places in this rank's list of bodies.
-        absent: (n,) bool, the other ones of the list.
-        ids: (m,) their IDs.  named: IDs of all such bodies, on any rank.
-        mass: (m,).  centre: (3, m) of mass, from the body's first atom.
-        inertia: (m, 3, 3), space frame.  momenta: (6, m) linear and angular, space frame.
+        which: (n,) bool, of which of this rank's bodies; m of them, in their order.
+        ids: IDs of all such bodies, on any rank.
+        mass: (m,).
+        centre: (3, m) of mass, from the body's first atom.
+        inertia: (m, 3, 3), space frame.
+        momenta: (6, m) linear and angular, space frame.
         warnings: lines for the log.
     """
 
-    bodies: np.ndarray
-    absent: np.ndarray
+    which: np.ndarray
     ids: np.ndarray
-    named: np.ndarray
     mass: np.ndarray
     centre: np.ndarray
     inertia: np.ndarray
     momenta: np.ndarray
-    warnings: tuple = ()
+    warnings: list[str]
 
-    def momenta_among(self, ids):
-        """The bodies' places in a list of IDs, and their momenta, (6, m)."""
-        order = np.argsort(ids)
-        return order[np.searchsorted(ids, self.ids, sorter=order)], self.momenta
+
+def nothing(unfolded: Unfolded) -> Given:
+    """`Given` of no body."""
+    which = np.zeros(len(unfolded.members.ids), bool)
+    none = np.empty((6, 0))
+    return Given(
+        which, np.empty(0, np.int64), none[0], none[:3], np.empty((0, 3, 3)), none, warnings=[]
+    )

@@ -1,127 +1,197 @@
 """Which atoms bodies are made of, and sums over those of each body."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import RunError
+from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from ..ranks.sharing import Sharers
-from .membership import POINTS, Membership
+from .membership import POINTS, Former, Membership
+from .particles import Particles, particles_of
 
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 
 
 class Members(NamedTuple):
-    """Which body each atom here is in.
+    """The atoms of which this rank's bodies are made.
 
     Attributes:
         ids: (n,) IDs of the bodies that have an atom here, ascending.
-        atoms, body, tag, mass: (m,) each atom's index in LAMMPS's arrays, the place of its body in
-            `ids`, its ID, its mass.
+        natoms, mass: (n,) number of atoms of each body and their mass, on all ranks.
+        atoms, body, tag, atom_mass: (m,) each atom's index in LAMMPS's arrays, the place of its
+            body in `ids`, its ID, its mass.
+        particles: what the atoms are besides points; None if this atom style has points only.
         sharers: the `Sharers` of these bodies.
-        membership: the `Membership`.  communicator: the `Communicator` or `ALONE`.
+        membership: the `Membership`.
     """
 
     ids: np.ndarray
+    natoms: np.ndarray
+    mass: np.ndarray
     atoms: np.ndarray
     body: np.ndarray
     tag: np.ndarray
-    mass: np.ndarray
+    atom_mass: np.ndarray
+    particles: Particles | None
     sharers: Sharers
     membership: Membership
-    communicator: Alone
 
     @property
-    def owned(self):
+    def lammps(self) -> Lammps:
+        return self.membership.lammps
+
+    @property
+    def communicator(self) -> Alone:
+        return self.membership.communicator
+
+    @property
+    def owned(self) -> np.ndarray:
         """(n,) bool, which bodies are to be counted on this rank."""
         return self.sharers.owned
 
-    def total(self, *columns):
+    def total(self, *columns: np.ndarray) -> np.ndarray:
         """Sums of columns (m,) over the atoms of each body, (len(columns), n); collective."""
         return self.sharers.total(self.body, *columns)
 
-    def lowest(self, *columns):
+    def lowest(self, *columns: np.ndarray) -> np.ndarray:
         """The lowest number of each body's atoms, (len(columns), n); collective."""
         return self.sharers.lowest(self.body, *columns)
 
-    def highest(self, *columns):
+    def highest(self, *columns: np.ndarray) -> np.ndarray:
         """The highest number of each body's atoms, (len(columns), n); collective."""
         return self.sharers.highest(self.body, *columns)
 
-    def inertia(self, mass, r):
-        """Tensors of inertia (3, 3, n) of atoms with these masses (m,) and places (m, 3);
-        collective."""
+    def inertia(self, mass: np.ndarray, r: np.ndarray) -> np.ndarray:
+        """Tensors of inertia, (3, 3, n), space frame; collective.
+
+        Args:
+            mass: (m,) of the atoms.
+            r: (m, 3) their places from the point about which the tensor of their body is.
+        """
         x, y, z = r.T
         products = x * x, y * y, z * z, x * y, x * z, y * z
-        xx, yy, zz, xy, xz, yz = self.total(*(mass * c for c in products))
-        return np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+        xx, yy, zz, xy, xz, yz = self.total(*(mass * product for product in products))
+        tensors = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
+        if self.particles is not None:
+            own = self.particles.inertia().reshape(9, -1)
+            tensors = tensors + self.total(*own).reshape(3, 3, -1)
+        return tensors
 
-    def refuse(self, wrong, text):
-        """End the run if `wrong` (n,) marks a body, with what `text` says of its place; collective.
+    def furthest(self, which: np.ndarray, far: np.ndarray, *columns: np.ndarray) -> np.ndarray:
+        """Of some bodies of all ranks, the one that is furthest; collective.
 
+        Args:
+            which: (n,) bool, these bodies here; there is one on some rank.
+            far: (n,) how far each is.
+            columns: (n,) each, other numbers of the bodies.
+        Returns:
+            how far it is, and its number in each column.
+        """
+        k = np.flatnonzero(which)
+        k = k[[far[k].argmax()]] if len(k) else k
+        rows = np.array([far[k], *(column[k] for column in columns)], float).T
+        rows = self.communicator.gather_to_all(rows)
+        return rows[rows[:, 0].argmax()]
+
+    def refuse(self, wrong: np.ndarray, text: Callable[[int], str]) -> None:
+        """End the run if a body is wrong; collective.
+
+        Args:
+            wrong: (n,) bool, which ones are.
+            text: what to say of the first of them, behind its name, by its place in `ids`.
         Raises:
             RunError: on all ranks.
         """
-        problem = None
-        if wrong.any():
-            place = np.argmax(wrong)
-            problem = f"{self.membership.name(self.ids[place])} {text(place)}"
-        self.communicator.agree(problem)
+        name, ids = self.membership.name, self.ids
+        self.communicator.refuse(wrong, lambda k: f"{name(ids[k])} {text(k)}")
 
 
-def find_members(lammps, communicator, membership, shapes, atoms):
+def find_members(
+    membership: Membership,
+    shapes: np.ndarray | None,
+    oriented: bool,
+    former: Former | None,
+    atoms: np.ndarray | None,
+) -> Members:
     """The `Members` of this rank; collective.
 
     Args:
-        shapes, atoms: see `build.build`.
+        shapes, oriented: see `build.Recipe`.
+        former, atoms: see `build.build`.
     Raises:
         RunError: on all ranks, for atoms that a body cannot have.
     """
-    problem = None
+    lammps, communicator = membership.lammps, membership.communicator
     atoms = membership.atoms() if atoms is None else atoms
+    ids_of_atoms, problem = np.zeros(len(atoms), np.int64), None
     try:
-        ids_of_atoms = membership.bodies(atoms)
-        mass = lammps.masses[atoms]
-        tag = lammps.tags[atoms].astype(np.int64)
+        ids_of_atoms = membership.body_ids(atoms, former)
     except RunError as error:
         if error.everywhere:
             raise
         problem = str(error)
-    else:
-        if (tag <= 0).any():
-            problem = "the fix needs atom IDs, which this script turns off (atom_modify id no)"
-        elif (tag >= POINTS).any():  # it calculates with IDs as real numbers
-            problem = f"atom {tag.max()} has too large an ID: less than 2^52 is possible"
     communicator.agree(problem)
+    tag, mass = lammps.tags[atoms].astype(np.int64), lammps.masses[atoms]
     if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(
             f"there is no atom to form a body of in group '{membership.command.group}': "
             "fill the group before the run, or give keyword mol if a fix inserts the bodies",
             everywhere=True,
         )
-    more = lammps.unknown(shapes)
-    more = more[atoms] if more is not None else np.zeros(len(atoms), "U1")
-    odd = more != ""
-    communicator.agree(f"atom {tag[odd][0]} is {more[odd][0]}" if odd.any() else None)
-    bad = ~(mass >= 0)
-    if bad.any():
-        problem = (
-            f"atom {tag[bad][0]} has mass {mass[bad][0]:g}, which is negative: "
-            "give it a mass above zero"
-        )
-    communicator.agree(problem)
+    _refuse_odd_atoms(membership, atoms, tag, mass, lammps.unknown(shapes))
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
-    communicator.agree(
-        f"{membership.name(ids_of_atoms[far][0])} has too large an ID: less than 2^52 is possible"
-        if far.any()
-        else None
+    communicator.refuse(
+        far,
+        lambda k: (
+            f"{membership.name(ids_of_atoms[k])} has too large an ID: less than 2^52 is possible"
+        ),
     )
     sharers = sharers_of(communicator, ids)
-    return Members(ids, atoms, body, tag, mass, sharers, membership, communicator)
+    natoms, body_mass = sharers.total(body, np.ones(len(atoms)), mass)
+    points_only = not oriented and lammps.radius is None
+    particles = None if points_only else particles_of(lammps, shapes, atoms)
+    return Members(
+        ids, natoms, body_mass, atoms, body, tag, mass, particles, sharers, membership
+    )  # fmt: skip
 
 
-def sharers_of(communicator, ids):
-    """The `Sharers` of bodies of which nothing but the IDs is known; collective."""
+def _refuse_odd_atoms(
+    membership: Membership,
+    atoms: np.ndarray,
+    tag: np.ndarray,
+    mass: np.ndarray,
+    unknown: np.ndarray | None,
+) -> None:
+    """End the run if an atom cannot be in a body; collective.
+
+    Args:
+        atoms, tag, mass: (m,) index, ID and mass of each.
+        unknown: see `Lammps.unknown`.
+    """
+    communicator = membership.communicator
+    communicator.refuse(
+        tag <= 0,
+        lambda k: "the fix needs atom IDs, which this script turns off (atom_modify id no)",
+    )
+    # a point's ID is calculated with as a real number
+    communicator.refuse(
+        tag >= POINTS,
+        lambda k: f"atom {tag.max()} has too large an ID: less than 2^52 is possible",
+    )
+    what = np.zeros(len(atoms), "U1") if unknown is None else unknown[atoms]
+    communicator.refuse(what != "", lambda k: f"atom {tag[k]} is {what[k]}")
+    communicator.refuse(
+        ~(mass >= 0),
+        lambda k: (
+            f"atom {tag[k]} has mass {mass[k]:g}, which is negative: give it a mass above zero"
+        ),
+    )
+
+
+def sharers_of(communicator: Alone, ids: np.ndarray) -> Sharers:
+    """The `Sharers` of bodies of which nothing but the IDs (n,) is known; collective."""
     return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)

@@ -1,30 +1,59 @@
 """Which atoms form which body, as the fix line says it."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..errors import RunError
+from ..host.command import Command
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
 
 POINTS = 2**52  # a point's ID is this more than that of its atom; bodies have smaller ones
+
+
+class Former(NamedTuple):
+    """What LAMMPS's atoms on this rank were in bodies.
+
+    Attributes:
+        known: (natoms,) bool, which atoms were in a body.
+        id, natoms: (natoms,) the body's ID and number of atoms.
+        q: (4, natoms) its quaternion.
+        displace: (rows, natoms) the atom's column of `Bodies.displace`.
+        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
+    """
+
+    known: np.ndarray
+    id: np.ndarray
+    natoms: np.ndarray
+    q: np.ndarray
+    displace: np.ndarray
+    followed: bool
 
 
 class Membership:
     """Which body each of this rank's atoms belongs to, as the fix line says it.
 
     Args:
-        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  command: the `Command`.
+        lammps, communicator, command: see the attributes.
 
     Attributes:
-        variable: name of the atom-style variable that tells bodies apart, if one does.
-        before: (natoms,) int64 and bool: the IDs of the bodies that the atoms were in, and which
-            atoms were in one; None: none was.
+        lammps: the `Lammps` that has the atoms.
+        communicator: the `Communicator` of its ranks, or `ALONE`.
+        command: the `Command`, which is the fix line.
+        variable: name of the atom-style variable that tells bodies apart; None if none does.
+        masks: bits of `lammps.groups`.  An atom is in a body if its groups have some bit of the
+            first mask and some of the second.  It is a point if they have some bit of the third.
+
+    Raises:
+        RunError: on all ranks, for a group or variable that is not there.
     """
 
-    before = None
-
-    def __init__(self, lammps, communicator, command):
+    def __init__(self, lammps: Lammps, communicator: Alone, command: Command) -> None:
         self.lammps, self.communicator, self.command = lammps, communicator, command
-        named = command.group, *(command.arguments if command.style == "group" else ())
-        for group in (*named, *([command.points] if command.points else [])):
+        of_bodies = command.arguments if command.style == "group" else (command.group,)
+        of_points = (command.points,) if command.points else ()
+        for group in (command.group, *of_bodies, *of_points):
             if not lammps.has("group", group):
                 raise RunError(
                     f"there is no group '{group}': define it before the fix", everywhere=True
@@ -37,37 +66,36 @@ class Membership:
                 "define it before the fix",
                 everywhere=True,
             )
-        self.bit = lammps.group_bit(command.group)
-        self.bits = (
-            [lammps.group_bit(g) for g in command.arguments]
-            if command.style == "group"
-            else [self.bit]
-        )
-        points = lammps.group_bit(command.points) if command.points else 0
-        # an atom is in a body if its groups have some bit of the first two; of the third: a point
-        masks = [self.bit, np.bitwise_or.reduce(self.bits), points]
-        self.masks = np.array(masks, np.uint32).view(np.int32).tolist()
+        self._bits = [lammps.group_bit(group) for group in of_bodies]
+        points = sum(lammps.group_bit(group) for group in of_points)
+        masks = [lammps.group_bit(command.group), np.bitwise_or.reduce(self._bits), points]
+        self.masks: list[int] = np.array(masks, np.uint32).view(np.int32).tolist()
 
-    def atoms(self):
+    def atoms(self) -> np.ndarray:
         """Indices of this rank's atoms that are in bodies, or points."""
         return np.flatnonzero(np.logical_or(*self._rigid_and_points()))
 
-    def _rigid_and_points(self):
-        """Which of this rank's atoms are in bodies, and which are points."""
+    def _rigid_and_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which of this rank's atoms are in bodies, and which are points, (natoms,) bool each."""
         one, other, points = (self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks)
         return one & other, points
 
-    def bodies(self, atoms):
-        """The ID of the body of each of these atoms, or of the point that it is, (n,) int64;
-        collective for v_NAME.
+    def body_ids(self, atoms: np.ndarray, former: Former | None = None) -> np.ndarray:
+        """The ID of the body of each of these atoms, or of the point that it is; collective for
+        v_NAME.
 
+        Args:
+            atoms: (m,) their indices.
+            former: what the atoms were in bodies; see `_by_variable`.
+        Returns:
+            (m,) int64.
         Raises:
             RunError: for an atom that is both, and where the body style's IDs are not there.
         """
         rigid, points = (which[atoms] for which in self._rigid_and_points())
         tags = self.lammps.tags[atoms].astype(np.int64)
         ids = POINTS + tags
-        ids[rigid] = self._bodies(atoms[rigid])
+        ids[rigid] = self._ids_of_bodies(atoms[rigid], former)
         if (rigid & points).any():
             raise RunError(
                 f"atom {tags[rigid & points][0]} is in a rigid body, and in group "
@@ -75,45 +103,51 @@ class Membership:
             )
         return ids
 
-    def _bodies(self, atoms):
-        """As `bodies`, of atoms that are no points."""
-        style, arguments = self.command.style, self.command.arguments
+    def _ids_of_bodies(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
+        """As `body_ids`, of atoms that are no points."""
+        style, arguments, lammps = self.command.style, self.command.arguments, self.lammps
         if style == "single":
             return np.ones(len(atoms), np.int64)
+        if style == "group":
+            return self._by_group(atoms)
+        if self.variable:
+            return self._by_variable(atoms, former)
         if style == "molecule":
-            values = self.lammps.per_atom("molecule", self.lammps.tagint)
+            values = lammps.per_atom("molecule", lammps.tagint)
             what = (
                 "molecule-IDs, which this atom style does not have: "
                 "use atom_style molecular or full, or another body style"
             )
-        elif self.variable:
-            return self._by_variable(atoms)
-        elif style == "custom":
-            values = self.lammps.per_atom(arguments[0], np.int32)
-            what = f"{arguments[0]}: define it with fix property/atom before the fix"
         else:
-            groups = self.lammps.groups[atoms]
-            inside = np.array([groups & bit != 0 for bit in self.bits])
-            if (inside.sum(axis=0) > 1).any():
-                tag = self.lammps.tags[atoms[inside.sum(axis=0) > 1][0]]
-                both = [g for g, i in zip(arguments, inside[:, inside.sum(axis=0) > 1][:, 0]) if i]
-                raise RunError(
-                    f"atom {tag} is in more than one body: it is in the groups "
-                    f"{' and '.join(both)}; use groups without common atoms"
-                )
-            return 1 + np.argmax(inside, axis=0)
+            values = lammps.per_atom(arguments[0], np.int32)
+            what = f"{arguments[0]}: define it with fix property/atom before the fix"
         if values is None:
             raise RunError(f"body style {style} needs {what}")
         return values[atoms].astype(np.int64)
 
-    def _by_variable(self, atoms):
-        """As `bodies`: an atom that was in a body stays in it, because the variable may be of what
-        moves, as fix rigid reads it once only."""
-        ids, known = (
-            (of_all[atoms] for of_all in self.before)
-            if self.before
-            else (np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool))
-        )
+    def _by_group(self, atoms: np.ndarray) -> np.ndarray:
+        """As `body_ids`: a body is what is in a group of the fix line, and they count from 1."""
+        groups = self.lammps.groups[atoms]
+        inside = np.array([groups & bit != 0 for bit in self._bits])
+        several = np.flatnonzero(inside.sum(axis=0) > 1)
+        if len(several):
+            both = [g for g, i in zip(self.command.arguments, inside[:, several[0]]) if i]
+            raise RunError(
+                f"atom {self.lammps.tags[atoms[several[0]]]} is in more than one body: it is in "
+                f"the groups {' and '.join(both)}; use groups without common atoms"
+            )
+        return 1 + np.argmax(inside, axis=0)
+
+    def _by_variable(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
+        """As `body_ids`: an atom that was in a body stays in it.
+
+        The variable may depend on what moves, and fix rigid reads it once only.  With LAMMPS's own
+        fix python/move it is not known which atoms were in which body.
+        """
+        if former is not None and former.followed:
+            ids, known = former.id[atoms], former.known[atoms]
+        else:
+            ids, known = np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool)
         if self.communicator.any(not known.all()):
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
             if not np.isfinite(values[~known]).all():
@@ -124,14 +158,13 @@ class Membership:
             ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
         return ids
 
-    def name(self, body):
-        """How a user would name a body."""
+    def name(self, body: int) -> str:
+        """How a user would name the body of this ID."""
+        style, arguments = self.command.style, self.command.arguments
         if self.command.points and body > POINTS:
             return f"atom {body - POINTS} (keyword points)"
-        if self.command.style == "group":
-            return f"the body of group {self.command.arguments[body - 1]}"
-        if self.command.style == "single":
-            return f"the body of group {self.command.group}"
-        if self.command.style == "molecule":
+        if style == "molecule":
             return f"the body of molecule {body}"
-        return f"the body of {self.command.arguments[0]} = {body}"
+        if style == "custom":
+            return f"the body of {arguments[0]} = {body}"
+        return f"the body of group {arguments[body - 1] if arguments else self.command.group}"

@@ -2,31 +2,35 @@
 
 import numpy as np
 
+from .members import Members
+
 # a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
 _ZERO_MOMENT = 1e-7
 # moments closer than this part of the largest are equal: their axes are the atoms' choice
 _EQUAL_MOMENTS = 1e-9
 
 
-def moments_and_axes(members, inertia, r, particles, plane):
+def moments_and_axes(
+    members: Members, inertia: np.ndarray, r: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Principal moments and axes as the integrator takes them; collective.
 
+    In two dimensions bodies turn about z only, which is axis 3.
+
     Args:
-        members: the `Members`.
-        inertia: (n, 3, 3).
-        r: (m, 3) the atoms' places from the bodies' centres; with the directions of `particles`,
-            None if they have none, these choose axes that moments leave open.
-        plane: whether bodies turn about z only, which is axis 3.
+        inertia: (n, 3, 3) tensors of inertia, space frame.
+        r: (m, 3) the atoms' places from the bodies' centres, space frame; with the directions of
+            particles, these choose axes that moments leave open.
     Returns:
         moment (3, n); axes (n, 3, 3), in columns, right-handed.
     """
-    if plane:
+    if members.lammps.dimension == 2:
         return _principal_in_plane(inertia)
     moment, axes, equal = _principal(inertia)
     if members.communicator.any(equal.any()):
         places = np.array([r.T, r.T])
-        if particles is not None:
-            places += particles.directions()
+        if members.particles is not None:
+            places += members.particles.directions()
         sums = (w * c for w, place in zip(weights(members.tag), places) for c in place)
         _choose_axes(axes, equal, members.total(*sums).T.reshape(-1, 2, 3))
     if members.membership.command.order == 123:
@@ -37,7 +41,7 @@ def moments_and_axes(members, inertia, r, particles, plane):
     return moment, axes
 
 
-def _principal(inertia):
+def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Principal moments and axes in three dimensions.
 
     Args:
@@ -64,7 +68,7 @@ def _principal(inertia):
     return moment, axes, equal
 
 
-def _frames_along(axis):
+def _frames_along(axis: np.ndarray) -> np.ndarray:
     """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3);
     the rest follows from the vector alone."""
     n = np.arange(len(axis))
@@ -76,7 +80,7 @@ def _frames_along(axis):
     return np.stack([first, np.cross(axis, first), axis], axis=2)
 
 
-def _principal_in_plane(inertia):
+def _principal_in_plane(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Moments and axes of bodies that turn about z, as `moments_and_axes`."""
     values, turned = np.linalg.eigh(inertia[:, :2, :2])
     axes = np.zeros_like(inertia)
@@ -86,7 +90,7 @@ def _principal_in_plane(inertia):
     return np.maximum([values[:, 1], values[:, 0], inertia[:, 2, 2]], 0.0), axes
 
 
-def weights(tag):
+def weights(tag: np.ndarray) -> np.ndarray:
     """Two numbers in [0, 1) for each atom that follow from its tag and are like no others, (2, n).
 
     They are splitmix64 of it.
@@ -98,27 +102,28 @@ def weights(tag):
     return ((bits ^ (bits >> np.uint64(31))) >> np.uint64(11)) * 2.0**-53
 
 
-def _choose_axes(axes, equal, sums):
+def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
     """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
 
     A frame that follows from the atoms alone is found again, whenever and on however many ranks
     the bodies are made.  The splitting into rotations about axes, and so the trajectory, needs it.
 
     Args:
-        axes: (n, 3, 3), in columns.  equal: (2, n), see `_principal`.
-        sums: (n, 2, 3), two vectors of each body.
+        axes: (n, 3, 3), in columns.
+        equal: (2, n) bool, see `_principal`.
+        sums: (n, 2, 3), two vectors of each body, space frame.
     """
     chosen = np.flatnonzero(equal.any(axis=0))
     equal, frames = equal[:, chosen], axes[chosen]
     # all moments are equal; the third one is alone
-    both, last = equal.all(axis=0), equal[0] & ~equal[1]
+    both, last = equal[0] & equal[1], equal[0] & ~equal[1]
     one, two = sums[chosen, 0], sums[chosen, 1]
     alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
 
-    def dot(a, b):
+    def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (a * b).sum(axis=1, keepdims=True)
 
-    def without(a, b):
+    def without(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         """The part of a that is perpendicular to b."""
         return (
             a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b

@@ -5,9 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..motion.frames import product
-from .bodies import OFF_BODY, matrices, quaternions
+from ..motion.frames import matrices, product, quaternions
+from .bodies import OFF_BODY
 from .extended import DIPOLE, ORIENT, OWN_MOMENT
+from .members import Members
+from .membership import Former
+from .particles import Particles
 
 _TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
 _LINE = 1e-10  # a body whose atoms tell less than this part of a turn about their line is a line
@@ -17,25 +20,28 @@ _MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
 class Kept(NamedTuple):
-    """What keeping the shapes of bodies changes.
+    """Bodies with the shapes that they keep, and what that changes; by default nothing.
 
     Attributes:
-        which: (atoms of bodies,) bool, the atoms here of bodies that were turned or deformed.
-        atoms: (m,) their indices.  shift: (m, 3) how far each has to move.
-        turn: (m, 3, 3) the new rotation of the frame in which `former` has them.
-        text: a line for the log; None if no body was deformed.
+        members: the `Members`, with particles that are turned with their bodies.
+        r: (m, 3) the atoms' places from their body's centre of mass, space frame.
+        atoms: (k,) indices in LAMMPS's arrays of the atoms that have to move.
+        shift: (k, 3) how far.
+        text: a line for the log; empty if no body was deformed.
         turned: how many particles, on all ranks, have got another orientation.
+        new: whether some body, on any rank, is of other atoms than before.
     """
 
-    which: np.ndarray
-    atoms: np.ndarray
-    shift: np.ndarray
-    turn: np.ndarray
-    text: str | None
-    turned: int
+    members: Members
+    r: np.ndarray
+    atoms: np.ndarray = np.empty(0, np.int64)
+    shift: np.ndarray = np.empty((0, 3))
+    text: str = ""
+    turned: int = 0
+    new: bool = True
 
 
-def keep(lammps, members, former, r, particles=None, oriented=False):
+def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
     """Give bodies that something has deformed since the last run their shape again; collective.
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
@@ -45,67 +51,69 @@ def keep(lammps, members, former, r, particles=None, oriented=False):
     turned about that line: the particles' orientations, as they are now, do.
 
     Args:
-        members: the `Members`.  former: the `Former` of LAMMPS's atoms.
-        r: (m, 3) the atoms' places from their body's centre of mass, in the space frame.
-        particles: the `Particles` that the atoms are, None if all are points.
-        oriented: whether they can have an orientation.
-    Returns:
-        r (m, 3), the same array if nothing has deformed a body; the particles, turned with their
-        bodies; `Kept`, None if nothing has turned or deformed one; and whether some body, on any
-        rank, is of other atoms than before.
+        former: what LAMMPS's atoms were in bodies.
+        r: (m, 3) the atoms' places from their body's centre of mass, space frame.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
-    atoms, body = members.atoms, members.body
+    communicator, atoms, body = members.communicator, members.atoms, members.body
+    columns = former.displace[:, atoms]
     same = _of_the_same_atoms(members, former)
-    new = members.communicator.any(not same.all())
-    d = former.displace[:3, atoms]
-    mass, *moments = members.total(*(members.mass * same[body] * np.vstack([np.ones(len(r)), d])))
+    new = communicator.any(not same.all())
+    weight, d = members.atom_mass * same[body], columns[:3]
+    mass, *moments = members.total(*(weight * np.vstack([np.ones(len(r)), d])))
     d = d - np.divide(moments, mass, out=np.zeros((3, len(mass))), where=same)[:, body]
-    bound = OFF_BODY * lammps.box.size + 8 * np.spacing(lammps.box.farthest)
+    box = members.lammps.box
+    bound = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
 
-    def off(placed):
+    def off(placed: np.ndarray) -> np.ndarray:
         """How far each body's atoms are from these places, at most, (n,)."""
         return members.highest(np.linalg.norm(r - placed, axis=1))[0] * same
 
     moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
-    if not members.communicator.any(moved.any()):
-        return r, particles, None, new
-    turn = _turns(lammps, members, former, moved, r, d, particles if oriented else None)
+    if not communicator.any(moved.any()):
+        return Kept(members, r, new=new)
+    particles = members.particles if len(columns) > ORIENT else None
+    turn = _turns(members, former, moved, r, d, particles)
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
-    deformed, text = far > bound, None
-    if members.communicator.any(deformed.any()):
+    deformed, text, turned = far > bound, "", 0
+    if communicator.any(deformed.any()):
         size = np.maximum(members.highest(np.linalg.norm(d, axis=0))[0], bound)
         most = _TORN if former.followed else _MISTAKEN
         text = _say(members, far, size, deformed & members.owned, most)
-    mine, here = moved[body], deformed[body]
+    if particles is not None:
+        particles, others = _turned(particles, moved[body], turn[body], columns)
+        members, turned = members._replace(particles=particles), communicator.count(others)
+    here = deformed[body]
     placed = np.where(here[:, None], placed, r)
-    kept = Kept(mine, atoms[mine], (placed - r)[mine], turn[body[mine]], text, 0)
-    if oriented:
-        particles, others = _turned(particles, kept, former)
-        others = members.communicator.total(np.array([others]))[0]
-        kept = kept._replace(turned=round(others))
-    return placed if text else r, particles, kept, new
+    return Kept(members, placed, atoms[here], (placed - r)[here], text, turned, new)
 
 
-def _of_the_same_atoms(members, former):
+def _of_the_same_atoms(members: Members, former: Former) -> np.ndarray:
     """Which bodies have the atoms that they had, (n,) bool; collective."""
     known, old, natoms = (rows[members.atoms] for rows in (former.known, former.id, former.natoms))
     low, high, before = members.lowest(*np.where(known, (old, -old, natoms), -np.inf))
-    same = (low == -high) & (before == members.total(np.ones(len(known)))[0])
+    same = (low == -high) & (before == members.natoms)
     return same if former.followed else same & (low == members.ids)
 
 
-def _turns(lammps, members, former, moved, r, d, particles):
+def _turns(
+    members: Members,
+    former: Former,
+    moved: np.ndarray,
+    r: np.ndarray,
+    d: np.ndarray,
+    particles: Particles | None,
+) -> np.ndarray:
     """How far each body that has `moved` (n,) is turned, (n, 3, 3); collective.
 
     Args:
         r (m, 3), d (3, m): the atoms' places from the centre now, and in their body's frame.
-        particles: the `Particles` that the atoms are, None if they have no orientations.
+        particles: what the atoms are; None if none can have an orientation.
     """
-    n, plane = len(moved), lammps.dimension == 2
-    weight = members.mass * moved[members.body]
+    n, plane = len(moved), members.lammps.dimension == 2
+    weight = members.atom_mass * moved[members.body]
     products = members.total(*(weight * a * b for a in r.T for b in d)).T.reshape(n, 3, 3)
     turn = np.tile(np.eye(3), (n, 1, 1))
     turn[moved] = best_turns(products[moved], plane)
@@ -117,7 +125,7 @@ def _turns(lammps, members, former, moved, r, d, particles):
     return turn
 
 
-def best_turns(products, plane=False):
+def best_turns(products: np.ndarray, plane: bool = False) -> np.ndarray:
     """The rotations that bring one set of vectors nearest to another.
 
     Args:
@@ -139,11 +147,11 @@ def best_turns(products, plane=False):
     return left @ right
 
 
-def _directions(particles, columns):
+def _directions(particles: Particles, columns: np.ndarray) -> np.ndarray:
     """The sums of a bᵀ over each particle's directions now, a, and in its body, b: (3, 3, m).
 
     Args:
-        particles: the `Particles`.  columns: (rows, m) of `Bodies.displace`.
+        columns: (rows, m) of `Bodies.displace`.
     """
     orient, dipole = columns[ORIENT:OWN_MOMENT], columns[DIPOLE:]
     axes = np.einsum("akm,bkm->abm", particles.axes, matrices(orient)) * orient.any(axis=0)
@@ -152,26 +160,38 @@ def _directions(particles, columns):
     return axes + np.divide(both, square, out=np.zeros_like(both), where=square > 0)
 
 
-def _turned(particles, kept, former):
-    """The particles, turned with the bodies that keep their shape, and how many of them had another
-    orientation."""
-    quat, dipole, d = particles.quat.copy(), particles.dipole.copy(), former.displace[:, kept.atoms]
-    quat[:, kept.which] = product(quaternions(kept.turn), d[ORIENT:OWN_MOMENT])
-    dipole[:, kept.which] = np.einsum("mab,bm->am", kept.turn, d[DIPOLE:])
-    now = particles._replace(quat=quat, dipole=dipole)
+def _turned(
+    before: Particles, which: np.ndarray, turn: np.ndarray, columns: np.ndarray
+) -> tuple[Particles, int]:
+    """The particles, turned with their bodies.
+
+    Args:
+        which: (m,) bool, the particles of bodies that have moved.
+        turn: (m, 3, 3) the new rotation of each particle's body.
+        columns: (rows, m) of `Bodies.displace`.
+    Returns:
+        these, and how many of them had another orientation.
+    """
+    turn, d = turn[which], columns[:, which]
+    quat, dipole = before.quat.copy(), before.dipole.copy()
+    quat[:, which] = product(quaternions(turn), d[ORIENT:OWN_MOMENT])
+    dipole[:, which] = np.einsum("mab,bm->am", turn, d[DIPOLE:])
+    now = before._replace(quat=quat, dipole=dipole)
     size = np.linalg.norm(dipole, axis=0)
-    others = np.abs(now.axes - particles.axes).max(axis=(0, 1)) > _ANOTHER
-    others |= np.abs(dipole - particles.dipole).max(axis=0) > _ANOTHER * size
-    return now, others.sum()
+    others = np.abs(now.axes - before.axes).max(axis=(0, 1)) > _ANOTHER
+    others |= np.abs(dipole - before.dipole).max(axis=0) > _ANOTHER * size
+    return now, int(others.sum())
 
 
-def twist(turn, products, *others):
-    """Turns of bodies, which those that are a line have about that line so that directions fit
-    best.
+def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.ndarray:
+    """Rotations of bodies; those that are a line are turned about it so that directions fit best.
 
     Args:
         turn: (n, 3, 3) of `best_turns`.  products: (n, 3, 3), from which they are.
-        others: products of other vectors, (n, 3, 3) each, in turn where those before say nothing.
+        others: products of other vectors, (n, 3, 3) each; the later ones serve where those before
+            say nothing.
+    Returns:
+        (n, 3, 3) rotation matrices.
     """
     left, size, _ = np.linalg.svd(products)
     line, left_out = left[:, :, 0], size[:, 1] <= _LINE * size[:, 0]
@@ -189,25 +209,27 @@ def twist(turn, products, *others):
     return turn
 
 
-def _about(vectors):
+def _about(vectors: np.ndarray) -> np.ndarray:
     """Rotation matrices (n, 3, 3) about these vectors (n, 3) by their lengths."""
     angle = np.linalg.norm(vectors, axis=1)
     sine = np.sinc(0.5 * angle / np.pi) * 0.5 * vectors.T
     return matrices(np.array([np.cos(0.5 * angle), *sine])).transpose(2, 0, 1)
 
 
-def _say(members, far, size, which, most):
-    """The line for the log on these bodies (n,) bool, off by `most` sizes at most; collective.
+def _say(
+    members: Members, far: np.ndarray, size: np.ndarray, which: np.ndarray, most: float
+) -> str:
+    """The line for the log on bodies that were deformed; collective.
 
-    Raises: as `keep`.
+    Args:
+        far, size: (n,) how far an atom of each body is from its place, and the body's size.
+        which: (n,) bool, the bodies that were deformed.
+        most: an atom may be off by so many sizes.
+    Raises:
+        RunError: on all ranks, if one is off by more.
     """
-    worst = []
-    if which.any():
-        k = np.argmax(far / size * which)
-        worst = [[far[k] / size[k], far[k], members.ids[k]]]
-    rows = members.communicator.gather_to_all(np.array(worst).reshape(-1, 3))
-    part, distance, name = rows[rows[:, 0].argmax()]
-    name = members.membership.name(int(name))
+    part, distance, body = members.furthest(which, far / size, far, members.ids)
+    name = members.membership.name(int(body))
     if part > most:
         raise RunError(
             f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
@@ -216,7 +238,7 @@ def _say(members, far, size, which, most):
             "are. If the new shape is meant, unfix this fix and define it again",
             everywhere=True,
         )
-    count = round(members.communicator.total(np.array([which.sum()]))[0])
+    count = members.communicator.count(which.sum())
     return (
         f"Bodies that were deformed between the runs: {count}; "
         f"{name} the most, by {distance:.3g}, {part:.2g} of its size. They keep their shape: "

@@ -1,12 +1,44 @@
 """How a body's atoms are put together across the periodic faces."""
 
+from typing import NamedTuple
+
 import numpy as np
+
+from .members import Members
 
 _CELLS = 64  # of a box length, in which gaps are counted
 _GAP = 0.1  # gaps inside a body that are narrower than this part of the box suggest no cut
 
 
-def unfold(lammps, members):
+class Unfolded(NamedTuple):
+    """Bodies whose atoms are put together.
+
+    Attributes:
+        members: the `Members`.
+        first: (n,) ID of each body's first atom.
+        place, image: (3, n) of each body's first atom, its place in the box and its image flags.
+        delta: (m, 3) the place of each atom from there, space frame.
+        centre: (3, n) the centre of mass of the body's atoms from there.
+        rebuilt: (n,) bool, which bodies the nearest images put together.
+        warnings: lines for the log.
+    """
+
+    members: Members
+    first: np.ndarray
+    place: np.ndarray
+    image: np.ndarray
+    delta: np.ndarray
+    centre: np.ndarray
+    rebuilt: np.ndarray
+    warnings: list[str]
+
+    def inertia(self) -> np.ndarray:
+        """Tensors of inertia of the bodies' atoms about `centre`, (3, 3, n); collective."""
+        members = self.members
+        return members.inertia(members.atom_mass, self.delta - self.centre[:, members.body].T)
+
+
+def unfold(members: Members) -> Unfolded:
     """Put each body's atoms together across the periodic faces; collective.
 
     Along each box vector the image flags hold where they make the body narrower than half the
@@ -16,15 +48,9 @@ def unfold(lammps, members):
     as its flags have it: a wall that spans the box has no other shape. There is doubt if these are
     alike for all of its atoms, or make it as wide as the box, and a gap inside is wider than
     the one outside.
-
-    Args:
-        members: the `Members`.
-    Returns:
-        (place, image, delta, rebuilt, doubt): of each body's first atom its place in the box and
-        image flags, (3, n) each; the place of each atom from there, (atoms, 3); the bodies that
-        were put together by the nearest images, (n,) bool; a warning, None for none.
     """
-    box, body = lammps.box, members.body
+    lammps, body = members.lammps, members.body
+    box = lammps.box
     x = lammps.x[members.atoms]
     image = lammps.images[members.atoms]
     first, place, flags = _first_atoms(members, x, image)
@@ -33,30 +59,42 @@ def unfold(lammps, members):
     delta = x - place[:, body].T
     nearest = delta - box.lattice(delta) @ box.h.T
     delta = delta + image @ box.h.T
-
-    def parts_of(places):
-        """Places (m, 3) in parts of the box vectors, where it is periodic, (3, m)."""
-        return (places @ box.inverse.T * box.periodic).T
-
-    parts = parts_of(delta)
-    low, width = _extent(members, parts)
-    wide = width >= 0.5
-    if not members.communicator.any(wide.any()):
-        return place, flags, delta, np.zeros(len(members.ids), bool), None
-    cut = wide & (_extent(members, parts_of(nearest))[1] < 0.25)
-    several_images = _extent(members, image.T)[1] > 0
-    unsure = wide & ~cut & ~(several_images & (width < 1))
-    gap = np.zeros_like(width)
-    for k in np.flatnonzero(box.periodic):
-        gap[k] = _widest_gap(members, parts[k] - low[k, body])
-    gap[~unsure | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
-    doubt = _doubt(members, first, width, gap)
-    fold = np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T
-    return place, flags, delta - fold @ box.h.T, cut.any(axis=0), doubt
+    low, width = _extent(members, _fractional(members, delta))
+    wide, rebuilt, warnings = width >= 0.5, np.zeros(len(members.ids), bool), []
+    if members.communicator.any(wide.any()):
+        cut = wide & (_extent(members, _fractional(members, nearest))[1] < 0.25)
+        several_images = _extent(members, image.T)[1] > 0
+        unsure = wide & ~cut & ~(several_images & (width < 1))
+        gap = np.zeros_like(width)
+        parts = _fractional(members, delta) - low[:, body]
+        for k in np.flatnonzero(box.periodic):
+            gap[k] = _widest_gap(members, parts[k])
+        rebuilt = np.logical_or.reduce(cut)
+        gap[~unsure | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
+        warnings = _doubt(members, first, width, gap)
+        delta -= (np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T) @ box.h.T
+    # bodies that weigh nothing are refused later
+    weight = np.where(members.mass > 0, members.mass, 1.0)
+    centre = members.total(*(members.atom_mass * delta.T)) / weight
+    return Unfolded(members, first, place, flags, delta, centre, rebuilt, warnings)
 
 
-def _first_atoms(members, x, image):
-    """The ID of each body's first atom, (n,), its place and image flags, (3, n); collective."""
+def _fractional(members: Members, vectors: np.ndarray) -> np.ndarray:
+    """Vectors (m, 3) in units of the box vectors, 0 along those that are not periodic, (3, m)."""
+    box = members.lammps.box
+    return (vectors @ box.inverse.T * box.periodic).T
+
+
+def _first_atoms(
+    members: Members, x: np.ndarray, image: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Which atom of each body is the first; collective.
+
+    Args:
+        x, image: (m, 3) place and image flags of this rank's atoms of bodies.
+    Returns:
+        its ID, (n,), its place and its image flags, (3, n) each.
+    """
     (first,) = members.lowest(members.tag)
     lead = members.tag == first[members.body]
     reference = np.zeros((6, len(members.ids)))
@@ -65,40 +103,43 @@ def _first_atoms(members, x, image):
     return first, reference[:3], reference[3:]
 
 
-def _extent(members, columns):
-    """The lowest of the numbers of each body's atoms, and how much higher the highest is, (3, n)
-    each; collective."""
+def _extent(members: Members, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest of the numbers (k, m) of each body's atoms, and how much higher the highest is,
+    (k, n) each; collective."""
     low = members.lowest(*columns)
     return low, members.highest(*columns) - low
 
 
-def _doubt(members, first, width, gap):
-    """The warning for bodies that may be cut, with a gap (3, n) above zero, or None; collective."""
-    gap = gap * members.owned
-    worst = []
-    if gap.any():
-        k, b = np.unravel_index(gap.argmax(), gap.shape)
-        worst = [gap[k, b], width[k, b], k, members.ids[b], first[b], gap.any(axis=0).sum()]
-    rows = members.communicator.gather_to_all(np.array(worst).reshape(-1, 6))
-    if not len(rows):
-        return None
-    inside, wide, k, body, atom, _ = rows[rows[:, 0].argmax()]
-    others = rows[:, 5].sum() - 1
-    return (
+def _doubt(members: Members, first: np.ndarray, width: np.ndarray, gap: np.ndarray) -> list[str]:
+    """The warning for bodies that may be cut, none if there is no such body; collective.
+
+    Args:
+        first: (n,) ID of each body's first atom.
+        width: (3, n) of each body along the box vectors, of these.
+        gap: (3, n) the widest gap inside it where it may be cut, else 0.
+    """
+    widest, along = gap.max(axis=0), gap.argmax(axis=0)
+    wide = np.take_along_axis(width, along[None, :], axis=0)[0]
+    which = (widest > 0) & members.owned
+    several = members.communicator.count(which.sum())
+    if not several:
+        return []
+    inside, wide, k, body, atom = members.furthest(which, widest, wide, along, members.ids, first)
+    return [
         f"WARNING: {members.membership.name(int(body))} (its first atom is {atom:.0f}) "
         f"may be cut by a periodic face: by its image flags it is {wide:.2f} box "
         f"lengths wide along {'xyz'[int(k)]}, with a gap of {inside:.2f} inside and of "
         f"{max(0.0, 1.0 - wide):.2f} outside. The flags are trusted"
-        + (f" (as are those of {others:.0f} more)" if others else "")
+        + (f" (as are those of {several - 1} more)" if several > 1 else "")
         + ". If they are wrong, set them (set ... image, or in the data file) before the first run"
-    )
+    ]
 
 
-def _widest_gap(members, parts):
+def _widest_gap(members: Members, parts: np.ndarray) -> np.ndarray:
     """Widest stretch inside each body without atoms, (n,), rounded down; collective.
 
     Args:
-        parts: (atoms,) the atoms' distances from the end of their body, 0 to 1 (further ones count
+        parts: (m,) the atoms' distances from the end of their body, 0 to 1 (further ones count
             as at 1).
     """
     filled = np.zeros((_CELLS, len(members.ids)))

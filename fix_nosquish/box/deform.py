@@ -26,13 +26,17 @@ SAME_LATTICE = 1e-9  # of a box vector, by which a tilt may miss the lattice
 
 @inlined
 def edges(told_box):
-    """How long a box is along x, y and z."""
+    """How long a box is along x, y and z; told_box as of `deform`."""
     return told_box[3] - told_box[0], told_box[4] - told_box[1], told_box[5] - told_box[2]
 
 
 @inlined
 def images_of(inverse, shift, a):
-    """How many box vectors the image is away in which LAMMPS has an atom."""
+    """How many box vectors the image is away in which LAMMPS has an atom.
+
+    Args:
+        a: the place of the atom among `Images.away`.
+    """
     x, y, z = three_of(shift[a], 0)
     u, v, w = fractional(inverse, x, y, z)
     return floor(u + 0.5), floor(v + 0.5), floor(w + 0.5)
@@ -40,7 +44,10 @@ def images_of(inverse, shift, a):
 
 @inlined
 def know(images, box, told_box):
-    """Have the box, and what follows from it, as it is told."""
+    """Set the box to the one that LAMMPS has now.
+
+    An atom in another image than its body stays as many box vectors away from it.
+    """
     h, shift = box.h, images.shift
     for a in range(shift.shape[0]):
         shift[a, 0], shift[a, 1], shift[a, 2] = images_of(box.inverse, shift, a)
@@ -59,7 +66,7 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
     """Move the bodies into the box that LAMMPS has now, and place their atoms.
 
     Args:
-        told_box: (9,) its lowest and highest coordinates, its tilts xy, xz, yz.
+        told_box: (9,) its lowest coordinates, its highest ones, its tilts xy, xz, yz.
     """
     lo, state = box.lo, layout.state
     for b in range(state.shape[1]):
@@ -77,7 +84,8 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 
 @loop
 def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
-    """Know the box that LAMMPS has now; atoms in another image than their body go with it."""
+    """Set the box to the one that LAMMPS has now; atoms in another image than their body go with
+    that image, and bodies stay where they are."""
     for a in range(images.aways[0]):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
@@ -87,8 +95,11 @@ def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 
 @loop
 def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign: F):
-    """Give atoms in another image than their body that image's velocity, or, with sign -1.0, take
-    it from them."""
+    """Add the velocity of its image to each atom that is in another image than its body.
+
+    Args:
+        sign: 1.0, or -1.0 to subtract it again.
+    """
     for a in range(images.aways[0]):
         i = layout.index[images.away[a]]
         n1, n2, n3 = images_of(box.inverse, images.shift, a)
@@ -100,13 +111,14 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
 
 @loop
 def flipped(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, arrived: F2) -> I:
-    """Know the other vectors of the same lattice that LAMMPS has now for its box.
+    """Set the box to the one that LAMMPS has now, if its vectors span the same lattice.
 
-    So many of a were added to b (xy), and to c (xz), and of b to c (yz).  Bodies that have just
-    come from another rank count the old ones, too.
+    LAMMPS adds whole numbers of the vector a to b (xy) and to c (xz), and of b to c (yz).  The
+    image flags of bodies are counted anew for the new vectors, also those of bodies that have just
+    come from another rank.
 
     Returns:
-        1 if the box has become another one, else 0.
+        1 if the lattice is another one, and then the box stays as it was; else 0.
     """
     h = box.h
     xx, yy, zz = edges(told_box)

@@ -25,14 +25,23 @@ from .cell import (
 
 @loop
 def find_clusters(cluster_finder: L1):
-    """Have the array `clusters` for the atoms as they are now."""
+    """Have the plugin fill the array `clusters` for the atoms as they are now.
+
+    Args:
+        cluster_finder: (2,) the address of a function of the plugin and its argument.
+    """
     call(cluster_finder[0], cluster_finder[1])
 
 
 @inlined
 def of_cluster(clusters, atom_v, i):
-    """How far an atom is from the centre of its cluster, and the velocity of that centre."""
-    if clusters.shape[0] == 0:  # none is held, so each atom is its own centre
+    """The vector from the centre of its cluster to an atom, and the velocity of that centre.
+
+    Args:
+        clusters: (natoms, 6) both of each atom; (0, 6) where no fix holds atoms together.
+        i: index of the atom.
+    """
+    if clusters.shape[0] == 0:  # each atom is its own centre
         return (0.0, 0.0, 0.0), vector(atom_v, i)
     return vector(clusters, i), (clusters[i, 3], clusters[i, 4], clusters[i, 5])
 
@@ -42,13 +51,17 @@ def virial_of_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
     type_mass: F1, type: I1, clusters: F2, cell: Barostat, box: PeriodicBox,
 ):  # fmt: skip
-    """Have the sums of `cell.virial_about_centres` tell of atoms that are in no body, too.
+    """Add the part of atoms that are in no body to the sums of `cell.virial_about_centres`.
 
-    LAMMPS's virial is one for atoms that all move with the box.  So what the forces do on those
-    that stay, and about the centres of clusters, is taken from it.  The motion of centres that move
-    with the box counts as that of points.  The forces are those that LAMMPS's virial counts:
-    without those of a fix that adds none to it, such as fix langevin, whose noise would act on the
-    box.
+    These sums are subtracted from LAMMPS's virial, in which each atom moves with the box.  For
+    an atom that stays they get the virial of its force about the middle of the box, and for an
+    atom of a cluster that about the cluster's centre.  The kinetic part of centres that move with
+    the box is in them with a minus sign.  Only forces that LAMMPS's virial counts are in them: not
+    those of fix langevin, for example, whose noise would act on the box.
+
+    Args:
+        dilated: bits of the groups whose atoms move with the box.
+        clusters: see `of_cluster`.
     """
     numbers, h, lo = cell.barostat, box.h, box.lo
     cx = lo[0] + 0.5 * (h[0, 0] + h[0, 1] + h[0, 2])
@@ -69,7 +82,7 @@ def virial_of_others(
 
 @inlined
 def add_products(numbers, place, force):
-    """Add the products of two vectors' components to the virial."""
+    """Add the products of two vectors' components to the sums: xx, yy, zz, xy, xz, yz."""
     (x, y, z), (fx, fy, fz) = place, force
     numbers[SPREAD] += x * fx
     numbers[SPREAD + 1] += y * fy
@@ -81,7 +94,7 @@ def add_products(numbers, place, force):
 
 @inlined
 def vector(atoms, i):
-    """The three numbers of an atom."""
+    """The three numbers of atom i in an array (natoms, 3 or more)."""
     return atoms[at(i), 0], atoms[at(i), 1], atoms[at(i), 2]
 
 
@@ -90,8 +103,12 @@ def move_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, clusters: F2, step: L1,
     cell: Barostat,
 ):  # fmt: skip
-    """In a step in which the box changes, stretch and shear with it the centres that move, and
-    their velocities by the inverse."""
+    """In a step in which the box changes, stretch and shear with it the centres of clusters that
+    move, and their velocities by the inverse.
+
+    Args:
+        dilated, clusters: as of `virial_of_others`.
+    """
     numbers = cell.barostat
     if is_due(step, cell):
         shear = three_of(numbers, SHEAR)

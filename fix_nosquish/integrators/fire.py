@@ -20,7 +20,6 @@ from math import sqrt
 
 import numpy as np
 
-from ..bodies.bodies import matrices
 from ..errors import RunError
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop
@@ -39,7 +38,14 @@ from ..motion.block import (
     three,
     write,
 )  # fmt: skip
-from ..motion.frames import angular_velocity, product, quaternion_momentum, rotation_matrix, to_body
+from ..motion.frames import (
+    angular_velocity,
+    matrices,
+    product,
+    quaternion_momentum,
+    rotation_matrix,
+    to_body,
+)
 from ..motion.operations import FTM2V, PARAMETERS, drift
 from ..motion.step import Operation
 from ..ranks.mpi import Mpi, add_up

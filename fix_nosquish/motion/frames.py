@@ -1,5 +1,7 @@
 """Between the principal frame of a body and the space frame."""
 
+import numpy as np
+
 from ..loops.compiled import inlined
 from .rotor import s_times
 
@@ -83,3 +85,23 @@ def product(p, q):
         p[0] * q[2] + p[2] * q[0] + p[3] * q[1] - p[1] * q[3],
         p[0] * q[3] + p[3] * q[0] + p[1] * q[2] - p[2] * q[1],
     )
+
+
+def matrices(q: np.ndarray) -> np.ndarray:
+    """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
+    return np.array(rotation_matrix(q)).reshape(3, 3, -1)
+
+
+def quaternions(axes: np.ndarray) -> np.ndarray:
+    """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
+    r = axes.transpose(1, 2, 0)
+    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
+    products = np.array([
+        [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
+        [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],
+        [r[0, 2] - r[2, 0], r[0, 1] + r[1, 0], 1 - r[0, 0] + r[1, 1] - r[2, 2], r[1, 2] + r[2, 1]],
+        [r[1, 0] - r[0, 1], r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], 1 - r[0, 0] - r[1, 1] + r[2, 2]],
+    ])  # fmt: skip
+    largest = np.argmax([products[k, k] for k in range(4)], axis=0)
+    q = products[largest, :, np.arange(len(axes))].T
+    return q / np.sqrt((q * q).sum(axis=0))

@@ -5,7 +5,7 @@ with.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -39,6 +39,17 @@ class Alone:
         """
         if problem:
             raise RunError(problem, everywhere=True)
+
+    def refuse(self, wrong: np.ndarray, text: Callable[[int], str]) -> None:
+        """End the run if something is wrong on any rank; collective.
+
+        Args:
+            wrong: (n,) bool, which of n things of this rank are.
+            text: gives the message for the first of these, by its place among the n.
+        Raises:
+            RunError: on all ranks, with the message of the first rank that has one.
+        """
+        self.agree(text(int(wrong.argmax())) if wrong.any() else None)
 
     @contextmanager
     def together(self, what: str) -> Iterator[None]:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..bodies.bodies import Start
 from ..bodies.membership import Membership
 from ..box import deform
 from ..loops import machine_code
@@ -109,7 +110,7 @@ def begin_run(integrator: "Integrator") -> None:
     if anew:
         making.make(integrator)
     else:
-        integrator.bodies.bind(lammps, integrator.membership)
+        integrator.bodies.bind(integrator.membership)
     bind(integrator)
     if anew:
         give_velocities(integrator)
@@ -164,7 +165,7 @@ def tell_start(integrator: "Integrator") -> None:
         integrator.reports.say(bool(host.vflag))
         integrator.reports.write()
     cause, remedy, spacing = log.forces_at_start(integrator)
-    bodies.start = integrator.lammps.step, cause, remedy, spacing
+    bodies.start = Start(integrator.lammps.step, cause, remedy, spacing)
     suspects = integrator.other_fixes.suspects()
     names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in suspects)
     bodies.suspects = names and f", perhaps {names}"

@@ -5,6 +5,7 @@ from typing import Any, cast
 import numpy as np
 
 from ..bodies.bodies import Bodies
+from ..bodies.build import Notes
 from ..bodies.membership import Membership
 from ..errors import RunError
 from ..host.command import Command, Line
@@ -91,7 +92,7 @@ class Integrator(Answers, Registered, Declaration):
         )
         self.line, self.name = line, line.name
         self.let_bodies_go()
-        self.notes = cast(dict, None)  # until bodies are made, and until passes are bound
+        self.notes = cast(Notes, None)  # until bodies are made, and until passes are bound
         self.parameters = cast(np.ndarray, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external = External(self)
@@ -152,7 +153,7 @@ class Integrator(Answers, Registered, Declaration):
     @property
     def keeps_bodies(self) -> bool:
         """Whether of some bodies more is known than their atoms tell."""
-        return bool(self.infile or (self.notes and len(self.notes["given"])))
+        return bool(self.infile or (self.notes and len(self.notes.given)))
 
     @property
     def goes_on(self) -> bool:

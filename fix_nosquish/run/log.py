@@ -1,12 +1,12 @@
 """What the log says of the bodies as a run begins: what they are, what is done, what is odd."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from .. import __version__
 from ..bodies.bodies import Bodies
-from ..bodies.build import least_moment
+from ..bodies.build import Notes, least_moment
 from ..host.command import Command, Moments
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
@@ -61,9 +61,9 @@ def summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
     ]
     if command.moments:
         lines.append(f"  principal moments: {_moments(command.moments, command, lammps)}")
-    if notes["rebuilt"]:
+    if notes.rebuilt:
         lines.append(
-            f"  {notes['rebuilt']} bodies were cut by a periodic face and put together by the "
+            f"  {notes.rebuilt} bodies were cut by a periodic face and put together by the "
             "nearest image"
         )
     return lines, removed
@@ -98,26 +98,26 @@ def _kinds(bodies: Bodies, found: _Counts) -> str:
     return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
 
 
-def _start(notes: Any, own: float, lammps: Lammps) -> str:
+def _start(notes: Notes, own: float, lammps: Lammps) -> str:
     """What was taken from the atoms' velocities, so that they are rigid motion.
 
     There is no temperature of the atoms before: another fix may have held them, with as many
     degrees of freedom as nobody knows.
     """
     degrees = own - lammps.dimension  # as compute temp of these atoms counts them
-    left = 2 * (notes["kinetic"] - notes["removed"])
+    left = 2 * (notes.kinetic - notes.removed)
     now = left / (degrees * lammps.boltz) if degrees > 0 else 0.0
-    if not projected(notes):
+    if not projected(notes.removed, notes.kinetic):
         return f"rigid motion, temperature {now:.8g} of the bodies"
     return (
-        f"{notes['removed']:.8g} of the kinetic energy {notes['kinetic']:.8g} was not rigid motion "
+        f"{notes.removed:.8g} of the kinetic energy {notes.kinetic:.8g} was not rigid motion "
         f"and was removed; temperature {now:.8g} of the bodies"
     )
 
 
-def projected(notes: Any) -> bool:
-    """Whether start velocities were not rigid motion already. Args: notes: what `build` says."""
-    return notes["removed"] > ROUNDING * notes["kinetic"]
+def projected(removed: float, kinetic: float) -> bool:
+    """Whether of this kinetic energy more was removed than by rounding, to have rigid motion."""
+    return removed > ROUNDING * kinetic
 
 
 def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[list[str], list[str]]:
@@ -197,19 +197,19 @@ def warnings(integrator: "Integrator") -> list[str]:
             f"WARNING: the fix line names group {integrator.host.group}, the class group {group}: "
             f"the bodies are of {group}, so give the fix the same group"
         )
-    if notes["stray"] > 1:
+    if notes.stray > 1:
         lines.append(
-            f"WARNING: the {notes['stray']} atoms with molecule-ID 0 are one rigid body: "
+            f"WARNING: the {notes.stray} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
     warmed = integrator.thermostat or integrator.quenches or integrator.command.steps
-    if notes["still"] and projected(notes) and not warmed:
+    if notes.still and projected(notes.removed, notes.kinetic) and not warmed:
         lines.append(
             "WARNING: the bodies' atoms are no points, and do not spin: velocity create and "
             "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
             "their translation; a thermostat warms it"
         )
-    lines += [*notes["warnings"], *integrator.own_warnings]
+    lines += [*notes.warnings, *integrator.own_warnings]
     dt = integrator.lammps.innermost_dt
     turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
     if turn > _FAST:

@@ -7,8 +7,9 @@ from typing import BinaryIO, NamedTuple
 
 import numpy as np
 
-from ..bodies.bodies import Bodies, matrices
+from ..bodies.bodies import Bodies
 from ..host.lammps import Lammps
+from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 
 

@@ -63,13 +63,13 @@ class Reports:
 
     def say(self, virial: bool) -> None:
         """Log what the bodies are, if that has changed, and what was taken from velocities."""
-        integrator = self._integrator
+        integrator, notes = self._integrator, self._integrator.notes
         lines, removed = log.summary(integrator, virial)
         warnings = log.warnings(integrator)
         said, self._said = self._said, lines[:4]
         if not said or said[:3] != lines[:3]:
             integrator.host.log("\n".join([*lines, *integrator.host.advice(removed), ""]))
-        elif said[3] != lines[3] and log.projected(integrator.notes):
+        elif said[3] != lines[3] and log.projected(notes.removed, notes.kinetic):
             integrator.host.log(lines[3] + "\n")
         self.warn(warnings)
 
@@ -86,7 +86,6 @@ class Reports:
         Args:
             before, now: kinetic energy of these velocities, and of the bodies' motion.
         """
-        change = {"removed": before - now, "kinetic": before}
         self._lost += before - now
         self._least = log.ROUNDING * before
         if not self._heard:
@@ -97,7 +96,7 @@ class Reports:
             if self._integrator.keeps_bodies and not kept:
                 kept = " (not those with a mass, com or inertia of their molecule template)"
             lost = f"; {before - now:.4g} of the kinetic energy {before:.8g} was none, and is lost"
-            lost = lost if log.projected(change) else ""
+            lost = lost if log.projected(before - now, before) else ""
             self._integrator.host.log(
                 f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
                 f"{names}): the bodies take them over, as rigid motion{kept}{lost}\n"
@@ -155,10 +154,8 @@ class Reports:
             return
         several = sum(mate.keeps_bodies for mate in integrator.mates) > 1
         own = f".{integrator.host.fix_id}" if several else ""
-        infile.write(
-            f"{name}{own}.rigid", integrator.counts_from_one, self.made(), integrator.lammps,
-            integrator.communicator,
-        )  # fmt: skip
+        path = f"{name}{own}.rigid"
+        infile.write(path, integrator.counts_from_one, self.made(), integrator.membership)
 
     def made(self, forces: bool = True) -> Bodies:
         """The bodies, with their forces, if wanted, as a step that is looked at leaves them.

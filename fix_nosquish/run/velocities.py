@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bodies.extended import particles_of
 from ..bodies.membership import Membership
+from ..bodies.particles import particles_of
 from ..box import deform
 from ..motion import step
 
@@ -60,15 +60,13 @@ def take(integrator: "Integrator") -> np.ndarray:
         (2,) the kinetic energy of this rank's atoms before and of its bodies now, but for those of
         which more is known.
     """
-    bodies, lammps, spins, known = integrator.bodies, integrator.lammps, None, None
-    given = np.isin(bodies.id, integrator.notes["given"])
-    if given.any():
-        known = np.flatnonzero(given), bodies.momenta()[:, given]
+    bodies, lammps, particles = integrator.bodies, integrator.lammps, None
+    given = np.isin(bodies.id, integrator.notes.given)
     before = bodies.kinetic_of_atoms(lammps)
     if bodies.spin:
         particles = particles_of(lammps, integrator.shapes(), bodies.index)
-        spins, before = particles.momentum, before + particles.kinetic()
-    bodies.take_velocities(lammps, spins, known)
+        before = before + particles.kinetic()
+    bodies.take_velocities(lammps, particles, given, bodies.momenta()[:, given])
     after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
     return np.array([before[~given[bodies.body]].sum(), after.sum()])
 
@@ -82,7 +80,7 @@ def zero(integrator: "Integrator", name: str) -> None:
     else:
         integrator.membership = Membership(lammps, integrator.communicator, integrator.command)
         bodies = integrator.bodies_of_atoms()
-        bodies.bind(lammps, integrator.membership)
+        bodies.bind(integrator.membership)
         bodies.know_box(lammps.box)
     getattr(bodies, name)[:] = 0.0
     atom_v = lammps.v  # before a first run no cell points there

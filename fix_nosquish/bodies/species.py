@@ -1,0 +1,199 @@
+"""Whether molecules of one species have one shape as rigid bodies."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
+from .bodies import Bodies
+from .membership import Membership
+from .principal import weights
+
+_DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
+_SAID = 5  # warnings at most
+_SHAPES = "three-dimensional", "planar", "linear"
+
+
+class Species(NamedTuple):
+    """Bodies with the same atom types in the order of IDs, where there are several; alike on all
+    ranks.
+
+    Attributes:
+        key: (s,) int64, what tells a species apart, ascending.
+        natoms: (s,) number of atoms of a body.
+        first: (s,) the lowest ID of a body.
+        counts: (s, 3) how many bodies have each of _SHAPES.
+    """
+
+    key: np.ndarray
+    natoms: np.ndarray
+    first: np.ndarray
+    counts: np.ndarray
+
+
+def compare(bodies: Bodies, membership: Membership) -> list[str]:
+    """Warn of molecules of one species that do not have one shape; collective.
+
+    Each body is laid over the one of its species that has the lowest ID, turned (or mirrored: a
+    racemate is of one species) by least squares. All atoms count alike: by their masses, rounding
+    errors would turn bodies about directions in which only massless sites extend.
+
+    Returns:
+        lines for the log, alike on all ranks.
+    """
+    communicator, owned = membership.communicator, bodies.sharers.owned
+    place, key = _places_and_keys(bodies, membership.lammps)
+    compared = (bodies.natoms > 1) & (key >= 0)
+    found = _species(bodies, communicator, key, compared & owned)
+    if not len(found.key):
+        return []
+    species = np.searchsorted(found.key, key).clip(max=len(found.key) - 1)
+    species[~compared | (found.key[species] != key)] = -1
+    far = _deviations(bodies, communicator, species, place, found)
+    other = (far > _DIFFERENT) & owned
+    differ = communicator.total(np.bincount(species[other], minlength=len(found.key))).astype(int)
+    # of each species the body that differs most
+    rows = _first_of_each(np.array([species, far, bodies.id], float)[:, other].T)
+    furthest = np.zeros((len(found.key), 2))
+    rows = _first_of_each(communicator.gather_to_all(rows))
+    furthest[rows[:, 0].astype(int)] = rows[:, 1:]
+    mixed = np.count_nonzero(found.counts, axis=1) > 1
+    said = np.flatnonzero((differ > 0) | mixed)
+    said = said[np.argsort(-furthest[said, 0], kind="stable")]
+    lines = [_line(membership, found, k, differ[k], *furthest[k]) for k in said[:_SAID]]
+    if len(said) > _SAID:
+        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
+    return lines
+
+
+def _first_of_each(rows: np.ndarray) -> np.ndarray:
+    """Of rows (n, k) with the same first number, the one whose second number is the largest."""
+    rows = rows[np.lexsort((-rows[:, 1], rows[:, 0]))]
+    return rows[np.unique(rows[:, 0], return_index=True)[1]]
+
+
+def _deviations(
+    bodies: Bodies, communicator: Alone, species: np.ndarray, place: np.ndarray, found: Species
+) -> np.ndarray:
+    """How far each body is from the first of its species, as a part of its size, (n,); collective.
+
+    Args:
+        species: (n,) the place of each body's species in `found`, -1 for those that are not
+            compared.
+        place: (m,) of each atom among its body's.
+    """
+    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(found.natoms)])
+    mine = species[bodies.body] >= 0
+    body, d = bodies.body[mine], bodies.displace[:3, mine]
+    where = start[species[body]] + place[mine]
+    of_first = bodies.id[body] == found.first[species[body]]
+    told = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
+    model = np.empty((3, start[-1]))
+    model[:, told[:, 0].astype(int)] = told[:, 1:].T
+    size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
+
+    model = model[:, where]
+    products = sharers.total(body, *(a * b for a in d for b in model)).T.reshape(-1, 3, 3)
+
+    def deviation(turn: np.ndarray) -> np.ndarray:
+        """How far each body is from the first of its species, turned so, of its size, (n,)."""
+        off = np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0)
+        return np.where(species >= 0, sharers.highest(body, off)[0] / size[species], 0.0)
+
+    # principal axes of bodies of one shape differ in their signs only, unless moments are equal
+    turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
+    far = deviation(turn)
+    doubt = far > _DIFFERENT
+    if communicator.any(doubt.any()):
+        left, _, right = np.linalg.svd(products[doubt])
+        turn[doubt] = left @ right
+        far = deviation(turn)
+    return far
+
+
+def _species(bodies: Bodies, communicator: Alone, key: np.ndarray, owned: np.ndarray) -> Species:
+    """The species of which there are several bodies; collective.
+
+    Args:
+        key: (n,) what tells species apart.
+        owned: (n,) bool, which bodies to count here.
+    """
+    counts = _shapes(bodies)[:, None] == np.arange(len(_SHAPES))
+    rows = np.column_stack([key, bodies.natoms.astype(np.int64), bodies.id, counts])[owned]
+    rows = _merged(communicator.gather_to_all(_merged(rows)))
+    rows = rows[rows[:, 3:].sum(axis=1) > 1]
+    return Species(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:])
+
+
+def _merged(rows: np.ndarray) -> np.ndarray:
+    """Rows (key, natoms, ID, counts...) with the same key as one: the lowest ID, summed counts."""
+    _, first, species = np.unique(rows[:, 0], return_index=True, return_inverse=True)
+    merged = rows[first]
+    np.minimum.at(merged[:, 2], species, rows[:, 2])
+    merged[:, 3:] = 0
+    np.add.at(merged[:, 3:], species, rows[:, 3:])
+    return merged
+
+
+def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.ndarray]:
+    """The place of each atom here among its body's, in the order of IDs, and keys of species.
+
+    Returns:
+        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if
+        ranks that share the body would have to tell each other the order: each knows it where the
+        IDs follow one another.
+    """
+    tag, body = bodies.tag, bodies.body
+    first, last = bodies.sharers.lowest(body, tag, -tag) * np.array([[1], [-1]])
+    order = np.lexsort((tag, body))
+    here = np.bincount(body, minlength=len(bodies))
+    place = np.empty(len(tag), int)
+    place[order] = np.arange(len(tag)) - (np.cumsum(here) - here)[body[order]]
+    shared = here < bodies.natoms
+    place = np.where(shared[body], tag - first[body], place).astype(int)
+    types = lammps.per_atom("type", np.int32)[bodies.index]
+    # whole numbers, whose sums do not depend on their order
+    halves = np.floor(weights((place << 20) + types) * 2.0**31)
+    sums = bodies.sharers.total(body, *halves)
+    key = (sums[0] % 2**31).astype(np.int64) << 31 | (sums[1] % 2**31).astype(np.int64)
+    gaps = last - first + 1 != bodies.natoms
+    return place, np.where(shared & gaps, -1, key)
+
+
+def _shapes(bodies: Bodies) -> np.ndarray:
+    """Which of _SHAPES each body has, (n,)."""
+    shape = np.zeros(len(bodies), int)
+    if not bodies.planar:
+        shape[: bodies.rotors] = bodies.flat
+        shape[bodies.rotors :] = 2
+    return shape
+
+
+def _line(
+    membership: Membership, found: Species, k: int, differ: int, far: float, furthest: float
+) -> str:
+    """The warning of one species.
+
+    Args:
+        k: its place in `found`.
+        differ: how many bodies differ from the first.
+        far, furthest: by how much the one does that differs most, and its ID.
+    """
+    name, counts = membership.name(int(found.first[k])), found.counts[k]
+    text = (
+        f"WARNING: the {counts.sum()} bodies of {found.natoms[k]} atoms that have the same atom "
+        f"types as {name}, in the same order, differ in shape"
+    )
+    if differ:
+        other = membership.name(int(furthest))
+        text += (
+            f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, "
+            f"by {far:.2g}"
+        )
+    if np.count_nonzero(counts) > 1:
+        text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
+    return (
+        f"{text}. If like molecules are meant, give them one shape before the fix is defined "
+        "(minimize bends them, fix nosquish/fire does not)"
+    )
