@@ -36,7 +36,7 @@ def look_at_box(integrator: "Integrator") -> None:
     integrator.streams = integrator.told_box is not None and bool(integrator.host.stream_group)
     if integrator.told_box is not None:
         machine_code.load(integrator.communicator, deform.__name__)
-    integrator.unchanged = refusals.Kept(integrator)
+    integrator.unchanged.begin_run(integrator)
 
 
 def bind(integrator: "Integrator") -> None:

@@ -57,7 +57,7 @@ class Integrator(Answers, Registered, Declaration):
             does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         other_fixes: the `OtherFixes` of the run.
-        unchanged: the `refusals.Kept` of the run.
+        unchanged: the `refusals.Unchanged`.
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
@@ -77,7 +77,6 @@ class Integrator(Answers, Registered, Declaration):
     gravity: np.ndarray | None = None
     waiting: float | None = None
     switches: Switches
-    unchanged: refusals.Kept
     mask: np.ndarray | None
     first_step: int
     streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
@@ -95,7 +94,7 @@ class Integrator(Answers, Registered, Declaration):
         self.notes = cast(Notes, None)  # until bodies are made, and until passes are bound
         self.parameters = cast(np.ndarray, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
-        self.external = External(self)
+        self.external, self.unchanged = External(self), refusals.Unchanged()
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
         self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)

@@ -126,15 +126,18 @@ def refuse_turnover(integrator: "Integrator") -> None:
         )
 
 
-class Kept:
-    """What of box and masses must stay as it is when a run begins; collective.
+class Unchanged:
+    """What of box and masses must stay as it is when bodies are made.
 
     Attributes:
         box_may_change: whether another fix may change the box without bodies that move with it.
         masses_may_change: whether another fix may change masses of atoms.
     """
 
-    def __init__(self, integrator: "Integrator") -> None:
+    box_may_change = masses_may_change = False
+
+    def begin_run(self, integrator: "Integrator") -> None:
+        """A run begins: find out what may change in it."""
         fixes, lammps = integrator.other_fixes, integrator.lammps
         adapts = any(fix.style.startswith("adapt") for fix in fixes)
         self.box_may_change = fixes.change_box and integrator.told_box is None
