@@ -239,7 +239,8 @@ def deliver(mpi, to, many, parts, sources, known):
     What has come is in `senders`, `sent` and `numbers` of the messages.
 
     Args:
-        to, many: (n,) the ranks, and how many numbers go to each.  parts: the numbers.
+        to, many: (n,) the ranks, and how many numbers go to each; they may be those of `senders`.
+        parts: the numbers.
         sources: the ranks that send something to this one, if they are known; the parts come in
             their order then.  Else they are found, and come in any.
     """
