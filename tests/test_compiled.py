@@ -9,6 +9,7 @@ import subprocess
 import sys
 import weakref
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -314,6 +315,10 @@ def test_a_bound_call_sees_and_keeps_its_arrays(loops):
     assert alive() is None
 
 
+class Points(NamedTuple):
+    x: compiled.F2
+
+
 X, INDEX, RESULT = np.ones((4, 3)), np.arange(4, dtype=np.int32), np.ones(4)
 
 
@@ -352,6 +357,16 @@ def test_missing_arguments(loops):
         loops.total.bind_to({"numbers": np.arange(3)})
     with pytest.raises(TypeError, match="bare must be annotated with a kind"):
         compiled.loop(lambda bare: None)
+
+
+def test_a_name_used_twice():
+    """Locks out: two arguments, one of them in a bundle, that are bound to one cell."""
+
+    def far(points: Points, x: compiled.F2):
+        pass
+
+    with pytest.raises(TypeError, match="far has two arguments x"):
+        compiled.loop(far)
 
 
 @pytest.mark.parametrize("name", ["allocates", "raises"])

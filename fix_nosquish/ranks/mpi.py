@@ -1,9 +1,8 @@
 """MPI for compiled loops: they call the functions of the MPI library by their addresses.
 
-So one piece of code shares bodies and follows atoms, whatever calls it: the plugin in C++, or
-Python for a LAMMPS's own fix python/move, which has no plugin.  Messages in the plugin would add a
-second such piece, and the plugin would have to hand them over to loops as it does functions of its
-own.  mpi4py, which knows the library, gives its handles and constants.
+So the same code shares bodies and follows atoms whether the plugin runs the loops or Python does,
+for LAMMPS's own fix python/move.  Messages in the plugin would delete nothing: without a plugin
+they would still be needed here.  mpi4py gives the handles and constants of the MPI library.
 """
 
 import ctypes
@@ -240,7 +239,8 @@ def deliver(mpi, to, many, parts, sources, known):
     What has come is in `senders`, `sent` and `numbers` of the messages.
 
     Args:
-        to, many: (n,) the ranks, and how many numbers go to each.  parts: the numbers.
+        to, many: (n,) the ranks, and how many numbers go to each; they may be those of `senders`.
+        parts: the numbers.
         sources: the ranks that send something to this one, if they are known; the parts come in
             their order then.  Else they are found, and come in any.
     """

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..loops.compiled import F2, L1, L2, I, address, inlined, loop
-from ..loops.memory import Memory, floats_in, longs_in, new_longs, resize, rows
+from ..loops.memory import LENGTH, Memory, append, floats_in, longs_in, new_longs, resize, rows
 from .communicator import Alone
 from .mpi import MESSAGES, PART, Mpi, deliver, send, wait
 
@@ -40,7 +40,7 @@ class SharingRows(NamedTuple):
         partners, shares: (partners,) the ranks that share bodies, and how many with each.
         copies: (copies,) places of the bodies whose parts are sent, partner by partner.
         packed, received: (copies, rows) what is sent to the partners, and what they send.
-        holder, equal, order, spare, answers, parts: what `answer` works with.
+        holder, equal, order, spare, answers, parts: to work with; see `answer`.
     """
 
     asked: L1
@@ -147,7 +147,7 @@ def answer(sharing, messages):
     """
     askers, asked = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
     ids = longs_in(messages, MESSAGES.numbers)
-    n, total, begin, i = ids.size, 0, 0, 0
+    n, begin, i = ids.size, 0, 0
     order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
     holder, equal = new_longs(sharing, SHARING.holder, n), new_longs(sharing, SHARING.equal, n)
     for r in range(askers.size):
@@ -161,23 +161,17 @@ def answer(sharing, messages):
             end += 1
         for k in range(begin, end):
             equal[order[k]], spare[order[k]] = begin, end - begin
-        total += (end - begin) * (1 + end - begin)
         begin = end
-    answers = new_longs(sharing, SHARING.answers, total)
-    parts = new_longs(sharing, SHARING.parts, askers.size)
-    total = i = 0
+    parts, end = new_longs(sharing, SHARING.parts, askers.size), 0
+    resize(sharing, SHARING.answers, 0, 1)
     for r in range(askers.size):
-        begin, end = i, i + asked[r]
-        parts[r] = -total
+        begin, end, before = end, end + asked[r], sharing[SHARING.answers, LENGTH]
         for i in range(begin, end):
-            answers[total] = spare[i]
-            total += 1
+            append(sharing, SHARING.answers, spare[i])
         for i in range(begin, end):
             for k in range(equal[i], equal[i] + spare[i]):
-                answers[total] = holder[order[k]]
-                total += 1
-        parts[r] += total
-        i = end
+                append(sharing, SHARING.answers, holder[order[k]])
+        parts[r] = sharing[SHARING.answers, LENGTH] - before
 
 
 @inlined
@@ -233,21 +227,19 @@ def lay_out(sharing):
     """
     shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
     source, shares = longs_in(sharing, SHARING.source), longs_in(sharing, SHARING.shares)
-    partners, last = longs_in(sharing, SHARING.partners), 0
-    # shares serve as the next free entry of each partner, and are what they were at the end
-    for p in range(partners.size):
-        last += shares[p]
-        shares[p] = last - shares[p]
-    copies = new_longs(sharing, SHARING.copies, last)
+    n, end = sharing[SHARING.partners, LENGTH], 0
+    free = new_longs(sharing, SHARING.spare, n)  # the next free entry of each partner
+    for p in range(n):
+        free[p] = end
+        end += shares[p]
+    copies = new_longs(sharing, SHARING.copies, end)
     for i in range(shared.size):
         for k in range(first[i], first[i + 1]):
             p = source[k]
             if p >= 0:
-                source[k] = shares[p]
-                copies[shares[p]] = shared[i]
-                shares[p] += 1
-    for p in range(partners.size - 1, 0, -1):
-        shares[p] -= shares[p - 1]
+                source[k] = free[p]
+                copies[free[p]] = shared[i]
+                free[p] += 1
 
 
 @inlined
@@ -261,12 +253,8 @@ def find(mpi, sharing):
         meetings, many = longs_in(sharing, SHARING.meetings), longs_in(sharing, SHARING.many)
         deliver(mpi, meetings, many, longs_in(sharing, SHARING.questions), meetings, False)
         answer(sharing, messages)
-        senders = longs_in(messages, MESSAGES.senders)
-        askers = new_longs(sharing, SHARING.spare, senders.size)  # answers' senders overwrite these
-        for r in range(senders.size):
-            askers[r] = senders[r]
-        parts, answers = longs_in(sharing, SHARING.parts), longs_in(sharing, SHARING.answers)
-        deliver(mpi, askers, parts, answers, meetings, True)
+        askers, answers = longs_in(messages, MESSAGES.senders), longs_in(sharing, SHARING.answers)
+        deliver(mpi, askers, longs_in(sharing, SHARING.parts), answers, meetings, True)
         connect(mpi, sharing)
         lay_out(sharing)
 
