@@ -112,9 +112,8 @@ import numpy as np
 from fix_nosquish import of_fix_line
 from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
-from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.loops.compiled import F, inlined, record
 from fix_nosquish.motion.block import COUNTED, LANES, MASS, V
-from fix_nosquish.motion.operations import PARAMETERS
 from fix_nosquish.motion.step import Operation
 
 @inlined
@@ -122,12 +121,13 @@ def slow(block, kind, dt, parameters):
     for k in range(3):
         for b in range(LANES):
             twice = block[COUNTED, b] * block[MASS, b] * block[V + k, b] * block[V + k, b]
-            parameters[PARAMETERS] += 0.5 * (1.0 - 0.99**2) * twice
+            parameters.taken += 0.5 * (1.0 - 0.99**2) * twice
             block[V + k, b] *= 0.99
 
 class Brake(NVE):
     couples, splitting = True, "B A B S"
     operations = NVE.operations | {"S": Operation(slow)}
+    numbers = record("Brake", NVE.numbers, taken=F)
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
@@ -135,11 +135,11 @@ class Brake(NVE):
 
     def own_parameters(self):
         self.restart_state[1] = self.taken()
-        return (0.0,)
+        return {}
 
     def taken(self):
-        now = np.zeros(1) if self.parameters is None else self.parameters[PARAMETERS:]
-        return self.restart_state[1] + self.communicator.total(now)[0]
+        now = 0.0 if self.parameters is None else self.parameters.taken
+        return self.restart_state[1] + self.communicator.total(np.array([now]))[0]
 
     @hook
     def compute_scalar(self):
@@ -147,7 +147,7 @@ class Brake(NVE):
 
     @hook
     def write_restart(self):
-        self.restart_state[1], self.parameters[PARAMETERS] = self.taken(), 0.0
+        self.restart_state[1], self.parameters.taken = self.taken(), 0.0
 
 __getattr__ = of_fix_line(Brake)
 """

@@ -96,7 +96,7 @@ class Bodies:
         external: None, or what takes external forces; see `add_force`.
         loose: whether atoms may stand anywhere near where their bodies have them.
         planar: whether they turn in the xy plane only, about their axis 3.
-        chosen: `block.Layout.kinds`[3].
+        chosen: `block.Kinds.own_moments`.
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
         oriented: whether some atom of them has an orientation; see `extended`.
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
@@ -139,9 +139,10 @@ class Bodies:
         lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
         self.cells = self._memory.cells | self.sharers.cells
         self.cells["bodies"] = self.cells.pop("memory")
+        self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar, chosen])),
+            ("kinds", self.kinds),
             ("block", lanes),
             ("found", self._found),
             ("aways", np.zeros(1, np.int64)),
@@ -154,9 +155,8 @@ class Bodies:
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
     external = None
-    rotors, turning = (
-        property(lambda self, k=k: self.cells["kinds"].array[k].item()) for k in (0, 1)
-    )
+    rotors = property(lambda self: self.kinds.rotors.item())
+    turning = property(lambda self: self.kinds.turning.item())
     state, displace, index, body = map(_cell, ("state", "displace", "index", "body"))
     mass, natoms, moment, x, v, q, p, wrench, image = map(
         _rows, (block.MASS, block.NATOMS, MOMENT, X, V, Q, P, WRENCH, IMAGE)

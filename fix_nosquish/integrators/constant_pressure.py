@@ -7,17 +7,10 @@ import numpy as np
 
 from ..box import cell, free_atoms
 from ..box.cell import (
-    EVERY,
     MOST,
-    NUMBERS,
     OUT_OF_BOUNDS,
-    P_START,
-    P_STOP,
-    SPACE,
-    TILTED,
-    UNIT,
-    WEIGHT,
     XY,
+    Barostat,
     flip,
 )  # fmt: skip
 from ..errors import RunError
@@ -50,7 +43,7 @@ class ConstantPressure(ConstantTemperature):
     ones move with the box.
 
     Attributes:
-        numbers: how many numbers its barostat has; see `cell`.
+        barostat: what the barostat knows, a record of the kind `of_barostat`; see `cell`.
         has_others: whether there are atoms that are in no body.
 
     Raises:
@@ -59,7 +52,8 @@ class ConstantPressure(ConstantTemperature):
     """
 
     keywords = KEYWORDS
-    modules, numbers = (cell.__name__, free_atoms.__name__), NUMBERS
+    modules, of_barostat = (cell.__name__, free_atoms.__name__), Barostat
+    barostat = None
     respa, every, has_others = False, 1, False
 
     def own_parameters(self):
@@ -325,8 +319,8 @@ class ConstantPressure(ConstantTemperature):
         return damping
 
     def own_numbers(self):
-        """The numbers of the barostat, (n,): see `cell`."""
-        lammps, numbers, of_group = self.lammps, np.zeros(self.numbers), {}
+        """What the barostat knows as a run begins; collective."""
+        lammps, numbers, of_group = self.lammps, self.of_barostat.new(axes=self.axes), {}
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:
                 words = self.command.pressure_of(part)[:2]
@@ -337,21 +331,21 @@ class ConstantPressure(ConstantTemperature):
                         f"{stop:g}, and an axis coupled to it from {of_group[group][0]:g} to "
                         f"{of_group[group][1]:g}: give both the same"
                     )
-                numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
-        numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
+                numbers.p_start[k] = start / lammps.nktv2p
+                numbers.p_stop[k] = stop / lammps.nktv2p
+        numbers.unit, numbers.box_every = lammps.mvv2e, self.every
+        numbers.dimension, numbers.tilted = lammps.dimension, self.flips
         # a change of an axis stretches a tilt along it, and narrows one that it is the second of
         changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
         for k, axis in enumerate(AXES):
             along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
-            numbers[WEIGHT + k] = 1.0 + along - across
-        numbers[TILTED] = self.flips
+            numbers.weight[k] = 1.0 + along - across
         return numbers
 
     def own_cells(self):
+        self.barostat = self.own_numbers()
         return super().own_cells() | {
-            "barostat": Cell(F1, self.own_numbers()),
-            "axes": Cell(L1, self.axes),
-            "cell_sums": Cell(F1, np.zeros(12)),
+            "barostat": Cell(self.of_barostat, self.barostat),
             "forces_virial": Cell(F1, self.host.forces_virial),
             "new_box": Cell(F1, np.zeros(12)),
             "set_box": Cell(L1, self.host.set_box),

@@ -19,21 +19,36 @@ import numpy as np
 from ..errors import RunError
 from ..host import rigid_fixes
 from ..host.hosts import hook
-from ..loops.compiled import L1, Cell, inlined
-from ..motion.operations import PARAMETERS
+from ..loops.compiled import L1, Cell, F, I, inlined, record
+from ..motion.operations import Parameters
 from ..motion.philox import words
 from ..run import thermo
 from ..run.integrator import Integrator, Phase
 from ..run.other_fixes import pushing_pair_style
 
-# the parameters behind those of `operations`: damping rate; temperature at the begin and the end of
-# the run, and now, as energies in mass times velocity squared; the step, and which of its draws the
-# next one is; key of the random numbers; the energy that this rank has given to the bodies
-RATE, START, STOP, KT, STEP, DRAW, KEY_0, KEY_1, HEAT, COMMON = range(PARAMETERS, PARAMETERS + 10)
+Bath = record(
+    "Bath",
+    Parameters,
+    rate=F,  # of damping
+    start=F,  # temperature at the begin of the run, at its end and now, as energies in mass times
+    stop=F,  # velocity squared
+    kt=F,
+    step=I,  # of the last random numbers, and which of its draws the next one is
+    draw=I,
+    key_0=I,  # of random numbers
+    key_1=I,
+    heat=F,  # the energy that this rank has given to the bodies
+)
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
-# numbers of a restart file: what they are; the energy that the bodies have given; how often the
-# step counter has gone back, and where it was; `waiting`, nan for None; the thermostat's own
-KIND, ENERGY, TIMES_BACK, WAS_AT, KICK, OWN = range(6)
+Kept = record(
+    "Kept",
+    kind=F,  # what the rest is
+    energy=F,  # that the bodies have given to the thermostat
+    times_back=F,  # how often the step counter has gone back, and where it was
+    was_at=F,
+    waiting=F,  # as that of `Integrator`, nan for None
+)  # in a restart file, where the thermostat's own state is behind
+OWN = len(Kept.dtype)
 _UNIFORM = "efield", "efield/tip4p"  # fixes of a field that is the same everywhere, or varies
 NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
 CHANGED = 0.1  # of what the total momentum has of heat, by which it has changed in a run for sure
@@ -57,9 +72,9 @@ def prepare(parameters, step, begin_step, end_step):
         as `part_of_run`.
     """
     part = part_of_run(step, begin_step, end_step)
-    parameters[KT] = parameters[START] + part * (parameters[STOP] - parameters[START])
-    parameters[DRAW] = parameters[DRAW] + 1.0 if parameters[STEP] == step[0] else 0.0
-    parameters[STEP] = step[0]
+    parameters.kt = parameters.start + part * (parameters.stop - parameters.start)
+    parameters.draw = parameters.draw + 1 if parameters.step == step[0] else 0
+    parameters.step = step[0]
     return part
 
 
@@ -75,9 +90,8 @@ def key_of(command, times_back):
 @inlined
 def words_of_all(parameters, number):
     """Four random words for the system: the draw of this number in this step."""
-    step, draw = int(parameters[STEP]), int(parameters[DRAW])
-    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | ALL_BODIES
-    return words(float(number), step, draw, key_0, key_1)
+    key_1 = parameters.key_1 | ALL_BODIES
+    return words(float(number), parameters.step, parameters.draw, parameters.key_0, key_1)
 
 
 class ConstantTemperature(Integrator):
@@ -85,8 +99,8 @@ class ConstantTemperature(Integrator):
 
     Attributes:
         keeps_momentum: whether the thermostat leaves the total momentum at zero.
-        restart_state: (n,) what goes to a restart file and comes from there, see KIND; its energy
-            is nan if nothing has come.
+        restart_state: (n,) what goes to a restart file and comes from there, see Kept; its energy
+            is nan if nothing has come.  kept_state: the record at its begin.
 
     Raises:
         RunError: for words that do not go together, if the bodies are at rest, and if no motion is
@@ -94,6 +108,7 @@ class ConstantTemperature(Integrator):
     """
 
     splits = middle = thermostat = keeps_momentum = True
+    numbers = Bath
     backwards = False
     keywords = "temp", "thermostat", "seed", "tchain", "separate", "moments"
     method = "NO_SQUISH"
@@ -103,6 +118,7 @@ class ConstantTemperature(Integrator):
     def __init__(self, ptr, line):
         super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state()])
+        self.kept_state = Kept.of(self.restart_state)
         self._energy = 0.0  # given before this run, in all
 
     @property
@@ -222,7 +238,7 @@ class ConstantTemperature(Integrator):
         self.command = replace(self.command, temp=(*(repr(temperature),) * 2, self.command.temp[2]))
         if self.parameters is not None:
             unit = self.lammps.boltz / self.lammps.mvv2e
-            self.parameters[[START, STOP]] = unit * temperature
+            self.parameters.start = self.parameters.stop = unit * temperature
 
     def own_parameters(self):
         command, (start, stop, rate) = self.command, self.temperature()
@@ -233,26 +249,29 @@ class ConstantTemperature(Integrator):
                 everywhere=True,
             )
         self._refuse_parts_of_rotations()
-        state = self.restart_state
-        if state[KIND] != self.kind:
+        kept = self.kept_state
+        if kept.kind != self.kind:
             self.host.log(
                 "WARNING: the restart file has the state of another thermostat or barostat: "
                 "this one begins anew\n"
             )
-            state[KIND] = self.kind
+            kept.kind = self.kind
         elif self.parameters is not None:  # what a restart file got meanwhile is of an earlier step
             self._energy = self.energy()
-            if self.parameters[STEP] >= 0:  # else there was no step since this was last asked
-                state[WAS_AT] = self.parameters[STEP]
-        elif np.isfinite(state[ENERGY]):
-            self._energy, self.own_state()[:] = state[ENERGY], state[OWN:]
-            self.waiting = None if np.isnan(state[KICK]) else state[KICK]
-        if self.lammps.step < state[WAS_AT]:
-            state[TIMES_BACK] += 1
-            state[WAS_AT] = self.lammps.step
+            if self.parameters.step >= 0:  # else there was no step since this was last asked
+                kept.was_at = self.parameters.step
+        elif np.isfinite(kept.energy):
+            self._energy, self.own_state()[:] = kept.energy, self.restart_state[OWN:]
+            self.waiting = None if np.isnan(kept.waiting) else kept.waiting
+        if self.lammps.step < kept.was_at:
+            kept.times_back += 1
+            kept.was_at = self.lammps.step
         unit = self.lammps.boltz / self.lammps.mvv2e
-        key = key_of(command, state[TIMES_BACK])
-        return rate, unit * start, unit * stop, unit * start, -1.0, 0.0, *key, 0.0
+        key_0, key_1 = key_of(command, kept.times_back)
+        return {
+            "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
+            "step": -1, "key_0": key_0, "key_1": key_1,
+        }  # fmt: skip
 
     def _refuse_parts_of_rotations(self):
         """End the run if some but not all components of a torque act; collective."""
@@ -267,7 +286,7 @@ class ConstantTemperature(Integrator):
             )
 
     def resumed(self):
-        last = max(self.parameters[STEP], self.restart_state[WAS_AT])
+        last = max(self.parameters.step, self.kept_state.was_at)
         if self.command.seed is not None and self.lammps.step <= last:
             raise RunError(
                 "the step counter has gone back, and with it random numbers: "
@@ -284,7 +303,7 @@ class ConstantTemperature(Integrator):
     def energy(self):
         """The energy that the bodies have given to the thermostat, in mass times velocity squared;
         collective."""
-        return self._energy - self.communicator.total(self.parameters[HEAT : HEAT + 1])[0]
+        return self._energy - self.communicator.total(np.array([self.parameters.heat]))[0]
 
     @hook
     def compute_scalar(self):
@@ -301,8 +320,9 @@ class ConstantTemperature(Integrator):
     def write_restart(self):
         """LAMMPS writes a restart file: have the state ready for it; collective."""
         if self.passes:  # else it is what the last restart file had
-            self.restart_state[[ENERGY, WAS_AT]] = self.energy(), self.lammps.step
+            kept = self.kept_state
+            kept.energy, kept.was_at = self.energy(), self.lammps.step
             self._stepped |= self.steps_made
             self._note_waiting()
-            self.restart_state[KICK] = np.nan if self.waiting is None else self.waiting
+            kept.waiting = np.nan if self.waiting is None else self.waiting
             self.restart_state[OWN:] = self.own_state()

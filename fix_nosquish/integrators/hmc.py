@@ -23,7 +23,7 @@ import numpy as np
 
 from ..errors import RunError
 from ..host.hosts import hook
-from ..loops.compiled import F1, F2, I, inlined, loop
+from ..loops.compiled import F2, F, I, inlined, loop, record
 from ..motion.block import (
     IMAGE,
     MASS,
@@ -44,19 +44,27 @@ from ..motion.step import move_to_images, place
 from ..run import thermo
 from ..run.integrator import Integrator, Phase
 from ..run.other_fixes import pushing_pair_style
-from .constant_temperature import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
+from .constant_temperature import ALL_BODIES, Bath, key_of
 from .langevin import WORK, thermalise
 from .nve import NVE
 
 # rows of the state: where a body was, X to P, and its image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
-# numbers of a restart file
-KIND, TRIED, ACCEPTED, CHANGE, LAST, TIMES_BACK, WAS_AT = range(7)
+Kept = record(
+    "Kept",
+    kind=F,  # what the rest is
+    tried=F,  # trajectories
+    accepted=F,
+    change=F,  # of the energy by the last one
+    last=F,  # whether that was accepted
+    times_back=F,  # how often the step counter has gone back, and where it was
+    was_at=F,
+)  # in a restart file
 
 
 @loop
-def draw_momenta(layout: Layout, parameters: F1, rank: I, mask: F2):
+def draw_momenta(layout: Layout, parameters: Bath, rank: I, mask: F2):
     """Draw the momenta of a trajectory, and keep the bodies as they are then."""
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MASS, P + 4, MASS)
@@ -106,9 +114,7 @@ class HMC(NVE):
     A trajectory ends in each step that is a multiple of N.
 
     Attributes:
-        restart_state: (7,) a number for what it is, how many trajectories were tried and accepted,
-            of the last one the change of the energy and whether it was accepted; how often the step
-            counter has gone back, and where it was.
+        restart_state, kept_state: what a restart file keeps, as an array and as a record.
 
     Raises:
         RunError: for a temperature or a share of noise that cannot be, for a run that ends within a
@@ -116,7 +122,7 @@ class HMC(NVE):
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
-    kept, work, respa, needs_energy = KEPT, WORK, False, True
+    kept, work, respa, needs_energy, numbers = KEPT, WORK, False, True, Bath
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False
@@ -124,12 +130,14 @@ class HMC(NVE):
     def __init__(self, ptr, line):
         super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+        self.kept_state = Kept.of(self.restart_state)
 
     def own_parameters(self):
         self._refuse()
-        if self.restart_state[KIND] != self.kind:
+        kept = self.kept_state
+        if kept.kind != self.kind:
             self.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
-            self.restart_state[KIND] = self.kind
+            kept.kind = self.kind
         command, lammps = self.command, self.lammps
         temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
         command.refuse_unless_positive("keyword temp: T", temperature)
@@ -138,11 +146,11 @@ class HMC(NVE):
         self._plan(lammps.step)
         if lammps.running and self.host.last_step > lammps.step:
             self._refuse_part()
-        self.restart_state[TIMES_BACK] += lammps.step < self.restart_state[WAS_AT]
+        kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
-        key = key_of(command, self.restart_state[TIMES_BACK])
-        return rate, kt, kt, kt, -1.0, 0.0, *key, 0.0
+        key_0, key_1 = key_of(command, kept.times_back)
+        return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
     def _refuse_part(self):
         """End a run that would end within a trajectory."""
@@ -226,7 +234,7 @@ class HMC(NVE):
     def begin_trajectory(self):
         """Draw momenta; collective."""
         self._warn_of_output()
-        self.parameters[STEP] = self.lammps.step
+        self.parameters.step = self.lammps.step
         self.do("draw")
         self.reports.forget()
         self._before = self._total_energy()
@@ -257,13 +265,14 @@ class HMC(NVE):
         Returns:
             whether it is.
         """
-        parameters, state = self.parameters, self.restart_state
+        parameters, kept = self.parameters, self.kept_state
         change = self.communicator.share(self._total_energy() - self._before)
-        step, key_0, key_1 = (int(parameters[k]) for k in (STEP, KEY_0, KEY_1))
-        word, *_ = words(0.0, step, 0, key_0, key_1 | ALL_BODIES)
-        accepted = change <= self.lammps.mvv2e * parameters[KT] * minus_log(word)
-        state[[CHANGE, LAST, WAS_AT]] = change, accepted, self.lammps.step
-        state[[TRIED, ACCEPTED]] += 1, accepted
+        key_1 = parameters.key_1 | ALL_BODIES
+        word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
+        accepted = change <= self.lammps.mvv2e * parameters.kt * minus_log(word)
+        kept.change, kept.last, kept.was_at = change, accepted, self.lammps.step
+        kept.tried += 1
+        kept.accepted += accepted
         self._plan(self.lammps.step)
         if not accepted:
             self.do("back")
@@ -299,6 +308,6 @@ class HMC(NVE):
         own = i - len(Integrator.vector_extensive)
         if own < 0:
             return super().compute_vector(i)
-        state = self.restart_state
-        accepted = state[ACCEPTED] / state[TRIED] if state[TRIED] else 0.0
-        return (accepted, state[CHANGE], state[LAST])[own]
+        kept = self.kept_state
+        accepted = kept.accepted / kept.tried if kept.tried else 0.0
+        return (accepted, kept.change, kept.last)[own]

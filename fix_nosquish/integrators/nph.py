@@ -1,21 +1,21 @@
 """NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
 
 from ..errors import RunError
-from ..loops.compiled import F1, L1, F, I, loop
+from ..loops.compiled import L1, F, I, loop
 from ..motion.block import Images
 from ..motion.periodic import PeriodicBox
 from ..ranks.mpi import Mpi
 from ..run.thermo import energies
 from .constant_pressure import ConstantPressure
 from .constant_temperature import prepare
-from .mtk import DILATION, INERTIA_KT, Mtk, Piston, begin_move, end_move
+from .mtk import DILATION, Mtk, PistonBox, Strained, begin_move, end_move
 from .nve import NVE
 
 
 @loop
 def dilation(
-    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: PeriodicBox,
+    mpi: Mpi, images: Images, parameters: Strained, dt: F, step: L1, begin_step: L1, end_step: L1,
+    cell: PistonBox, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """The factors of letter D.
 
@@ -38,7 +38,7 @@ class NPH(Mtk):
         return 0.0, 0.0, 0.0
 
     def heat(self):
-        if not self.piston[INERTIA_KT]:
+        if not self.piston.inertia_kt:
             kelvin = energies(self.bodies, self.communicator, self.lammps)[4]
             if not self.lammps.running:  # but a file is written, perhaps before they move
                 return self.lammps.boltz * kelvin
@@ -48,5 +48,5 @@ class NPH(Mtk):
                     "inertia by: give them velocities first (velocity ... create)",
                     everywhere=True,
                 )
-            self.piston[INERTIA_KT] = self.lammps.boltz * kelvin
-        return self.piston[INERTIA_KT]
+            self.piston.inertia_kt = self.lammps.boltz * kelvin
+        return self.piston.inertia_kt

@@ -1,19 +1,20 @@
 """NPT with keyword barostat mtk: a thermostat of the bodies and of the piston; see `mtk`."""
 
-from ..box.cell import COMPONENTS, EVERY, RATE, UNIT, is_due
-from ..loops.compiled import F1, L1, F, I, inlined, loop
+from ..box.cell import COMPONENTS, is_due
+from ..loops.compiled import F1, L1, F, I, inlined, loop, record
 from ..motion.block import Images
 from ..motion.periodic import PeriodicBox
 from ..motion.step import Operation
 from ..ranks.mpi import Mpi
 from .constant_pressure import WITH_TEMPERATURE
-from .constant_temperature import KT, prepare
+from .constant_temperature import prepare
 from .langevin import Langevin, thermalise
 from .mtk import (
     DILATION,
-    INERTIA,
+    STRAINS,
     Mtk,
-    Piston,
+    PistonBox,
+    Strained,
     begin_move,
     end_move,
     measure_along,
@@ -22,8 +23,8 @@ from .mtk import (
 )  # fmt: skip
 from .nve import NVE
 from .rescaling import (
-    FACTOR,
     Rescaling,
+    Scales,
     add_up_energies,
     measure,
     move_chain,
@@ -33,12 +34,13 @@ from .rescaling import (
 )  # fmt: skip
 
 SPLITTING = "B A D O A B"
+StrainedScales = record("StrainedScales", Scales, **STRAINS)
 
 
 @loop
 def dilation_and_langevin(
-    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: PeriodicBox,
+    mpi: Mpi, images: Images, parameters: Strained, dt: F, step: L1, begin_step: L1, end_step: L1,
+    cell: PistonBox, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """The factors of letter D, and the piston's friction and noise.
 
@@ -60,8 +62,8 @@ def measure_all(block, kind, dt, parameters):
 
 @loop
 def dilation_and_rescaling(
-    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: PeriodicBox, sums: F1, separate: I,
+    mpi: Mpi, images: Images, parameters: StrainedScales, dt: F, step: L1, begin_step: L1,
+    end_step: L1, cell: PistonBox, box: PeriodicBox, sums: F1, separate: I,
 ) -> I:  # fmt: skip
     """The factors of letters D and O, and the piston's friction and noise.
 
@@ -73,7 +75,7 @@ def dilation_and_rescaling(
     sums[0] += begin_move(mpi, parameters, step, cell, box, part, dt)
     thermalise_piston(mpi, parameters, step, cell, dt)
     wrong = rescale(mpi, parameters, dt, sums, separate)
-    factor = parameters[FACTOR]
+    factor = parameters.factor[0]
     return min(wrong, end_move(parameters, step, cell, box, images.shift, part, dt, factor))
 
 
@@ -83,22 +85,21 @@ def move_chain_of_piston(mpi, parameters, step, cell, chain, dt):
     numbers, twice, degrees = cell.barostat, 0.0, 0.0
     if is_due(step, cell):
         for group in range(COMPONENTS):
-            twice += (
-                numbers[INERTIA + group] * cell.piston[group] * cell.piston[group] / numbers[UNIT]
-            )
-            degrees += 1.0 if numbers[INERTIA + group] > 0.0 else 0.0
-        kt, rate = parameters[KT], numbers[RATE]
-        factor = move_chain(chain, chain.size // 2, twice, degrees, kt, rate, dt * numbers[EVERY])
+            rate = cell.piston.rates[group]
+            twice += numbers.inertia[group] * rate * rate / numbers.unit
+            degrees += 1.0 if numbers.inertia[group] > 0.0 else 0.0
+        kt, time = parameters.kt, dt * numbers.box_every
+        factor = move_chain(chain, chain.size // 2, twice, degrees, kt, numbers.rate, time)
         for group in range(COMPONENTS):
-            before = cell.piston[group]
-            cell.piston[group] = factor * before
-            note_heat(mpi, parameters, numbers, group, before, cell.piston[group])
+            before = cell.piston.rates[group]
+            cell.piston.rates[group] = factor * before
+            note_heat(mpi, parameters, numbers, group, before, cell.piston.rates[group])
 
 
 @loop
 def dilation_and_chains(
-    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: PeriodicBox, sums: F1, separate: I, chains: F1,
+    mpi: Mpi, images: Images, parameters: StrainedScales, dt: F, step: L1, begin_step: L1,
+    end_step: L1, cell: PistonBox, box: PeriodicBox, sums: F1, separate: I, chains: F1,
 ) -> I:  # fmt: skip
     """The factors of letters D and O, and the piston's chain.
 
@@ -110,7 +111,7 @@ def dilation_and_chains(
     sums[0] += begin_move(mpi, parameters, step, cell, box, part, dt)
     move_chain_of_piston(mpi, parameters, step, cell, chains[2 * length :], dt)
     wrong = move_chains(mpi, parameters, dt, sums, separate, chains[: 2 * length])
-    factor = parameters[FACTOR]
+    factor = parameters.factor[0]
     return min(wrong, end_move(parameters, step, cell, box, images.shift, part, dt, factor))
 
 
@@ -127,7 +128,7 @@ class RescalingNPT(Mtk, Rescaling):
     operations = NVE.operations | {
         "D": DILATION._replace(measures=measure_all), "O": Operation(scale),
     }  # fmt: skip
-    splitting, splits, number_of_chains = SPLITTING, True, 3
+    splitting, splits, number_of_chains, numbers = SPLITTING, True, 3, StrainedScales
     keywords = WITH_TEMPERATURE
 
     @property

@@ -36,7 +36,7 @@ class NVE(Integrator):
     def own_parameters(self):
         if self.shadow:
             self.shadow.begin()
-        return ()
+        return {}
 
     def begin_trajectory(self):
         if self.shadow:

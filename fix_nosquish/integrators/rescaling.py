@@ -9,7 +9,7 @@ from math import exp, log, sqrt
 
 import numpy as np
 
-from ..loops.compiled import F1, L1, Cell, F, I, inlined, loop
+from ..loops.compiled import F1, L1, Cell, F, I, inlined, loop, record
 from ..motion.block import (
     BLOCK_ROWS,
     COUNTED,
@@ -29,20 +29,21 @@ from ..motion.philox import minus_log, normal_pair
 from ..motion.step import Operation
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
 from .constant_temperature import (
-    COMMON,
-    HEAT,
-    KT,
     OF_THERMOSTATS,
-    RATE,
+    Bath,
     ConstantTemperature,
     prepare,
     words_of_all,
 )
 from .nve import NVE
 
-# of translation and of rotation, or of both and of none: degrees of freedom, twice the kinetic
-# energy of this rank's bodies, the factor
-DEGREES, TWICE, FACTOR = COMMON, COMMON + 2, COMMON + 4
+Scales = record(
+    "Scales",
+    Bath,
+    degrees=(F, 2),  # of freedom, of translation and of rotation, or of both and of none
+    twice=(F, 2),  # the kinetic energies of this rank's bodies
+    factor=(F, 2),  # for their velocities
+)
 MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a body's energies
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
@@ -70,8 +71,8 @@ def measure(block, kind, dt, parameters):
     for b in range(LANES):
         moves += block[COUNTED, b] * block[MOVES, b]
         turns += block[COUNTED, b] * block[TURNS, b]
-    parameters[TWICE] += moves
-    parameters[TWICE + 1] += turns
+    parameters.twice[0] += moves
+    parameters.twice[1] += turns
 
 
 @inlined
@@ -89,7 +90,7 @@ def scale_by(block, kind, moves, turns):
 @inlined
 def scale(block, kind, dt, parameters):
     """Multiply velocities and angular momenta by their factors."""
-    scale_by(block, kind, parameters[FACTOR], parameters[FACTOR + 1])
+    scale_by(block, kind, parameters.factor[0], parameters.factor[1])
 
 
 @inlined
@@ -99,10 +100,11 @@ def move_and_scale(block, kind, dt, parameters):
     Free motion with f times the momenta is that with the momenta in f times the time.  So both
     halves are one, with the mean of the momenta before and behind.
     """
-    moves, turns = mean_with_one(parameters[FACTOR]), mean_with_one(parameters[FACTOR + 1])
+    factor = parameters.factor
+    moves, turns = mean_with_one(factor[0]), mean_with_one(factor[1])
     scale_by(block, kind, moves, turns)
     move(block, kind, dt, parameters)
-    scale_by(block, kind, parameters[FACTOR] / moves, parameters[FACTOR + 1] / turns)
+    scale_by(block, kind, factor[0] / moves, factor[1] / turns)
 
 
 @inlined
@@ -115,8 +117,8 @@ def mean_with_one(factor):
 @inlined
 def add_up_energies(mpi, parameters, sums, separate):
     """Twice the kinetic energies of all bodies on all ranks."""
-    add_up(mpi, DOUBLE, parameters[TWICE : TWICE + 2], sums)
-    parameters[TWICE], parameters[TWICE + 1] = 0.0, 0.0
+    add_up(mpi, DOUBLE, parameters.twice, sums)
+    parameters.twice[0], parameters.twice[1] = 0.0, 0.0
     if not separate:
         sums[0], sums[1] = sums[0] + sums[1], 0.0
 
@@ -126,11 +128,11 @@ def use_factors(mpi, parameters, sums, separate):
     """Note the energy that the factors give, on rank 0, and have one factor serve both motions."""
     given = 0.0
     for k in range(2):
-        given += 0.5 * sums[k] * (parameters[FACTOR + k] * parameters[FACTOR + k] - 1.0)
+        given += 0.5 * sums[k] * (parameters.factor[k] * parameters.factor[k] - 1.0)
     if mpi.interface[RANK] == 0:
-        parameters[HEAT] += given
+        parameters.heat += given
     if not separate:
-        parameters[FACTOR + 1] = parameters[FACTOR]
+        parameters.factor[1] = parameters.factor[0]
 
 
 # ---------------------------------------------------------------- stochastic velocity rescaling
@@ -171,26 +173,33 @@ def rescale(mpi, parameters, dt, sums, separate):
     Returns:
         -1 if there is no kinetic energy to scale, else 0.
     """
-    keep = exp(-parameters[RATE] * dt)
+    keep = exp(-parameters.rate * dt)
     for k in range(2):
-        degrees, parameters[FACTOR + k] = parameters[DEGREES + k], 1.0
+        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
         if degrees > 0.0:
             if not sums[k] > 0.0:
                 return -1
             first = OF_THERMOSTATS[k]
-            ratio = (1.0 - keep) * parameters[KT] / sums[k]
+            ratio = (1.0 - keep) * parameters.kt / sums[k]
             x, _ = normal_and_uniform(parameters, first)
             others = sum_of_squares(parameters, int(degrees) - 1, first + 1)
             square = keep + ratio * (x * x + others) + 2.0 * x * sqrt(keep * ratio)
             sign = 1.0 if x + sqrt(keep / ratio) >= 0.0 else -1.0
-            parameters[FACTOR + k] = sign * sqrt(square)
+            parameters.factor[k] = sign * sqrt(square)
     use_factors(mpi, parameters, sums, separate)
     return 0
 
 
 @loop
 def stochastic_rescaling(
-    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I
+    mpi: Mpi,
+    parameters: Scales,
+    dt: F,
+    step: L1,
+    begin_step: L1,
+    end_step: L1,
+    sums: F1,
+    separate: I,
 ) -> I:
     """The factors of a step: see `rescale`."""
     prepare(parameters, step, begin_step, end_step)
@@ -240,15 +249,15 @@ def move_chains(mpi, parameters, dt, sums, separate, chains):
     """
     length = chains.size // 2
     for k in range(2):
-        degrees, parameters[FACTOR + k] = parameters[DEGREES + k], 1.0
+        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
         if degrees > 0.0:
             if not sums[k] > 0.0:
                 return -1
-            parameters[FACTOR + k] = move_chain(
+            parameters.factor[k] = move_chain(
                 chains[k * length : (k + 1) * length], length // 2, sums[k], degrees,
-                parameters[KT], parameters[RATE], dt,
+                parameters.kt, parameters.rate, dt,
             )  # fmt: skip
-            if not 1.0 / MOST < parameters[FACTOR + k] < MOST:
+            if not 1.0 / MOST < parameters.factor[k] < MOST:
                 return UNSTABLE
     use_factors(mpi, parameters, sums, separate)
     return 0
@@ -256,8 +265,8 @@ def move_chains(mpi, parameters, dt, sums, separate, chains):
 
 @loop
 def nose_hoover(
-    mpi: Mpi, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1, separate: I,
-    chains: F1,
+    mpi: Mpi, parameters: Scales, dt: F, step: L1, begin_step: L1, end_step: L1, sums: F1,
+    separate: I, chains: F1,
 ) -> I:  # fmt: skip
     """The factors of a step: see `move_chains`."""
     prepare(parameters, step, begin_step, end_step)
@@ -271,7 +280,7 @@ class Rescaling(ConstantTemperature):
     operations = NVE.operations | {
         "A": Operation(move_and_scale, moves=True, prepared=True, measures=measure, exact=True),
     }  # fmt: skip
-    splitting, work, splits = "B A B", WORK, False
+    splitting, work, splits, numbers = "B A B", WORK, False, Scales
     unprepared = (
         "the bodies are at rest, so there is no velocity to scale: give them velocities first "
         "(velocity ... create), or use thermostat langevin"
@@ -313,7 +322,7 @@ class Rescaling(ConstantTemperature):
         return self.chains
 
     def own_parameters(self):
-        return *super().own_parameters(), *self._degrees(), 0.0, 0.0, 1.0, 1.0
+        return {**super().own_parameters(), "degrees": self._degrees(), "factor": 1.0}
 
     def _degrees(self):
         """Degrees of freedom of each of the two thermostats; collective."""
@@ -321,7 +330,7 @@ class Rescaling(ConstantTemperature):
         return degrees if self.command.separate else np.array([degrees.sum(), 0.0])
 
     def turned_over(self):
-        self.parameters[DEGREES : DEGREES + 2] = self._degrees()
+        self.parameters.degrees = self._degrees()
 
     def own_cells(self):
         cells = super().own_cells() | {

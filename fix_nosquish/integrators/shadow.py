@@ -19,7 +19,7 @@ import numpy as np
 
 from ..bodies.bodies import matrices
 from ..errors import RunError
-from ..motion.operations import EXACT, MROT
+from ..motion.operations import EXACT
 from ..run import thermo
 
 STEPS = 3  # whose potential energies are needed
@@ -78,7 +78,7 @@ class ShadowEnergy:
     def _take(self, step):
         integrator, potential = self._integrator, self._integrator.host.energy
         lammps, communicator, bodies = integrator.lammps, integrator.communicator, integrator.bodies
-        own = own_part(bodies, integrator.dt, lammps.ftm2v, integrator.parameters[MROT])
+        own = own_part(bodies, integrator.dt, lammps.ftm2v, integrator.parameters.mrot)
         own = communicator.total(np.array([own[bodies.sharers.owned].sum()]))[0]
         rest = thermo.energies(bodies, communicator, lammps)[:2].sum() + lammps.mvv2e * own
         self._taken = [*self._taken, (step, integrator.dt, potential, rest)][-STEPS:]

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..loops.compiled import F1, F2, F, I, inlined, loop
+from ..loops.compiled import F2, F, I, inlined, loop
 from ..loops.machine_code import INLINED
 from .block import (
     ALL,
@@ -69,7 +69,7 @@ def velocity_matrices(block):
 def show_atoms_moments(layout, k):
     """Where moments are chosen, have in the block those of the atoms, and the momenta of the same
     kinetic energy: atoms then have velocities of the right distribution."""
-    block, row = layout.block, layout.kinds[3]
+    block, row = layout.block, layout.kinds.own_moments
     if row > 0:
         take(layout, k, row, row + 3, ATOM)
         for b in range(LANES):
@@ -212,7 +212,7 @@ class Operation(NamedTuple):
             step.  Such a letter stands once, from the first on that moves to the last.
         measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
             the step is two passes over the bodies, and `prepares` is between them.
-        exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
+        exact: whether it rotates bodies exactly where parameters.mrot is EXACT; see `operations`.
         named: whether it may read the rows COUNTED, NUMBER and FREE, see `block.take_names`.
     """
 
@@ -337,7 +337,7 @@ def make_loops(integrator):
     """The loops of an integrator's step.
 
     Args:
-        integrator: the class, with `splitting`, `operations` and `rows`.
+        integrator: the class, with `splitting`, `operations`, `numbers` and `rows`.
     Returns:
         (advance, go_on, kick), as loops of the integrator's module; go_on is None where a step is
         one pass.
@@ -377,8 +377,8 @@ def _make_advance(integrator, parts):
     several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
 
     def advance(
-        layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
-        gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
+        layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F,
+        parameters: integrator.numbers, gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
     ) -> I:  # fmt: skip
         """Move the bodies, and place their atoms.
 
@@ -428,7 +428,8 @@ def _make_go_on(integrator, parts):
     rows, rest = integrator.rows, parts.middle[-1]
 
     def go_on(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I, mask: F2
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: integrator.numbers, rank: I,
+        mask: F2,
     ):  # fmt: skip
         """The second pass of a step, which places the atoms."""
         for k in range(layout.blocks.shape[0] - 1):
@@ -451,8 +452,8 @@ def _make_kick(integrator, parts):
     end_and_begin = _ends(parts.lead, parts.tail)
 
     def kick(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I,
-        rank: I, mask: F2,
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: integrator.numbers, ends: I,
+        begins: I, rank: I, mask: F2,
     ):  # fmt: skip
         """End a step, or begin one, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
@@ -476,7 +477,7 @@ def make_start(integrator):
     """The loop that sets the bodies' own rows when the forces of the start are known."""
     starts, rows = integrator.starts, integrator.rows
 
-    def start(layout: Layout, dt: F, parameters: F1, rank: I, mask: F2):
+    def start(layout: Layout, dt: F, parameters: integrator.numbers, rank: I, mask: F2):
         """Set the bodies' own rows, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, TORQUE + 3, MASS)

@@ -21,7 +21,7 @@ from ..loops.compiled import (
     loop,
 )
 from ..loops.memory import room
-from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
+from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import LONG, RANK, Mpi, add_up
 from .sharing import ASKED, ASKED_ROW, BODIES, HOME_ROW, IDS, MEET, SHARED, SHARED_ROW, find, in_row
@@ -340,7 +340,7 @@ def arrange(mpi, sharing, counts, arrived, bodies, kinds, n):
     strangers = find_owners(arrived, bodies, sharing, counts, n)
     groups = in_row(bodies, ENDS, GROUPS)
     number_bodies(arrived, bodies, strangers, n, groups)
-    kinds[0], kinds[1] = groups[1], groups[3]
+    kinds.rotors, kinds.turning = groups[1], groups[3]
     make_blocks(bodies, n, groups)
     place_atoms(bodies, n)
     carry_over(arrived, bodies, strangers, n)
@@ -378,7 +378,7 @@ def follow(
     counts: L1,
     atoms: Atoms,
     bodies: L2,
-    kinds: L1,
+    kinds: Kinds,
     aways: L1,
     block: F64,
     found: L1,

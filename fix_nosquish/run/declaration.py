@@ -3,8 +3,11 @@
 from collections.abc import Callable
 from typing import ClassVar
 
-from ..loops.compiled import Loop
+from ..loops.compiled import Kind, Loop
 from ..motion import step
+from ..motion.operations import Parameters
+
+_OF_LOOPS = "splitting", "operations", "numbers", "rows", "starts"
 
 
 class Declaration:
@@ -12,6 +15,8 @@ class Declaration:
 
     The step:
         splitting, operations: what a step is; see `step.stages`.
+        numbers: the record of the parameters that its operations take: `operations.Parameters`, or
+            one that extends it.
         rows: how many numbers of its own each body has; they go where the body goes, and begin as
             0. In a block they are the rows from BLOCK_ROWS on.
         kept: how many more numbers go where the body goes, behind its rows in the state, which
@@ -64,6 +69,7 @@ class Declaration:
     """
 
     operations: ClassVar[dict] = {}
+    numbers: Kind = Parameters
     splitting, rows, kept, work = "", 0, 0, 0
     starts: Callable | None = None
     prepares: Loop | None = None
@@ -81,14 +87,15 @@ class Declaration:
     every, flips = 0, False
 
     def __init_subclass__(cls):
-        if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
+        if cls.splitting and not vars(cls).keys().isdisjoint(_OF_LOOPS):
             cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
             cls.start = cls.starts and step.make_start(cls)
             cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
 
     def own_parameters(self):
-        """Numbers for its operations, behind those of `operations`; asked when a run begins."""
-        return ()
+        """Its parameters, besides those of `operations`: a dictionary from fields of `numbers`;
+        asked when a run begins.  Fields that it does not name are 0."""
+        return {}
 
     def own_cells(self):
         """A dictionary of the cells that its own loops take."""

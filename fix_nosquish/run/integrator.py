@@ -35,7 +35,7 @@ from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
 from ..motion.block import ROWS
-from ..motion.operations import EXACT, FTM2V, MROT, PARAMETERS
+from ..motion.operations import EXACT
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Communicator
 from . import log, output, passes, reports, threads
@@ -74,7 +74,7 @@ class Integrator(Declaration):
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
-        parameters: (n,) what the operations take.
+        parameters: what the operations take, a record: see `Declaration.numbers`.
         mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
             does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
@@ -479,10 +479,10 @@ class Integrator(Declaration):
         self.gravity = self._weight()
         self.external.begin()
         self.bodies.cells["rate"].set(self.host.rate if self.streams else np.zeros(6))
-        own = [0.0] * PARAMETERS
-        own[FTM2V], own[MROT] = self.lammps.ftm2v, self._mrot
         self.mask = self._switches.mask(self.bodies)
-        self.parameters = np.array([*own, *self.own_parameters()])
+        self.parameters = self.numbers.new(
+            ftm2v=self.lammps.ftm2v, mrot=self._mrot, **self.own_parameters()
+        )
         self.passes = passes.Passes(
             self, self.bodies, self.lammps, self.communicator, self.mask,
             self.half_step_velocities, self.own_cells(),
@@ -668,7 +668,7 @@ class Integrator(Declaration):
             )
         self.reports.warn(lines)
         self._choose_rotor()
-        self.parameters[MROT] = self._mrot
+        self.parameters.mrot = self._mrot
         self.mask = self._switches.mask(self.bodies)
         self.external.learn()
         self.turned_over()

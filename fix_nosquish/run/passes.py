@@ -25,9 +25,21 @@ import numpy as np
 from ..bodies import extended
 from ..bodies.bodies import aligned
 from ..box import deform
-from ..loops.compiled import F1, F2, F64, L1, Cell, F, I, loop
+from ..loops.compiled import F1, F2, F64, Cell, F, I, loop
 from ..motion import step, virial
-from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, ID, LANES, MASS, MOMENT, WHOLE, Q, four
+from ..motion.block import (
+    ALL,
+    BLOCK_ROWS,
+    DIVIDED,
+    ID,
+    LANES,
+    MASS,
+    MOMENT,
+    WHOLE,
+    Kinds,
+    Q,
+    four,
+)
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
@@ -51,7 +63,7 @@ def weigh(state: F2, wrench: F2, gravity: F1):
 
 
 @loop
-def push(state: F2, kinds: L1, wrench: F2, pushed: F1, external: F2):
+def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
     """Add external forces and torques, (n, 6), of the bodies with these IDs, (n,) in order.
 
     A torque about an axis without moment, which a linear body and a point have, turns nothing.
@@ -67,7 +79,7 @@ def push(state: F2, kinds: L1, wrench: F2, pushed: F1, external: F2):
         if low == pushed.shape[0] or pushed[low] != state[ID, b]:
             continue
         x, y, z = external[low, 3], external[low, 4], external[low, 5]
-        if b >= kinds[0]:
+        if b >= kinds.rotors:
             r = rotation_matrix(four(state, Q, b))
             t1, t2, t3 = to_body(r, x, y, z)
             t1 = t1 if state[MOMENT, b] > 0.0 else 0.0
@@ -92,7 +104,7 @@ def _follow_box(integrator, cells):
 
 def _sums(integrator):
     """How a loop adds up numbers of all bodies, for `Threads.bind`."""
-    return {"sums": "parameters", "count": len(integrator.parameters)}
+    return {"sums": "parameters", "count": integrator.numbers.dtype.itemsize // 8}
 
 
 class Passes:
@@ -123,7 +135,7 @@ class Passes:
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
         self.mask = None if mask is None else Cell(F2, mask)
         cells = bodies.cells | lammps.cells | own_cells
-        cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
+        cells |= {"dt": self.dt, "parameters": Cell(integrator.numbers, integrator.parameters)}
         if self.mask is not None:
             cells["mask"] = self.mask
         if integrator.work:

@@ -12,7 +12,7 @@ import ctypes
 import numpy as np
 
 from ..bodies.bodies import aligned
-from ..loops.compiled import F1, F2, F64, I1, I2, L1, L2, Cell, I, address, call, loop
+from ..loops.compiled import F1, F2, F64, I1, I2, L1, L2, Cell, I, address, array, call, loop
 from ..motion.block import LANES, LINE
 
 LEAST = 16  # blocks for each thread; with fewer, one does all: waking others takes as long
@@ -106,7 +106,7 @@ class Threads:
             return whole
         copies = aligned((self.size, count + LINE))
         of_parts = [
-            loop.bind_to(cells, **own, **({sums: Cell(F1, copy[:count])} if sums else {}), **more)
+            loop.bind_to(cells, **own, **({sums: _copy(cells[sums], copy)} if sums else {}), **more)
             for own, copy in zip(self._own, copies, strict=True)
         ]
         parallel, thread_number, team_size = self._openmp
@@ -117,10 +117,21 @@ class Threads:
             cells, parts=self.parts, least=LEAST * self.size, parallel=parallel,
             worker=worker.func.address, worker_table=table_of(worker), function=function,
             whole_table=table_of(whole), results=results,
-            sums=cells[sums] if sums else np.empty(0), copies=copies,
+            sums=floats_of(cells[sums], count) if sums else np.empty(0),
+            copies=copies,
         )  # fmt: skip
         shared.kept = whole, of_parts, worker
         return shared
+
+
+def floats_of(cell, count):
+    return array(cell.numbers[0].item(), (count,), np.float64)
+
+
+def _copy(cell, numbers):
+    kind = cell.kind
+    record = kind.of(numbers) if kind.dtype.names else numbers[: len(cell.array)]
+    return Cell(kind, record)
 
 
 def table_of(bound):
