@@ -171,22 +171,36 @@ def test_energy_taken_is_counted_and_kept(run_lammps, ranks):
     np.testing.assert_allclose(second["f_1"], whole["f_1"][-len(second) :], rtol=1e-5)
 
 
+NUMBERS = (
+    "import fix_nosquish\nfrom fix_nosquish.integrators.nve import NVE\n"
+    "from fix_nosquish.loops.compiled import F, record\nclass Own(NVE):\n"
+)
 UNFINISHED = {
     "lone": (
         "from fix_nosquish.integrators.nve import NVE\nclass Own(NVE):\n    pass\n",
         "Have in it: __getattr__ = fix_nosquish.of_fix_line(Own)",
     ),
-    "chooser": (
+    "ensemble": (
         "from fix_nosquish.integrators.nvt import NVT\nclass Own(NVT):\n    pass\n",
-        "NVT only chooses a class: derive from Langevin or Rescaling",
+        "Have in it: __getattr__ = fix_nosquish.of_fix_line(Own)",
+    ),
+    "twice": (
+        f"{NUMBERS}    numbers = record('Own', NVE.numbers, ftm2v=F)\n",
+        "record Own: the record Parameters has a field ftm2v already",
+    ),
+    "unknown": (
+        f"{NUMBERS}    numbers = record('Own', NVE.numbers, friction=F)\n"
+        "    own_parameters = staticmethod(lambda: {'frction': 1.0})\n"
+        "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
+        "the record Own has no field frction, but ftm2v, mrot, friction",
     ),
 }
 
 
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_an_unfinished_integrator(refused, name):
-    """Locks out a message that does not say what a new integrator lacks, and one that is replaced
-    by another class without a word."""
+    """Locks out a message that does not say what a new integrator lacks, an ensemble that cannot be
+    derived from, and numbers that take the place of others, or are not there, without a word."""
     system, (text, says) = mixture(side=2), UNFINISHED[name]
     line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
     refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})

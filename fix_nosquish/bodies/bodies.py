@@ -349,7 +349,7 @@ class Bodies:
         """
         mass, wrench = lammps.masses, self.wrench.copy()
         momenta = mass[:, None] * lammps.per_atom("v", columns=3)
-        gather.bind_to(self.cells, atom_f=momenta, every=True)()
+        gather.bind_to(self.cells, atom_f=momenta, all_bodies=True)()
         momentum = self.wrench.copy()
         if spins is not None:
             momentum[3:] += [np.bincount(self.body, row, minlength=len(self)) for row in spins]

@@ -14,8 +14,8 @@ from ..motion.step import displaced, rotation_matrices
 
 # what can change: three axes, three tilts; matrices are upper triangular, in the order of this
 XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
-Barostat = record(
-    "Barostat",
+BarostatNumbers = record(
+    "BarostatNumbers",
     p_start=(F, 6),  # pressure at the begin of the run and at its end, as energies in a volume
     p_stop=(F, 6),
     axes=(I, 6),  # which change together: a number from 0 to 5, or -1 for one that does not
@@ -50,7 +50,7 @@ class ChangingBox(NamedTuple):
         flip_box: (2,) the same of the one for a flip.
     """
 
-    barostat: Barostat
+    barostat: BarostatNumbers
     forces_virial: F1
     new_box: F1
     set_box: L1
@@ -70,7 +70,7 @@ def spread_of(sums):
 
 
 @loop
-def virial_about_centres(layout: Layout, atom_f: F2, barostat: Barostat):
+def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
     """The virial of the forces on this rank's atoms about their bodies' centres.
 
     A tilt moves what is further along its second axis along the first.  So of xy it is the force

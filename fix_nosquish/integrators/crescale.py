@@ -18,6 +18,8 @@ which is right to the second order in the change.
 
 from math import log, sqrt
 
+import numpy as np
+
 from ..box.cell import (
     COMPONENTS,
     OUT_OF_BOUNDS,
@@ -34,14 +36,14 @@ from ..box.cell import (
     volume_of,
 )  # fmt: skip
 from ..errors import RunError
-from ..loops.compiled import F2, L1, F, I, inlined, loop
+from ..loops.compiled import F2, Cell, F, I, inlined, loop
 from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
 from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import move_to_images, place
 from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
-from .constant_pressure import ConstantPressure
-from .constant_temperature import OF_BAROSTAT, Bath, prepare, words_of_all
+from .barostat import Barostat
+from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
 
 COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
 # atm that the unit of pressure is
@@ -156,7 +158,7 @@ def end_change(mpi: Mpi, parameters: Bath, cell: ChangingBox):
 @loop
 def rescale_cell(
     mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: Bath, dt: F, rank: I,
-    step: L1, begin_step: L1, end_step: L1, cell: ChangingBox, box: PeriodicBox,
+    steps: Steps, cell: ChangingBox, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """Change the box, stretch the centres of mass with it, and place the atoms anew.
 
@@ -167,7 +169,7 @@ def rescale_cell(
     tilted = numbers.tilted
     measure_motion(state, rank, numbers)
     add_up(mpi, DOUBLE, numbers.sums, numbers.total)
-    part = prepare(parameters, step, begin_step, end_step)
+    part = prepare(parameters, steps)
     find_stretch(parameters, cell, box, part, dt * numbers.box_every)
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
@@ -195,21 +197,19 @@ def rescale_cell(
     return 0
 
 
-class StochasticCell(ConstantPressure):
-    """What an integrator with stochastic cell rescaling has besides its thermostat."""
+class Crescale(Barostat):
+    """Keyword barostat crescale."""
 
-    @property
-    def method(self):
-        return f"{super().method}, and stochastic cell rescaling"
+    method = "stochastic cell rescaling"
 
-    def cell_loops(self, cells):
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
         seen, moved = self.loops_of_others(cells)
         behind = [*seen, end_change.bind_to(cells)]
         pressure = [self.virial_of_bodies(cells), *behind]
         return pressure, [rescale_cell.bind_to(cells), *moved]
 
-    def own_numbers(self):
-        numbers, lammps = super().own_numbers(), self.lammps
+    def new_numbers(self) -> np.record:
+        numbers, lammps = super().new_numbers(), self.lammps
         if self.command.compressibility:
             compressibility = lammps.number(self.command.compressibility)
             self.command.refuse_unless_positive("keyword compressibility", compressibility)

@@ -17,11 +17,13 @@ while the light atoms of real molecules make them turn fast.
 """
 
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
 from ..bodies.bodies import matrices
 from ..errors import RunError
+from ..host.command import Line
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop, record
 from ..motion.block import (
@@ -222,11 +224,11 @@ class FIRE(Integrator):
         "Move them apart by a little before the fix line (displace_atoms ... random)"
     )
 
-    def __init__(self, ptr, line):
+    def __init__(self, ptr: Any, line: Line | str) -> None:
         self.of_all = Quenches.new()
         super().__init__(ptr, line)
 
-    def own_parameters(self):
+    def own_parameters(self) -> dict[str, Any]:
         if self.host.stop is None:
             raise RunError(
                 "a LAMMPS's own fix python/move cannot end a run: install this package where its "
@@ -254,7 +256,7 @@ class FIRE(Integrator):
         numbers["torque"] **= 2
         return numbers
 
-    def own_cells(self):
+    def own_cells(self) -> dict[str, Cell]:
         fixes = [mate for mate in self.mates if mate.quenches]
         quenches = fixes[0].of_all
         quenches.fixes, quenches.asked, quenches.undone = len(fixes), 0, 0.0
@@ -264,7 +266,7 @@ class FIRE(Integrator):
             "stop": Cell(L1, self.host.stop),
         }
 
-    def norms(self):
+    def norms(self) -> np.ndarray:
         """The largest force and the largest torque on a body; collective.
 
         A torque about an axis without a moment turns nothing, and is left out.
@@ -276,7 +278,7 @@ class FIRE(Integrator):
         return self.communicator.gather_to_all(np.array([norms])).max(axis=0)
 
     @hook
-    def post_run(self):
+    def post_run(self) -> None:
         super().post_run()
         norms, tolerances = self.norms(), np.sqrt([self.parameters.force, self.parameters.torque])
         why = "as asked for" if (norms <= tolerances).all() else "above what was asked for"
@@ -291,7 +293,7 @@ class FIRE(Integrator):
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
     @hook
-    def compute_vector(self, i):
+    def compute_vector(self, i: int) -> float:
         """As of `Integrator`, and behind it the largest force and the largest torque on a body, and
         the time step of the quench; collective."""
         own = i - len(Integrator.vector_extensive)

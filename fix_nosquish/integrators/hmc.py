@@ -16,14 +16,15 @@ computes the forces once more, in the same step: all that it prints is of the st
 """
 
 from math import inf, log1p
-from typing import ClassVar
+from typing import Any, ClassVar
 from zlib import crc32
 
 import numpy as np
 
 from ..errors import RunError
+from ..host.command import Line
 from ..host.hosts import hook
-from ..loops.compiled import F2, F, I, inlined, loop, record
+from ..loops.compiled import F2, Cell, F, I, inlined, loop, record
 from ..motion.block import (
     IMAGE,
     MASS,
@@ -44,9 +45,9 @@ from ..motion.step import move_to_images, place
 from ..run import thermo
 from ..run.integrator import Integrator, Phase
 from ..run.other_fixes import pushing_pair_style
-from .constant_temperature import ALL_BODIES, Bath, key_of
 from .langevin import WORK, thermalise
 from .nve import NVE
+from .thermostat import ALL_BODIES, Bath, key_of
 
 # rows of the state: where a body was, X to P, and its image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
@@ -127,12 +128,12 @@ class HMC(NVE):
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False
 
-    def __init__(self, ptr, line):
+    def __init__(self, ptr: Any, line: Line | str) -> None:
         super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
         self.kept_state = Kept.of(self.restart_state)
 
-    def own_parameters(self):
+    def own_parameters(self) -> dict[str, Any]:
         self._refuse()
         kept = self.kept_state
         if kept.kind != self.kind:
@@ -152,7 +153,7 @@ class HMC(NVE):
         key_0, key_1 = key_of(command, kept.times_back)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
-    def _refuse_part(self):
+    def _refuse_part(self) -> None:
         """End a run that would end within a trajectory."""
         last, steps = self.host.last_step, self.command.steps
         if last % steps:
@@ -162,7 +163,7 @@ class HMC(NVE):
                 everywhere=True,
             )
 
-    def resumed(self):
+    def resumed(self) -> None:
         self._refuse_part()
         if self.lammps.step != self.host.begins:
             raise RunError(
@@ -171,15 +172,15 @@ class HMC(NVE):
                 everywhere=True,
             )
 
-    def own_lists(self, cells):
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         return {"draw": [draw_momenta.bind_to(cells)], "back": [go_back.bind_to(cells)]}
 
-    def _plan(self, step):
+    def _plan(self, step: int) -> None:
         """Have the next trajectory begin behind this step."""
         steps = self.command.steps
         self.host.begins, self.host.energy_step = step + 1, (step // steps + 1) * steps
 
-    def _refuse(self):
+    def _refuse(self) -> None:
         """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
         if self.host.energy_step is None:
             raise RunError(
@@ -226,12 +227,12 @@ class HMC(NVE):
 
     # ------------------------------------------------------------- a trajectory
 
-    def _total_energy(self):
+    def _total_energy(self) -> float:
         """Of the bodies, and LAMMPS's potential energy; collective."""
         kinetic = thermo.energies(self.bodies, self.communicator, self.lammps)[:2].sum()
         return kinetic + self.host.energy
 
-    def begin_trajectory(self):
+    def begin_trajectory(self) -> None:
         """Draw momenta; collective."""
         self._warn_of_output()
         self.parameters.step = self.lammps.step
@@ -239,7 +240,7 @@ class HMC(NVE):
         self.reports.forget()
         self._before = self._total_energy()
 
-    def _warn_of_output(self):
+    def _warn_of_output(self) -> None:
         """Warn once of output within a trajectory, whose configurations no test has passed."""
         if self._has_warned:
             return
@@ -259,7 +260,7 @@ class HMC(NVE):
                 f"not tested. Have all output in multiples of {steps} steps\n"
             )
 
-    def take_energy(self):
+    def take_energy(self) -> bool:
         """Test the trajectory, and go back if it is not accepted; collective.
 
         Returns:
@@ -281,7 +282,7 @@ class HMC(NVE):
         return accepted
 
     @hook
-    def post_run(self):
+    def post_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
         if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
             self.host.log(
@@ -290,7 +291,7 @@ class HMC(NVE):
             )
         super().post_run()
 
-    def renewed(self):
+    def renewed(self) -> None:
         """The forces are known where the bodies have gone back to."""
         self.do("gather")
         self.set_velocities()
@@ -302,7 +303,7 @@ class HMC(NVE):
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
     @hook
-    def compute_vector(self, i):
+    def compute_vector(self, i: int) -> float:
         """As of `Integrator`, and behind it the part of trajectories that were accepted, and of the
         last one the change of the energy and whether it was accepted; collective."""
         own = i - len(Integrator.vector_extensive)

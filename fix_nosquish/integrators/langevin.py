@@ -10,7 +10,7 @@ that moments leave open, nor on their signs, which may be others after a restart
 
 from math import exp, sqrt
 
-from ..loops.compiled import L1, inlined, loop
+from ..loops.compiled import inlined
 from ..motion.block import (
     BLOCK_ROWS,
     COUNTED,
@@ -31,16 +31,9 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, to_body
 from ..motion.philox import normal_pair, words
 from ..motion.step import Operation
-from .constant_temperature import BODY, Bath, ConstantTemperature, prepare
-from .nve import NVE
+from .thermostat import BODY, Thermostat, thermalise_piston
 
 NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
-
-
-@loop
-def set_temperature(parameters: Bath, step: L1, begin_step: L1, end_step: L1):
-    """`prepare`."""
-    prepare(parameters, step, begin_step, end_step)
 
 
 @inlined
@@ -91,9 +84,9 @@ def thermalise(block, kind, dt, parameters):
     parameters.heat += given
 
 
-class Langevin(ConstantTemperature):
-    """`NVT` with keyword thermostat langevin."""
+class Langevin(Thermostat):
+    """Keyword thermostat langevin."""
 
-    operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
-    splitting, work, prepares, keeps_momentum = "B A O A B", WORK, set_temperature, False
-    method = "NO_SQUISH with Langevin's thermostat in the middle of the step"
+    operation, work = Operation(thermalise, prepared=True), WORK
+    on_piston = thermalise_piston
+    method, family, keeps_momentum = "Langevin's thermostat", "Langevin", False

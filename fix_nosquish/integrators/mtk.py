@@ -24,8 +24,9 @@ The kinetic energy that drives the piston is that of the step's middle, as the t
 Every so many steps the piston moves, for all of their time at once.
 """
 
-from math import exp, sqrt
-from typing import NamedTuple
+from collections.abc import Callable
+from math import exp
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -37,7 +38,7 @@ from ..box.cell import (
     XZ,
     YY,
     YZ,
-    Barostat,
+    BarostatNumbers,
     add_motion,
     is_due,
     motion_of,
@@ -49,20 +50,19 @@ from ..box.cell import (
     volume_of,
 )  # fmt: skip
 from ..errors import RunError
-from ..host.hosts import hook
-from ..loops.compiled import F1, L1, Cell, F, I, inlined, loop, record
-from ..motion.block import COUNTED, LANES, MASS, V, X, three
+from ..loops.compiled import F1, L1, Cell, F, I, Loop, inlined, loop, record
+from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
-from ..motion.philox import normal_pair
-from ..motion.step import Operation
-from ..ranks.mpi import DOUBLE, RANK, Mpi, add_up
+from ..motion.step import Operation, Scheme
+from ..ranks.mpi import DOUBLE, Mpi, add_up
 from ..run import thermo
-from .constant_pressure import ConstantPressure
-from .constant_temperature import OF_BAROSTAT, Bath, part_of_run, words_of_all
+from .barostat import Barostat
+from .nve import NVE
+from .thermostat import Steps, Thermostat, part_of_run, prepare
 
-PistonBarostat = record(
-    "PistonBarostat",
-    Barostat,
+PistonNumbers = record(
+    "PistonNumbers",
+    BarostatNumbers,
     inertia=(F, 6),  # of each rate of strain, 0 where there is none
     freedom=F,  # degrees of freedom of translation
     virial=(F, 6),  # the molecular one
@@ -82,13 +82,12 @@ STRAINS = {
     "centres": (F, 3),
     "shears": I,  # whether tilts change
 }
-Strained = record("Strained", Bath, **STRAINS)
 
 
 class PistonBox(NamedTuple):
     """What changes the box: see `cell.ChangingBox`."""
 
-    barostat: PistonBarostat
+    barostat: PistonNumbers
     forces_virial: F1
     new_box: F1
     set_box: L1
@@ -232,8 +231,8 @@ def push_by_motion(cell, dt):
 
 
 @inlined
-def begin_move(mpi, parameters, step, cell, box, part, dt):
-    """The first half of letter D, if the box changes in this step.
+def begin_move(mpi, parameters, due, cell, box, part, dt):
+    """The first half of letter D, if the box changes in this step: if that is due.
 
     Returns:
         by how much twice the kinetic energy changes.
@@ -243,7 +242,7 @@ def begin_move(mpi, parameters, step, cell, box, part, dt):
     for k in range(3):
         parameters.slow[k] = parameters.strain[k] = 1.0
         parameters.slow_shear[k] = parameters.strain_shear[k] = 0.0
-    if is_due(step, cell):
+    if due:
         half, count = 0.5 * dt * numbers.box_every, COMPONENTS if numbers.tilted else 3
         push(cell, box, part, half)
         add_up(mpi, DOUBLE, parameters.along[0:count], along[0:count])
@@ -262,7 +261,7 @@ def begin_move(mpi, parameters, step, cell, box, part, dt):
 
 
 @inlined
-def end_move(parameters, step, cell, box, shift, part, dt, factor):
+def end_move(parameters, due, cell, box, shift, part, dt, factor):
     """The second half of letter D, if the box changes in this step, and the box itself.
 
     Args:
@@ -271,7 +270,7 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
         as `stretch_box`.
     """
     numbers = cell.barostat
-    if is_due(step, cell):
+    if due:
         for k in range(COMPONENTS):
             motion_of(numbers.total)[k] *= factor * factor
         half = 0.5 * dt * numbers.box_every
@@ -288,35 +287,8 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
     return 0
 
 
-@inlined
-def thermalise_piston(mpi, parameters, step, cell, dt):
-    """Friction and noise on the rates of strain, if the box changes in this step."""
-    numbers = cell.barostat
-    if is_due(step, cell):
-        keep = exp(-numbers.rate * dt * numbers.box_every)
-        for group in range(COMPONENTS):
-            inertia, before = numbers.inertia[group], cell.piston.rates[group]
-            if inertia > 0.0:
-                w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
-                noise, _ = normal_pair(w0, w1)
-                heat = parameters.kt * numbers.unit
-                spread = sqrt((1.0 - keep * keep) * heat / inertia)
-                cell.piston.rates[group] = keep * before + spread * noise
-                note_heat(mpi, parameters, numbers, group, before, cell.piston.rates[group])
-
-
-@inlined
-def note_heat(mpi, parameters, numbers, group, before, after):
-    """Note, on rank 0, the energy that a thermostat gives to a rate of strain."""
-    if mpi.interface[RANK] == 0:
-        given = 0.5 * numbers.inertia[group] * (after * after - before * before)
-        parameters.heat += given / numbers.unit
-
-
 @loop
-def see_virial(
-    mpi: Mpi, step: L1, begin_step: L1, end_step: L1, dt: F, cell: PistonBox, box: PeriodicBox
-):
+def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox):
     """The molecular virial of the new forces; these act on a piston that has just moved."""
     numbers = cell.barostat
     spread = spread_of(numbers.total)
@@ -324,55 +296,133 @@ def see_virial(
     for k in range(COMPONENTS):
         numbers.virial[k] = cell.forces_virial[k] - spread[k]
     if numbers.open:
-        part = part_of_run(step, begin_step, end_step)
+        part = part_of_run(steps)
         push(cell, box, part, 0.5 * dt * numbers.box_every)
         numbers.open = 0
 
 
-class Mtk(ConstantPressure):
-    """What an integrator with a piston has besides its thermostat.
+# ---------------------------------------------------------------- with a thermostat
+
+# of each step at constant volume, the one with a piston, and of each thermostat the loop before it
+_SCHEMES: dict[Scheme | None, Scheme] = {}
+_PREPARES: dict[type[Thermostat], Loop] = {}
+
+
+def put_in(thermostat: type[Thermostat], module: str) -> None:
+    """Make the loops of the step B A D O A B with a thermostat, or of B A D A B with none.
+
+    Args:
+        thermostat: what is derived from `Thermostat`, or this itself for none.
+        module: the name of the one that the loops belong to.
+    """
+    owner = module, f"{thermostat.__qualname__}Piston"
+    letters, operations, measures = "B A D A B", NVE.operations, measure_along
+    of_volume = None
+    if letter := thermostat.operation:
+        letters, of_volume = "B A D O A B", thermostat.scheme
+        operations = operations | {"O": letter._replace(prepared=False, measures=None)}
+        measures = _both(letter.measures) if letter.measures else measures
+    if of_volume not in _SCHEMES:
+        dilation = Operation(dilate, prepared=True, measures=measures)
+        _SCHEMES[of_volume] = Scheme(
+            owner,
+            letters,
+            operations | {"D": dilation},
+            record(owner[1], thermostat.numbers, **STRAINS),
+            work=thermostat.work,
+        )
+    _PREPARES[thermostat] = _prepares(thermostat, _SCHEMES[of_volume].numbers, owner)
+
+
+def _both(measures: Callable) -> Callable:
+    """What measures for a thermostat, and for the piston."""
+
+    @inlined
+    def both(block, kind, dt, parameters):
+        measures(block, kind, dt, parameters)
+        measure_along(block, kind, dt, parameters)
+
+    return both
+
+
+def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]) -> Loop:
+    """The loop before letters D and O."""
+    acts, factor, on_piston = thermostat.acts, thermostat.factor, thermostat.on_piston
+
+    def prepares(
+        mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
+        box: PeriodicBox, state: F1,
+    ) -> I:  # fmt: skip
+        """Move the piston, if the box changes, and find what letters D and O take.
+
+        Returns:
+            as `stretch_box`, and as the thermostat's `acts`.
+        """
+        due, part = is_due(steps.step, cell), prepare(parameters, steps)
+        gained = begin_move(mpi, parameters, due, cell, box, part, dt)
+        if due:
+            on_piston(mpi, parameters, cell, state, dt)
+        wrong = acts(mpi, parameters, state, dt, gained)
+        moved = end_move(parameters, due, cell, box, images.shift, part, dt, factor(parameters))
+        return min(wrong, moved)
+
+    return loop(prepares, owner)
+
+
+class Mtk(Barostat):
+    """Keyword barostat mtk.
 
     Attributes:
         piston: a record, whose memory is the begin of its own state.
     """
 
-    numbers, of_barostat = Strained, PistonBarostat
-    piston = _state = None
+    method = "the piston of Martyna, Tobias and Klein"
+    of_numbers, state_size = PistonNumbers, Piston.dtype.itemsize // 8
+    piston: Any = None
 
-    @property
-    def method(self):
-        return f"{super().method}, and the piston of Martyna, Tobias and Klein"
+    def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
+        of_volume = thermostat.scheme if thermostat.operation else None
+        return _SCHEMES[of_volume], _PREPARES[thermostat]
 
-    @property
-    def own_words(self):
-        return (*super().own_words, type(self).__name__, *self.axes)
+    def take_state(self, state: np.ndarray) -> None:
+        self.piston = Piston.of(state)
 
-    def own_state(self):
-        if self._state is None:
-            others, size = super().own_state(), Piston.dtype.itemsize // 8
-            self._state = np.zeros(size + len(others))
-            self.piston = Piston.of(self._state)
-            if len(others):
-                self.chains = self._state[size:]
-        return self._state
+    def own_words(self) -> list:
+        # what classes were called when restart files were given these words
+        thermostat, alone = self.ensemble.thermostat, self.ensemble.__class__.__name__
+        return [f"{thermostat.family}NPT" if thermostat else alone, *self.axes]
 
-    def cell_loops(self, cells):
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
         seen, _ = self.loops_of_others(cells)
         return [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)], []
 
-    def loops_behind(self, cells):
+    def loops_behind(self, cells: dict[str, Cell]) -> list:
         return self.loops_of_others(cells)[1]
 
-    def own_parameters(self):
-        return {**super().own_parameters(), "shears": self.flips}
+    def own_parameters(self) -> dict[str, Any]:
+        return {"shears": self.flips}
 
-    def heat(self):
-        """The k T that the piston's inertia is of: of the highest temperature of the run."""
-        return self.lammps.boltz * max(self.temperature()[:2])
+    def _heat(self) -> float:
+        """The k T that the piston's inertia is of: of the highest temperature of the run; without a
+        thermostat, of the bodies as their first run begins; collective."""
+        if self.ensemble.thermostat:
+            return self.lammps.boltz * max(self.ensemble.temperature()[:2])
+        if not self.piston.inertia_kt:
+            kelvin = thermo.energies(self.bodies, self.communicator, self.lammps)[4]
+            if not self.lammps.running:  # but a file is written, perhaps before they move
+                return self.lammps.boltz * kelvin
+            if not kelvin > 0:
+                raise RunError(
+                    "the bodies are at rest, so there is no temperature to choose the piston's "
+                    "inertia by: give them velocities first (velocity ... create)",
+                    everywhere=True,
+                )
+            self.piston.inertia_kt = self.lammps.boltz * kelvin
+        return self.piston.inertia_kt
 
-    def own_numbers(self):
-        numbers, d, axes = super().own_numbers(), self.lammps.dimension, self.axes
-        freedom = self.degrees()[0]
+    def new_numbers(self) -> np.record:
+        numbers, d, axes = super().new_numbers(), self.lammps.dimension, self.axes
+        freedom = self.ensemble.momentum.degrees()[0]
         if not freedom > 0:
             raise RunError(
                 "no centre of mass can move against another, so there is no pressure for the "
@@ -380,13 +430,13 @@ class Mtk(ConstantPressure):
                 everywhere=True,
             )
         damping = self.damping * (self._slower(freedom) if self.command.line.replaces else 1.0)
-        inertia = (freedom + d) * self.heat() * damping**2
+        inertia = (freedom + d) * self._heat() * damping**2
         for group in range(COMPONENTS):
             numbers.inertia[group] = (axes == group).sum() / d * inertia
         numbers.rate, numbers.freedom = 1.0 / damping, freedom
         return numbers
 
-    def _slower(self, freedom):
+    def _slower(self, freedom: float) -> float:
         """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
         collective.
 
@@ -401,11 +451,10 @@ class Mtk(ConstantPressure):
         every = self.communicator.total(np.array([of_bodies]))[0]
         return np.sqrt(2 * d * (every + d) / (freedom + d))
 
-    def own_cells(self):
+    def own_cells(self) -> dict[str, Cell]:
         return super().own_cells() | {"piston": Cell(Piston, self.piston)}
 
-    @hook
-    def compute_scalar(self):
-        """As `NVT`, with the work against the pressure and the energy of the piston; collective."""
-        moving = 0.5 * (self.barostat.inertia * self.piston.rates**2).sum()
-        return super().compute_scalar() + self.piston.work + moving
+    def with_energy(self, scalar: float) -> float:
+        """With the work against the pressure and the energy of the piston."""
+        moving = 0.5 * (self.numbers.inertia * self.piston.rates**2).sum()
+        return scalar + self.piston.work + moving

@@ -260,9 +260,16 @@ def call(place, *arguments):
     """The integer that the C function at this place gives for up to 7 integers or addresses."""
 
 
-def loop(function):
-    """Decorator of a loop to be compiled: see the head of this file. Returns: the `Loop`."""
-    return Loop(function)
+def loop(function, owner=None):
+    """Decorator of a loop to be compiled: see the head of this file.
+
+    Args:
+        owner: of a function that is made in another one, the name of the module whose loop it is,
+            and what its own name stands behind.
+    Returns:
+        the `Loop`.
+    """
+    return Loop(function, owner)
 
 
 def annotations(of):
@@ -289,9 +296,11 @@ def annotations(of):
 class Loop:
     """A compiled loop: call it, or `bind` it to arguments that stay the same."""
 
-    def __init__(self, function):
+    def __init__(self, function, owner=None):
         update_wrapper(self, function)
-        self.name = f"{function.__module__}.{function.__qualname__}"
+        module, within = owner or (function.__module__, "")
+        name = f"{within}.{function.__name__}" if within else function.__qualname__
+        self.name = f"{module}.{name}"
         notes = annotations(function)
         self.returns = bool(notes.get("return"))
         self.parameters = {name: what for name, what in notes.items() if name != "return"}
@@ -304,7 +313,7 @@ class Loop:
         for name, what in self.parameters.items():
             self.kinds |= {name: what} if isinstance(what, Kind) else annotations(what)
         self.machine_code = None
-        self.module = module_of(function)
+        self.module = module_of(module)
         self.module.loops.append(self)
 
     def __call__(self, *values):

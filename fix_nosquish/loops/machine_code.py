@@ -68,9 +68,9 @@ def load(communicator, *names):
         _tell_once(UNLIKE)
 
 
-def module_of(function):
-    """The `Module` with the loops of the module in which a function is."""
-    return MODULES.setdefault(function.__module__, Module(function.__module__))
+def module_of(name):
+    """The `Module` with the loops of the module of this name."""
+    return MODULES.setdefault(name, Module(name))
 
 
 def of_package(package):

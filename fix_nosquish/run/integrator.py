@@ -82,8 +82,8 @@ class Integrator(Declaration):
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
-        waiting: with `middle`, the time step of the half kick that is left to the next run's first
-            step: 0.0 if none is, None if it is that step's own.
+        waiting: with `mid_step`, the time step of the half kick that is left to the next run's
+            first step: 0.0 if none is, None if it is that step's own.
         external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
@@ -261,7 +261,7 @@ class Integrator(Declaration):
     @property
     def ended(self):
         """The phase at the end of a step that is looked at."""
-        return Phase.WAITING if self.middle else Phase.SET
+        return Phase.WAITING if self.mid_step else Phase.SET
 
     has_begun = property(lambda self: self.phase in ({Phase.HALF, Phase.WAITING} - {self.ended}))
     is_set = property(lambda self: self.phase in (self.ended, Phase.SET, Phase.OVER))
@@ -282,7 +282,7 @@ class Integrator(Declaration):
         self.host.call_always()
         self._note_waiting()
         self._first_step = self.lammps.step
-        self.middle = type(self).middle and self.lammps.respa_dt is None
+        self.mid_step = type(self).mid_step and self.lammps.respa_dt is None
         self.phase = Phase.NEW
         self.reports.begin()
         self.host.set_bodies(None, None)  # the atoms are not those of the last run
@@ -306,7 +306,7 @@ class Integrator(Declaration):
                 self._set_plain_velocities()
         refuse_other_integrators(self)
         self._take_time_step()
-        if self.middle and self.waiting not in (None, self.dt):
+        if self.mid_step and self.waiting not in (None, self.dt):
             self.passes.level_dt.set(self.waiting)
             self._take_time_step_later()
         self.reports.open()
@@ -360,7 +360,7 @@ class Integrator(Declaration):
         ours = {mate.host.fix_id for mate in self.mates}
         self.other_fixes = OtherFixes(self.host.fixes(), ours, self.host.command, self.lammps.step)
         self.half_step_velocities = self.host.ghost_velocity or self.other_fixes.half_step
-        deforms = self.other_fixes.deform and self.respa_dt is None and not self.every
+        deforms = self.other_fixes.deform and self.respa_dt is None and not self.box_every
         self.told_box = self.host.told_box if deforms else None
         self.streams = self.told_box is not None and bool(self.host.stream_group)
         if self.told_box is not None:
@@ -533,7 +533,7 @@ class Integrator(Declaration):
             self.push()
         self.do("gather")
         self.reports.forget()
-        if type(self).middle and not self.middle:
+        if type(self).mid_step and not self.mid_step:
             self._end_waiting()
         if self.start and not self._started:
             self.start.bind_to(self.passes.cells)()
@@ -549,7 +549,7 @@ class Integrator(Declaration):
         if self._pressure_is_due(self.lammps.step):
             self.do("pressure")
         # LAMMPS asks the fixes behind this one for their forces after it
-        self._gathers_anew = self.other_fixes.change_forces and not self.middle
+        self._gathers_anew = self.other_fixes.change_forces and not self.mid_step
         if self._gathers_anew:
             self.host.begins = self.lammps.step + 1
         self._leave_to_host()
@@ -576,7 +576,7 @@ class Integrator(Declaration):
     def reset_dt(self):
         """The time step may have changed."""
         self._refuse_time_step()
-        if self.middle and self.phase in (Phase.WAITING, Phase.OVER):
+        if self.mid_step and self.phase in (Phase.WAITING, Phase.OVER):
             # the last step's end has the old one, and is done when the next step begins: until
             # then atoms have the velocities of its middle, which other fixes may change
             self._take_time_step_later()
@@ -588,7 +588,7 @@ class Integrator(Declaration):
     def _refuse_time_step(self):
         """End the run if the integrator cannot take the time step that there is."""
         dt = self.lammps.dt
-        if (dt < 0 and not self.backwards) or (dt == 0 and self.every):
+        if (dt < 0 and not self.backwards) or (dt == 0 and self.box_every):
             raise RunError(
                 f"the time step is {dt:g}, and the integrator {self.name} needs one above zero: "
                 "look at the command timestep",
@@ -601,7 +601,7 @@ class Integrator(Declaration):
     def _note_waiting(self):
         """Keep the time step of the last step of a run that has made some."""
         if self._stepped:
-            self.waiting, self._stepped = self.dt if self.middle else 0.0, False
+            self.waiting, self._stepped = self.dt if self.mid_step else 0.0, False
 
     def _end_waiting(self):
         """Do what a run without levels has left: with levels a step ends with its second half."""
@@ -659,7 +659,7 @@ class Integrator(Declaration):
             self.bodies, self.lammps, self.communicator, self.membership, how
         )
         self.notes["given"] = np.union1d(self.notes["given"], given)
-        if self.start or self.every or self.needs_energy:
+        if self.start or self.box_every or self.needs_energy:
             raise RunError(
                 f"bodies came or are gone by step {self.lammps.step}, which the integrator "
                 f"{self.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
@@ -713,7 +713,7 @@ class Integrator(Declaration):
 
     def _cell_is_due(self, step):
         """Whether the forces of this step are followed by a change of the box."""
-        return self.every and step % self.every == 0
+        return self.box_every and step % self.box_every == 0
 
     def _pressure_is_due(self, step):
         """Whether the forces of this step are those before or behind a change of the box."""
@@ -729,7 +729,7 @@ class Integrator(Declaration):
     def come_to_rest(self, forces=True):
         """Have the bodies as a step that is looked at leaves them, with their forces, if wanted."""
         if self.phase == Phase.WAITING:
-            if not self.middle:
+            if not self.mid_step:
                 self.catch_up()
             elif forces:
                 self.do("gather")
@@ -808,7 +808,7 @@ class Integrator(Declaration):
     def _refuse_new_box(self, held):
         """End the run if one of the box vectors that are held, (3,) bool, has changed."""
         box = self.lammps.box
-        if box is self._box or self.every:
+        if box is self._box or self.box_every:
             return
         if ((box.h != self.bodies.cells["h"].array) & held).any():
             raise RunError(
@@ -931,7 +931,7 @@ class Integrator(Declaration):
                 self.bodies.settle(self.lammps)
                 self._set_plain_velocities()
             self.reports.forget()
-            if self.middle:
+            if self.mid_step:
                 self.reports.end_run()
             self.phase = Phase.OVER
 

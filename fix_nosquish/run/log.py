@@ -135,7 +135,7 @@ def _passes(integrator, found, virial):
         (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
         (command.shadow, f"shadow energy, in each step that is a multiple of {command.shadow}", ""),
-        (integrator.every, f"box, in one of {integrator.every} steps", ""),
+        (integrator.box_every, f"box, in one of {integrator.box_every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (integrator.external.acts, "external forces and torques", ""),
@@ -212,7 +212,7 @@ def warnings(integrator):
             "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
             "their translation; a thermostat warms it"
         )
-    lines += [*notes["warnings"], *integrator.own_warnings]
+    lines += [*notes["warnings"], *integrator.own_warnings()]
     dt = integrator.lammps.innermost_dt
     turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
     if turn > _FAST:

@@ -202,7 +202,7 @@ def _problem_beside(fix, both, integrator):
     """
     command, host = integrator.command, integrator.host
     ours, moves = f'fix {host.fix_id} ("{command.text}")', fix.time_integrate
-    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
+    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.box_every:
         ours_instead = "use fix nosquish/npt or fix nosquish/nph in its place"
         return (
             f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
@@ -236,7 +236,7 @@ def _problem_beside(fix, both, integrator):
         return (
             f"fix {fix.id} (style {fix.style}) keeps a temperature of atom {tag} of the rigid "
             f"bodies, as {ours} does: give it a group without the bodies' atoms, or use "
-            f"fix nosquish/{'nph' if integrator.every else 'nve'}"
+            f"fix nosquish/{'nph' if integrator.box_every else 'nve'}"
         )
     if command.points and host.removed_freedom(fix.id, command.points):
         return (

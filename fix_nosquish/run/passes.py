@@ -160,7 +160,7 @@ class Passes:
         elif communicator.size == 1:
             whole = [*before, self._advance(integrator, True, ALL, how)]
         else:  # messages are under way while the bodies that need none move
-            some = bind(step.gather, cells, every=False)
+            some = bind(step.gather, cells, all_bodies=False)
             undivided = self._advance(integrator, True, WHOLE, how)
             divided = self._advance(integrator, True, DIVIDED, how)
             whole = [some, *shared, *before, undivided, *added, divided]
@@ -171,14 +171,14 @@ class Passes:
             "begin": [*before, self._advance(integrator, False), *rest, *turn, *after],
             "close": close,
             "whole": [*whole, *rest, *turn, *after],
-            "end": [] if integrator.middle else close,
+            "end": [] if integrator.mid_step else close,
             "kick": [*gather, kick_begins],
             "velocities": velocities,
             "turn": turn,
-            "constraint_virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
+            "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
             "follow": [bodies.following],
         }
-        if integrator.every:
+        if integrator.box_every:
             self.lists["pressure"], moves = integrator.cell_loops(cells)
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
@@ -210,7 +210,7 @@ class Passes:
     def _gather(self, integrator, bodies, exchange):
         """The list of loops for force and torque of each body; `exchange` has those for what other
         ranks know of it."""
-        gather = [self.threads.bind(step.gather, self.cells, every=True)]
+        gather = [self.threads.bind(step.gather, self.cells, all_bodies=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(self.cells))
         gather += exchange

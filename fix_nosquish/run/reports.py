@@ -194,7 +194,7 @@ class Reports:
             integrator.post_neighbor()
         bodies = integrator.bodies
         with _as_they_are(bodies):
-            integrator.do("close" if integrator.has_begun and not integrator.middle else "gather")
+            integrator.do("close" if integrator.has_begun and not integrator.mid_step else "gather")
             self.add_constraint_virial(virial)
 
     def removed_freedom(self, group):
@@ -244,9 +244,9 @@ class Reports:
         integrator, now = self._integrator, self.energies()[:2].sum()
 
         def closed(bodies):
-            if integrator.middle and integrator.is_over:  # LAMMPS's atoms may be other ones now
+            if integrator.mid_step and integrator.is_over:  # LAMMPS's atoms may be other ones now
                 return now + self._gained_at_end
-            if not integrator.middle or integrator.phase != integrator.ended:
+            if not integrator.mid_step or integrator.phase != integrator.ended:
                 return now
             with _as_they_are(bodies):
                 integrator.do("close")

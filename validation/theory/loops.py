@@ -85,7 +85,7 @@ class Scene:
         self.dt = Cell(F)
         cells |= {"dt": self.dt, "parameters": Parameters.new(ftm2v=1.0, mrot=mrot)}
         whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
-        self.gather = step.gather.bind_to(cells, every=True)
+        self.gather = step.gather.bind_to(cells, all_bodies=True)
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
         self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
 
