@@ -245,7 +245,8 @@ class Barostat(Part):
             f.style.startswith(_NOISE) and self.ensemble.acts_on_bodies(f) for f in changing
         )
         self._noise_on_bodies = noisy
-        counted, others = [], []
+        counted: list[str] = []
+        others: list[str] = []
         for fix in changing:
             held = self.host.held and self._hits(fix, moving=True)
             if (
@@ -337,7 +338,8 @@ class Barostat(Part):
 
     def new_numbers(self) -> np.record:
         """What the barostat knows as a run begins; collective."""
-        lammps, numbers, of_group = self.lammps, self.of_numbers.new(axes=self.axes), {}
+        lammps, numbers = self.lammps, self.of_numbers.new(axes=self.axes)
+        of_group: dict[int, tuple[float, ...]] = {}
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:
                 words = self.command.pressure_of(part)[:2]

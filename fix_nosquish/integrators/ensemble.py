@@ -7,10 +7,10 @@ At the end of a step velocities are too cold, by the square of the step.  So ato
 middle then, which are right, and temperature and pressure follow from these.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from importlib import import_module
-from typing import Any, ClassVar
+from typing import Any
 from zlib import crc32
 
 import numpy as np
@@ -56,9 +56,12 @@ class Ensemble(Integrator):
             left to keep at a temperature.
     """
 
-    thermostats: ClassVar[dict[str, Any]] = {}
-    barostats: ClassVar[dict[str, Any]] = {}
+    thermostats: Mapping[str, Any] = {}
+    barostats: Mapping[str, Any] = {}
     mid_step = True
+    host: Any
+    parameters: Any
+    restart_state: np.ndarray
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
         line = Line.quoted(line) if isinstance(line, str) else line
@@ -101,7 +104,7 @@ class Ensemble(Integrator):
         self.kept_state = Kept.of(self.restart_state)
         self._energy = 0.0  # given before this run, in all
 
-    def _made(self, choices: dict[str, Any], command: Command, keyword: str) -> Any:
+    def _made(self, choices: Mapping[str, Any], command: Command, keyword: str) -> Any:
         """What the word of a keyword stands for; None where there is nothing to choose."""
         if not choices:
             return None
@@ -145,17 +148,17 @@ class Ensemble(Integrator):
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         cells = {
             "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "state": Cell(F1, self.thermostat.state if self.thermostat else np.empty(0)),
+            "own_state": Cell(F1, self.thermostat.state if self.thermostat else np.empty(0)),
         }  # fmt: skip
         for part in self.thermostat, self.barostat:
             cells |= part.own_cells() if part else {}
         return cells
 
     def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        return self.barostat.cell_loops(cells)
+        return self.barostat.cell_loops(cells) if self.barostat else ([], [])
 
     def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.flip_loops(cells)
+        return self.barostat.flip_loops(cells) if self.barostat else []
 
     def loops_behind(self, cells: dict[str, Cell]) -> list:
         return self.barostat.loops_behind(cells) if self.barostat else []

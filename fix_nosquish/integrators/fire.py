@@ -16,6 +16,7 @@ These are those of atoms that weigh alike.  Then bodies turn as slowly as they m
 while the light atoms of real molecules make them turn fast.
 """
 
+from collections.abc import Mapping
 from math import sqrt
 from typing import Any
 
@@ -216,7 +217,9 @@ class FIRE(Integrator):
 
     splitting, rows, respa, quenches, numbers = "A", OF_BODY, False, True, Quench
     backwards = False
-    operations = {"A": Operation(relax, moves=True, prepared=True, measures=measure)}  # noqa: RUF012
+    operations: Mapping[str, Operation] = {
+        "A": Operation(relax, moves=True, prepared=True, measures=measure)
+    }
     keywords = "force FTOL", "torque TTOL", *DEFAULTS
     method, prepares = "FIRE", quench
     unprepared = (

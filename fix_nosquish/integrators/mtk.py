@@ -351,7 +351,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
 
     def prepares(
         mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
-        box: PeriodicBox, state: F1,
+        box: PeriodicBox, own_state: F1,
     ) -> I:  # fmt: skip
         """Move the piston, if the box changes, and find what letters D and O take.
 
@@ -361,8 +361,8 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         due, part = is_due(steps.step, cell), prepare(parameters, steps)
         gained = begin_move(mpi, parameters, due, cell, box, part, dt)
         if due:
-            on_piston(mpi, parameters, cell, state, dt)
-        wrong = acts(mpi, parameters, state, dt, gained)
+            on_piston(mpi, parameters, cell, own_state, dt)
+        wrong = acts(mpi, parameters, own_state, dt, gained)
         moved = end_move(parameters, due, cell, box, images.shift, part, dt, factor(parameters))
         return min(wrong, moved)
 

@@ -1,6 +1,7 @@
 """NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 from . import mtk
 from .barostat import PRESSURE
@@ -14,4 +15,4 @@ class NPH(Ensemble):
     """fix ID group nosquish/nph BODYSTYLE iso PSTART PSTOP PDAMP ..."""
 
     keywords = PRESSURE
-    barostats: ClassVar[dict[str, Any]] = {"mtk": mtk.Mtk}
+    barostats: Mapping[str, Any] = {"mtk": mtk.Mtk}

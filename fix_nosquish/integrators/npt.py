@@ -1,6 +1,7 @@
 """NPT: rigid bodies at constant temperature and pressure; see `thermostat` and `barostat`."""
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 from .barostat import PRESSURE
 from .ensemble import TEMPERATURE, Ensemble
@@ -11,8 +12,8 @@ class NPT(Ensemble):
     """fix ID group nosquish/npt BODYSTYLE temp ... iso PSTART PSTOP PDAMP ..."""
 
     keywords = *TEMPERATURE, *PRESSURE, "barostat", "compressibility"
-    thermostats: ClassVar[dict[str, Any]] = THERMOSTATS
-    barostats: ClassVar[dict[str, Any]] = {"crescale": "crescale.Crescale", "mtk": "npt_mtk.Mtk"}
+    thermostats: Mapping[str, Any] = THERMOSTATS
+    barostats: Mapping[str, Any] = {"crescale": "crescale.Crescale", "mtk": "npt_mtk.Mtk"}
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

@@ -1,6 +1,7 @@
 """NVT: rigid bodies at constant temperature; see `thermostat`."""
 
-from typing import Any, ClassVar
+from collections.abc import Mapping
+from typing import Any
 
 from .ensemble import TEMPERATURE, Ensemble
 
@@ -12,4 +13,4 @@ class NVT(Ensemble):
     """fix ID group nosquish/nvt BODYSTYLE temp TSTART TSTOP TDAMP ..."""
 
     keywords = TEMPERATURE
-    thermostats: ClassVar[dict[str, Any]] = THERMOSTATS
+    thermostats: Mapping[str, Any] = THERMOSTATS

@@ -140,7 +140,7 @@ class Part:
     """
 
     def __init__(self, ensemble: Any) -> None:
-        self.ensemble = weakref.proxy(ensemble)
+        self.ensemble: Any = weakref.proxy(ensemble)
 
     def __getattr__(self, name: str) -> Any:
         if name in ("lammps", "command", "host", "bodies", "communicator", "other_fixes"):
@@ -212,7 +212,7 @@ class Thermostat(Part):
         return {}
 
     def own_cells(self) -> dict[str, Cell]:
-        """What its loops take besides `parameters` and `state`."""
+        """What its loops take besides `parameters` and `own_state`."""
         return {}
 
     def turned_over(self) -> None:
@@ -233,10 +233,10 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
     acts = thermostat.acts
 
     def prepares(
-        mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, state: F1
+        mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, own_state: F1
     ) -> I:  # fmt: skip
         """Set the temperature of the step, and what letter O takes."""
         prepare(parameters, steps)
-        return acts(mpi, parameters, state, dt, 0.0)
+        return acts(mpi, parameters, own_state, dt, 0.0)
 
     return loop(prepares, owner)

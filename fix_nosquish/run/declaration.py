@@ -1,7 +1,6 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -67,7 +66,7 @@ class Declaration:
     """
 
     splitting: str = ""
-    operations: Mapping[str, step.Operation] = MappingProxyType({})
+    operations: Mapping[str, step.Operation] = {}
     numbers: Kind = Parameters
     rows: int = 0
     kept: int = 0

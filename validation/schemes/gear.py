@@ -27,8 +27,8 @@ changes by a term of dt^2 meanwhile.  Each `run` starts so again, except with `r
 with `reinit no`, where the derivatives go on.
 """
 
+from collections.abc import Mapping
 from math import sqrt
-from typing import ClassVar
 
 from fix_nosquish import of_fix_line
 from fix_nosquish.loops.compiled import inlined
@@ -253,7 +253,7 @@ class Gear(Integrator):
     """
 
     splitting = "P F C"
-    operations: ClassVar = {
+    operations: Mapping[str, Operation] = {
         "P": Operation(predict, moves=True, named=False),
         "C": Operation(correct, moves=True, named=False),
     }
