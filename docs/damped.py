@@ -4,9 +4,9 @@ from math import exp
 
 from fix_nosquish import of_fix_line
 from fix_nosquish.integrators.nve import NVE, Operation
-from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.loops.compiled import F, inlined, record
 from fix_nosquish.motion.block import LANES, P, V
-from fix_nosquish.motion.operations import PARAMETERS, free_motion, rotation_by
+from fix_nosquish.motion.operations import free_motion, rotation_by
 from fix_nosquish.motion.rotor import permute_1, permute_2, permute_3, rotation
 
 
@@ -21,7 +21,7 @@ def rotor(q, p, i1, i2, i3, dt, small):
 
 @inlined
 def friction(block, kind, dt, parameters):
-    factor = exp(-parameters[PARAMETERS] * dt)
+    factor = exp(-parameters.friction * dt)
     for row in (V, V + 1, V + 2, P, P + 1, P + 2, P + 3):
         for b in range(LANES):
             block[row, b] *= factor
@@ -31,7 +31,10 @@ class Damped(NVE):
     splitting, method = "B A O A B", "NO_SQUISH with friction"
     motion = Operation(free_motion(rotation_by(rotor)), moves=True, named=False)
     operations = NVE.operations | {"A": motion, "O": Operation(friction, named=False)}
-    own_parameters = staticmethod(lambda: (0.01,))  # 1 / time
+    numbers = record("Friction", NVE.numbers, friction=F)
+
+    def own_parameters(self):
+        return {"friction": 0.01}  # 1 / time
 
 
 __getattr__ = of_fix_line(Damped)

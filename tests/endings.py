@@ -48,7 +48,7 @@ class BreaksOnOneRank(NVE):
     @hook
     def final_integrate(self):
         super().final_integrate()
-        if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
+        if self.communicator.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
             raise ValueError("no such luck")
 """
 

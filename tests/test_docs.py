@@ -353,6 +353,20 @@ def test_integrator_of_the_documentation(run_lammps):
             np.testing.assert_allclose(energies / energies[0], left, rtol=error)
 
 
+@pytest.mark.parametrize("name", ["annealed.AnnealedNVT", "andersen.AndersenNVT"])
+def test_thermostats_of_the_documentation(run_lammps, name):
+    """Locks out examples that do not run as they stand, that do not keep the temperature, or whose
+    energy is not counted."""
+    example, data = f"{name.partition('.')[0]}.py", ROOT / "inputs" / "water" / "data.water"
+    given = {example: (DOCS / example).read_text(), "data.water": data.read_text()}
+    lines = FREE.replace("damped.Damped all molecule", f"{name} all molecule temp 1 1 1e-1 seed 7")
+    lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] etotal econserve")
+    for ranks in 2, 1:  # the first one compiles the loops
+        thermo = run_lammps(lines, files=given, ranks=ranks, timeout=250).thermo
+        assert thermo["f_1[3]"][0] > 1.5 and thermo["f_1[3]"][-1] == pytest.approx(1.0, rel=0.2)
+        assert np.ptp(thermo["Econserve"]) < 0.01 * np.ptp(thermo["TotEng"])
+
+
 def test_rooms_use_those_below_them():
     """Locks out rooms of the package that need each other in a circle, rooms that the page on its
     architecture does not name, and files that it names and that are gone."""

@@ -10,9 +10,8 @@ from systems import mixture
 from test_npt import fix as of_npt
 from test_nvt import DUMP, FREE, REVERSE, SMOOTH, ends_alike, thermo
 
-from fix_nosquish.integrators import mtk, npt_mtk
-from fix_nosquish.integrators.constant_temperature import KT
-from fix_nosquish.integrators.rescaling import move_chain
+from fix_nosquish.integrators import mtk, nose_hoover, thermostat
+from fix_nosquish.integrators.rescaling import Scales
 
 WORDS = {
     "NPH": "",
@@ -148,17 +147,17 @@ def test_thermostats_of_the_piston_do_all_of_its_time():
     """Locks out friction for one step on a piston that moves in each fifth one only, and a chain
     that is as slow."""
     every, dt, rate = 5, 0.004, 2.5
-    numbers = np.zeros(mtk.MTK_NUMBERS)
-    numbers[[mtk.RATE, mtk.UNIT, mtk.EVERY, mtk.INERTIA]] = rate, 1.0, every, 3.0
-    piston, mpi = np.zeros(mtk.PISTON), SimpleNamespace(interface=np.zeros(64, np.int64))
-    one, parameters = SimpleNamespace(barostat=numbers, piston=piston), np.zeros(mtk.SHEARS + 1)
-    piston[0] = 1.0
-    mtk.thermalise_piston(mpi, parameters, np.array([1 + every]), one, dt)  # at zero temperature
-    assert piston[0] == pytest.approx(np.exp(-rate * dt * every), rel=1e-12)
-    piston[0], parameters[KT], chain = 1.0, 2.0, np.zeros(6)
-    npt_mtk.move_chain_of_piston(mpi, parameters, np.array([1 + every]), one, chain, dt)
-    expected = move_chain(np.zeros(6), 3, 3.0, 1.0, 2.0, rate, dt * every)
-    assert piston[0] == pytest.approx(expected, rel=1e-12) != 1.0
+    inertia = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+    numbers = mtk.PistonNumbers.new(rate=rate, unit=1.0, box_every=every, inertia=inertia)
+    piston, mpi = mtk.Piston.new(), SimpleNamespace(interface=np.zeros(64, np.int64))
+    one, parameters = SimpleNamespace(barostat=numbers, piston=piston), Scales.new()
+    piston.rates[0] = 1.0
+    thermostat.thermalise_piston(mpi, parameters, one, None, dt)  # at zero temperature
+    assert piston.rates[0] == pytest.approx(np.exp(-rate * dt * every), rel=1e-12)
+    piston.rates[0], parameters.kt, chain = 1.0, 2.0, np.zeros(6)
+    nose_hoover.move_chain_of_piston(mpi, parameters, one, chain, dt)
+    expected = nose_hoover.move_chain(np.zeros(6), 3, 3.0, 1.0, 2.0, rate, dt * every)
+    assert piston.rates[0] == pytest.approx(expected, rel=1e-12) != 1.0
 
 
 @pytest.mark.parametrize("name", ["langevin", "csvr"])

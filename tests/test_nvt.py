@@ -215,10 +215,10 @@ fix.host.point()
 fix.do("close")
 fix.bodies.v[:] *= -1
 fix.bodies.p[:] *= -1
-if hasattr(fix, "chains"):
-    fix.chains.reshape(fix.number_of_chains, 2, -1)[:, 1] *= -1
-if hasattr(fix, "piston"):
-    fix.piston[:6] *= -1
+if fix.thermostat:
+    fix.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
+if getattr(fix, "barostat", None):
+    fix.barostat.piston.rates *= -1
 fix.passes.level_dt.set(-fix.dt)
 fix.do("close")
 lmp.command("run 303")
@@ -241,13 +241,18 @@ def test_chains_are_reversible(run_lammps, tmp_path, name):
 
 HALVES = """
 from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.nve import NVE
-from fix_nosquish.integrators.rescaling import Rescaling, measure, scale
-from fix_nosquish.motion.step import Operation
+from fix_nosquish.integrators.csvr import Csvr
+from fix_nosquish.integrators.nose_hoover import NoseHoover
+from fix_nosquish.integrators.nvt import NVT
 
-class Halves(Rescaling):
-    operations = NVE.operations | {"O": Operation(scale, prepared=True, measures=measure)}
-    splitting, splits = "B A O A B", True
+class LetterByLetter(Csvr):
+    merged = None
+
+class ChainsLetterByLetter(NoseHoover):
+    merged = None
+
+class Halves(NVT):
+    thermostats = {"csvr": LetterByLetter, "nh": ChainsLetterByLetter}
 
 __getattr__ = of_fix_line(Halves)
 """

@@ -112,9 +112,8 @@ import numpy as np
 from fix_nosquish import of_fix_line
 from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
-from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.loops.compiled import F, inlined, record
 from fix_nosquish.motion.block import COUNTED, LANES, MASS, V
-from fix_nosquish.motion.operations import PARAMETERS
 from fix_nosquish.motion.step import Operation
 
 @inlined
@@ -122,12 +121,13 @@ def slow(block, kind, dt, parameters):
     for k in range(3):
         for b in range(LANES):
             twice = block[COUNTED, b] * block[MASS, b] * block[V + k, b] * block[V + k, b]
-            parameters[PARAMETERS] += 0.5 * (1.0 - 0.99**2) * twice
+            parameters.taken += 0.5 * (1.0 - 0.99**2) * twice
             block[V + k, b] *= 0.99
 
 class Brake(NVE):
     couples, splitting = True, "B A B S"
     operations = NVE.operations | {"S": Operation(slow)}
+    numbers = record("Brake", NVE.numbers, taken=F)
 
     def __init__(self, ptr, words):
         super().__init__(ptr, words)
@@ -135,11 +135,11 @@ class Brake(NVE):
 
     def own_parameters(self):
         self.restart_state[1] = self.taken()
-        return (0.0,)
+        return {}
 
     def taken(self):
-        now = np.zeros(1) if self.parameters is None else self.parameters[PARAMETERS:]
-        return self.restart_state[1] + self.communicator.total(now)[0]
+        now = 0.0 if self.parameters is None else self.parameters.taken
+        return self.restart_state[1] + self.communicator.total(np.array([now]))[0]
 
     @hook
     def compute_scalar(self):
@@ -147,7 +147,7 @@ class Brake(NVE):
 
     @hook
     def write_restart(self):
-        self.restart_state[1], self.parameters[PARAMETERS] = self.taken(), 0.0
+        self.restart_state[1], self.parameters.taken = self.taken(), 0.0
 
 __getattr__ = of_fix_line(Brake)
 """
@@ -171,22 +171,36 @@ def test_energy_taken_is_counted_and_kept(run_lammps, ranks):
     np.testing.assert_allclose(second["f_1"], whole["f_1"][-len(second) :], rtol=1e-5)
 
 
+NUMBERS = (
+    "import fix_nosquish\nfrom fix_nosquish.integrators.nve import NVE\n"
+    "from fix_nosquish.loops.compiled import F, record\nclass Own(NVE):\n"
+)
 UNFINISHED = {
     "lone": (
         "from fix_nosquish.integrators.nve import NVE\nclass Own(NVE):\n    pass\n",
         "Have in it: __getattr__ = fix_nosquish.of_fix_line(Own)",
     ),
-    "chooser": (
+    "ensemble": (
         "from fix_nosquish.integrators.nvt import NVT\nclass Own(NVT):\n    pass\n",
-        "NVT only chooses a class: derive from Langevin or Rescaling",
+        "Have in it: __getattr__ = fix_nosquish.of_fix_line(Own)",
+    ),
+    "twice": (
+        f"{NUMBERS}    numbers = record('Own', NVE.numbers, ftm2v=F)\n",
+        "record Own: the record Parameters has a field ftm2v already",
+    ),
+    "unknown": (
+        f"{NUMBERS}    numbers = record('Own', NVE.numbers, friction=F)\n"
+        "    own_parameters = staticmethod(lambda: {'frction': 1.0})\n"
+        "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
+        "the record Own has no field frction, but ftm2v, mrot, friction",
     ),
 }
 
 
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_an_unfinished_integrator(refused, name):
-    """Locks out a message that does not say what a new integrator lacks, and one that is replaced
-    by another class without a word."""
+    """Locks out a message that does not say what a new integrator lacks, an ensemble that cannot be
+    derived from, and numbers that take the place of others, or are not there, without a word."""
     system, (text, says) = mixture(side=2), UNFINISHED[name]
     line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
     refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})

@@ -390,7 +390,7 @@ def breaking(name):
     @hook
     def method(self, *arguments):
         result = original(self, *arguments)
-        if self.lammps.rank == 2:
+        if self.communicator.rank == 2:
             raise ValueError("no such luck in " + name)
         return result
     return type("Breaks", (Breaks,), {name: method})
@@ -423,7 +423,7 @@ class Lost(NVE):
     @hook
     def final_integrate(self):
         super().final_integrate()
-        if self.lammps.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
+        if self.communicator.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
             self.lammps.x[0] = np.nan
             flip, fix = map(int, self.host.flip_box)
             CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(fix, np.zeros(12).ctypes.data)

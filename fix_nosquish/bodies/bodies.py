@@ -108,7 +108,7 @@ class Bodies:
         external: what takes external forces; see `add_force`.
         loose: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
-        chosen: `block.Layout.kinds`[3].
+        chosen: `block.Kinds.own_moments`.
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
         oriented: whether some atom of a body has an orientation; see `extended`.
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
@@ -151,9 +151,10 @@ class Bodies:
         self.sharers = Sharers(communicator)
         lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
         self.cells = self._memory.cells | self.sharers.cells
+        self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
         kinds = migration.follow.kinds
         for name, value in (
-            ("kinds", np.array([0, 0, planar, chosen])),
+            ("kinds", self.kinds),
             ("block", lanes),
             ("found", np.zeros(len(migration.FOUND))),
             ("aways", np.zeros(1, np.int64)),
@@ -174,11 +175,11 @@ class Bodies:
 
     @property
     def rotors(self) -> int:
-        return self.cells["kinds"].array[0].item()
+        return self.kinds.rotors.item()
 
     @property
     def turning(self) -> int:
-        return self.cells["kinds"].array[1].item()
+        return self.kinds.turning.item()
 
     @property
     def id(self) -> np.ndarray:
@@ -378,7 +379,7 @@ class Bodies:
         """
         mass, wrench = lammps.masses, self.wrench.copy()
         of_atoms = mass[:, None] * lammps.v
-        gather.bind_to(self.cells, atom_f=of_atoms, every=True)()
+        gather.bind_to(self.cells, atom_f=of_atoms, all_bodies=True)()
         momentum = self.wrench.copy()
         if particles is not None:
             spins = particles.momentum

@@ -7,36 +7,42 @@ centres of mass.  `crescale` and `mtk` say how the box follows it.
 from math import floor
 from typing import NamedTuple
 
-from ..loops.compiled import F1, F2, L1, I, address, call, inlined, loop
+from ..loops.compiled import F1, F2, L1, F, I, address, call, inlined, loop, record
 from ..motion.block import IMAGE, Layout, Q, at, take
 from ..motion.periodic import PeriodicBox, invert, reflag
 from ..motion.step import displaced, rotation_matrices
 
 # what can change: three axes, three tilts; matrices are upper triangular, in the order of this
 XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
-# numbers of a barostat: pressure at the begin and the end of the run, as energies in a volume;
-# compressibility over damping time, of a piston 1 over it; mass times velocity squared as an
-# energy; steps between two changes; 1.0 in three dimensions, 0.0 in two; how many k T its own
-# volume adds to the pressure of an axis; 1.0 if tilts change, else 0.0; of this rank, twice the
-# kinetic energy along each axis, and the virial of forces about the bodies' centres, the same with
-# tilts; factors of the axes, and what tilts them then; the centre; 1.0 once one was out of bounds;
-# 1.0 while the box has changed and the forces behind are not known
-P_START, P_STOP, RATE, UNIT, EVERY, SPACE, WEIGHT, TILTED = 0, 6, 12, 13, 14, 15, 16, 22
-MOTION, SPREAD, TILT_MOTION, TILT_SPREAD, STRETCH, SHEAR = 23, 26, 29, 32, 35, 38
-CENTRE, BROKEN, OPEN, NUMBERS = 41, 44, 45, 46
+BarostatNumbers = record(
+    "BarostatNumbers",
+    p_start=(F, 6),  # pressure at the begin of the run and at its end, as energies in a volume
+    p_stop=(F, 6),
+    axes=(I, 6),  # which change together: a number from 0 to 5, or -1 for one that does not
+    weight=(F, 6),  # how many k T its own volume adds to the pressure of an axis
+    rate=F,  # compressibility over damping time; of a piston, 1 over the damping time
+    unit=F,  # mass times velocity squared as an energy
+    box_every=I,  # steps between two changes of the box
+    dimension=I,
+    tilted=I,  # whether tilts change
+    sums=(F, 12),  # of this rank and of all ranks, see `motion_of` and `spread_of`
+    total=(F, 12),
+    stretch=(F, 3),  # factors of the axes
+    shear=(F, 3),  # what shears them then
+    centre=(F, 3),
+    broken=I,  # whether a factor or a shear was out of bounds
+    open=I,  # whether the box has changed and the forces behind are not known
+)
 OUT_OF_BOUNDS = -2  # what the loops return then
 MOST = 2.0  # the largest factor by which an axis may change at once, and its inverse the smallest
 FLIP = 0.6  # of an edge: the tilt from which on there are better box vectors, as in LAMMPS's fixes
 
 
-class Barostat(NamedTuple):
+class ChangingBox(NamedTuple):
     """What changes the box.
 
     Attributes:
-        barostat: (NUMBERS,), see above.
-        axes: (COMPONENTS,) which change together: a number from 0 to 5, or -1 for one that does
-            not.
-        cell_sums: (12,) to work with.
+        barostat: the record.
         forces_virial: (6,) the virial of LAMMPS's forces on all ranks (xx yy zz xy xz yz).
         new_box: (12,) lowest and highest coordinates, tilts xy, xz, yz; of a flip, how many box
             vectors are added: a to b, a to c, b to c.
@@ -44,26 +50,36 @@ class Barostat(NamedTuple):
         flip_box: (2,) the same of the one for a flip.
     """
 
-    barostat: F1
-    axes: L1
-    cell_sums: F1
+    barostat: BarostatNumbers
     forces_virial: F1
     new_box: F1
     set_box: L1
     flip_box: L1
 
 
+@inlined
+def motion_of(sums):
+    """Twice the kinetic energy along each axis, and with each tilt, (6,)."""
+    return sums[0:6]
+
+
+@inlined
+def spread_of(sums):
+    """The virial of forces about the centres along each axis, and with each tilt, (6,)."""
+    return sums[6:12]
+
+
 @loop
-def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
+def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
     """The virial of the forces on this rank's atoms about their bodies' centres.
 
     A tilt moves what is further along its second axis along the first.  So of xy it is the force
     along x and the place along y that count.
     """
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
-    tilted = barostat[TILTED] > 0.0
-    for k in range(3):
-        barostat[SPREAD + k] = barostat[TILT_SPREAD + k] = 0.0
+    tilted, spread = barostat.tilted, spread_of(barostat.sums)
+    for k in range(COMPONENTS):
+        spread[k] = 0.0
     for k in range(blocks.shape[0] - 1):
         take(layout, k, Q, Q + 4, Q)
         rotation_matrices(block)
@@ -72,37 +88,37 @@ def virial_about_centres(layout: Layout, atom_f: F2, barostat: F1):
                 j = rounds[r] + b
                 i = at(layout.index[at(j)])
                 x, y, z = displaced(block, b, d, j)
-                barostat[SPREAD] += x * atom_f[i, 0]
-                barostat[SPREAD + 1] += y * atom_f[i, 1]
-                barostat[SPREAD + 2] += z * atom_f[i, 2]
+                spread[0] += x * atom_f[i, 0]
+                spread[1] += y * atom_f[i, 1]
+                spread[2] += z * atom_f[i, 2]
                 if tilted:
-                    barostat[TILT_SPREAD] += y * atom_f[i, 0]
-                    barostat[TILT_SPREAD + 1] += z * atom_f[i, 0]
-                    barostat[TILT_SPREAD + 2] += z * atom_f[i, 1]
+                    spread[XY] += y * atom_f[i, 0]
+                    spread[XZ] += z * atom_f[i, 0]
+                    spread[YZ] += z * atom_f[i, 1]
 
 
 @inlined
 def is_due(step, cell):
     """Whether the box changes in this step."""
-    return (step[0] - 1) % int(cell.barostat[EVERY]) == 0
+    return (step[0] - 1) % cell.barostat.box_every == 0
 
 
 @inlined
-def three_of(numbers, k):
-    """Three numbers from this one on."""
-    return numbers[k], numbers[k + 1], numbers[k + 2]
+def three_of(numbers):
+    """The first three of some numbers."""
+    return numbers[0], numbers[1], numbers[2]
 
 
 @inlined
 def volume_of(box, numbers):
     """The volume of the box, in two dimensions its area."""
-    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers[SPACE] > 0.0 else 1.0)
+    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers.dimension == 3 else 1.0)
 
 
 @inlined
 def pressure_now(numbers, k, part):
     """The pressure that is asked for along an axis, or by which a tilt is driven."""
-    return numbers[P_START + k] + part * (numbers[P_STOP + k] - numbers[P_START + k])
+    return numbers.p_start[k] + part * (numbers.p_stop[k] - numbers.p_start[k])
 
 
 @inlined
@@ -114,27 +130,27 @@ def stretch_box(cell, box, shift):
     """
     h, lo, numbers = box.h, box.lo, cell.barostat
     for k in range(3):
-        if not 1.0 / MOST < numbers[STRETCH + k] < MOST:  # nor if it is not a number
-            numbers[BROKEN] = 1.0
-        if not abs(numbers[SHEAR + k]) < MOST - 1.0:
-            numbers[BROKEN] = 1.0
-    if numbers[BROKEN] > 0.0:
+        if not 1.0 / MOST < numbers.stretch[k] < MOST:  # nor if it is not a number
+            numbers.broken = 1
+        if not abs(numbers.shear[k]) < MOST - 1.0:
+            numbers.broken = 1
+    if numbers.broken:
         return OUT_OF_BOUNDS
     for k in range(3):
-        factor, centre = numbers[STRETCH + k], lo[k]
+        factor, centre = numbers.stretch[k], lo[k]
         for i in range(3):
             centre += 0.5 * h[k, i]
-        numbers[CENTRE + k] = centre
+        numbers.centre[k] = centre
         lo[k] = centre + factor * (lo[k] - centre)
         for i in range(3):
             h[k, i] *= factor
         for i in range(shift.shape[0]):
             shift[i, k] *= factor
-    if numbers[TILTED] > 0.0:
+    if numbers.tilted:
         shear_box(numbers, h, lo, shift)
     tell_box(box, cell.new_box)
     call(cell.set_box[0], cell.set_box[1], address(cell.new_box))
-    numbers[OPEN] = 1.0
+    numbers.open = 1
     return 0
 
 
@@ -152,8 +168,8 @@ def tell_box(box, new_box):
 @inlined
 def shear_box(numbers, h, lo, shift):
     """Shear the box about its centre."""
-    shear = three_of(numbers, SHEAR)
-    x, y = sheared(shear, lo[1] - numbers[CENTRE + 1], lo[2] - numbers[CENTRE + 2])
+    shear = three_of(numbers.shear)
+    x, y = sheared(shear, lo[1] - numbers.centre[1], lo[2] - numbers.centre[2])
     lo[0] += x
     lo[1] += y
     for k in range(3):
@@ -197,7 +213,7 @@ def add_motion(sums, m, x, y, z):
 
 
 @loop
-def flip(state: F2, cell: Barostat, box: PeriodicBox) -> I:
+def flip(state: F2, cell: ChangingBox, box: PeriodicBox) -> I:
     """Where a tilt has become large, take other vectors of the same lattice for the box.
 
     Nothing moves but the bodies' image flags, which count these vectors.  The box keeps its centre,

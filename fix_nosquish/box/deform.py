@@ -37,7 +37,7 @@ def images_of(inverse, shift, a):
     Args:
         a: the place of the atom among `Images.away`.
     """
-    x, y, z = three_of(shift[a], 0)
+    x, y, z = three_of(shift[a])
     u, v, w = fractional(inverse, x, y, z)
     return floor(u + 0.5), floor(v + 0.5), floor(w + 0.5)
 
@@ -52,12 +52,12 @@ def know(images, box, told_box):
     for a in range(shift.shape[0]):
         shift[a, 0], shift[a, 1], shift[a, 2] = images_of(box.inverse, shift, a)
     h[0, 0], h[1, 1], h[2, 2] = edges(told_box)
-    h[0, 1], h[0, 2], h[1, 2] = three_of(told_box, 6)
+    h[0, 1], h[0, 2], h[1, 2] = three_of(told_box[6:])
     invert(h, box.inverse)
     for k in range(3):
         box.lo[k] = told_box[k]
     for a in range(shift.shape[0]):
-        n1, n2, n3 = three_of(shift[a], 0)
+        n1, n2, n3 = three_of(shift[a])
         shift[a, 0], shift[a, 1], shift[a, 2] = cartesian(h, n1, n2, n3)
 
 

@@ -9,15 +9,13 @@ from ..motion.block import at
 from ..motion.periodic import PeriodicBox
 from ..ranks.migration import IN_NO_BODY
 from .cell import (
-    CENTRE,
-    SHEAR,
-    SPREAD,
-    STRETCH,
-    TILT_SPREAD,
-    UNIT,
-    Barostat,
+    XY,
+    XZ,
+    YZ,
+    ChangingBox,
     is_due,
     sheared,
+    spread_of,
     three_of,
     undone,
 )  # fmt: skip
@@ -49,7 +47,7 @@ def of_cluster(clusters, atom_v, i):
 @loop
 def virial_of_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
-    type_mass: F1, type: I1, clusters: F2, cell: Barostat, box: PeriodicBox,
+    type_mass: F1, type: I1, clusters: F2, cell: ChangingBox, box: PeriodicBox,
 ):  # fmt: skip
     """Add the part of atoms that are in no body to the sums of `cell.virial_about_centres`.
 
@@ -72,7 +70,7 @@ def virial_of_others(
             if groups[i] & dilated:
                 m = atom_mass[i] if atom_mass.size else type_mass[type[i]]
                 place, (vx, vy, vz) = of_cluster(clusters, atom_v, i)
-                x, y, z = -m * numbers[UNIT] * vx, -m * numbers[UNIT] * vy, -m * numbers[UNIT] * vz
+                x, y, z = -m * numbers.unit * vx, -m * numbers.unit * vy, -m * numbers.unit * vz
                 add_products(numbers, (x, y, z), (vx, vy, vz))
             else:
                 x, y, z = vector(atom_x, i)
@@ -84,12 +82,13 @@ def virial_of_others(
 def add_products(numbers, place, force):
     """Add the products of two vectors' components to the sums: xx, yy, zz, xy, xz, yz."""
     (x, y, z), (fx, fy, fz) = place, force
-    numbers[SPREAD] += x * fx
-    numbers[SPREAD + 1] += y * fy
-    numbers[SPREAD + 2] += z * fz
-    numbers[TILT_SPREAD] += y * fx
-    numbers[TILT_SPREAD + 1] += z * fx
-    numbers[TILT_SPREAD + 2] += z * fy
+    spread = spread_of(numbers.sums)
+    spread[0] += x * fx
+    spread[1] += y * fy
+    spread[2] += z * fz
+    spread[XY] += y * fx
+    spread[XZ] += z * fx
+    spread[YZ] += z * fy
 
 
 @inlined
@@ -101,7 +100,7 @@ def vector(atoms, i):
 @loop
 def move_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, clusters: F2, step: L1,
-    cell: Barostat,
+    cell: ChangingBox,
 ):  # fmt: skip
     """In a step in which the box changes, stretch and shear with it the centres of clusters that
     move, and their velocities by the inverse.
@@ -111,25 +110,25 @@ def move_others(
     """
     numbers = cell.barostat
     if is_due(step, cell):
-        shear = three_of(numbers, SHEAR)
+        shear = three_of(numbers.shear)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
                 (dx, dy, dz), (ux, uy, uz) = of_cluster(clusters, atom_v, i)
                 x, y, z = vector(atom_x, i)
                 x, y, z = stretched(numbers, x - dx, y - dy, z - dz)
-                sx, sy = sheared(shear, y - numbers[CENTRE + 1], z - numbers[CENTRE + 2])
+                sx, sy = sheared(shear, y - numbers.centre[1], z - numbers.centre[2])
                 atom_x[i, 0], atom_x[i, 1], atom_x[i, 2] = x + sx + dx, y + sy + dy, z + dz
                 vx, vy, vz = vector(atom_v, i)
                 vx, vy, vz = vx - ux, vy - uy, vz - uz  # about the centre
                 sx, sy = sheared(undone(shear), uy, uz)
-                atom_v[i, 0] = (ux + sx) / numbers[STRETCH] + vx
-                atom_v[i, 1] = (uy + sy) / numbers[STRETCH + 1] + vy
-                atom_v[i, 2] = uz / numbers[STRETCH + 2] + vz
+                atom_v[i, 0] = (ux + sx) / numbers.stretch[0] + vx
+                atom_v[i, 1] = (uy + sy) / numbers.stretch[1] + vy
+                atom_v[i, 2] = uz / numbers.stretch[2] + vz
 
 
 @inlined
 def stretched(numbers, x, y, z):
     """Where a place goes when the axes of the box are stretched."""
-    c1, c2, c3 = three_of(numbers, CENTRE)
-    f1, f2, f3 = three_of(numbers, STRETCH)
+    c1, c2, c3 = three_of(numbers.centre)
+    f1, f2, f3 = three_of(numbers.stretch)
     return c1 + f1 * (x - c1), c2 + f2 * (y - c2), c3 + f3 * (z - c3)

@@ -207,8 +207,8 @@ class Host(Protocol):
     def keep_box(self) -> None:
         """What follows the atoms is for the box as it is now."""
 
-    def now(self) -> int:
-        """What holds now, bits of `schedule.When`."""
+    def now(self) -> int | None:
+        """What holds now, bits of `schedule.When`; None if it is not known."""
 
     def follow_schedule(
         self, lists: dict | None, *, velocities_every: int, table_every: int

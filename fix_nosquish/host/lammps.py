@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import KINDS, L1, Cell, array, cells
+from ..loops import compiled
+from ..loops.compiled import L1, Cell, array, cells
 from ..motion.periodic import invert
 from ..structs import CELLS
 
@@ -78,8 +79,7 @@ _EXTRAPOLATED = {
 _TDPD = f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"
 
 # LAMMPS's arrays as loops take them
-_OF_LOOPS = {kind.name: kind for kind in KINDS}
-ARRAYS = {name: _OF_LOOPS[kind] for name, kind in CELLS.items()}
+ARRAYS = {name: getattr(compiled, kind) for name, kind in CELLS.items()}
 
 
 def pointer(ptr: Any) -> int:

@@ -13,7 +13,6 @@ from ..errors import RunError
 from ..ranks.communicator import Alone, Communicator
 from ..ranks.lookup import fetch, find, look_up
 from ..ranks.migration import OF_BODY
-from ..run.schedule import SHOWN, TABLE
 from .lammps import Lammps
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
@@ -92,9 +91,9 @@ class OwnFix:
     lend_array = set_array_rows = keep_box = lambda self, *_, **__: None
     follow_schedule = follow_no_schedule = lambda self, *_, **__: None  # Python follows it
 
-    def now(self) -> int:
-        """It is not known what is read at the end of a step: all that there may be is done."""
-        return self.facts | SHOWN | TABLE
+    def now(self) -> int | None:
+        """It is not known what is read at the end of a step."""
+        return None
 
     def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""

@@ -18,40 +18,32 @@ which is right to the second order in the change.
 
 from math import log, sqrt
 
+import numpy as np
+
 from ..box.cell import (
-    CENTRE,
-    EVERY,
-    MOTION,
-    OPEN,
+    COMPONENTS,
     OUT_OF_BOUNDS,
-    RATE,
-    SHEAR,
-    SPREAD,
-    STRETCH,
-    TILT_MOTION,
-    TILT_SPREAD,
-    TILTED,
-    UNIT,
-    WEIGHT,
     XY,
-    Barostat,
+    ChangingBox,
     add_motion,
+    motion_of,
     pressure_now,
     shear_rows,
+    spread_of,
     stretch_box,
     three_of,
     undone,
     volume_of,
 )  # fmt: skip
 from ..errors import RunError
-from ..loops.compiled import F1, F2, L1, F, I, inlined, loop
+from ..loops.compiled import F2, Cell, F, I, inlined, loop
 from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
 from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import move_to_images, place
 from ..ranks.mpi import Mpi, add_up
-from .constant_pressure import ConstantPressure
-from .constant_temperature import HEAT, KT, OF_BAROSTAT, prepare, words_of_all
+from .barostat import Barostat
+from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
 
 COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
 # atm that the unit of pressure is
@@ -64,23 +56,24 @@ _PER_ATM = {
 @inlined
 def find_stretch(parameters, cell, box, part, dt):
     """The factors of the axes, and the shear, for dt, by kinetic energies and virials."""
-    kt, numbers = parameters[KT] * cell.barostat[UNIT], cell.barostat
+    kt, numbers = parameters.kt * cell.barostat.unit, cell.barostat
+    motion, spread = motion_of(numbers.total), spread_of(numbers.total)
     volume = volume_of(box, numbers)
     for k in range(3):
-        numbers[STRETCH + k] = 1.0
+        numbers.stretch[k] = 1.0
     for group in range(3):
         count, excess, weight = 0, 0.0, 0.0
         for k in range(3):
-            if cell.axes[k] == group:
+            if numbers.axes[k] == group:
                 count += 1
-                energy = cell.cell_sums[k] * numbers[UNIT]
-                energy += cell.forces_virial[k] - cell.cell_sums[3 + k]
+                energy = motion[k] * numbers.unit
+                energy += cell.forces_virial[k] - spread[k]
                 excess += pressure_now(numbers, k, part) - energy / volume
-                weight += numbers[WEIGHT + k]
+                weight += numbers.weight[k]
         if count > 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
-            root, strength = sqrt(volume), numbers[RATE] * count * dt / 6.0
+            root, strength = sqrt(volume), numbers.rate * count * dt / 6.0
             root -= strength * root * (excess / count - (weight / count - 0.5) * kt / volume)
             root += sqrt(strength * kt) * noise
             factor, volume = root * root / volume, root * root
@@ -89,25 +82,26 @@ def find_stretch(parameters, cell, box, part, dt):
             elif count == 3:
                 factor = factor ** (1.0 / 3.0)
             for k in range(3):
-                if cell.axes[k] == group:
-                    numbers[STRETCH + k] = factor
-    if numbers[TILTED] > 0.0:
-        find_shear(parameters, cell, box, part, kt, numbers[RATE] * dt / 3.0)
+                if numbers.axes[k] == group:
+                    numbers.stretch[k] = factor
+    if numbers.tilted:
+        find_shear(parameters, cell, box, part, kt, numbers.rate * dt / 3.0)
 
 
 @inlined
 def find_shear(parameters, cell, box, part, kt, strength):
     """The shear, by what the motion and the forces do along one axis with the other."""
     numbers, volume = cell.barostat, volume_of(box, cell.barostat)
+    motion, spread = motion_of(numbers.total), spread_of(numbers.total)
     for k in range(3):
-        numbers[SHEAR + k] = 0.0
-        if cell.axes[XY + k] >= 0:
+        numbers.shear[k] = 0.0
+        if numbers.axes[XY + k] >= 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + XY + k)
             noise, _ = normal_pair(w0, w1)
-            energy = cell.cell_sums[6 + k] * numbers[UNIT]
-            energy += cell.forces_virial[XY + k] - cell.cell_sums[9 + k]
+            energy = motion[XY + k] * numbers.unit
+            energy += cell.forces_virial[XY + k] - spread[XY + k]
             excess = pressure_now(numbers, XY + k, part) - energy / volume
-            numbers[SHEAR + k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
+            numbers.shear[k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
 
 
 @inlined
@@ -118,51 +112,53 @@ def measure_motion(state, rank, numbers):
         if state[HOME, b] == rank:
             x, y, z = three(state, V, b)
             sums = add_motion(sums, state[MASS, b], x, y, z)
-    for k in range(3):
-        numbers[MOTION + k], numbers[TILT_MOTION + k] = sums[k], sums[XY + k]
+    for k in range(COMPONENTS):
+        motion_of(numbers.sums)[k] = sums[k]
 
 
 @inlined
 def note_work(mpi, parameters, cell):
     """Note half of the energy that the change of the box gives by way of the forces, this rank's
     part: with the forces before it, and with those behind."""
-    numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
-    x, y, z = (log(numbers[STRETCH]), log(numbers[STRETCH + 1]), log(numbers[STRETCH + 2]))
-    xy, xz, yz = three_of(numbers, SHEAR)
+    numbers, tilted = cell.barostat, cell.barostat.tilted
+    spread = spread_of(numbers.sums)
+    x, y, z = (log(numbers.stretch[0]), log(numbers.stretch[1]), log(numbers.stretch[2]))
+    xy, xz, yz = three_of(numbers.shear)
     # the logarithm of shear times stretch, to the second order
     tilts = (
         xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
     )  # fmt: skip
     axes, given = (x, y, z), 0.0
     for k in range(3):
-        given += axes[k] * numbers[SPREAD + k]
+        given += axes[k] * spread[k]
         if tilted:
-            given += tilts[k] * numbers[TILT_SPREAD + k]
+            given += tilts[k] * spread[XY + k]
         if mpi.rank == 0:
             given -= axes[k] * cell.forces_virial[k]
             if tilted:
                 given -= tilts[k] * cell.forces_virial[XY + k]
-    parameters[HEAT] += 0.5 * given / numbers[UNIT]
+    parameters.heat += 0.5 * given / numbers.unit
 
 
 @inlined
 def note_motion(parameters, numbers, sign):
     """Add this rank's kinetic energy to the noted one, with this sign."""
-    parameters[HEAT] += 0.5 * sign * (numbers[MOTION] + numbers[MOTION + 1] + numbers[MOTION + 2])
+    x, y, z = three_of(motion_of(numbers.sums))
+    parameters.heat += 0.5 * sign * (x + y + z)
 
 
 @loop
-def end_change(mpi: Mpi, parameters: F1, cell: Barostat):
+def end_change(mpi: Mpi, parameters: Bath, cell: ChangingBox):
     """The forces in the new box are known."""
-    if cell.barostat[OPEN] > 0.0:
+    if cell.barostat.open:
         note_work(mpi, parameters, cell)
-        cell.barostat[OPEN] = 0.0
+        cell.barostat.open = 0
 
 
 @loop
 def rescale_cell(
-    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: F1, dt: F,
-    step: L1, begin_step: L1, end_step: L1, cell: Barostat, box: PeriodicBox,
+    mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: Bath, dt: F,
+    steps: Steps, cell: ChangingBox, box: PeriodicBox,
 ) -> I:  # fmt: skip
     """Change the box, stretch the centres of mass with it, and place the atoms anew.
 
@@ -170,31 +166,30 @@ def rescale_cell(
         as `stretch_box`.
     """
     state, numbers = layout.state, cell.barostat
-    tilted = numbers[TILTED] > 0.0
+    tilted = numbers.tilted
     measure_motion(state, mpi.rank, numbers)
-    count = 12 if tilted else 6
-    add_up(mpi, numbers[MOTION : MOTION + count], cell.cell_sums)
-    part = prepare(parameters, step, begin_step, end_step)
-    find_stretch(parameters, cell, box, part, dt * numbers[EVERY])
+    add_up(mpi, numbers.sums, numbers.total)
+    part = prepare(parameters, steps)
+    find_stretch(parameters, cell, box, part, dt * numbers.box_every)
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
     note_work(mpi, parameters, cell)
-    shear, bodies = three_of(numbers, SHEAR), state.shape[1]
+    shear, bodies = three_of(numbers.shear), state.shape[1]
     if tilted:
         note_motion(parameters, numbers, -1.0)
         shear_rows(state, V, bodies, undone(shear), 0.0, 0.0)
         measure_motion(state, mpi.rank, numbers)
         note_motion(parameters, numbers, 1.0)
     for k in range(3):
-        slower = 1.0 / (numbers[STRETCH + k] * numbers[STRETCH + k])
-        parameters[HEAT] += 0.5 * numbers[MOTION + k] * (slower - 1.0)
+        slower = 1.0 / (numbers.stretch[k] * numbers.stretch[k])
+        parameters.heat += 0.5 * motion_of(numbers.sums)[k] * (slower - 1.0)
     for k in range(3):
-        factor, centre = numbers[STRETCH + k], numbers[CENTRE + k]
+        factor, centre = numbers.stretch[k], numbers.centre[k]
         for b in range(bodies):
             state[X + k, b] = centre + factor * (state[X + k, b] - centre)
             state[V + k, b] /= factor
     if tilted:
-        shear_rows(state, X, bodies, shear, numbers[CENTRE + 1], numbers[CENTRE + 2])
+        shear_rows(state, X, bodies, shear, numbers.centre[1], numbers.centre[2])
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MASS, Q + 4, MASS)
         place(layout, k, atom_x)
@@ -202,21 +197,19 @@ def rescale_cell(
     return 0
 
 
-class StochasticCell(ConstantPressure):
-    """What an integrator with stochastic cell rescaling has besides its thermostat."""
+class Crescale(Barostat):
+    """Keyword barostat crescale."""
 
-    @property
-    def method(self):
-        return f"{super().method}, and stochastic cell rescaling"
+    method = "stochastic cell rescaling"
 
-    def cell_loops(self, cells):
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
         seen, moved = self.loops_of_others(cells)
         behind = [*seen, end_change.bind_to(cells)]
         pressure = [self.virial_of_bodies(cells), *behind]
         return pressure, [rescale_cell.bind_to(cells), *moved]
 
-    def own_numbers(self):
-        numbers, lammps = super().own_numbers(), self.lammps
+    def new_numbers(self) -> np.record:
+        numbers, lammps = super().new_numbers(), self.lammps
         if self.command.compressibility:
             compressibility = lammps.number(self.command.compressibility)
             self.command.refuse_unless_positive("keyword compressibility", compressibility)
@@ -227,5 +220,5 @@ class StochasticCell(ConstantPressure):
                 f"keyword compressibility is missing: with units {lammps.units} it has no default",
                 everywhere=True,
             )
-        numbers[RATE] = compressibility * lammps.nktv2p / self.damping
+        numbers.rate = compressibility * lammps.nktv2p / self.damping
         return numbers

@@ -16,13 +16,16 @@ These are those of atoms that weigh alike.  Then bodies turn as slowly as they m
 while the light atoms of real molecules make them turn fast.
 """
 
+from collections.abc import Mapping
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
 from ..errors import RunError
+from ..host.command import Line
 from ..host.hosts import hook
-from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop
+from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop, record
 from ..motion.block import (
     BLOCK_ROWS,
     COUNTED,
@@ -46,24 +49,39 @@ from ..motion.frames import (
     rotation_matrix,
     to_body,
 )
-from ..motion.operations import FTM2V, PARAMETERS, drift
+from ..motion.operations import Parameters, drift
 from ..motion.step import Operation
 from ..ranks.mpi import Mpi, add_up
 from ..run.integrator import Integrator
 
-# parameters behind those of `operations`: squares of the tolerances, and what other words say; the
-# time step and alpha now; steps of the run, and in a row with power; of this rank's bodies v . a,
-# a . a, v . v, and how many are pushed or turned by more than the tolerances; what a step does: for
-# how long it goes back, what it keeps of v and what it adds of a
-FTOL, TTOL, DMAX, TMAX, TMIN, DTGROW, DTSHRINK, ALPHA_0, ALPHASHRINK, DELAYSTEP, HALFSTEPBACK = (
-    range(PARAMETERS, PARAMETERS + 11)
+Quench = record(
+    "Quench",
+    Parameters,
+    force=F,  # squares of the tolerances
+    torque=F,
+    dmax=F,  # the words of DEFAULTS
+    tmax=F,
+    tmin=F,
+    dtgrow=F,
+    dtshrink=F,
+    alpha0=F,
+    alphashrink=F,
+    delaystep=F,
+    halfstepback=F,
+    step=F,  # the time step now
+    alpha=F,
+    steps=I,  # of the run
+    in_a_row=I,  # with power
+    sums=(F, 4),  # of this rank's bodies, see POWER
+    back=F,  # for how long the step goes back
+    keep=F,  # what it keeps of v, and what it adds of a
+    add=F,
 )
-STEP, ALPHA, STEPS, IN_A_ROW = range(HALFSTEPBACK + 1, HALFSTEPBACK + 5)
-POWER, AA, VV, RESTLESS = SUMS = range(IN_A_ROW + 1, IN_A_ROW + 5)
-BACK, KEEP, ADD, END = range(RESTLESS + 1, RESTLESS + 5)
+# sums over bodies: v . a, a . a, v . v; how many are pushed or turned by more than the tolerances
+POWER, AA, VV, RESTLESS = range(4)
 # of all such fixes: how many they are, how many of them have asked for this step, and how many
 # bodies of these are pushed or turned
-FIXES, ASKED, UNDONE = QUENCHES = range(3)
+Quenches = record("Quenches", fixes=I, asked=I, undone=F)
 A, TURN, OF_BODY = BLOCK_ROWS, BLOCK_ROWS + 3, 6  # rows: acceleration, angular acceleration
 # of min_modify, where it has the word
 DEFAULTS = {
@@ -86,7 +104,7 @@ def of_turns(torque, moment):
 def measure(block, kind, dt, parameters):
     """Keep the bodies' accelerations, and add what the step depends on to the sums."""
     power = aa = vv = restless = 0.0
-    unit = parameters[FTM2V]
+    unit = parameters.ftm2v
     for b in range(LANES):
         q, mass, (i1, i2, i3) = four(block, Q, b), block[MASS, b], three(block, MOMENT, b)
         (fx, fy, fz), (x, y, z) = three(block, FORCE, b), three(block, TORQUE, b)
@@ -103,13 +121,13 @@ def measure(block, kind, dt, parameters):
         power += m * (vx * ax + vy * ay + vz * az) + m1 * w1 * a1 + m2 * w2 * a2 + m3 * w3 * a3
         aa += m * (ax * ax + ay * ay + az * az) + m1 * a1 * a1 + m2 * a2 * a2 + m3 * a3 * a3
         vv += m * (vx * vx + vy * vy + vz * vz) + m1 * w1 * w1 + m2 * w2 * w2 + m3 * w3 * w3
-        pushed = fx * fx + fy * fy + fz * fz > parameters[FTOL]
-        turned = of_turns(t1, i1) + of_turns(t2, i2) + of_turns(t3, i3) > parameters[TTOL]
+        pushed = fx * fx + fy * fy + fz * fz > parameters.force
+        turned = of_turns(t1, i1) + of_turns(t2, i2) + of_turns(t3, i3) > parameters.torque
         restless += counted if pushed or turned else 0.0
-    parameters[POWER] += power
-    parameters[AA] += aa
-    parameters[VV] += vv
-    parameters[RESTLESS] += restless
+    parameters.sums[POWER] += power
+    parameters.sums[AA] += aa
+    parameters.sums[VV] += vv
+    parameters.sums[RESTLESS] += restless
 
 
 @inlined
@@ -124,13 +142,13 @@ def turn(q, w1, w2, w3, dt):
 @inlined
 def relax(block, kind, dt, parameters):
     """A step of the quench; no body's atoms move by more than DMAX, as a root mean square."""
-    step, keep, add = parameters[STEP], parameters[KEEP], parameters[ADD]
-    if parameters[BACK] > 0.0:
-        drift(block, -parameters[BACK])
+    step, keep, add = parameters.step, parameters.keep, parameters.add
+    if parameters.back > 0.0:
+        drift(block, -parameters.back)
     for b in range(LANES):
         q, mass, (i1, i2, i3) = four(block, Q, b), block[MASS, b], three(block, MOMENT, b)
         w1, w2, w3 = angular_velocity(q, four(block, P, b), i1, i2, i3)
-        q = turn(q, w1, w2, w3, -parameters[BACK])
+        q = turn(q, w1, w2, w3, -parameters.back)
         (vx, vy, vz), (ax, ay, az) = three(block, V, b), three(block, A, b)
         a1, a2, a3 = three(block, TURN, b)
         vx, vy, vz = keep * vx + add * ax, keep * vy + add * ay, keep * vz + add * az
@@ -138,7 +156,7 @@ def relax(block, kind, dt, parameters):
         square = vx * vx + vy * vy + vz * vz
         square += (i1 * w1 * w1 + i2 * w2 * w2 + i3 * w3 * w3) / mass
         far = step * sqrt(square)
-        part = parameters[DMAX] / far if far > parameters[DMAX] else 1.0
+        part = parameters.dmax / far if far > parameters.dmax else 1.0
         w1, w2, w3 = part * w1, part * w2, part * w3
         q = turn(q, w1, w2, w3, step)
         write(block, V, b, (part * vx, part * vy, part * vz))
@@ -148,48 +166,48 @@ def relax(block, kind, dt, parameters):
 
 
 @loop
-def quench(mpi: Mpi, parameters: F1, dt: F, sums: F1, quenches: F1, stop: L1) -> I:
+def quench(mpi: Mpi, parameters: Quench, dt: F, sums: F1, quenches: Quenches, stop: L1) -> I:
     """Say what the step does, and end the run behind it if there is nothing to do, for this fix and
     for all others that quench."""
-    add_up(mpi, parameters[POWER : RESTLESS + 1], sums)
-    power, aa, vv, restless = sums[0], sums[1], sums[2], sums[3]
+    add_up(mpi, parameters.sums, sums)
+    power, aa, vv, restless = sums[POWER], sums[AA], sums[VV], sums[RESTLESS]
     for k in range(4):
-        parameters[POWER + k] = 0.0
+        parameters.sums[k] = 0.0
     if aa * 0.0 != 0.0:
         return -1
-    quenches[ASKED] += 1.0
-    quenches[UNDONE] += restless
-    if quenches[ASKED] == quenches[FIXES]:
-        if quenches[UNDONE] == 0.0:
+    quenches.asked += 1
+    quenches.undone += restless
+    if quenches.asked == quenches.fixes:
+        if quenches.undone == 0.0:
             call(stop[0], stop[1])
-        quenches[ASKED] = quenches[UNDONE] = 0.0
-    parameters[BACK] = parameters[KEEP] = parameters[ADD] = 0.0
+        quenches.asked, quenches.undone = 0, 0.0
+    parameters.back = parameters.keep = parameters.add = 0.0
     if restless == 0.0:  # others may move what pushes these bodies
         return 0
-    delay, keep, along = parameters[DELAYSTEP], 0.0, 0.0
-    if parameters[STEPS] == 0.0 or vv == 0.0:  # at rest, while another fix's bodies moved
-        parameters[STEP], parameters[ALPHA] = dt, parameters[ALPHA_0]
-        parameters[STEPS] = parameters[IN_A_ROW] = 0.0
+    delay, keep, along = parameters.delaystep, 0.0, 0.0
+    if parameters.steps == 0 or vv == 0.0:  # at rest, while another fix's bodies moved
+        parameters.step, parameters.alpha = dt, parameters.alpha0
+        parameters.steps = parameters.in_a_row = 0
     elif power > 0.0:
-        keep, along = 1.0 - parameters[ALPHA], parameters[ALPHA] * sqrt(vv / aa)
-        parameters[IN_A_ROW] += 1.0
-        if parameters[IN_A_ROW] > delay:
-            parameters[STEP] = min(parameters[DTGROW] * parameters[STEP], parameters[TMAX] * dt)
-            parameters[ALPHA] *= parameters[ALPHASHRINK]
+        keep, along = 1.0 - parameters.alpha, parameters.alpha * sqrt(vv / aa)
+        parameters.in_a_row += 1
+        if parameters.in_a_row > delay:
+            parameters.step = min(parameters.dtgrow * parameters.step, parameters.tmax * dt)
+            parameters.alpha *= parameters.alphashrink
     else:
-        parameters[IN_A_ROW] = 0.0
-        if parameters[STEPS] + 1.0 >= delay:
-            parameters[ALPHA], shorter = (
-                parameters[ALPHA_0],
-                parameters[DTSHRINK] * parameters[STEP],
+        parameters.in_a_row = 0
+        if parameters.steps + 1 >= delay:
+            parameters.alpha, shorter = (
+                parameters.alpha0,
+                parameters.dtshrink * parameters.step,
             )
-            if shorter >= parameters[TMIN] * dt:
-                parameters[STEP] = shorter
-        if parameters[HALFSTEPBACK] > 0.0:
-            parameters[BACK] = 0.5 * parameters[STEP]
-    parameters[STEPS] += 1.0
-    parameters[KEEP] = keep
-    parameters[ADD] = (keep if keep > 0.0 else 1.0) * parameters[STEP] + along
+            if shorter >= parameters.tmin * dt:
+                parameters.step = shorter
+        if parameters.halfstepback > 0.0:
+            parameters.back = 0.5 * parameters.step
+    parameters.steps += 1
+    parameters.keep = keep
+    parameters.add = (keep if keep > 0.0 else 1.0) * parameters.step + along
     return 0
 
 
@@ -203,9 +221,11 @@ class FIRE(Integrator):
             python/move, which cannot end a run.
     """
 
-    splitting, rows, respa, quenches = "A", OF_BODY, False, True
+    splitting, rows, respa, quenches, numbers = "A", OF_BODY, False, True, Quench
     backwards = False
-    operations = {"A": Operation(relax, moves=True, prepared=True, measures=measure)}  # noqa: RUF012
+    operations: Mapping[str, Operation] = {
+        "A": Operation(relax, moves=True, prepared=True, measures=measure)
+    }
     keywords = "force FTOL", "torque TTOL", *DEFAULTS
     method, prepares = "FIRE", quench
     unprepared = (
@@ -213,11 +233,11 @@ class FIRE(Integrator):
         "Move them apart by a little before the fix line (displace_atoms ... random)"
     )
 
-    def __init__(self, ptr, line):
-        self.of_all = np.zeros(len(QUENCHES))
+    def __init__(self, ptr: Any, line: Line | str) -> None:
+        self.of_all = Quenches.new()
         super().__init__(ptr, line)
 
-    def own_parameters(self):
+    def own_parameters(self) -> dict[str, Any]:
         if self.host.stop is None:
             raise RunError(
                 "a LAMMPS's own fix python/move cannot end a run: install this package where its "
@@ -243,19 +263,19 @@ class FIRE(Integrator):
                 )
         numbers["force"] **= 2
         numbers["torque"] **= 2
-        return *numbers.values(), *[0.0] * (END - STEP)
+        return numbers
 
-    def own_cells(self):
+    def own_cells(self) -> dict[str, Cell]:
         fixes = [mate for mate in self.mates if mate.quenches]
         quenches = fixes[0].of_all
-        quenches[:] = len(fixes), 0.0, 0.0
+        quenches.fixes, quenches.asked, quenches.undone = len(fixes), 0, 0.0
         return {
-            "sums": Cell(F1, np.zeros(len(SUMS))),
-            "quenches": Cell(F1, quenches),
+            "sums": Cell(F1, np.zeros(4)),
+            "quenches": Cell(Quenches, quenches),
             "stop": Cell(L1, self.host.stop),
         }
 
-    def norms(self):
+    def norms(self) -> np.ndarray:
         """The largest force and the largest torque on a body; collective.
 
         A torque about an axis without a moment turns nothing, and is left out.
@@ -267,9 +287,9 @@ class FIRE(Integrator):
         return self.communicator.gather_to_all(np.array([norms])).max(axis=0)
 
     @hook
-    def post_run(self):
+    def post_run(self) -> None:
         super().post_run()
-        norms, tolerances = self.norms(), np.sqrt(self.parameters[[FTOL, TTOL]])
+        norms, tolerances = self.norms(), np.sqrt([self.parameters.force, self.parameters.torque])
         why = "as asked for" if (norms <= tolerances).all() else "above what was asked for"
         (force, torque), (ftol, ttol) = norms, tolerances
         self.host.log(
@@ -282,11 +302,11 @@ class FIRE(Integrator):
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
     @hook
-    def compute_vector(self, i):
+    def compute_vector(self, i: int) -> float:
         """As of `Integrator`, and behind it the largest force and the largest torque on a body, and
         the time step of the quench; collective."""
         own = i - len(Integrator.vector_extensive)
         if own < 0:
             return super().compute_vector(i)
         self.reports.made()
-        return (*self.norms(), self.parameters[STEP])[own]
+        return (*self.norms(), self.parameters.step)[own]

@@ -16,14 +16,15 @@ computes the forces once more, in the same step: all that it prints is of the st
 """
 
 from math import inf, log1p
-from typing import ClassVar
+from typing import Any, ClassVar
 from zlib import crc32
 
 import numpy as np
 
 from ..errors import RunError
+from ..host.command import Line
 from ..host.hosts import hook
-from ..loops.compiled import F1, F2, I, inlined, loop
+from ..loops.compiled import F2, Cell, F, I, inlined, loop, record
 from ..motion.block import (
     IMAGE,
     MASS,
@@ -42,21 +43,30 @@ from ..motion.block import (
 from ..motion.philox import minus_log, words
 from ..motion.step import move_to_images, place
 from ..run import thermo
-from ..run.integrator import Integrator, Phase
+from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
-from .constant_temperature import ALL_BODIES, KEY_0, KEY_1, KT, STEP, key_of
+from ..run.schedule import Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
+from .thermostat import ALL_BODIES, Bath, key_of
 
 # rows of the state: where a body was, X to P, and its image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
-# numbers of a restart file
-KIND, TRIED, ACCEPTED, CHANGE, LAST, TIMES_BACK, WAS_AT = range(7)
+Kept = record(
+    "Kept",
+    kind=F,  # what the rest is
+    tried=F,  # trajectories
+    accepted=F,
+    change=F,  # of the energy by the last one
+    last=F,  # whether that was accepted
+    times_back=F,  # how often the step counter has gone back, and where it was
+    was_at=F,
+)  # in a restart file
 
 
 @loop
-def draw_momenta(layout: Layout, parameters: F1, rank: I, mask: F2):
+def draw_momenta(layout: Layout, parameters: Bath, rank: I, mask: F2):
     """Draw the momenta of a trajectory, and keep the bodies as they are then."""
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, MASS, P + 4, MASS)
@@ -106,9 +116,7 @@ class HMC(NVE):
     A trajectory ends in each step that is a multiple of N.
 
     Attributes:
-        restart_state: (7,) a number for what it is, how many trajectories were tried and accepted,
-            of the last one the change of the energy and whether it was accepted; how often the step
-            counter has gone back, and where it was.
+        restart_state, kept_state: what a restart file keeps, as an array and as a record.
 
     Raises:
         RunError: for a temperature or a share of noise that cannot be, for a run that ends within a
@@ -116,20 +124,22 @@ class HMC(NVE):
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
-    kept, work, respa, needs_energy = KEPT, WORK, False, True
+    kept, work, respa, needs_energy, numbers = KEPT, WORK, False, True, Bath
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False
 
-    def __init__(self, ptr, line):
+    def __init__(self, ptr: Any, line: Line | str) -> None:
         super().__init__(ptr, line)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+        self.kept_state = Kept.of(self.restart_state)
 
-    def own_parameters(self):
+    def own_parameters(self) -> dict[str, Any]:
         self._refuse()
-        if self.restart_state[KIND] != self.kind:
+        kept = self.kept_state
+        if kept.kind != self.kind:
             self.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
-            self.restart_state[KIND] = self.kind
+            kept.kind = self.kind
         command, lammps = self.command, self.lammps
         temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
         command.refuse_unless_positive("keyword temp: T", temperature)
@@ -138,13 +148,13 @@ class HMC(NVE):
         self._plan(lammps.step)
         if lammps.running and self.host.last_step > lammps.step:
             self._refuse_part()
-        self.restart_state[TIMES_BACK] += lammps.step < self.restart_state[WAS_AT]
+        kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
-        key = key_of(command, self.restart_state[TIMES_BACK])
-        return rate, kt, kt, kt, -1.0, 0.0, *key, 0.0
+        key_0, key_1 = key_of(command, kept.times_back)
+        return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
-    def _refuse_part(self):
+    def _refuse_part(self) -> None:
         """End a run that would end within a trajectory."""
         last, steps = self.host.last_step, self.command.steps
         if last % steps:
@@ -154,7 +164,7 @@ class HMC(NVE):
                 everywhere=True,
             )
 
-    def resumed(self):
+    def resumed(self) -> None:
         self._refuse_part()
         if self.lammps.step != self.host.begins:
             raise RunError(
@@ -163,15 +173,15 @@ class HMC(NVE):
                 everywhere=True,
             )
 
-    def own_lists(self, cells):
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         return {"draw": [draw_momenta.bind_to(cells)], "back": [go_back.bind_to(cells)]}
 
-    def _plan(self, step):
+    def _plan(self, step: int) -> None:
         """Have the next trajectory begin behind this step."""
         steps = self.command.steps
         self.host.begins, self.host.energy_step = step + 1, (step // steps + 1) * steps
 
-    def _refuse(self):
+    def _refuse(self) -> None:
         """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
         if self.host.energy_step is None:
             raise RunError(
@@ -218,20 +228,20 @@ class HMC(NVE):
 
     # ------------------------------------------------------------- a trajectory
 
-    def _total_energy(self):
+    def _total_energy(self) -> float:
         """Of the bodies, and LAMMPS's potential energy; collective."""
         kinetic = thermo.energies(self.bodies, self.communicator, self.lammps).kinetic
         return kinetic + self.host.energy
 
-    def begin_trajectory(self):
+    def begin_trajectory(self) -> None:
         """Draw momenta; collective."""
         self._warn_of_output()
-        self.parameters[STEP] = self.lammps.step
+        self.parameters.step = self.lammps.step
         self.do("draw")
         self.reports.forget()
         self._before = self._total_energy()
 
-    def _warn_of_output(self):
+    def _warn_of_output(self) -> None:
         """Warn once of output within a trajectory, whose configurations no test has passed."""
         if self._has_warned:
             return
@@ -251,15 +261,16 @@ class HMC(NVE):
                 f"not tested. Have all output in multiples of {steps} steps\n"
             )
 
-    def take_energy(self):
+    def take_energy(self) -> None:
         """Test the trajectory, and go back if it is not accepted; collective."""
-        parameters, state = self.parameters, self.restart_state
+        parameters, kept = self.parameters, self.kept_state
         change = self.communicator.share(self._total_energy() - self._before)
-        step, key_0, key_1 = (int(parameters[k]) for k in (STEP, KEY_0, KEY_1))
-        word, *_ = words(0.0, step, 0, key_0, key_1 | ALL_BODIES)
-        accepted = change <= self.lammps.mvv2e * parameters[KT] * minus_log(word)
-        state[[CHANGE, LAST, WAS_AT]] = change, accepted, self.lammps.step
-        state[[TRIED, ACCEPTED]] += 1, accepted
+        key_1 = parameters.key_1 | ALL_BODIES
+        word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
+        accepted = change <= self.lammps.mvv2e * parameters.kt * minus_log(word)
+        kept.change, kept.last, kept.was_at = change, accepted, self.lammps.step
+        kept.tried += 1
+        kept.accepted += accepted
         self._plan(self.lammps.step)
         if not accepted:
             self.do("back")
@@ -270,7 +281,7 @@ class HMC(NVE):
             self.reports.forget()
 
     @hook
-    def post_run(self):
+    def post_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
         if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
             self.host.log(
@@ -284,12 +295,12 @@ class HMC(NVE):
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
     @hook
-    def compute_vector(self, i):
+    def compute_vector(self, i: int) -> float:
         """As of `Integrator`, and behind it the part of trajectories that were accepted, and of the
         last one the change of the energy and whether it was accepted; collective."""
         own = i - len(Integrator.vector_extensive)
         if own < 0:
             return super().compute_vector(i)
-        state = self.restart_state
-        accepted = state[ACCEPTED] / state[TRIED] if state[TRIED] else 0.0
-        return (accepted, state[CHANGE], state[LAST])[own]
+        kept = self.kept_state
+        accepted = kept.accepted / kept.tried if kept.tried else 0.0
+        return (accepted, kept.change, kept.last)[own]

@@ -10,7 +10,7 @@ that moments leave open, nor on their signs, which may be others after a restart
 
 from math import exp, sqrt
 
-from ..loops.compiled import F1, L1, inlined, loop
+from ..loops.compiled import inlined
 from ..motion.block import (
     BLOCK_ROWS,
     COUNTED,
@@ -31,36 +31,17 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, quaternion_momentum, rotation_matrix, to_body
 from ..motion.philox import normal_pair, words
 from ..motion.step import Operation
-from .constant_temperature import (
-    BODY,
-    DRAW,
-    HEAT,
-    KEY_0,
-    KEY_1,
-    KT,
-    RATE,
-    STEP,
-    ConstantTemperature,
-    prepare,
-)
-from .nve import NVE
+from .thermostat import BODY, Thermostat, thermalise_piston
 
 NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
-
-
-@loop
-def set_temperature(parameters: F1, step: L1, begin_step: L1, end_step: L1):
-    """`prepare`."""
-    prepare(parameters, step, begin_step, end_step)
 
 
 @inlined
 def draw(block, parameters, second):
     """Draw normal numbers for each body: four in rows NOISE, two behind them if `second`."""
-    step, number = int(parameters[STEP]), 2 * int(parameters[DRAW]) + second
-    key_0, key_1 = int(parameters[KEY_0]), int(parameters[KEY_1]) | BODY
+    number, key_1 = 2 * parameters.draw + second, parameters.key_1 | BODY
     for b in range(LANES):
-        w0, w1, w2, w3 = words(block[NUMBER, b], step, number, key_0, key_1)
+        w0, w1, w2, w3 = words(block[NUMBER, b], parameters.step, number, parameters.key_0, key_1)
         write(block, NOISE + 4 * second, b, normal_pair(w0, w1))
         if not second:
             write(block, NOISE + 2, b, normal_pair(w2, w3))
@@ -69,8 +50,8 @@ def draw(block, parameters, second):
 @inlined
 def thermalise(block, kind, dt, parameters):
     """Friction and noise for dt, on translation and rotation."""
-    keep = exp(-parameters[RATE] * dt)
-    lost, noise = 1.0 - keep, sqrt((1.0 - keep * keep) * parameters[KT])
+    keep = exp(-parameters.rate * dt)
+    lost, noise = 1.0 - keep, sqrt((1.0 - keep * keep) * parameters.kt)
     draw(block, parameters, 0)
     for b in range(LANES):
         mass, (x, y, z), (a1, a2, a3) = block[MASS, b], three(block, V, b), three(block, NOISE, b)
@@ -100,12 +81,12 @@ def thermalise(block, kind, dt, parameters):
     given = 0.0
     for b in range(LANES):
         given += block[COUNTED, b] * block[GIVEN, b]
-    parameters[HEAT] += given
+    parameters.heat += given
 
 
-class Langevin(ConstantTemperature):
-    """`NVT` with keyword thermostat langevin."""
+class Langevin(Thermostat):
+    """Keyword thermostat langevin."""
 
-    operations = NVE.operations | {"O": Operation(thermalise, prepared=True)}
-    splitting, work, prepares, keeps_momentum = "B A O A B", WORK, set_temperature, False
-    method = "NO_SQUISH with Langevin's thermostat in the middle of the step"
+    operation, work = Operation(thermalise, prepared=True), WORK
+    on_piston = thermalise_piston
+    method, family, keeps_momentum = "Langevin's thermostat", "Langevin", False

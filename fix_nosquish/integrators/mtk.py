@@ -24,65 +24,75 @@ The kinetic energy that drives the piston is that of the step's middle, as the t
 Every so many steps the piston moves, for all of their time at once.
 """
 
-from math import exp, sqrt
-from typing import NamedTuple
+from collections.abc import Callable
+from math import exp
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..box.cell import (
-    CENTRE,
     COMPONENTS,
-    EVERY,
-    NUMBERS,
-    OPEN,
     OUT_OF_BOUNDS,
-    RATE,
-    SHEAR,
-    SPREAD,
-    STRETCH,
-    TILT_SPREAD,
-    TILTED,
-    UNIT,
-    WEIGHT,
     XX,
     XY,
     XZ,
     YY,
     YZ,
-    Barostat,
+    BarostatNumbers,
     add_motion,
     is_due,
+    motion_of,
     pressure_now,
     shear_rows,
+    spread_of,
     stretch_box,
     three_of,
     volume_of,
 )  # fmt: skip
 from ..errors import RunError
-from ..host.hosts import hook
-from ..loops.compiled import F1, L1, Cell, F, inlined, loop
-from ..motion.block import COUNTED, LANES, MASS, V, X, three
-from ..motion.operations import PARAMETERS
+from ..loops.compiled import F1, L1, Cell, F, I, Loop, inlined, loop, record
+from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
-from ..motion.philox import normal_pair
-from ..motion.step import Operation
+from ..motion.step import Operation, Scheme
 from ..ranks.mpi import Mpi, add_up
 from ..run import thermo
-from .constant_pressure import ConstantPressure
-from .constant_temperature import COMMON, HEAT, KT, OF_BAROSTAT, part_of_run, words_of_all
+from .barostat import Barostat
+from .nve import NVE
+from .thermostat import Steps, Thermostat, part_of_run, prepare
 
-# numbers behind those of `cell`: the inertia of each rate of strain, 0 where there is none; degrees
-# of freedom of translation; the molecular virial
-INERTIA, FREEDOM, VIRIAL, MTK_NUMBERS = NUMBERS, NUMBERS + 6, NUMBERS + 7, NUMBERS + 13
-# the piston: rates of strain; the work done against the pressure; the k T that its inertia is of
-PV, INERTIA_KT, PISTON = COMPONENTS, COMPONENTS + 1, COMPONENTS + 2
-Piston = NamedTuple("Piston", [*Barostat.__annotations__.items(), ("piston", F1)])
-# parameters behind those of all thermostats: twice this rank's kinetic energy along each axis, and
-# with each tilt; factors of velocities, and what shears them then; the same of positions, and the
-# points from which these count; 1.0 if tilts change, else 0.0
-ALONG, SLOW, STRAIN, CENTRES, SHEARS = (
-    COMMON + 6, COMMON + 12, COMMON + 18, COMMON + 24, COMMON + 27,
-)  # fmt: skip
+PistonNumbers = record(
+    "PistonNumbers",
+    BarostatNumbers,
+    inertia=(F, 6),  # of each rate of strain, 0 where there is none
+    freedom=F,  # degrees of freedom of translation
+    virial=(F, 6),  # the molecular one
+)
+Piston = record(
+    "Piston",
+    rates=(F, 6),  # of strain
+    work=F,  # done against the pressure
+    inertia_kt=F,  # the k T that the inertia is of
+)
+STRAINS = {
+    "along": (F, 6),  # twice this rank's kinetic energy along each axis, and with each tilt
+    "slow": (F, 3),  # factors of velocities, and what shears them then
+    "slow_shear": (F, 3),
+    "strain": (F, 3),  # the same of positions, and the points from which these count
+    "strain_shear": (F, 3),
+    "centres": (F, 3),
+    "shears": I,  # whether tilts change
+}
+
+
+class PistonBox(NamedTuple):
+    """What changes the box: see `cell.ChangingBox`."""
+
+    barostat: PistonNumbers
+    forces_virial: F1
+    new_box: F1
+    set_box: L1
+    flip_box: L1
+    piston: Piston
 
 
 @inlined
@@ -93,21 +103,21 @@ def measure_along(block, kind, dt, parameters):
         x, y, z = three(block, V, b)
         sums = add_motion(sums, block[COUNTED, b] * block[MASS, b], x, y, z)
     for k in range(COMPONENTS):
-        parameters[ALONG + k] += sums[k]
+        parameters.along[k] += sums[k]
 
 
 @inlined
 def dilate(block, kind, dt, parameters):
     """Strain the centres of mass, and slow their velocities down."""
     for k in range(3):
-        longer, centre = parameters[STRAIN + k] - 1.0, parameters[CENTRES + k]
+        longer, centre = parameters.strain[k] - 1.0, parameters.centres[k]
         for b in range(LANES):
             block[X + k, b] += longer * (block[X + k, b] - centre)
-            block[V + k, b] *= parameters[SLOW + k]
-    if parameters[SHEARS] > 0.0:
-        _, y0, z0 = three_of(parameters, CENTRES)
-        shear_rows(block, X, LANES, three_of(parameters, STRAIN + XY), y0, z0)
-        shear_rows(block, V, LANES, three_of(parameters, SLOW + XY), 0.0, 0.0)
+            block[V + k, b] *= parameters.slow[k]
+    if parameters.shears:
+        _, y0, z0 = three_of(parameters.centres)
+        shear_rows(block, X, LANES, three_of(parameters.strain_shear), y0, z0)
+        shear_rows(block, V, LANES, three_of(parameters.slow_shear), 0.0, 0.0)
 
 
 DILATION = Operation(dilate, prepared=True, measures=measure_along)
@@ -117,37 +127,39 @@ DILATION = Operation(dilate, prepared=True, measures=measure_along)
 def push(cell, box, part, dt):
     """The forces act on the rates of strain for dt."""
     numbers, volume = cell.barostat, volume_of(box, cell.barostat)
+    axes, rates = numbers.axes, cell.piston.rates
     for k in range(COMPONENTS):
-        if cell.axes[k] >= 0:
-            force = numbers[VIRIAL + k] - pressure_now(numbers, k, part) * volume
-            cell.piston[cell.axes[k]] += dt * force / numbers[INERTIA + cell.axes[k]]
+        if axes[k] >= 0:
+            force = numbers.virial[k] - pressure_now(numbers, k, part) * volume
+            rates[axes[k]] += dt * force / numbers.inertia[axes[k]]
 
 
 @inlined
 def strain(parameters, cell, box, part, dt):
     """Change the factors, and the kinetic energies with them, by what the axes' rates do."""
     numbers, total, against, volume = cell.barostat, 0.0, 0.0, volume_of(box, cell.barostat)
-    weighted, tilted = 0.0, numbers[TILTED] > 0.0
+    axes, rates, weighted = numbers.axes, cell.piston.rates, 0.0
+    along = motion_of(numbers.total)
     for k in range(3):
-        volume *= numbers[STRETCH + k]
-        if cell.axes[k] >= 0:
-            total += cell.piston[cell.axes[k]]
-            weighted += numbers[WEIGHT + k] * cell.piston[cell.axes[k]]
-            against += pressure_now(numbers, k, part) * cell.piston[cell.axes[k]]
+        volume *= numbers.stretch[k]
+        if axes[k] >= 0:
+            total += rates[axes[k]]
+            weighted += numbers.weight[k] * rates[axes[k]]
+            against += pressure_now(numbers, k, part) * rates[axes[k]]
     for k in range(3):
-        rate = cell.piston[cell.axes[k]] if cell.axes[k] >= 0 else 0.0
-        factor, longer = exp(-dt * (rate + weighted / numbers[FREEDOM])), exp(dt * rate)
-        parameters[SLOW + k] *= factor
-        cell.cell_sums[k] *= factor * factor
-        numbers[STRETCH + k] *= longer
-        if tilted:  # what acts after a shear makes it another one
-            stretch_shear(numbers, SHEAR, k, longer)
-            stretch_shear(parameters, SLOW + XY, k, factor)
+        rate = rates[axes[k]] if axes[k] >= 0 else 0.0
+        factor, longer = exp(-dt * (rate + weighted / numbers.freedom)), exp(dt * rate)
+        parameters.slow[k] *= factor
+        along[k] *= factor * factor
+        numbers.stretch[k] *= longer
+        if numbers.tilted:  # what acts after a shear makes it another one
+            stretch_shear(numbers.shear, k, longer)
+            stretch_shear(parameters.slow_shear, k, factor)
             for n in range(XY, COMPONENTS):
-                cell.cell_sums[n] *= factor if first_axis(n) == k or second_axis(n) == k else 1.0
+                along[n] *= factor if first_axis(n) == k or second_axis(n) == k else 1.0
     much = dt * total
     longer = dt * (1.0 + 0.5 * much) if abs(much) < 1e-7 else (exp(much) - 1.0) / total
-    cell.piston[PV] += against * volume * longer
+    cell.piston.work += against * volume * longer
 
 
 @inlined
@@ -163,33 +175,34 @@ def second_axis(tilt):
 
 
 @inlined
-def stretch_shear(numbers, at, axis, factor):
+def stretch_shear(shear, axis, factor):
     """What a shear is when it acts after an axis is stretched, not before."""
     for n in range(XY, COMPONENTS):
         if first_axis(n) == axis:
-            numbers[at + n - XY] *= factor
+            shear[n - XY] *= factor
         if second_axis(n) == axis:
-            numbers[at + n - XY] /= factor
+            shear[n - XY] /= factor
 
 
 @inlined
 def tilt(parameters, cell, box, part, dt):
     """Change the shears, and the kinetic energies with them, by what the tilts' rates do."""
-    numbers, along, rates = cell.barostat, cell.cell_sums, cell.piston
-    xy = dt * rates[cell.axes[XY]] if cell.axes[XY] >= 0 else 0.0
-    xz = dt * rates[cell.axes[XZ]] if cell.axes[XZ] >= 0 else 0.0
-    yz = dt * rates[cell.axes[YZ]] if cell.axes[YZ] >= 0 else 0.0
+    numbers, rates = cell.barostat, cell.piston.rates
+    axes, along = numbers.axes, motion_of(numbers.total)
+    xy = dt * rates[axes[XY]] if axes[XY] >= 0 else 0.0
+    xz = dt * rates[axes[XZ]] if axes[XZ] >= 0 else 0.0
+    yz = dt * rates[axes[YZ]] if axes[YZ] >= 0 else 0.0
     volume = volume_of(box, numbers)
     for k in range(3):
-        volume *= numbers[STRETCH + k]
+        volume *= numbers.stretch[k]
     against = xy * pressure_now(numbers, XY, part) + xz * pressure_now(numbers, XZ, part)
-    cell.piston[PV] += (against + yz * pressure_now(numbers, YZ, part)) * volume
+    cell.piston.work += (against + yz * pressure_now(numbers, YZ, part)) * volume
     both = 0.5 * xy * yz  # of the exponential
-    add_shear(numbers, SHEAR, xy, xz + both, yz)
+    add_shear(numbers.shear, xy, xz + both, yz)
     xy, xz, yz = -xy, both - xz, -yz
-    add_shear(parameters, SLOW + XY, xy, xz, yz)
-    xx, yy, zz = three_of(along, XX)
-    of_xy, of_xz, of_yz = three_of(along, XY)
+    add_shear(parameters.slow_shear, xy, xz, yz)
+    xx, yy, zz = three_of(along)
+    of_xy, of_xz, of_yz = three_of(along[XY:])
     along[XX] = xx + xy * xy * yy + xz * xz * zz + 2.0 * (xy * of_xy + xz * of_xz + xy * xz * of_yz)
     along[YY] = yy + yz * yz * zz + 2.0 * yz * of_yz
     along[XY] = of_xy + xy * yy + xz * of_yz + yz * (of_xz + xy * of_yz + xz * zz)
@@ -198,55 +211,57 @@ def tilt(parameters, cell, box, part, dt):
 
 
 @inlined
-def add_shear(numbers, at, xy, xz, yz):
-    """Have a shear, 1 and these above the diagonal, act after the one that is in numbers."""
-    numbers[at + 1] += xz + xy * numbers[at + 2]
-    numbers[at] += xy
-    numbers[at + 2] += yz
+def add_shear(shear, xy, xz, yz):
+    """Have another shear, 1 and these above the diagonal, act after the first one."""
+    shear[1] += xz + xy * shear[2]
+    shear[0] += xy
+    shear[2] += yz
 
 
 @inlined
 def push_by_motion(cell, dt):
     """The kinetic energies act on the rates of strain for dt."""
-    numbers, along = cell.barostat, cell.cell_sums
-    shared = (along[0] + along[1] + along[2]) / numbers[FREEDOM]
+    numbers, rates = cell.barostat, cell.piston.rates
+    axes, along = numbers.axes, motion_of(numbers.total)
+    shared = (along[0] + along[1] + along[2]) / numbers.freedom
     for k in range(COMPONENTS):
-        if cell.axes[k] >= 0:
-            force = numbers[UNIT] * (along[k] + numbers[WEIGHT + k] * shared)
-            cell.piston[cell.axes[k]] += dt * force / numbers[INERTIA + cell.axes[k]]
+        if axes[k] >= 0:
+            force = numbers.unit * (along[k] + numbers.weight[k] * shared)
+            rates[axes[k]] += dt * force / numbers.inertia[axes[k]]
 
 
 @inlined
-def begin_move(mpi, parameters, step, cell, box, part, dt):
-    """The first half of letter D, if the box changes in this step.
+def begin_move(mpi, parameters, due, cell, box, part, dt):
+    """The first half of letter D, if the box changes in this step: if that is due.
 
     Returns:
         by how much twice the kinetic energy changes.
     """
-    numbers, along, gained = cell.barostat, cell.cell_sums, 0.0
+    numbers, gained = cell.barostat, 0.0
+    along = motion_of(numbers.total)
     for k in range(3):
-        parameters[SLOW + k] = parameters[STRAIN + k] = 1.0
-        parameters[SLOW + XY + k] = parameters[STRAIN + XY + k] = 0.0
-    if is_due(step, cell):
-        half, count = 0.5 * dt * numbers[EVERY], COMPONENTS if numbers[TILTED] > 0.0 else 3
+        parameters.slow[k] = parameters.strain[k] = 1.0
+        parameters.slow_shear[k] = parameters.strain_shear[k] = 0.0
+    if due:
+        half, count = 0.5 * dt * numbers.box_every, COMPONENTS if numbers.tilted else 3
         push(cell, box, part, half)
-        add_up(mpi, parameters[ALONG : ALONG + count], along[0:count])
+        add_up(mpi, parameters.along[0:count], along[0:count])
         for k in range(3):
             gained -= along[k]
-            numbers[STRETCH + k], numbers[SHEAR + k] = 1.0, 0.0
+            numbers.stretch[k], numbers.shear[k] = 1.0, 0.0
         strain(parameters, cell, box, part, half)
-        if numbers[TILTED] > 0.0:
+        if numbers.tilted:
             tilt(parameters, cell, box, part, half)
         push_by_motion(cell, half)
         for k in range(3):
             gained += along[k]
     for k in range(COMPONENTS):
-        parameters[ALONG + k] = 0.0
+        parameters.along[k] = 0.0
     return gained
 
 
 @inlined
-def end_move(parameters, step, cell, box, shift, part, dt, factor):
+def end_move(parameters, due, cell, box, shift, part, dt, factor):
     """The second half of letter D, if the box changes in this step, and the box itself.
 
     Args:
@@ -255,112 +270,159 @@ def end_move(parameters, step, cell, box, shift, part, dt, factor):
         as `stretch_box`.
     """
     numbers = cell.barostat
-    if is_due(step, cell):
+    if due:
         for k in range(COMPONENTS):
-            cell.cell_sums[k] *= factor * factor
-        half = 0.5 * dt * numbers[EVERY]
+            motion_of(numbers.total)[k] *= factor * factor
+        half = 0.5 * dt * numbers.box_every
         push_by_motion(cell, half)
-        if numbers[TILTED] > 0.0:
+        if numbers.tilted:
             tilt(parameters, cell, box, part, half)
         strain(parameters, cell, box, part, half)
         if stretch_box(cell, box, shift) < 0:
             return OUT_OF_BOUNDS
         for k in range(3):
-            parameters[STRAIN + k] = numbers[STRETCH + k]
-            parameters[STRAIN + XY + k] = numbers[SHEAR + k]
-            parameters[CENTRES + k] = numbers[CENTRE + k]
+            parameters.strain[k] = numbers.stretch[k]
+            parameters.strain_shear[k] = numbers.shear[k]
+            parameters.centres[k] = numbers.centre[k]
     return 0
 
 
-@inlined
-def thermalise_piston(mpi, parameters, step, cell, dt):
-    """Friction and noise on the rates of strain, if the box changes in this step."""
-    numbers = cell.barostat
-    if is_due(step, cell):
-        keep = exp(-numbers[RATE] * dt * numbers[EVERY])
-        for group in range(COMPONENTS):
-            inertia, before = numbers[INERTIA + group], cell.piston[group]
-            if inertia > 0.0:
-                w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
-                noise, _ = normal_pair(w0, w1)
-                heat = parameters[KT] * numbers[UNIT]
-                spread = sqrt((1.0 - keep * keep) * heat / inertia)
-                cell.piston[group] = keep * before + spread * noise
-                note_heat(mpi, parameters, numbers, group, before, cell.piston[group])
-
-
-@inlined
-def note_heat(mpi, parameters, numbers, group, before, after):
-    """Note, on rank 0, the energy that a thermostat gives to a rate of strain."""
-    if mpi.rank == 0:
-        given = 0.5 * numbers[INERTIA + group] * (after * after - before * before)
-        parameters[HEAT] += given / numbers[UNIT]
-
-
 @loop
-def see_virial(
-    mpi: Mpi, step: L1, begin_step: L1, end_step: L1, dt: F, cell: Piston, box: PeriodicBox
-):
+def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox):
     """The molecular virial of the new forces; these act on a piston that has just moved."""
-    numbers, tilted = cell.barostat, cell.barostat[TILTED] > 0.0
-    count = TILT_SPREAD + 3 - SPREAD if tilted else 3
-    add_up(mpi, numbers[SPREAD : SPREAD + count], cell.cell_sums[0:count])
-    for k in range(3):
-        numbers[VIRIAL + k] = cell.forces_virial[k] - cell.cell_sums[k]
-        if tilted:
-            of_tilt = cell.cell_sums[TILT_SPREAD - SPREAD + k]
-            numbers[VIRIAL + XY + k] = cell.forces_virial[XY + k] - of_tilt
-    if numbers[OPEN] > 0.0:
-        part = part_of_run(step, begin_step, end_step)
-        push(cell, box, part, 0.5 * dt * numbers[EVERY])
-        numbers[OPEN] = 0.0
+    numbers = cell.barostat
+    spread = spread_of(numbers.total)
+    add_up(mpi, spread_of(numbers.sums), spread)
+    for k in range(COMPONENTS):
+        numbers.virial[k] = cell.forces_virial[k] - spread[k]
+    if numbers.open:
+        part = part_of_run(steps)
+        push(cell, box, part, 0.5 * dt * numbers.box_every)
+        numbers.open = 0
 
 
-class Mtk(ConstantPressure):
-    """What an integrator with a piston has besides its thermostat.
+# ---------------------------------------------------------------- with a thermostat
+
+# of each step at constant volume, the one with a piston, and of each thermostat the loop before it
+_SCHEMES: dict[Scheme | None, Scheme] = {}
+_PREPARES: dict[type[Thermostat], Loop] = {}
+
+
+def put_in(thermostat: type[Thermostat], module: str) -> None:
+    """Make the loops of the step B A D O A B with a thermostat, or of B A D A B with none.
+
+    Args:
+        thermostat: what is derived from `Thermostat`, or this itself for none.
+        module: the name of the one that the loops belong to.
+    """
+    owner = module, f"{thermostat.__qualname__}Piston"
+    letters, operations, measures = "B A D A B", NVE.operations, measure_along
+    of_volume = None
+    if letter := thermostat.operation:
+        letters, of_volume = "B A D O A B", thermostat.scheme
+        operations = operations | {"O": letter._replace(prepared=False, measures=None)}
+        measures = _both(letter.measures) if letter.measures else measures
+    if of_volume not in _SCHEMES:
+        dilation = Operation(dilate, prepared=True, measures=measures)
+        _SCHEMES[of_volume] = Scheme(
+            owner,
+            letters,
+            operations | {"D": dilation},
+            record(owner[1], thermostat.numbers, **STRAINS),
+            work=thermostat.work,
+        )
+    _PREPARES[thermostat] = _prepares(thermostat, _SCHEMES[of_volume].numbers, owner)
+
+
+def _both(measures: Callable) -> Callable:
+    """What measures for a thermostat, and for the piston."""
+
+    @inlined
+    def both(block, kind, dt, parameters):
+        measures(block, kind, dt, parameters)
+        measure_along(block, kind, dt, parameters)
+
+    return both
+
+
+def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]) -> Loop:
+    """The loop before letters D and O."""
+    acts, factor, on_piston = thermostat.acts, thermostat.factor, thermostat.on_piston
+
+    def prepares(
+        mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
+        box: PeriodicBox, own_state: F1,
+    ) -> I:  # fmt: skip
+        """Move the piston, if the box changes, and find what letters D and O take.
+
+        Returns:
+            as `stretch_box`, and as the thermostat's `acts`.
+        """
+        due, part = is_due(steps.step, cell), prepare(parameters, steps)
+        gained = begin_move(mpi, parameters, due, cell, box, part, dt)
+        if due:
+            on_piston(mpi, parameters, cell, own_state, dt)
+        wrong = acts(mpi, parameters, own_state, dt, gained)
+        moved = end_move(parameters, due, cell, box, images.shift, part, dt, factor(parameters))
+        return min(wrong, moved)
+
+    return loop(prepares, owner)
+
+
+class Mtk(Barostat):
+    """Keyword barostat mtk.
 
     Attributes:
-        piston: (PISTON,), see above; the begin of its own state.
+        piston: a record, whose memory is the begin of its own state.
     """
 
-    numbers = MTK_NUMBERS
-    piston = _state = None
+    method = "the piston of Martyna, Tobias and Klein"
+    of_numbers, state_size = PistonNumbers, Piston.dtype.itemsize // 8
+    piston: Any = None
 
-    @property
-    def method(self):
-        return f"{super().method}, and the piston of Martyna, Tobias and Klein"
+    def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
+        of_volume = thermostat.scheme if thermostat.operation else None
+        return _SCHEMES[of_volume], _PREPARES[thermostat]
 
-    @property
-    def own_words(self):
-        return (*super().own_words, type(self).__name__, *self.axes)
+    def take_state(self, state: np.ndarray) -> None:
+        self.piston = Piston.of(state)
 
-    def own_state(self):
-        if self._state is None:
-            others = super().own_state()
-            self._state = np.zeros(PISTON + len(others))
-            self.piston = self._state[:PISTON]
-            if len(others):
-                self.chains = self._state[PISTON:]
-        return self._state
+    def own_words(self) -> list:
+        # what classes were called when restart files were given these words
+        thermostat, alone = self.ensemble.thermostat, self.ensemble.__class__.__name__
+        return [f"{thermostat.family}NPT" if thermostat else alone, *self.axes]
 
-    def cell_loops(self, cells):
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
         seen, _ = self.loops_of_others(cells)
         return [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)], []
 
-    def loops_behind(self, cells):
+    def loops_behind(self, cells: dict[str, Cell]) -> list:
         return self.loops_of_others(cells)[1]
 
-    def own_parameters(self):
-        own = super().own_parameters()
-        return (*own, *(0.0,) * (SHEARS - PARAMETERS - len(own)), float(self.flips))
+    def own_parameters(self) -> dict[str, Any]:
+        return {"shears": self.flips}
 
-    def heat(self):
-        """The k T that the piston's inertia is of: of the highest temperature of the run."""
-        return self.lammps.boltz * max(self.temperature()[:2])
+    def _heat(self) -> float:
+        """The k T that the piston's inertia is of: of the highest temperature of the run; without a
+        thermostat, of the bodies as their first run begins; collective."""
+        if self.ensemble.thermostat:
+            return self.lammps.boltz * max(self.ensemble.temperature()[:2])
+        if not self.piston.inertia_kt:
+            kelvin = thermo.energies(self.bodies, self.communicator, self.lammps).temperature
+            if not self.lammps.running:  # but a file is written, perhaps before they move
+                return self.lammps.boltz * kelvin
+            if not kelvin > 0:
+                raise RunError(
+                    "the bodies are at rest, so there is no temperature to choose the piston's "
+                    "inertia by: give them velocities first (velocity ... create)",
+                    everywhere=True,
+                )
+            self.piston.inertia_kt = self.lammps.boltz * kelvin
+        return self.piston.inertia_kt
 
-    def own_numbers(self):
-        numbers, d, axes = super().own_numbers(), self.lammps.dimension, self.axes
-        freedom = self.degrees()[0]
+    def new_numbers(self) -> np.record:
+        numbers, d, axes = super().new_numbers(), self.lammps.dimension, self.axes
+        freedom = self.ensemble.momentum.degrees()[0]
         if not freedom > 0:
             raise RunError(
                 "no centre of mass can move against another, so there is no pressure for the "
@@ -368,14 +430,13 @@ class Mtk(ConstantPressure):
                 everywhere=True,
             )
         damping = self.damping * (self._slower(freedom) if self.command.line.replaces else 1.0)
-        inertia = (freedom + d) * self.heat() * damping**2
+        inertia = (freedom + d) * self._heat() * damping**2
         for group in range(COMPONENTS):
-            numbers[INERTIA + group] = (axes == group).sum() / d * inertia
-        numbers[RATE], numbers[FREEDOM] = 1.0 / damping, freedom
-        self._inertia = numbers[INERTIA : INERTIA + COMPONENTS]
+            numbers.inertia[group] = (axes == group).sum() / d * inertia
+        numbers.rate, numbers.freedom = 1.0 / damping, freedom
         return numbers
 
-    def _slower(self, freedom):
+    def _slower(self, freedom: float) -> float:
         """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
         collective.
 
@@ -390,13 +451,10 @@ class Mtk(ConstantPressure):
         every = self.communicator.total(np.array([of_bodies]))[0]
         return np.sqrt(2 * d * (every + d) / (freedom + d))
 
-    def own_cells(self):
-        return super().own_cells() | {"piston": Cell(F1, self.piston)}
+    def own_cells(self) -> dict[str, Cell]:
+        return super().own_cells() | {"piston": Cell(Piston, self.piston)}
 
-    @hook
-    def compute_scalar(self):
-        """As `NVT`, with the work against the pressure and the energy of the piston; collective."""
-        others = super().compute_scalar()
-        return (
-            others + self.piston[PV] + 0.5 * (self._inertia * self.piston[:COMPONENTS] ** 2).sum()
-        )
+    def with_energy(self, scalar: float) -> float:
+        """With the work against the pressure and the energy of the piston."""
+        moving = 0.5 * (self.numbers.inertia * self.piston.rates**2).sum()
+        return scalar + self.piston.work + moving

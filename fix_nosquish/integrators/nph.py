@@ -1,52 +1,18 @@
 """NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
 
-from ..errors import RunError
-from ..loops.compiled import F1, L1, F, I, loop
-from ..motion.block import Images
-from ..motion.periodic import PeriodicBox
-from ..ranks.mpi import Mpi
-from ..run.thermo import energies
-from .constant_pressure import ConstantPressure
-from .constant_temperature import prepare
-from .mtk import DILATION, INERTIA_KT, Mtk, Piston, begin_move, end_move
-from .nve import NVE
+from collections.abc import Mapping
+from typing import Any
+
+from . import mtk
+from .barostat import PRESSURE
+from .ensemble import Ensemble
+from .thermostat import Thermostat
+
+mtk.put_in(Thermostat, __name__)
 
 
-@loop
-def dilation(
-    mpi: Mpi, images: Images, parameters: F1, dt: F, step: L1, begin_step: L1, end_step: L1,
-    cell: Piston, box: PeriodicBox,
-) -> I:  # fmt: skip
-    """The factors of letter D.
-
-    Returns:
-        as `stretch_box`.
-    """
-    part = prepare(parameters, step, begin_step, end_step)
-    begin_move(mpi, parameters, step, cell, box, part, dt)
-    return end_move(parameters, step, cell, box, images.shift, part, dt, 1.0)
-
-
-class NPH(Mtk):
+class NPH(Ensemble):
     """fix ID group nosquish/nph BODYSTYLE iso PSTART PSTOP PDAMP ..."""
 
-    operations = NVE.operations | {"D": DILATION}
-    splitting, prepares, thermostat = "B A D A B", dilation, False
-    keywords = ConstantPressure.keywords
-
-    def temperature(self):
-        return 0.0, 0.0, 0.0
-
-    def heat(self):
-        if not self.piston[INERTIA_KT]:
-            kelvin = energies(self.bodies, self.communicator, self.lammps).temperature
-            if not self.lammps.running:  # but a file is written, perhaps before they move
-                return self.lammps.boltz * kelvin
-            if not kelvin > 0:
-                raise RunError(
-                    "the bodies are at rest, so there is no temperature to choose the piston's "
-                    "inertia by: give them velocities first (velocity ... create)",
-                    everywhere=True,
-                )
-            self.piston[INERTIA_KT] = self.lammps.boltz * kelvin
-        return self.piston[INERTIA_KT]
+    keywords = PRESSURE
+    barostats: Mapping[str, Any] = {"mtk": mtk.Mtk}

@@ -1,26 +1,24 @@
-"""NPT: rigid bodies at constant temperature and pressure; see `constant_pressure`."""
+"""NPT: rigid bodies at constant temperature and pressure; see `thermostat` and `barostat`."""
 
-from ..host.command import Command
-from .constant_pressure import WITH_TEMPERATURE
+from collections.abc import Mapping
+from typing import Any
+
+from .barostat import PRESSURE
+from .ensemble import TEMPERATURE, Ensemble
+from .nvt import THERMOSTATS
 
 
-class NPT:
-    """fix ID group nosquish/npt BODYSTYLE temp ... iso PSTART PSTOP PDAMP ...
+class NPT(Ensemble):
+    """fix ID group nosquish/npt BODYSTYLE temp ... iso PSTART PSTOP PDAMP ..."""
 
-    Besides the words of `NVT` it takes those of `keywords`.  It makes what has the thermostat and
-    the barostat.
-    """
+    keywords = *TEMPERATURE, *PRESSURE, "barostat", "compressibility"
+    thermostats: Mapping[str, Any] = THERMOSTATS
+    barostats: Mapping[str, Any] = {"crescale": "crescale.Crescale", "mtk": "npt_mtk.Mtk"}
 
-    keywords = WITH_TEMPERATURE
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        from .npt_mtk import mtk  # with those of the package first
 
-    def __init_subclass__(cls):
-        raise TypeError("NPT only chooses a class: derive from a class of npt_crescale or npt_mtk")
-
-    def __new__(cls, ptr, line):
-        command = Command.parse(line, cls.keywords)
-        if command.barostat == "mtk":
-            from . import npt_mtk as module
-        else:
-            from . import npt_crescale as module
-        langevin = command.thermostat == "langevin"
-        return (module.LangevinNPT if langevin else module.RescalingNPT)(ptr, line)
+        for one in cls.thermostats.values():
+            if isinstance(one, type):
+                mtk.put_in(one, cls.__module__)

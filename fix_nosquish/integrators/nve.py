@@ -4,7 +4,7 @@ Velocity Verlet for the centres of mass, and for the rotation half a kick, the f
 or split into rotations about one axis at a time, and half a kick.
 """
 
-from typing import ClassVar
+from collections.abc import Mapping
 
 from ..motion.operations import free_motion, kick, rotate_rotors
 from ..motion.step import Operation
@@ -15,7 +15,7 @@ class NVE(Integrator):
     """fix ID group nosquish/nve BODYSTYLE ...: NO_SQUISH at constant energy."""
 
     splitting = "B A B"
-    operations: ClassVar = {
+    operations: Mapping[str, Operation] = {
         "A": Operation(free_motion(rotate_rotors), moves=True, exact=True, named=False),
         "B": Operation(kick, named=False),
     }

@@ -1,24 +1,16 @@
-"""NVT: rigid bodies at constant temperature; see `constant_temperature`."""
+"""NVT: rigid bodies at constant temperature; see `thermostat`."""
 
-from ..host.command import Command
-from .constant_temperature import ConstantTemperature
+from collections.abc import Mapping
+from typing import Any
+
+from .ensemble import TEMPERATURE, Ensemble
+
+# by the words of keyword thermostat: modules of this package, and their classes
+THERMOSTATS = {"langevin": "langevin.Langevin", "csvr": "csvr.Csvr", "nh": "nose_hoover.NoseHoover"}
 
 
-class NVT:
-    """fix ID group nosquish/nvt BODYSTYLE temp TSTART TSTOP TDAMP ...
+class NVT(Ensemble):
+    """fix ID group nosquish/nvt BODYSTYLE temp TSTART TSTOP TDAMP ..."""
 
-    Besides the words of `NVE` it takes those of `keywords`.  It makes what has the thermostat:
-    `Langevin` or `Rescaling`.
-    """
-
-    keywords = ConstantTemperature.keywords
-
-    def __init_subclass__(cls):
-        raise TypeError("NVT only chooses a class: derive from Langevin or Rescaling")
-
-    def __new__(cls, ptr, line):
-        if Command.parse(line, cls.keywords).thermostat == "langevin":
-            from .langevin import Langevin as chosen
-        else:
-            from .rescaling import Rescaling as chosen
-        return chosen(ptr, line)
+    keywords = TEMPERATURE
+    thermostats: Mapping[str, Any] = THERMOSTATS

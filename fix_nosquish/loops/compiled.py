@@ -13,8 +13,19 @@
         for i in range(len(points.x)):
             result[i] = sqrt(square(points.x[i, 0], points.x[i, 1]))
 
-An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Where
-the machine code is kept, and who makes it, `machine_code` says.
+An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Numbers
+that belong together are a `record`, which has a name for each, in Python as in loops:
+
+    Thermostat = record("Thermostat", rate=F, draws=I, sums=(F, 2))
+
+    @loop
+    def count(thermostat: Thermostat):
+        thermostat.draws += 1
+
+    thermostat = Thermostat.new(rate=0.5)
+    count(thermostat)
+
+Where the machine code is kept, and who makes it, `machine_code` says.
 
 A loop can use functions of `math`, functions that are `inlined`, what `lower.PRIMITIVES` names,
 and numbers and tuples of numbers, which are constants to the compiler.  It makes no array and
@@ -34,7 +45,8 @@ from .machine_code import INLINED, module_of
 
 
 class Kind(NamedTuple):
-    """What an argument of a loop is: a scalar (of no dimension) or a C-contiguous array."""
+    """What an argument of a loop is: a scalar or a `record` (of no dimension), or a C-contiguous
+    array."""
 
     name: str
     dtype: np.dtype
@@ -42,6 +54,8 @@ class Kind(NamedTuple):
     columns: int = 0  # if not 0, the loop is compiled for an array of so many
 
     def __str__(self):
+        if self.dtype.names:
+            return f"a record {self.name}"
         if self.columns:
             return f"a C-contiguous {self.dtype} array of {self.columns} columns"
         if self.dimensions:
@@ -54,6 +68,8 @@ class Kind(NamedTuple):
         Raises:
             TypeError: for a value that is not of this kind.
         """
+        if self.dtype.names and isinstance(value, np.record) and self.fits(value.dtype):
+            return [value.__array_interface__["data"][0]]
         if self is I:
             return [operator.index(value)]
         if self is F:
@@ -63,6 +79,32 @@ class Kind(NamedTuple):
         if alike and (not self.columns or value.shape[1] == self.columns):
             return [_address(value), *value.shape]
         raise TypeError
+
+    def fits(self, dtype):
+        """Whether this is a record, and numbers of that type have its fields where it has them."""
+        own, theirs = self.dtype.fields or {}, dtype.fields or {}
+        return bool(own) and all(theirs.get(name) == place for name, place in own.items())
+
+    def new(self, **values):
+        """A record of zeros, but for these fields.
+
+        Returns:
+            a `numpy.record`: its fields are attributes.
+        Raises:
+            TypeError: for a name that it does not have.
+        """
+        made = np.zeros(1, self.dtype)[0]
+        for name, value in values.items():
+            if name not in self.dtype.names:
+                raise TypeError(
+                    f"the record {self.name} has no field {name}, but {', '.join(self.dtype.names)}"
+                )
+            setattr(made, name, value)
+        return made
+
+    def of(self, array):
+        """The record whose memory is the begin of an array."""
+        return array.view(np.uint8)[: self.dtype.itemsize].view(self.dtype)[0]
 
 
 def _address(array):
@@ -79,7 +121,28 @@ I, L1, L2 = (  # noqa: E741  a kind's letter, as F
 I1, I2 = (Kind(f"I{n}", np.dtype(np.int32), n) for n in (1, 2))
 LANES = 64
 F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
-KINDS = F, F1, F2, F64, I, L1, L2, I1, I2
+
+
+def record(name, extends=None, **fields):
+    """The `Kind` of numbers that have names; an argument of this kind is a `numpy.record`.
+
+    Args:
+        extends: another record, whose fields come before. Loops that take that one take this, too.
+        fields: each is F or I, or a pair of this and how many there are.
+    Raises:
+        TypeError: for a field that there is already, or a name that all numpy's records have.
+    """
+    before = extends.dtype.fields if extends else {}
+    for field in fields:
+        if field in before or hasattr(np.record, field):
+            owner = f"the record {extends.name}" if field in before else "each numpy.record"
+            raise TypeError(f"record {name}: {owner} has a field {field} already")
+    all_fields = [(field, place[0]) for field, place in before.items()]
+    for field, what in fields.items():
+        kind, *count = (what,) if isinstance(what, Kind) else what
+        all_fields.append((field, kind.dtype, *count))
+    return Kind(name, np.dtype((np.record, all_fields)), 0)
+
 
 _memory = ctypes.pythonapi.PyMemoryView_FromMemory
 _memory.restype = ctypes.py_object
@@ -197,9 +260,16 @@ def call(place, *arguments):
     """The integer that the C function at this place gives for up to 7 integers or addresses."""
 
 
-def loop(function):
-    """Decorator of a loop to be compiled: see the head of this file. Returns: the `Loop`."""
-    return Loop(function)
+def loop(function, owner=None):
+    """Decorator of a loop to be compiled: see the head of this file.
+
+    Args:
+        owner: of a function that is made in another one, the name of the module whose loop it is,
+            and what its own name stands behind.
+    Returns:
+        the `Loop`.
+    """
+    return Loop(function, owner)
 
 
 def annotations(of):
@@ -226,9 +296,11 @@ def annotations(of):
 class Loop:
     """A compiled loop: call it, or `bind` it to arguments that stay the same."""
 
-    def __init__(self, function):
+    def __init__(self, function, owner=None):
         update_wrapper(self, function)
-        self.name = f"{function.__module__}.{function.__qualname__}"
+        module, within = owner or (function.__module__, "")
+        name = f"{within}.{function.__name__}" if within else function.__qualname__
+        self.name = f"{module}.{name}"
         notes = annotations(function)
         self.returns = bool(notes.get("return"))
         self.parameters = {name: what for name, what in notes.items() if name != "return"}
@@ -244,7 +316,7 @@ class Loop:
                 raise TypeError(f"{self.name} has two arguments {' and '.join(sorted(twice))}")
             self.kinds |= more
         self.machine_code = None
-        self.module = module_of(function)
+        self.module = module_of(module)
         self.module.loops.append(self)
 
     def __call__(self, *values):
@@ -289,7 +361,7 @@ class Loop:
         for (name, kind), value in zip(self.kinds.items(), values, strict=True):
             try:
                 used.append(value if isinstance(value, Cell) else Cell(kind, value))
-                if used[-1].kind != kind:
+                if not (used[-1].kind == kind or kind.fits(used[-1].kind.dtype)):
                     raise TypeError
             except TypeError:
                 given = value.kind if isinstance(value, Cell) else type(value).__name__

@@ -10,6 +10,8 @@ with it. Only the public interfaces of numba and llvmlite are used.
 import gc
 import math
 import os
+from functools import cache
+from itertools import count
 
 from . import compiled, machine_code
 
@@ -17,7 +19,7 @@ os.environ |= machine_code.NUMBA  # before numba is imported
 
 from llvmlite import binding as llvm
 from llvmlite import ir
-from numba import carray, cfunc, types
+from numba import carray, cfunc, from_dtype, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic, overload
 
@@ -48,20 +50,22 @@ def _teach(function, meaning, **options):
 # ---------------------------------------------------------------- what loops can use besides
 
 
-def _pointer_to(scalar):
-    """A function from an address to a pointer."""
+def _from_address(what):
+    """A function from an address to a pointer, or to a record."""
 
     @intrinsic
-    def pointer(typing, place):
+    def found(typing, place):
         def code(context, builder, signature, values):
             return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
-        return types.CPointer(scalar)(types.int64), code
+        return what(types.int64), code
 
-    return pointer
+    return found
 
 
-_to_float, _to_long, _to_int = (_pointer_to(s) for s in (types.float64, types.int64, types.int32))
+_to_float, _to_long, _to_int = (
+    _from_address(types.CPointer(scalar)) for scalar in (types.float64, types.int64, types.int32)
+)
 
 
 @intrinsic
@@ -116,35 +120,41 @@ PRIMITIVES = {
 # ---------------------------------------------------------------- from cells to arguments
 
 
+@cache
 def _reader(kind):
     """A function from a cell, a pointer to a few integers, to the argument of that kind."""
-    pointer, columns = _pointer_to(getattr(types, kind.dtype.name)), kind.columns
+    is_record, columns = bool(kind.dtype.names), kind.columns
+    what = from_dtype(kind.dtype)
+    pointer = _from_address(what if is_record else types.CPointer(what))
     readers = {
         "I": lambda cell: cell[0],
         "F": lambda cell: _as_float(cell[0]),
         "F64": lambda cell: carray(pointer(cell[0]), (cell[1], columns)),
+        0: lambda cell: pointer(cell[0]),
         1: lambda cell: carray(pointer(cell[0]), (cell[1],)),
         2: lambda cell: carray(pointer(cell[0]), (cell[1], cell[2])),
     }
-    read = readers.get(kind.name) or readers[kind.dimensions]
+    read = (not is_record and readers.get(kind.name)) or readers[kind.dimensions]
     _teach(read, read)
     return read
-
-
-READERS = {kind.name: _reader(kind) for kind in compiled.KINDS}
 
 
 def _entry(loop):
     """A function that takes a loop's arguments out of their cells, and runs it."""
     function = loop.__wrapped__
     _teach(function, function)
-    known, places, arguments = READERS | {"loop": function}, iter(range(len(loop.kinds))), []
+    known, places, arguments = {"loop": function}, count(), []
+
+    def argument(kind):
+        place = next(places)
+        known[f"read_{place}"] = _reader(kind)
+        return f"read_{place}(cells[{place}])"
+
     for what in loop.parameters.values():
         if isinstance(what, compiled.Kind):
-            arguments.append(f"{what.name}(cells[{next(places)}])")
+            arguments.append(argument(what))
         else:
-            kinds = compiled.annotations(what).values()
-            fields = [f"{kind.name}(cells[{next(places)}])" for kind in kinds]
+            fields = [argument(kind) for kind in compiled.annotations(what).values()]
             arguments.append(f"{what.__name__}({', '.join(fields)})")
             known[what.__name__] = what
     run = f"loop({', '.join(arguments)})"

@@ -68,9 +68,9 @@ def load(communicator, *names):
         _tell_once(UNLIKE)
 
 
-def module_of(function):
-    """The `Module` with the loops of the module in which a function is."""
-    return MODULES.setdefault(function.__module__, Module(function.__module__))
+def module_of(name):
+    """The `Module` with the loops of the module of this name."""
+    return MODULES.setdefault(name, Module(name))
 
 
 def of_package(package):
@@ -334,8 +334,10 @@ def _codes(code):
             yield from _codes(constant)
 
 
-def _contents(function):
-    """All that the machine code of a function follows from."""
+def _contents(function, within=()):
+    """All that the machine code of a function follows from, but for functions that it is within,
+    whose name may be that of a field."""
+    within = *within, function
     codes = list(_codes(function.__code__))
     names = sorted({name for code in codes for name in code.co_names})
     known = function.__globals__
@@ -347,8 +349,8 @@ def _contents(function):
     used |= {name: cell.cell_contents for name, cell in zip(free, cells, strict=True)}
 
     def content(value):
-        if isinstance(value, FunctionType) and value in INLINED:
-            return _contents(value)
+        if isinstance(value, FunctionType) and value in INLINED and value not in within:
+            return _contents(value, within)
         return getattr(value, "__name__", value)
 
     own = [

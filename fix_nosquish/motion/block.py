@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import F2, F64, I1, I2, L1, LANES, inlined, prefetch
+from ..loops.compiled import F2, F64, I1, I2, L1, LANES, I, inlined, prefetch, record
 
 # rows of `state`, and the first ones of a block: mass, principal moments, centre of mass, velocity,
 # quaternion, its momentum, force, torque; number of atoms, image flags, home, ID
@@ -37,14 +37,18 @@ POINT, LINEAR, PLANAR, ROTOR = range(4)
 ALL, WHOLE, DIVIDED = range(3)  # parts of the bodies: all, those with all atoms here, the others
 
 
+# Which bodies are of which kind: [0, rotors) have three moments, or one if all turn in a plane;
+# [rotors, turning) are linear; the rest are points. If their moments are chosen (keyword moments),
+# own_moments is the first of three rows: the root of each principal moment over that of the atoms.
+# Else it is 0.
+Kinds = record("Kinds", rotors=I, turning=I, planar=I, own_moments=I)
+
+
 class Layout(NamedTuple):
     """Where a rank's bodies and their atoms are.
 
     Attributes:
-        state: (rows, bodies).  kinds: (4,) bodies [0, kinds[0]) have three moments, or one if all
-            turn in a plane (kinds[2]); [kinds[0], kinds[1]) are linear, the rest points.  If their
-            moments are chosen (keyword moments), kinds[3] is the first of three rows: the root of
-            each principal moment over that of the atoms.  Else it is 0.
+        state: (rows, bodies).  kinds: a record.
         blocks: (blocks + 1, 3) each block's first body, its first round, and whether all atoms of
             its bodies are this rank's.
         rounds: (rounds + 1,) each round's first atom, as an entry of index.
@@ -54,7 +58,7 @@ class Layout(NamedTuple):
     """
 
     state: F2
-    kinds: L1
+    kinds: Kinds
     blocks: I2
     rounds: I1
     index: I1
@@ -84,9 +88,9 @@ def at(i):
 @inlined
 def kind_of(layout, body):
     """The kind of the bodies in the block that begins with this one."""
-    if body < layout.kinds[0]:
-        return PLANAR if layout.kinds[2] else ROTOR
-    return LINEAR if body < layout.kinds[1] else POINT
+    if body < layout.kinds.rotors:
+        return PLANAR if layout.kinds.planar else ROTOR
+    return LINEAR if body < layout.kinds.turning else POINT
 
 
 @inlined
@@ -132,7 +136,7 @@ def take_names(layout, k, rank, mask):
         column = begin + min(b, bodies - 1) if each else 0
         write(block, FREE, b, (mask[0, column], mask[1, column], mask[2, column]))
         block[FREE + 3, b] = mask[5, column]
-        if not layout.kinds[2]:
+        if not layout.kinds.planar:
             block[FREE + 3, b] *= mask[3, column] * mask[4, column]
 
 

@@ -1,12 +1,11 @@
 """The parts of a step that are solved exactly, each for a block of bodies: kick, drift, rotation.
 
 An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see
-`block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  parameters[FTM2V] makes
-a force a mass times an acceleration, parameters[MROT] is the number of inner steps of a rotation,
-or EXACT.
+`block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  Its parameters are a
+record: that below, or one that extends it.
 """
 
-from ..loops.compiled import inlined
+from ..loops.compiled import F, I, inlined, record
 from .block import (
     FORCE,
     LANES,
@@ -29,8 +28,9 @@ from .exact_rotor import rotate_exactly
 from .frames import vector_times
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
-FTM2V, MROT, PARAMETERS = 0, 1, 2
-EXACT = 0  # steps of a rotation that is not split
+# what makes a force a mass times an acceleration; inner steps of a rotation that is split, or EXACT
+Parameters = record("Parameters", ftm2v=F, mrot=I)
+EXACT = 0
 FAST = OWN  # rows of the bodies that turn much: q, p, how many inner steps
 
 
@@ -41,7 +41,7 @@ def kick(block, kind, dt, parameters):
     The torque is in the space frame: with (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60)
     equals 2 (0, tau) q.
     """
-    dtf = dt * parameters[FTM2V]
+    dtf = dt * parameters.ftm2v
     for b in range(LANES):
         for k in range(3):
             block[V + k, b] += dtf / block[MASS, b] * block[FORCE + k, b]
@@ -71,7 +71,7 @@ def free_motion(rotate_rotors):
     def move(block, kind, dt, parameters):
         drift(block, dt)
         if kind == ROTOR:
-            rotate_rotors(block, dt, int(parameters[MROT]))
+            rotate_rotors(block, dt, parameters.mrot)
         elif kind == PLANAR:
             rotate_in_plane(block, dt)
         elif kind == LINEAR:

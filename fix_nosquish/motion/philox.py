@@ -57,10 +57,10 @@ def words(number, step, draw, k0, k1):
     return philox(
         int(low),
         int(above) & WORD,
-        step & WORD,
-        draw << 20 | step >> 32 & 0xFFFFF,
-        k0,
-        k1,
+        int(step) & WORD,
+        int(draw) << 20 | int(step) >> 32 & 0xFFFFF,
+        int(k0),
+        int(k1),
     )
 
 

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from ..loops.compiled import F1, F2, F, I, inlined, loop
+from ..loops.compiled import F2, F, I, inlined, loop
 from ..loops.machine_code import INLINED
 from .block import (
     ALL,
@@ -69,7 +69,7 @@ def velocity_matrices(block):
 def show_atoms_moments(layout, k):
     """Where moments are chosen, have in the block those of the atoms, and the momenta of the same
     kinetic energy: atoms then have velocities of the right distribution."""
-    block, row = layout.block, layout.kinds[3]
+    block, row = layout.block, layout.kinds.own_moments
     if row > 0:
         take(layout, k, row, row + 3, ATOM)
         for b in range(LANES):
@@ -167,17 +167,17 @@ def gather_block(layout, k, atom_f):
 
 
 @loop
-def gather(layout: Layout, atom_f: F2, every: I) -> I:
+def gather(layout: Layout, atom_f: F2, all_bodies: I) -> I:
     """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
 
-    Of all bodies if `every`, else of those that are not whole here.
+    Of all bodies if `all_bodies`, else of those that are not whole here.
 
     Returns:
         the number of bodies for which they are not finite.
     """
     wrong = 0
     for k in range(layout.blocks.shape[0] - 1):
-        if layout.blocks[k, 2] and not every:
+        if layout.blocks[k, 2] and not all_bodies:
             continue
         fetch_ahead(layout, k + 1, Q, Q + 4, atom_f)
         take(layout, k, Q, Q + 4, Q)
@@ -212,7 +212,7 @@ class Operation(NamedTuple):
             step.  Such a letter stands once, from the first on that moves to the last.
         measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
             the step is two passes over the bodies, and `prepares` is between them.
-        exact: whether it rotates bodies exactly where parameters[MROT] is EXACT; see `operations`.
+        exact: whether it rotates bodies exactly where parameters.mrot is EXACT; see `operations`.
         named: whether it may read the rows COUNTED, NUMBER and FREE, see `block.take_names`.
     """
 
@@ -333,22 +333,29 @@ def _chain(parts):
     return chain
 
 
-def make_loops(integrator):
-    """The loops of an integrator's step.
+class Scheme:
+    """A step, and its loops.
 
     Args:
-        integrator: the class, with `splitting`, `operations` and `rows`.
-    Returns:
-        (advance, go_on, kick), as loops of the integrator's module; go_on is None where a step is
-        one pass.
+        owner: the module that the loops belong to, and what their names stand behind.
+        splitting, operations: see `stages`.
+        numbers, rows, starts, work: see `declaration.Declaration`.
+
+    Attributes:
+        advance, go_on, kick, start: see there.
+        prepared: whether a loop must set parameters in each step.
     """
-    parts = stages(integrator.splitting, integrator.operations)
-    if parts.prepared and integrator.prepares is None:
-        raise ValueError(
-            f"{integrator.__name__}: an operation is prepared, and there is no loop `prepares`"
-        )
-    go_on = _make_go_on(integrator, parts) if len(parts.middle) > 1 else None
-    return _make_advance(integrator, parts), go_on, _make_kick(integrator, parts)
+
+    def __init__(
+        self, owner, splitting, operations, numbers, rows=0, starts=None, work=0
+    ):  # fmt: skip
+        self.operations, self.numbers, self.work = operations, numbers, work
+        parts, how = stages(splitting, operations), (owner, numbers, rows)
+        self.prepared = parts.prepared
+        self.advance = _make_advance(parts, *how)
+        self.go_on = _make_go_on(parts, *how) if len(parts.middle) > 1 else None
+        self.kick = _make_kick(parts, *how)
+        self.start = starts and _make_start(starts, *how)
 
 
 def _ends(lead, tail):
@@ -371,14 +378,14 @@ def place(layout, k, atom_x):
     write_atoms(layout, k, X, atom_x)
 
 
-def _make_advance(integrator, parts):
+def _make_advance(parts, owner, numbers, rows):
     """The first pass of a step, or all of it."""
-    rows, middle, named = integrator.rows, parts.middle[0], parts.named
+    middle, named = parts.middle[0], parts.named
     several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
 
     def advance(
-        layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F, parameters: F1,
-        gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
+        layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F,
+        parameters: numbers, gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
     ) -> I:  # fmt: skip
         """Move the bodies, and place their atoms.
 
@@ -420,15 +427,16 @@ def _make_advance(integrator, parts):
             move_to_images(layout, images, atom_x)
         return wrong
 
-    return _loop_of(integrator, advance)
+    return loop(advance, owner)
 
 
-def _make_go_on(integrator, parts):
+def _make_go_on(parts, owner, numbers, rows):
     """The second pass of a step."""
-    rows, rest = integrator.rows, parts.middle[-1]
+    rest = parts.middle[-1]
 
     def go_on(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, rank: I, mask: F2
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, rank: I,
+        mask: F2,
     ):  # fmt: skip
         """The second pass of a step, which places the atoms."""
         for k in range(layout.blocks.shape[0] - 1):
@@ -442,17 +450,17 @@ def _make_go_on(integrator, parts):
             place(layout, k, atom_x)
         move_to_images(layout, images, atom_x)
 
-    return _loop_of(integrator, go_on)
+    return loop(go_on, owner)
 
 
-def _make_kick(integrator, parts):
+def _make_kick(parts, owner, numbers, rows):
     """What a step ends or begins with, alone."""
-    rows, tail_moves, named = integrator.rows, parts.tail_moves, parts.ends_named
+    tail_moves, named = parts.tail_moves, parts.ends_named
     end_and_begin = _ends(parts.lead, parts.tail)
 
     def kick(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: F1, ends: I, begins: I,
-        rank: I, mask: F2,
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, ends: I,
+        begins: I, rank: I, mask: F2,
     ):  # fmt: skip
         """End a step, or begin one, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
@@ -469,14 +477,13 @@ def _make_kick(integrator, parts):
         if tail_moves:
             move_to_images(layout, images, atom_x)
 
-    return _loop_of(integrator, kick)
+    return loop(kick, owner)
 
 
-def make_start(integrator):
+def _make_start(starts, owner, numbers, rows):
     """The loop that sets the bodies' own rows when the forces of the start are known."""
-    starts, rows = integrator.starts, integrator.rows
 
-    def start(layout: Layout, dt: F, parameters: F1, rank: I, mask: F2):
+    def start(layout: Layout, dt: F, parameters: numbers, rank: I, mask: F2):
         """Set the bodies' own rows, with the force and torque that the bodies have."""
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, TORQUE + 3, MASS)
@@ -485,11 +492,4 @@ def make_start(integrator):
             starts(layout.block, kind_of(layout, layout.blocks[k, 0]), dt, parameters)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
 
-    return _loop_of(integrator, start)
-
-
-def _loop_of(integrator, function):
-    """A loop that belongs to the module of an integrator."""
-    function.__module__ = integrator.__module__
-    function.__qualname__ = f"{integrator.__qualname__}.{function.__name__}"
-    return loop(function)
+    return loop(start, owner)

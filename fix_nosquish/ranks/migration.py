@@ -18,7 +18,7 @@ from ..loops.memory import (
     rows,
     swap,
 )
-from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Layout
+from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import Mpi, add_up
 from .sharing import SHARING, find
@@ -345,7 +345,7 @@ def arrange(mpi, sharing, arrived, bodies, kinds):
     find_owners(arrived, bodies, sharing)
     number_bodies(arrived, bodies)
     ends = longs_in(bodies, BODIES.ends)
-    kinds[0], kinds[1] = ends[1], ends[3]
+    kinds.rotors, kinds.turning = ends[1], ends[3]
     make_blocks(bodies)
     place_atoms(bodies)
     carry_over(arrived, bodies)
@@ -390,7 +390,7 @@ def follow(
     sharing: L2,
     atoms: Atoms,
     bodies: L2,
-    kinds: L1,
+    kinds: Kinds,
     aways: L1,
     block: F64,
     found: F1,

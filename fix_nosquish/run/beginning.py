@@ -9,7 +9,6 @@ from ..bodies.bodies import Start
 from ..bodies.membership import Membership
 from ..box import deform
 from ..loops import machine_code
-from ..motion.operations import FTM2V, MROT, PARAMETERS
 from . import log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .passes import Passes
@@ -30,7 +29,7 @@ def look_at_fixes(integrator: "Integrator") -> None:
 
 def look_at_box(integrator: "Integrator") -> None:
     """Find out whether another fix changes the box, and bodies move with it."""
-    deforms = integrator.other_fixes.deform and not integrator.every
+    deforms = integrator.other_fixes.deform and not integrator.box_every
     follows = deforms and integrator.lammps.respa_dt is None
     integrator.told_box = integrator.host.told_box if follows else None
     integrator.streams = integrator.told_box is not None and bool(integrator.host.stream_group)
@@ -45,10 +44,11 @@ def bind(integrator: "Integrator") -> None:
     integrator.gravity = refusals.weight(integrator)
     integrator.external.begin()
     bodies.cells["rate"].set(host.rate if integrator.streams else np.zeros(6))
-    own = [0.0] * PARAMETERS
-    own[FTM2V], own[MROT] = integrator.lammps.ftm2v, rotation.inner_steps(integrator)
     integrator.mask = integrator.switches.mask(bodies)
-    integrator.parameters = np.array([*own, *integrator.own_parameters()])
+    mrot = rotation.inner_steps(integrator)
+    integrator.parameters = integrator.numbers.new(
+        ftm2v=integrator.lammps.ftm2v, mrot=mrot, **integrator.own_parameters()
+    )
     integrator.passes = Passes(
         integrator, bodies, integrator.lammps, integrator.communicator, integrator.mask,
         integrator.half_step_velocities, integrator.own_cells(),
@@ -73,11 +73,11 @@ def plan(integrator: "Integrator") -> None:
     holds = {
         SEEN: host.facts & SEEN,
         LATE: fixes.late,
-        MID_STEP: integrator.middle,
+        MID_STEP: integrator.mid_step,
         LEVELS: integrator.respa_dt is not None,
         WATCHED: kept.box_may_change,
         LOOKS: looks or integrator.switches.choices,
-        RESETS: integrator.middle and integrator.waiting not in (None, integrator.dt),
+        RESETS: integrator.mid_step and integrator.waiting not in (None, integrator.dt),
     }
     host.facts = sum(bit for bit, so in holds.items() if so)
     table = integrator.command.output if integrator.reports.file else None
@@ -98,7 +98,7 @@ def begin_run(integrator: "Integrator") -> None:
     host.follow_no_schedule()
     integrator.note_waiting()
     integrator.first_step = lammps.step
-    integrator.middle = type(integrator).middle and lammps.respa_dt is None
+    integrator.mid_step = type(integrator).mid_step and lammps.respa_dt is None
     host.phase = Phase.NEW
     integrator.reports.begin()
     host.set_bodies(None, None)  # the atoms are not those of the last run
@@ -126,12 +126,12 @@ def begin_run(integrator: "Integrator") -> None:
 
 def start_run(integrator: "Integrator") -> None:
     """Begin to move, now that the first forces are known; collective."""
-    middle = type(integrator).middle
+    middle = type(integrator).mid_step
     integrator.unchanged.refuse_new_masses(integrator)
     refusals.refuse_weight_twice(integrator)
     integrator.do("gather")
     integrator.reports.forget()
-    if middle and not integrator.middle:
+    if middle and not integrator.mid_step:
         _end_waiting(integrator)
     if integrator.start and not integrator.started:
         integrator.start.bind_to(integrator.passes.cells)()
@@ -144,7 +144,7 @@ def start_run(integrator: "Integrator") -> None:
         integrator.set_velocities()
     integrator.ran = True
     # LAMMPS asks the fixes behind this one for their forces after it
-    if integrator.other_fixes.change_forces and not integrator.middle:
+    if integrator.other_fixes.change_forces and not integrator.mid_step:
         integrator.host.facts |= GATHERS
 
 

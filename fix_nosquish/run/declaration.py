@@ -1,10 +1,15 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
-from collections.abc import Callable
-from typing import ClassVar
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
 
-from ..loops.compiled import Loop
+import numpy as np
+
+from ..loops.compiled import Cell, Kind, Loop
 from ..motion import step
+from ..motion.operations import Parameters
+
+_OF_LOOPS = "splitting", "operations", "numbers", "rows", "starts"
 
 
 class Declaration:
@@ -12,6 +17,8 @@ class Declaration:
 
     The step:
         splitting, operations: what a step is; see `step.stages`.
+        numbers: the record of the parameters that its operations take: `operations.Parameters`, or
+            one that extends it.
         rows: how many numbers of its own each body has; they go where the body goes, and begin as
             0. In a block they are the rows from BLOCK_ROWS on.
         kept: how many more numbers go where the body goes, behind its rows in the state, which
@@ -21,9 +28,9 @@ class Declaration:
             as in an operation, inlined.
         prepares: a loop that sets parameters for the letter that is `prepared`, or None; it returns
             0, or -1 to end the run with the message `unprepared`.
-        middle: whether the velocities that atoms have at the end of a step are those of its middle,
-            before the letters behind the forces: with a thermostat there, these are the right ones.
-            Not with run_style respa.
+        mid_step: whether the velocities that atoms have at the end of a step are those of its
+            middle, before the letters behind the forces: with a thermostat there, these are the
+            right ones.  Not with run_style respa.
 
     What it can do:
         method: what the log calls it.
@@ -31,7 +38,7 @@ class Declaration:
             those with an operation that says so.
         keywords: those of its own, besides what `command.KEYWORDS` has for all.
         respa: whether it can have the forces of the levels of run_style respa.
-        thermostat: whether it keeps a temperature, so that no other fix may.
+        thermostat: what keeps a temperature, so that no other fix may; None for nothing.
         quenches: whether it ends a run by itself.
         backwards: whether the time step may be below zero, so that a run goes back in time.
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
@@ -44,16 +51,11 @@ class Declaration:
             by another array. The first number, above 0, says what the others are. It is -1 if the
             file has another one there, and the others stay as they were made.
         freedom_said: what the log says of the degrees of freedom that its thermostat acts on.
-        own_warnings: lines for the log on what is probably not meant.
         modules: names of modules whose loops it needs, besides those of its classes.
 
     The box:
-        every: it changes in the steps after the multiples of this; 0 for never.
-        cell_loops: with `every`, a method that binds two lists of loops to cells: what the forces
-            say of the pressure, and what changes the box in the next step.
+        box_every: it changes in the steps after the multiples of this; 0 for never.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
-        flip_loops: with `flips`, a method that binds the list of loops that do so, before atoms go
-            to other ranks.
 
     Loops of the splitting:
         advance, go_on: the passes of a step.
@@ -61,60 +63,96 @@ class Declaration:
         start: of `starts`.
     """
 
-    operations: ClassVar[dict] = {}
-    splitting, rows, kept, work = "", 0, 0, 0
+    splitting: str = ""
+    operations: Mapping[str, step.Operation] = {}
+    numbers: Kind = Parameters
+    rows: int = 0
+    kept: int = 0
+    work: int = 0
     starts: Callable | None = None
     prepares: Loop | None = None
-    unprepared, middle = "", False
+    unprepared: str = ""
+    mid_step: bool = False
     advance: Loop
-    go_on: Loop | None
+    go_on: Loop | None = None
     kick: Loop
-    start: Loop | None
+    start: Loop | None = None
 
-    method, splits, keywords, respa, thermostat = "", False, (), True, False
-    quenches = crosses = needs_energy = couples = False
-    backwards = True
-    restart_state, freedom_said = None, ""
-    own_warnings, modules = (), ()
-    every, flips = 0, False
+    method: str = ""
+    splits: bool = False
+    keywords: tuple[str, ...] = ()
+    respa: bool = True
+    thermostat: object = None
+    quenches: bool = False
+    backwards: bool = True
+    crosses: bool = False
+    needs_energy: bool = False
+    couples: bool = False
+    restart_state: np.ndarray | None = None
+    freedom_said: str = ""
+    modules: tuple[str, ...] = ()
+    box_every: int = 0
+    flips: bool = False
 
-    def __init_subclass__(cls):
-        if not vars(cls).keys().isdisjoint(("splitting", "operations", "rows", "starts")):
-            cls.advance, cls.go_on, cls.kick = step.make_loops(cls)
-            cls.start = cls.starts and step.make_start(cls)
+    def __init_subclass__(cls) -> None:
+        if cls.splitting and not vars(cls).keys().isdisjoint(_OF_LOOPS):
+            scheme = step.Scheme(
+                (cls.__module__, cls.__qualname__),
+                cls.splitting, cls.operations, cls.numbers, cls.rows, cls.starts,
+            )  # fmt: skip
+            if scheme.prepared and cls.prepares is None:
+                raise ValueError(
+                    f"{cls.__name__}: an operation is prepared, and there is no loop `prepares`"
+                )
+            cls.advance, cls.go_on, cls.kick = scheme.advance, scheme.go_on, scheme.kick
+            cls.start = scheme.start
             cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
 
-    def own_parameters(self):
-        """Numbers for its operations, behind those of `operations`; asked when a run begins."""
-        return ()
+    def own_parameters(self) -> dict[str, Any]:
+        """Its parameters, besides those of `operations`: a dictionary from fields of `numbers`;
+        asked when a run begins.  Fields that it does not name are 0."""
+        return {}
 
-    def own_cells(self):
+    def own_cells(self) -> dict[str, Cell]:
         """A dictionary of the cells that its own loops take."""
         return {}
 
-    def own_lists(self, cells):
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         """Lists of loops of its own, by name, bound to cells."""
         return {}
 
-    def loops_behind(self, cells):
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
+        """With `box_every`, two lists of loops, bound to cells: what the forces say of the
+        pressure, and what changes the box in the next step."""
+        return [], []
+
+    def flip_loops(self, cells: dict[str, Cell]) -> list:
+        """With `flips`, the list of loops that do so, before atoms go to other ranks."""
+        return []
+
+    def loops_behind(self, cells: dict[str, Cell]) -> list:
         """A list of loops that come behind the second pass over the bodies, bound to cells."""
         return []
 
-    def turned_over(self):
+    def own_warnings(self) -> Iterable[str]:
+        """Lines for the log on what is probably not meant; collective."""
+        return ()
+
+    def turned_over(self) -> None:
         """There are other bodies than before, in a run; collective."""
 
-    def resumed(self):
+    def resumed(self) -> None:
         """A run's first step begins without a setup before it; collective.
 
         So it is with 'pre no', and always with a LAMMPS's own fix.
         """
 
-    def write_restart(self):
+    def write_restart(self) -> None:
         """LAMMPS writes a restart file: have `restart_state` ready for it; collective."""
 
-    def begin_trajectory(self):
+    def begin_trajectory(self) -> None:
         """The step ``host.begins`` is about to begin; collective."""
 
-    def complaint(self, found):
+    def complaint(self, found: int) -> str:
         """Why a loop that returned a number below 0 ends the run."""
         return self.unprepared

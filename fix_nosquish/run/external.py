@@ -260,7 +260,7 @@ class External:
         integrator, bodies = self._integrator, self._integrator.bodies
         box, which = integrator.lammps.box, bodies.listed
         x = (bodies.x + box.h @ bodies.image)[:, which]
-        if integrator.every:
+        if integrator.box_every:
             x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
         force = external[np.searchsorted(ids, bodies.id[which]), :3].T
         return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]

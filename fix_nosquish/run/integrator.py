@@ -52,7 +52,7 @@ class Integrator(Answers, Registered, Declaration):
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
-        parameters: (n,) what the operations take.
+        parameters: what the operations take, a record: see `Declaration.numbers`.
         mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
             does.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
@@ -61,8 +61,8 @@ class Integrator(Answers, Registered, Declaration):
         told_box: the host's, if another fix changes the box in this run and bodies move with it;
             else None.
         streams: whether it is with remap v that this happens.
-        waiting: with `middle`, the time step of the half kick that is left to the next run's first
-            step: 0.0 if none is, None if it is that step's own.
+        waiting: with `mid_step`, the time step of the half kick that is left to the next run's
+            first step: 0.0 if none is, None if it is that step's own.
         external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether something may read the atoms' velocities between the halves of
@@ -92,7 +92,7 @@ class Integrator(Answers, Registered, Declaration):
         self.line, self.name = line, line.name
         self.let_bodies_go()
         self.notes = cast(Notes, None)  # until bodies are made, and until passes are bound
-        self.parameters = cast(np.ndarray, None)
+        self.parameters = cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external, self.unchanged = External(self), refusals.Unchanged()
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
@@ -274,7 +274,7 @@ class Integrator(Answers, Registered, Declaration):
     def note_waiting(self) -> None:
         """Keep the time step of the last step of a run that has made some."""
         if self.stepped:
-            self.waiting, self.stepped = self.dt if self.middle else 0.0, False
+            self.waiting, self.stepped = self.dt if self.mid_step else 0.0, False
 
     # ------------------------------------------------------------- a step
 
@@ -363,7 +363,7 @@ class Integrator(Answers, Registered, Declaration):
             self.bodies.settle(self.lammps)
             velocities_of.set_plain(self)
         self.reports.forget()
-        if self.middle:
+        if self.mid_step:
             self.reports.end_run()
 
     @hook

@@ -138,7 +138,7 @@ def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[lis
         (bodies.oriented, "orientation of particles", ""),
         (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
         (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
-        (integrator.every, f"box, in one of {integrator.every} steps", ""),
+        (integrator.box_every, f"box, in one of {integrator.box_every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
         (integrator.external.acts, "external forces and torques", ""),
@@ -209,7 +209,7 @@ def warnings(integrator: "Integrator") -> list[str]:
             "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
             "their translation; a thermostat warms it"
         )
-    lines += [*notes.warnings, *integrator.own_warnings]
+    lines += [*notes.warnings, *integrator.own_warnings()]
     dt = integrator.lammps.innermost_dt
     turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
     if turn > _FAST:

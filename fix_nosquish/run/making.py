@@ -13,7 +13,6 @@ from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare
 from ..errors import RunError
-from ..motion.operations import MROT
 from . import rotation
 from .refusals import refuse_turnover
 from .switches import Switches
@@ -121,7 +120,7 @@ def turn_over(integrator: "Integrator") -> None:
     refuse_turnover(integrator)
     integrator.reports.warn(lines)
     rotation.choose(integrator)
-    integrator.parameters[MROT] = rotation.inner_steps(integrator)
+    integrator.parameters.mrot = rotation.inner_steps(integrator)
     integrator.mask = integrator.switches.mask(integrator.bodies)
     integrator.external.learn()
     integrator.turned_over()

@@ -218,7 +218,7 @@ def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -
     """
     command, host = integrator.command, integrator.host
     theirs, ours = f"fix {fix.id} (style {fix.style})", f'fix {host.fix_id} ("{command.text}")'
-    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.every:
+    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.box_every:
         ours_instead = "use fix nosquish/npt or fix nosquish/nph in its place"
         return (
             f"{theirs} changes the box, and bodies do not move with it: "
@@ -249,7 +249,7 @@ def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -
             )
         return (
             f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
-            f"give it {without}, or use fix nosquish/{'nph' if integrator.every else 'nve'}"
+            f"give it {without}, or use fix nosquish/{'nph' if integrator.box_every else 'nve'}"
         )
     if command.points and host.removed_freedom(fix.id, command.points):
         return (

@@ -23,9 +23,21 @@ import numpy as np
 from ..bodies import extended
 from ..bodies.bodies import aligned
 from ..box import deform
-from ..loops.compiled import F1, F2, F64, L1, Cell, F, I, loop
+from ..loops.compiled import F1, F2, F64, Cell, F, I, loop
 from ..motion import step, virial
-from ..motion.block import ALL, BLOCK_ROWS, DIVIDED, ID, LANES, MASS, MOMENT, WHOLE, Q, four
+from ..motion.block import (
+    ALL,
+    BLOCK_ROWS,
+    DIVIDED,
+    ID,
+    LANES,
+    MASS,
+    MOMENT,
+    WHOLE,
+    Kinds,
+    Q,
+    four,
+)
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
@@ -48,7 +60,7 @@ def weigh(state: F2, wrench: F2, gravity: F1):
 
 
 @loop
-def push(state: F2, kinds: L1, wrench: F2, pushed: F1, external: F2):
+def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
     """Add external forces and torques, (n, 6), of the bodies with these IDs, (n,) in order.
 
     A torque about an axis without moment, which a linear body and a point have, turns nothing.
@@ -56,15 +68,15 @@ def push(state: F2, kinds: L1, wrench: F2, pushed: F1, external: F2):
     for b in range(wrench.shape[1]):
         low, high = 0, pushed.shape[0]
         while low < high:
-            middle = (low + high) // 2
-            if pushed[middle] < state[ID, b]:
-                low = middle + 1
+            mid = (low + high) // 2
+            if pushed[mid] < state[ID, b]:
+                low = mid + 1
             else:
-                high = middle
+                high = mid
         if low == pushed.shape[0] or pushed[low] != state[ID, b]:
             continue
         x, y, z = external[low, 3], external[low, 4], external[low, 5]
-        if b >= kinds[0]:
+        if b >= kinds.rotors:
             r = rotation_matrix(four(state, Q, b))
             t1, t2, t3 = to_body(r, x, y, z)
             t1 = t1 if state[MOMENT, b] > 0.0 else 0.0
@@ -114,7 +126,7 @@ class Passes:
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
         self.mask = None if mask is None else Cell(F2, mask)
         cells = bodies.cells | lammps.cells | own_cells
-        cells |= {"dt": self.dt, "parameters": Cell(F1, integrator.parameters)}
+        cells |= {"dt": self.dt, "parameters": Cell(integrator.numbers, integrator.parameters)}
         if self.mask is not None:
             cells["mask"] = self.mask
         if integrator.work:
@@ -138,7 +150,7 @@ class Passes:
         elif communicator.size == 1:
             whole = [*before, self._advance(integrator, True, ALL, how)]
         else:  # messages are under way while the bodies that need none move
-            some = step.gather.bind_to(cells, every=False)
+            some = step.gather.bind_to(cells, all_bodies=False)
             undivided = self._advance(integrator, True, WHOLE, how)
             divided = self._advance(integrator, True, DIVIDED, how)
             whole = [some, *shared, *before, undivided, *added, divided]
@@ -152,10 +164,10 @@ class Passes:
             "kick": [*gather, kick_begins],
             "velocities": velocities,
             "orient": orient,
-            "constraint_virial": [*gather, *of_bodies] if integrator.middle else of_bodies,
+            "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
             "follow": [bodies.following],
         }
-        if integrator.every:
+        if integrator.box_every:
             self.lists["pressure"], moves = integrator.cell_loops(cells)
             self.lists["cell"] = [*moves, *after] if moves else []
         if integrator.flips:
@@ -184,7 +196,7 @@ class Passes:
     def _gather(self, integrator, bodies, exchange):
         """The list of loops for force and torque of each body; `exchange` has those for what other
         ranks know of it."""
-        gather = [step.gather.bind_to(self.cells, every=True)]
+        gather = [step.gather.bind_to(self.cells, all_bodies=True)]
         if bodies.spin:
             gather.append(extended.add_torques.bind_to(self.cells))
         gather += exchange

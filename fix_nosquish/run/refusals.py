@@ -37,7 +37,7 @@ def refuse_missing_template(integrator: "Integrator") -> None:
 def refuse_time_step(integrator: "Integrator") -> None:
     """End the run if the integrator cannot take the time step that there is."""
     dt = integrator.lammps.dt
-    if (dt < 0 and not integrator.backwards) or (dt == 0 and integrator.every):
+    if (dt < 0 and not integrator.backwards) or (dt == 0 and integrator.box_every):
         raise RunError(
             f"the time step is {dt:g}, and the integrator {integrator.name} needs one above zero: "
             "look at the command timestep",
@@ -117,7 +117,7 @@ def refuse_streams(integrator: "Integrator") -> None:
 
 def refuse_turnover(integrator: "Integrator") -> None:
     """End the run, in which bodies came or are gone, if the integrator does not do so."""
-    if integrator.start or integrator.every or integrator.needs_energy:
+    if integrator.start or integrator.box_every or integrator.needs_energy:
         raise RunError(
             f"bodies came or are gone by step {integrator.lammps.step}, which the integrator "
             f"{integrator.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
@@ -150,7 +150,7 @@ class Unchanged:
     def refuse_new_box(self, integrator: "Integrator", held: bool | np.ndarray) -> None:
         """End the run if one of the box vectors that are held, (3,) bool, has changed."""
         box = integrator.lammps.box
-        if box is self._box or integrator.every:
+        if box is self._box or integrator.box_every:
             return
         if ((box.h != integrator.bodies.cells["h"].array) & held).any():
             raise RunError(

@@ -189,7 +189,7 @@ class Reports:
         if integrator.host.atoms_moved() or not begun:
             integrator.post_neighbor()
         with _as_they_are(bodies):
-            integrator.do("close" if begun and not integrator.middle else "gather")
+            integrator.do("close" if begun and not integrator.mid_step else "gather")
             integrator.lammps.cells["virial"].set(virial)
             integrator.lammps.cells["atom_virial"].set(np.empty((0, 9)))
             integrator.do("constraint_virial")
@@ -240,9 +240,9 @@ class Reports:
         integrator, now = self._integrator, self.energies().kinetic
 
         def closed(bodies: Bodies) -> float:
-            if integrator.middle and integrator.is_over:  # LAMMPS's atoms may be other ones now
+            if integrator.mid_step and integrator.is_over:  # LAMMPS's atoms may be other ones now
                 return now + self._gained_at_end
-            if not integrator.middle or integrator.phase != Phase.WAITING:
+            if not integrator.mid_step or integrator.phase != Phase.WAITING:
                 return now
             with _as_they_are(bodies):
                 integrator.do("close")

@@ -152,7 +152,9 @@ SCHEDULE = {
 
 def follow(integrator: "Integrator", hook: str) -> None:
     """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
-    host, now = integrator.host, integrator.host.now()
+    host = integrator.host
+    known = host.now()
+    now = host.facts | SHOWN | TABLE if known is None else known  # then all that there may be is done
     for action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue

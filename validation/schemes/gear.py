@@ -27,8 +27,8 @@ changes by a term of dt^2 meanwhile.  Each `run` starts so again, except with `r
 with `reinit no`, where the derivatives go on.
 """
 
+from collections.abc import Mapping
 from math import sqrt
-from typing import ClassVar
 
 from fix_nosquish import of_fix_line
 from fix_nosquish.loops.compiled import inlined
@@ -50,7 +50,6 @@ from fix_nosquish.motion.block import (
     write,
 )
 from fix_nosquish.motion.frames import angular_velocity, quaternion_momentum, to_body
-from fix_nosquish.motion.operations import FTM2V
 from fix_nosquish.motion.rotor import dot, mix, s_times
 from fix_nosquish.motion.step import Operation, rotation_matrices
 from fix_nosquish.run.integrator import Integrator
@@ -221,7 +220,7 @@ def correct(block, kind, dt, parameters):
     """Correct what was predicted, with force and torque there."""
     rotation_matrices(block)
     take_terms(block, dt)
-    correct_block(block, dt, parameters[FTM2V])
+    correct_block(block, dt, parameters.ftm2v)
     put_derivatives(block, dt)
     put_bodies(block, dt)
 
@@ -231,7 +230,7 @@ def start(block, kind, dt, parameters):
     """Find the derivatives of bodies that have none yet, from force and torque."""
     rotation_matrices(block)
     take_terms(block, dt)
-    ftm2v = parameters[FTM2V]
+    ftm2v = parameters.ftm2v
     for b in range(LANES):
         write(block, TERM + 2 * WIDTH, b, second_term(block, b, dt, ftm2v))
         for n in range(ORDER):
@@ -254,7 +253,7 @@ class Gear(Integrator):
     """
 
     splitting = "P F C"
-    operations: ClassVar = {
+    operations: Mapping[str, Operation] = {
         "P": Operation(predict, moves=True, named=False),
         "C": Operation(correct, moves=True, named=False),
     }

@@ -32,6 +32,7 @@ rotation that NVE has.  iL_4 is NVE's kick, since p = 2 S(q) (0, I omega): omega
 bodies' state as this p.
 """
 
+from collections.abc import Mapping
 from math import sqrt
 
 from fix_nosquish import of_fix_line
@@ -89,9 +90,10 @@ class MatubayasiNakahara(NVE):
     """fix python/move "validation.schemes.matubayasi_nakahara.MatubayasiNakahara GROUP BODYSTYLE
     ...", as `NVE`."""
 
-    operations = NVE.operations | {
-        "A": Operation(free_motion(rotate), moves=True, named=False)
-    }  # fmt: skip
+    operations: Mapping[str, Operation] = {
+        **NVE.operations,
+        "A": Operation(free_motion(rotate), moves=True, named=False),
+    }
     method = "Matubayasi and Nakahara's scheme"
 
 

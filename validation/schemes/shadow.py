@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from fix_nosquish import of_fix_line
-from fix_nosquish.bodies.bodies import matrices
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
-from fix_nosquish.motion.operations import EXACT, MROT
+from fix_nosquish.motion.frames import matrices
+from fix_nosquish.motion.operations import EXACT
 from fix_nosquish.run import thermo
 
 STEPS = 3  # whose potential energies are needed
@@ -46,7 +46,7 @@ class Shadowed(NVE):
     method, needs_energy, respa = "NO_SQUISH and its shadow energy", True, False
     shadow = np.nan  # the latest one, in LAMMPS's units
 
-    def own_parameters(self) -> tuple[float, ...]:
+    def own_parameters(self) -> dict[str, Any]:
         """A run begins, or a command that sets up as one does: name the first step to take."""
         self._refuse()
         self._taken: list[tuple[int, float, float, float]] = []
@@ -56,7 +56,7 @@ class Shadowed(NVE):
         if (step + STEPS - 1) % self._every == 0:
             self.host.begins = step + 1  # the start is one of three
         self._name_next()
-        return ()
+        return {}
 
     def begin_trajectory(self) -> None:
         """Take the start of a run, as its first step begins; collective."""
@@ -77,7 +77,7 @@ class Shadowed(NVE):
 
     def _take(self, step: int) -> None:
         lammps, communicator, bodies = self.lammps, self.communicator, self.bodies
-        own = own_part(bodies, self.dt, lammps.ftm2v, self.parameters[MROT])
+        own = own_part(bodies, self.dt, lammps.ftm2v, self.parameters.mrot)
         own = communicator.total(np.array([own[bodies.sharers.owned].sum()]))[0]
         rest = thermo.energies(bodies, communicator, lammps).kinetic + lammps.mvv2e * own
         self._taken = [*self._taken, (step, self.dt, self.host.energy, rest)][-STEPS:]

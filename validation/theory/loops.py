@@ -16,6 +16,7 @@ from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q, V, X
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
+from fix_nosquish.motion.operations import Parameters
 from validation.schemes.matubayasi_nakahara import MatubayasiNakahara
 from validation.theory.calculus import restricted
 from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
@@ -82,9 +83,9 @@ class Scene:
             "atom_v": Cell(F2, np.zeros_like(self.r)),
         }
         self.dt = Cell(F)
-        cells |= {"dt": self.dt, "parameters": np.array([1.0, mrot])}
+        cells |= {"dt": self.dt, "parameters": Parameters.new(ftm2v=1.0, mrot=mrot)}
         whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
-        self.gather = step.gather.bind_to(cells, every=True)
+        self.gather = step.gather.bind_to(cells, all_bodies=True)
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
         self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
 

@@ -14,7 +14,7 @@ from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
-from fix_nosquish.motion.operations import EXACT
+from fix_nosquish.motion.operations import EXACT, Parameters
 from validation.scenes.units import BOLTZMANN
 from validation.theory.reference import multiply
 from validation.theory.top import free_top
@@ -51,7 +51,7 @@ class Waters:
         names = "atom_x", "atom_f", "atom_v"
         cells = self._bodies.cells | {name: Cell(F2, np.zeros((3 * n, 3))) for name in names}
         self._dt = Cell(F)
-        cells |= {"dt": self._dt, "parameters": np.array([1.0, rotor])}
+        cells |= {"dt": self._dt, "parameters": Parameters.new(ftm2v=1.0, mrot=rotor)}
         whole = {"gathers": step.GATHERS, "ends": True, "begins": True, "part": block.ALL}
         self._advance = NVE.advance.bind_to(cells, **whole)
 

@@ -1,30 +1,21 @@
-"""What integrators at constant pressure have in common: the words for it, and what they refuse.
+"""Barostats: what an ensemble has for its pressure, the words for it, and what they refuse.
 
 How the box follows the pressure is said by `crescale` and `mtk`.
 """
 
+from collections.abc import Callable, Iterator
+from typing import Any, ClassVar
+
 import numpy as np
 
 from ..box import cell, free_atoms
-from ..box.cell import (
-    EVERY,
-    MOST,
-    NUMBERS,
-    OUT_OF_BOUNDS,
-    P_START,
-    P_STOP,
-    SPACE,
-    TILTED,
-    UNIT,
-    WEIGHT,
-    XY,
-    flip,
-)  # fmt: skip
+from ..box.cell import MOST, OUT_OF_BOUNDS, XY, BarostatNumbers, flip
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
-from ..loops.compiled import F1, L1, Cell, I
+from ..loops.compiled import F1, L1, Cell, I, Kind, Loop
+from ..motion.step import Scheme
 from ..run.other_fixes import READERS, WITH_SWITCHES
-from .constant_temperature import ConstantTemperature
+from .thermostat import Part, Thermostat, at_constant_volume
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
@@ -37,19 +28,22 @@ _HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "
 _CLUSTERS = "shake", "rattle"
 _PLACES = "rigid", "poems", "move"
 _NOISE = "langevin", "qtb", "ttm", "gld"  # fixes whose forces are random
-KEYWORDS = (*PRESSURES, "couple", "every", "dilate")  # without a thermostat
-WITH_TEMPERATURE = (*ConstantTemperature.keywords, *KEYWORDS, "barostat", "compressibility")
+PRESSURE = (*PRESSURES, "couple", "every", "dilate")  # words
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
-class ConstantPressure(ConstantTemperature):
-    """An integrator whose box changes every so many steps.
+class Barostat(Part):
+    """What changes the box of an ensemble every so many steps.
 
     All atoms of the system are in its bodies, or points, or keyword dilate says of the others which
     ones move with the box.
 
     Attributes:
-        numbers: how many numbers its barostat has; see `cell`.
+        method: what the log calls it.
+        modules: names of modules whose loops it needs, besides those of its classes.
+        of_numbers: the record of what it knows.
+        numbers: that record; see `cell`.
+        state_size: how many numbers it must know to go on.
         has_others: whether there are atoms that are in no body.
 
     Raises:
@@ -57,17 +51,30 @@ class ConstantPressure(ConstantTemperature):
             of the box is not periodic.
     """
 
-    keywords = KEYWORDS
-    modules, numbers = (cell.__name__, free_atoms.__name__), NUMBERS
-    respa, every, has_others = False, 1, False
+    method = ""
+    modules, state_size = (cell.__name__, free_atoms.__name__), 0
+    of_numbers: ClassVar[Kind] = BarostatNumbers
+    numbers: Any = None
+    has_others = False
 
-    def own_parameters(self):
+    def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
+        """The step with a thermostat, and the loop that prepares it."""
+        return at_constant_volume(thermostat)
+
+    def take_state(self, state: np.ndarray) -> None:
+        """Have these numbers, a view of what a restart file keeps, as its state."""
+
+    def own_words(self) -> list:
+        """What its state is of."""
+        return []
+
+    def begin(self) -> None:
+        """A run begins; collective."""
         self._refuse()
         self._choose_every()
-        return super().own_parameters()
 
-    def start_run(self):
-        """As of `Integrator`; an error for keyword dilate with a part of what shake holds."""
+    def refuse_cut_clusters(self) -> None:
+        """End the run for keyword dilate with a part of what shake holds; collective."""
         if self.host.held:
             atom = self.host.cut_cluster()
             self.communicator.agree(
@@ -76,38 +83,37 @@ class ConstantPressure(ConstantTemperature):
                 if atom
                 else None
             )
-        super().start_run()
 
-    def _choose_every(self):
+    def _choose_every(self) -> None:
         """Say in which steps the box changes."""
         dt, damping = self.lammps.dt, self.damping
         usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
-        self.every = self.command.every or max(1, int(usual))
-        self.host.changes_box = self.every
+        self.ensemble.box_every = self.command.every or max(1, int(usual))
+        self.host.changes_box = self.ensemble.box_every
 
-    @property
-    def own_warnings(self):
-        """As of `ConstantTemperature`, and lines on the box; collective."""
-        return *super().own_warnings, *self._warnings_of_forces(), *self._warnings_of_every()
+    def warnings(self) -> Iterator[str]:
+        """Lines on the box; collective."""
+        yield from self._warnings_of_forces()
+        yield from self._warnings_of_every()
 
-    def _warnings_of_every(self):
+    def _warnings_of_every(self) -> Iterator[str]:
         dt = self.lammps.dt
-        parts = self.damping / (self.every * dt)
+        parts = self.damping / (self.ensemble.box_every * dt)
         if parts < FEWEST_PARTS:
             longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
-            remedy = longer if self.every == 1 else "keyword every a smaller number"
+            remedy = longer if self.ensemble.box_every == 1 else "keyword every a smaller number"
             yield (
                 f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
                 f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
                 f"break. Give {remedy}"
             )
 
-    def _warnings_of_forces(self):
+    def _warnings_of_forces(self) -> Iterator[str]:
         """Lines on fixes whose forces LAMMPS's virial lacks; collective.
 
         The pressure takes from it what all forces do within bodies.
         """
-        if self.external.moves_centres and not self.external.has_virial:
+        if self.ensemble.external.moves_centres and not self.ensemble.external.has_virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
                 "pressure without them. Give fix_modify external the words virial yes"
@@ -116,7 +122,7 @@ class ConstantPressure(ConstantTemperature):
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
-            if self.acts_on_bodies(fix):
+            if self.ensemble.acts_on_bodies(fix):
                 remedy = (
                     f"use 'fix_modify {fix.id} virial yes'"
                     if fix.has_virial
@@ -128,10 +134,11 @@ class ConstantPressure(ConstantTemperature):
                     f"lacks these: the box follows a wrong pressure: {remedy}"
                 )
 
-    def complaint(self, found):
+    def complaint(self, found: int) -> str:
         if found == OUT_OF_BOUNDS:
+            every = self.ensemble.box_every
             rare = (
-                f"Give keyword every 1: the box changes in one of {self.every} steps now. Without "
+                f"Give keyword every 1: the box changes in one of {every} steps now. Without "
                 "this keyword a longer PDAMP does not help, because the box then changes more "
                 "rarely. If it is not enough, give a longer PDAMP, too"
             )
@@ -139,12 +146,12 @@ class ConstantPressure(ConstantTemperature):
                 f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
                 f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
                 "the one asked for, or PDAMP is too short. "
-                f"{'Give a longer PDAMP' if self.every == 1 else rare}, or bring the system near "
+                f"{'Give a longer PDAMP' if every == 1 else rare}, or bring the system near "
                 "this pressure at constant volume first"
             )
-        return super().complaint(found)
+        return ""
 
-    def _refuse(self):
+    def _refuse(self) -> None:
         """Raise an error for a system whose box this fix cannot change; collective."""
         lammps = self.lammps
         if self.host.set_box is None:
@@ -153,8 +160,8 @@ class ConstantPressure(ConstantTemperature):
                 "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
                 everywhere=True,
             )
-        for mate in self.mates:
-            if mate is not self:
+        for mate in self.ensemble.mates:
+            if mate.number != self.ensemble.number:
                 raise RunError(
                     f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
                     "not follow the box that this fix changes: have one fix move all bodies, or "
@@ -200,7 +207,7 @@ class ConstantPressure(ConstantTemperature):
                     everywhere=True,
                 )
 
-    def _look_at_constraints(self):
+    def _look_at_constraints(self) -> None:
         """Find out whether fixes hold atoms together that move with the box; collective.
 
         Raises:
@@ -217,12 +224,12 @@ class ConstantPressure(ConstantTemperature):
                 )
         self.host.held = int(self._dilated) if deciding else 0
 
-    def _holds_what_moves(self, fix):
+    def _holds_what_moves(self, fix: Any) -> bool:
         """Whether a fix decides where atoms in no body are that move with the box; collective."""
         decides = fix.constrains or fix.style.startswith((*_CLUSTERS, *_PLACES))
         return decides and self._hits(fix, moving=True)
 
-    def _look_at_forces(self):
+    def _look_at_forces(self) -> None:
         """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
         own virial is taken from it; collective.
 
@@ -234,12 +241,19 @@ class ConstantPressure(ConstantTemperature):
             for fix in self.other_fixes
             if fix.post_force and not fix.style.startswith((*READERS, *_CLUSTERS))
         ]
-        noisy = any(f.style.startswith(_NOISE) and self.acts_on_bodies(f) for f in changing)
+        noisy = any(
+            f.style.startswith(_NOISE) and self.ensemble.acts_on_bodies(f) for f in changing
+        )
         self._noise_on_bodies = noisy
-        counted, others = [], []
+        counted: list[str] = []
+        others: list[str] = []
         for fix in changing:
             held = self.host.held and self._hits(fix, moving=True)
-            if held or self._hits(fix, moving=False) or (noisy and self.acts_on_bodies(fix)):
+            if (
+                held
+                or self._hits(fix, moving=False)
+                or (noisy and self.ensemble.acts_on_bodies(fix))
+            ):
                 (counted if fix.virial_in_press else others).append(fix.id)
         if counted and others:
             raise RunError(
@@ -253,11 +267,11 @@ class ConstantPressure(ConstantTemperature):
         self.host.counts = bool(others)
 
     @property
-    def _dilated(self):
+    def _dilated(self) -> np.int32:
         """The bit of keyword dilate's group, as LAMMPS has it in an int."""
         return np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
 
-    def _hits(self, fix, moving):
+    def _hits(self, fix: Any, moving: bool) -> bool:
         """Whether a fix acts on atoms in no body that move with the box, or on those that do not;
         collective."""
         if not self.has_others:
@@ -267,7 +281,7 @@ class ConstantPressure(ConstantTemperature):
         some[self.bodies.index] = False
         return self.communicator.any(fix.has(groups[some]).any())
 
-    def loops_of_others(self, cells):
+    def loops_of_others(self, cells: dict[str, Cell]) -> tuple[list, list]:
         """Loops for atoms that are in no body: what they say of the pressure, and what moves them
         with the box; two lists, empty where there are none."""
         if not self.has_others:
@@ -279,17 +293,17 @@ class ConstantPressure(ConstantTemperature):
             seen = [free_atoms.find_clusters.bind_to(cells, **finder), *seen]
         return seen, [free_atoms.move_others.bind_to(cells)]
 
-    def virial_of_bodies(self, cells):
+    def virial_of_bodies(self, cells: dict[str, Cell]) -> Callable[[], int]:
         """The loop for what the forces do about the bodies' centres."""
         return cell.virial_about_centres.bind_to(self._counted(cells, self._noise_on_bodies))
 
-    def _counted(self, cells, counts):
+    def _counted(self, cells: dict[str, Cell], counts: bool) -> dict[str, Cell]:
         """Cells whose forces are those that LAMMPS's virial counts, or all of them."""
         return cells | {"atom_f": cells["counted_f" if counts else "atom_f"]}
 
     @property
-    def axes(self):
-        """Which axes change together, and which tilts, (6,): see `cell.Barostat`."""
+    def axes(self) -> np.ndarray:
+        """Which axes change together, and which tilts, (6,): see `cell.BarostatNumbers`."""
         command = self.command
         coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
         groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
@@ -302,15 +316,15 @@ class ConstantPressure(ConstantTemperature):
         )
 
     @property
-    def flips(self):
+    def flips(self) -> bool:
         """Whether tilts change, so that other box vectors may be better."""
         return bool((self.axes[XY:] >= 0).any())
 
-    def flip_loops(self, cells):
+    def flip_loops(self, cells: dict[str, Cell]) -> list:
         return [flip.bind_to(cells)]
 
     @property
-    def damping(self):
+    def damping(self) -> float:
         """PDAMP, which is one for all axes."""
         every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
         damping, *others = sorted(every)
@@ -322,9 +336,10 @@ class ConstantPressure(ConstantTemperature):
             )
         return damping
 
-    def own_numbers(self):
-        """The numbers of the barostat, (n,): see `cell`."""
-        lammps, numbers, of_group = self.lammps, np.zeros(self.numbers), {}
+    def new_numbers(self) -> np.record:
+        """What the barostat knows as a run begins; collective."""
+        lammps, numbers = self.lammps, self.of_numbers.new(axes=self.axes)
+        of_group: dict[int, tuple[float, ...]] = {}
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:
                 words = self.command.pressure_of(part)[:2]
@@ -335,21 +350,33 @@ class ConstantPressure(ConstantTemperature):
                         f"{stop:g}, and an axis coupled to it from {of_group[group][0]:g} to "
                         f"{of_group[group][1]:g}: give both the same"
                     )
-                numbers[[P_START + k, P_STOP + k]] = start / lammps.nktv2p, stop / lammps.nktv2p
-        numbers[[UNIT, EVERY, SPACE]] = lammps.mvv2e, self.every, lammps.dimension == 3
+                numbers.p_start[k] = start / lammps.nktv2p
+                numbers.p_stop[k] = stop / lammps.nktv2p
+        numbers.unit, numbers.box_every = lammps.mvv2e, self.ensemble.box_every
+        numbers.dimension, numbers.tilted = lammps.dimension, self.flips
         # a change of an axis stretches a tilt along it, and narrows one that it is the second of
         changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
         for k, axis in enumerate(AXES):
             along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
-            numbers[WEIGHT + k] = 1.0 + along - across
-        numbers[TILTED] = self.flips
+            numbers.weight[k] = 1.0 + along - across
         return numbers
 
-    def own_cells(self):
-        return super().own_cells() | {
-            "barostat": Cell(F1, self.own_numbers()),
-            "axes": Cell(L1, self.axes),
-            "cell_sums": Cell(F1, np.zeros(12)),
+    def own_parameters(self) -> dict[str, Any]:
+        """Fields of the parameters; see `Thermostat`."""
+        return {}
+
+    def loops_behind(self, cells: dict[str, Cell]) -> list:
+        """Loops behind the second pass over the bodies, bound to cells."""
+        return []
+
+    def with_energy(self, scalar: float) -> float:
+        """A scalar that counts energies, with its own; collective."""
+        return scalar
+
+    def own_cells(self) -> dict[str, Cell]:
+        self.numbers = self.new_numbers()
+        return {
+            "barostat": Cell(self.of_numbers, self.numbers),
             "forces_virial": Cell(F1, self.host.forces_virial),
             "new_box": Cell(F1, np.zeros(12)),
             "set_box": Cell(L1, self.host.set_box),

@@ -1,0 +1,71 @@
+"""Stochastic velocity rescaling.
+
+Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007).
+"""
+
+from math import exp, log, sqrt
+
+from ..loops.compiled import inlined
+from ..motion.philox import minus_log, normal_pair
+from .rescaling import Rescaling, add_up_energies, use_factors
+from .thermostat import OF_THERMOSTATS, thermalise_piston, words_of_all
+
+
+@inlined
+def normal_and_uniform(parameters, attempt):
+    """A normal number, and minus the logarithm of a uniform one."""
+    w0, w1, w2, _ = words_of_all(parameters, attempt)
+    return normal_pair(w0, w1)[0], minus_log(w2)
+
+
+@inlined
+def sum_of_squares(parameters, n, attempt):
+    """The sum of the squares of n independent normal numbers: of one of them, if n is odd, and
+    twice a number of the gamma distribution (Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363,
+    2000)."""
+    result, pairs = 0.0, n // 2
+    if n % 2:
+        x, _ = normal_and_uniform(parameters, attempt)
+        result = x * x
+    d = pairs - 1.0 / 3.0
+    while pairs > 0:
+        attempt += 1
+        x, e = normal_and_uniform(parameters, attempt)
+        v = 1.0 + x / sqrt(9.0 * d)
+        v = v * v * v
+        if v > 0.0 and -e < 0.5 * x * x + d - d * v + d * log(v):
+            result += 2.0 * d * v
+            pairs = 0
+    return result
+
+
+@inlined
+def rescale(mpi, parameters, state, dt, gained):
+    """Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007), eq. A7.
+
+    Returns:
+        -1 if there is no kinetic energy to scale, else 0.
+    """
+    add_up_energies(mpi, parameters, gained)
+    sums, keep = parameters.energies, exp(-parameters.rate * dt)
+    for k in range(2):
+        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
+        if degrees > 0.0:
+            if not sums[k] > 0.0:
+                return -1
+            first = OF_THERMOSTATS[k]
+            ratio = (1.0 - keep) * parameters.kt / sums[k]
+            x, _ = normal_and_uniform(parameters, first)
+            others = sum_of_squares(parameters, int(degrees) - 1, first + 1)
+            square = keep + ratio * (x * x + others) + 2.0 * x * sqrt(keep * ratio)
+            sign = 1.0 if x + sqrt(keep / ratio) >= 0.0 else -1.0
+            parameters.factor[k] = sign * sqrt(square)
+    use_factors(mpi, parameters)
+    return 0
+
+
+class Csvr(Rescaling):
+    """Keyword thermostat csvr."""
+
+    acts, on_piston = rescale, thermalise_piston
+    method = "stochastic velocity rescaling"

@@ -1,0 +1,111 @@
+"""Nose-Hoover chains: Martyna, Tuckerman, Tobias and Klein, Mol. Phys. 87, 1117 (1996)."""
+
+from math import exp
+from typing import Any
+
+from ..loops.compiled import inlined
+from .rescaling import Rescaling, add_up_energies, use_factors
+from .thermostat import note_heat
+
+_W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
+SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
+# what a loop returns for a factor of a chain, or its inverse, that is larger than this
+UNSTABLE, MOST = -4, 1000.0
+STEPS = 20  # in TDAMP, with which chains are stable
+
+
+@inlined
+def move_chain(chain, n, twice, degrees, kt, rate, dt):
+    """Advance a chain of n thermostats by dt, symmetrically.
+
+    Args:
+        chain: (2 n,) positions, then velocities.
+        twice: twice the kinetic energy.
+    Returns:
+        the factor for velocities.
+    """
+    factor, second = 1.0, kt / (rate * rate)  # the mass of all but the first, `degrees` times that
+    for part in SUZUKI_YOSHIDA:
+        h = part * dt
+        for turn in range(2):
+            for i in range(n):
+                j = n - 1 - i if turn == 0 else i
+                if j == 0:
+                    force = (twice * factor * factor - degrees * kt) / (degrees * second)
+                else:
+                    before = second * (degrees if j == 1 else 1.0)
+                    force = (before * chain[n + j - 1] * chain[n + j - 1] - kt) / second
+                slow = exp(-0.25 * h * chain[n + j + 1]) if j < n - 1 else 1.0
+                chain[n + j] = slow * (slow * chain[n + j] + 0.5 * h * force)
+            if turn == 0:
+                factor *= exp(-h * chain[n])
+                for j in range(n):
+                    chain[j] += h * chain[n + j]
+    return factor
+
+
+@inlined
+def move_chains(mpi, parameters, state, dt, gained):
+    """Martyna, Tuckerman, Tobias and Klein, Mol. Phys. 87, 1117 (1996), eqs. 26-29.
+
+    Returns:
+        -1 if there is no kinetic energy to scale, UNSTABLE, or 0.
+    """
+    add_up_energies(mpi, parameters, gained)
+    sums, length = parameters.energies, parameters.chain
+    for k in range(2):
+        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
+        if degrees > 0.0:
+            if not sums[k] > 0.0:
+                return -1
+            parameters.factor[k] = move_chain(
+                state[k * length : (k + 1) * length], length // 2, sums[k], degrees,
+                parameters.kt, parameters.rate, dt,
+            )  # fmt: skip
+            if not 1.0 / MOST < parameters.factor[k] < MOST:
+                return UNSTABLE
+    use_factors(mpi, parameters)
+    return 0
+
+
+@inlined
+def move_chain_of_piston(mpi, parameters, cell, state, dt):
+    """The chain on the rates of strain, for all the time of a change of the box."""
+    numbers, rates, twice, degrees = cell.barostat, cell.piston.rates, 0.0, 0.0
+    for group in range(rates.size):
+        twice += numbers.inertia[group] * rates[group] * rates[group] / numbers.unit
+        degrees += 1.0 if numbers.inertia[group] > 0.0 else 0.0
+    chain, time = state[2 * parameters.chain :], dt * numbers.box_every
+    factor = move_chain(chain, chain.size // 2, twice, degrees, parameters.kt, numbers.rate, time)
+    for group in range(rates.size):
+        before = rates[group]
+        rates[group] = factor * before
+        note_heat(mpi, parameters, numbers, group, before, rates[group])
+
+
+class NoseHoover(Rescaling):
+    """Keyword thermostat nh.
+
+    Its state is (chains, 2, tchain): of translation and of rotation, or of both and of none, and
+    of a piston.  Each has positions and velocities.
+    """
+
+    acts, on_piston = move_chains, move_chain_of_piston
+    method, reversible = "Nose-Hoover chains", True
+
+    @property
+    def state_size(self) -> int:
+        return 2 * self.command.tchain * (3 if self.ensemble.has_piston else 2)
+
+    def own_parameters(self) -> dict[str, Any]:
+        return {**super().own_parameters(), "chain": 2 * self.command.tchain}
+
+    def complaint(self, found: int) -> str:
+        if found == UNSTABLE:
+            dt, damping = self.lammps.dt, self.lammps.number(self.command.temp[2])
+            return (
+                f"the Nose-Hoover chains are unstable at step {self.lammps.step}: TDAMP "
+                f"{damping:g} is {damping / dt:.3g} time steps. Give a TDAMP of at least "
+                f"{STEPS * dt:g}, or start from velocities of nearly this temperature"
+            )
+        return super().complaint(found)

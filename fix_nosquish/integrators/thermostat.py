@@ -1,0 +1,242 @@
+"""Thermostats: what an ensemble has in the middle of a step, for its temperature.
+
+A thermostat is letter O of the splitting B A O A B.  Where it stands decides how long a step may
+be: configurations have the right distribution there up to steps that are three to four times those
+of a thermostat at the ends (Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 142, 144114, 2015;
+Leimkuhler and Matthews, Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. Phys. Chem. A 123,
+6056, 2019).
+
+`langevin`, `csvr` and `nose_hoover` have one each.
+"""
+
+import weakref
+from collections.abc import Callable
+from math import exp, sqrt
+from typing import Any, ClassVar, NamedTuple
+from zlib import crc32
+
+import numpy as np
+
+from ..host.command import Command
+from ..loops.compiled import F1, L1, Cell, F, I, Kind, Loop, inlined, loop, record
+from ..motion.operations import Parameters
+from ..motion.philox import normal_pair, words
+from ..motion.step import Operation, Scheme
+from ..ranks.mpi import Mpi
+from .nve import NVE
+
+Bath = record(
+    "Bath",
+    Parameters,
+    rate=F,  # of damping
+    start=F,  # temperature at the begin of the run, at its end and now, as energies in mass times
+    stop=F,  # velocity squared
+    kt=F,
+    step=I,  # of the last random numbers, and which of its draws the next one is
+    draw=I,
+    key_0=I,  # of random numbers
+    key_1=I,
+    heat=F,  # the energy that this rank has given to the bodies
+)
+BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
+# the system's draws: of translation and of rotation, or both; of the barostat
+OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
+
+
+class Steps(NamedTuple):
+    """The step, and those at which the run begins and ends, (1,) each."""
+
+    step: L1
+    begin_step: L1
+    end_step: L1
+
+
+@inlined
+def part_of_run(steps):
+    """Which part of the run is over."""
+    length = steps.end_step[0] - steps.begin_step[0]
+    return (steps.step[0] - steps.begin_step[0]) / length if length > 0 else 0.0
+
+
+@inlined
+def prepare(parameters, steps):
+    """Set the temperature of this step, and which draw of the step comes next.
+
+    Returns:
+        as `part_of_run`.
+    """
+    part = part_of_run(steps)
+    parameters.kt = parameters.start + part * (parameters.stop - parameters.start)
+    parameters.draw = parameters.draw + 1 if parameters.step == steps.step[0] else 0
+    parameters.step = steps.step[0]
+    return part
+
+
+def key_of(command: Command, times_back: float) -> tuple[int, int]:
+    """The key of a fix's random numbers: bodies of two fixes may have the same IDs, and a step
+    counter that has gone back, so many times, counts steps that there were."""
+    whose = " ".join((command.group, command.style, *command.arguments))
+    if times_back:
+        whose += f", {times_back:.0f}"
+    return command.seed or 0, crc32(whose.encode()) & 0xFFFFFFFE
+
+
+@inlined
+def words_of_all(parameters, number):
+    """Four random words for the system: the draw of this number in this step."""
+    key_1 = parameters.key_1 | ALL_BODIES
+    return words(float(number), parameters.step, parameters.draw, parameters.key_0, key_1)
+
+
+# ---------------------------------------------------------------- what a thermostat does
+
+
+@inlined
+def nothing(mpi, parameters, state, dt, gained):
+    """What `Thermostat.acts` does by default: nothing of all bodies must be known."""
+    return 0
+
+
+@inlined
+def same(parameters):
+    """What `Thermostat.factor` is by default."""
+    return 1.0
+
+
+@inlined
+def not_on_piston(mpi, parameters, cell, state, dt):
+    """What `Thermostat.on_piston` does by default."""
+
+
+@inlined
+def thermalise_piston(mpi, parameters, cell, state, dt):
+    """Friction and noise on the rates of strain, for all the time of a change of the box."""
+    numbers, rates = cell.barostat, cell.piston.rates
+    keep = exp(-numbers.rate * dt * numbers.box_every)
+    for group in range(rates.size):
+        inertia, before = numbers.inertia[group], rates[group]
+        if inertia > 0.0:
+            w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
+            noise, _ = normal_pair(w0, w1)
+            heat = parameters.kt * numbers.unit
+            spread = sqrt((1.0 - keep * keep) * heat / inertia)
+            rates[group] = keep * before + spread * noise
+            note_heat(mpi, parameters, numbers, group, before, rates[group])
+
+
+@inlined
+def note_heat(mpi, parameters, numbers, group, before, after):
+    """Note, on rank 0, the energy that a thermostat gives to a rate of strain."""
+    if mpi.rank == 0:
+        given = 0.5 * numbers.inertia[group] * (after * after - before * before)
+        parameters.heat += given / numbers.unit
+
+
+class Part:
+    """A part of an ensemble: a thermostat or a barostat.
+
+    Args:
+        ensemble: the `ensemble.Ensemble` that it is put into.
+    """
+
+    def __init__(self, ensemble: Any) -> None:
+        self.ensemble: Any = weakref.proxy(ensemble)
+
+    def __getattr__(self, name: str) -> Any:
+        if name in ("lammps", "command", "host", "bodies", "communicator", "other_fixes"):
+            return getattr(self.ensemble, name)
+        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+
+
+class Thermostat(Part):
+    """What a derived class declares.
+
+    Attributes:
+        operation: letter O, an `Operation` that is `prepared`.
+        merged: None, or an operation that does A O A as one.
+        numbers: the record of what they take; `Bath` or one that extends it.
+        work: how many more rows of a block they need to work with.
+        acts: what comes before O once a step, an inlined function (mpi, parameters, state, dt,
+            gained).  `state` is the thermostat's own, and `gained` what twice the kinetic energy
+            has become more since O's `measures`.  It returns 0, or less to end the run.
+        factor: an inlined function (parameters) of what O multiplies velocities by.
+        on_piston: what it does to a piston, an inlined function (mpi, parameters, cell, state, dt);
+            see `mtk.PistonBox`.
+        scheme, prepares: the step at constant volume, and the loop before O; they follow from
+            these.
+
+        method: what the log calls it.
+        family: what its state was called in restart files before `kind`; see `mtk`.
+        keeps_momentum: whether it leaves the total momentum at zero.
+        reversible: whether a run with it can go back in time.
+        unprepared: the message for `acts` returning -1.
+    """
+
+    operation: ClassVar[Operation | None] = None
+    merged: ClassVar[Operation | None] = None
+    numbers: ClassVar[Kind] = Bath
+    work: ClassVar[int] = 0
+    acts: ClassVar[Callable] = nothing
+    factor: ClassVar[Callable] = same
+    on_piston: ClassVar[Callable] = not_on_piston
+    scheme: ClassVar[Scheme]
+    prepares: ClassVar[Loop]
+    method, family, unprepared = "", "Rescaling", ""
+    keeps_momentum, reversible = True, False
+
+    def __init_subclass__(cls) -> None:
+        own, owner = vars(cls).keys(), (cls.__module__, cls.__qualname__)
+        if cls.operation and own & {"operation", "merged", "numbers", "work"}:
+            letters, operations = "B A O A B", {"O": cls.operation}
+            if cls.merged:
+                letters, operations = "B A B", {"A": cls.merged}
+            cls.scheme = Scheme(
+                owner, letters, NVE.operations | operations, cls.numbers, work=cls.work
+            )
+        # where bodies are measured, what follows from it may be left to a derived class
+        complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
+        if complete and own & {"acts", "numbers", "operation"}:
+            cls.prepares = _prepares(cls, owner)
+
+    @property
+    def state_size(self) -> int:
+        """How many numbers it must know to go on."""
+        return 0
+
+    def take_state(self, state: np.ndarray) -> None:
+        """Have these numbers, a view of what a restart file keeps, as its state."""
+        self.state = state
+
+    def own_parameters(self) -> dict[str, Any]:
+        """Fields of `numbers` besides those of `Bath`; collective."""
+        return {}
+
+    def own_cells(self) -> dict[str, Cell]:
+        """What its loops take besides `parameters` and `own_state`."""
+        return {}
+
+    def turned_over(self) -> None:
+        """There are other bodies than before, in a run; collective."""
+
+    def complaint(self, found: int) -> str:
+        """Why what `acts` returned ends the run; empty if it was not this."""
+        return self.unprepared if found == -1 else ""
+
+
+def at_constant_volume(thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
+    """The step with a thermostat alone, and the loop before letter O."""
+    return thermostat.scheme, thermostat.prepares
+
+
+def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
+    """The loop before letter O, at constant volume."""
+    acts = thermostat.acts
+
+    def prepares(
+        mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, own_state: F1
+    ) -> I:  # fmt: skip
+        """Set the temperature of the step, and what letter O takes."""
+        prepare(parameters, steps)
+        return acts(mpi, parameters, own_state, dt, 0.0)
+
+    return loop(prepares, owner)
