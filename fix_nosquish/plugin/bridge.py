@@ -178,7 +178,7 @@ def _announce(bridge, instance):
     bridge.rigid = bool(getattr(instance, "rigid_flag", False))
     bridge.follows_atoms = bool(getattr(instance, "follows_atoms", False))
     bridge.carries = int(getattr(instance, "carries", 0))
-    bridge.changes_box = int(getattr(instance, "every", 0))
+    bridge.changes_box = int(getattr(instance, "box_every", 0))
     bridge.flips = bool(getattr(instance, "flips", False))
     bridge.needs_energy = bool(getattr(instance, "needs_energy", False))
     bridge.couples = bool(getattr(instance, "couples", False))
