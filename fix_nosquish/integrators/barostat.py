@@ -12,10 +12,9 @@ from ..box import cell, free_atoms
 from ..box.cell import MOST, OUT_OF_BOUNDS, XY, BarostatNumbers, flip
 from ..errors import RunError
 from ..host.command import PRESSURES, TILTS
-from ..loops.compiled import F1, L1, Cell, I, Kind, Loop
-from ..motion.step import Scheme
+from ..loops.compiled import F1, L1, Cell, I, Kind
 from ..run.other_fixes import READERS, WITH_SWITCHES
-from .thermostat import Part, Thermostat, at_constant_volume
+from .thermostat import Part
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
@@ -39,11 +38,8 @@ class Barostat(Part):
     ones move with the box.
 
     Attributes:
-        method: what the log calls it.
-        modules: names of modules whose loops it needs, besides those of its classes.
         of_numbers: the record of what it knows.
         numbers: that record; see `cell`.
-        state_size: how many numbers it must know to go on.
         has_others: whether there are atoms that are in no body.
 
     Raises:
@@ -51,22 +47,10 @@ class Barostat(Part):
             of the box is not periodic.
     """
 
-    method = ""
-    modules, state_size = (cell.__name__, free_atoms.__name__), 0
+    modules = cell.__name__, free_atoms.__name__
     of_numbers: ClassVar[Kind] = BarostatNumbers
     numbers: Any = None
     has_others = False
-
-    def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
-        """The step with a thermostat, and the loop that prepares it."""
-        return at_constant_volume(thermostat)
-
-    def take_state(self, state: np.ndarray) -> None:
-        """Have these numbers, a view of what a restart file keeps, as its state."""
-
-    def own_words(self) -> list:
-        """What its state is of."""
-        return []
 
     def begin(self) -> None:
         """A run begins; collective."""
@@ -360,18 +344,6 @@ class Barostat(Part):
             along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
             numbers.weight[k] = 1.0 + along - across
         return numbers
-
-    def own_parameters(self) -> dict[str, Any]:
-        """Fields of the parameters; see `Thermostat`."""
-        return {}
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        """Loops behind the second pass over the bodies, bound to cells."""
-        return []
-
-    def with_energy(self, scalar: float) -> float:
-        """A scalar that counts energies, with its own; collective."""
-        return scalar
 
     def own_cells(self) -> dict[str, Cell]:
         self.numbers = self.new_numbers()

@@ -200,7 +200,7 @@ def rescale_cell(
 class Crescale(Barostat):
     """Keyword barostat crescale."""
 
-    method = "stochastic cell rescaling"
+    method = ", and stochastic cell rescaling"
 
     def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
         seen, moved = self.loops_of_others(cells)

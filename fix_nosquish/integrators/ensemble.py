@@ -22,9 +22,8 @@ from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, record
 from ..run.integrator import Integrator
 from ..run.schedule import Phase
-from .barostat import Barostat
 from .momentum import Momentum
-from .thermostat import Thermostat, at_constant_volume, key_of
+from .thermostat import Part, Thermostat, key_of
 
 Kept = record(
     "Kept",
@@ -46,7 +45,8 @@ class Ensemble(Integrator):
 
     Attributes:
         thermostats, barostats: see above.
-        thermostat, barostat: those of the fix line, or None.
+        thermostat, barostat: those of the fix line; None for no thermostat, and a `Part` that does
+            nothing for no barostat.  parts: both, if they are there.
         momentum: the `Momentum`.
         restart_state: (n,) what goes to a restart file and comes from there; its energy is nan if
             nothing has come.  kept_state: the record at its begin.
@@ -68,39 +68,32 @@ class Ensemble(Integrator):
         line = Line.quoted(line) if isinstance(line, str) else line
         command = Command.parse(line, self.keywords)
         self.thermostat: Thermostat | None = self._made(self.thermostats, command, "thermostat")
-        self.barostat: Barostat | None = self._made(self.barostats, command, "barostat")
+        self.barostat: Part = self._made(self.barostats, command, "barostat") or Part(self)
         self.momentum = Momentum(self)
         kind = type(self.thermostat) if self.thermostat else Thermostat
         self.momentum.kept = kind.keeps_momentum
-        step_with = self.barostat.step_with if self.barostat else at_constant_volume
-        scheme, self.prepares = step_with(kind)
+        scheme, self.prepares = self.barostat.step_with(kind)
         self.operations, self.numbers, self.work = scheme.operations, scheme.numbers, scheme.work
         self.advance, self.go_on, self.kick = scheme.advance, scheme.go_on, scheme.kick
-        parts = [part for part in (self.thermostat, self.barostat) if part]
+        self.parts: list[Part] = [self.barostat, *([self.thermostat] if self.thermostat else [])]
         self.modules = (
-            *(one.__module__ for part in parts for one in type(part).__mro__),
-            *(self.barostat.modules if self.barostat else ()),
+            *(one.__module__ for part in self.parts for one in type(part).__mro__),
+            *self.barostat.modules,
             *(one.module.name for one in (self.prepares, self.advance)),
         )
-        self.method = "NO_SQUISH"
-        if self.thermostat:
-            self.method += f" with {self.thermostat.method} in the middle of the step"
-        if self.barostat:
-            self.method += f", and {self.barostat.method}"
+        within = self.thermostat and f" with {self.thermostat.method} in the middle of the step"
+        self.method = f"NO_SQUISH{within or ''}{self.barostat.method}"
         self.splits = self.has_piston or not kind.merged
-        self.respa = not self.barostat
-        self.backwards = kind.reversible and not self.barostat
-        self.box_every = 1 if self.barostat else 0
+        self.respa, self.box_every = not self.barostats, int(bool(self.barostats))
+        self.backwards = kind.reversible and not self.barostats
         # not in the place of a fix rigid with keyword langevin, whose scalar is a temperature
         self.couples = line.replaces not in rigid_fixes.BODIES
         super().__init__(ptr, line)
-        size = self.barostat.state_size if self.barostat else 0
-        self.own_state = np.zeros(size + (self.thermostat.state_size if self.thermostat else 0))
-        if self.barostat:
-            self.flips = self.barostat.flips
-            self.barostat.take_state(self.own_state[:size])
-        if self.thermostat:
-            self.thermostat.take_state(self.own_state[size:])
+        self.flips = self.barostat.flips
+        self.own_state = np.zeros(sum(part.state_size for part in self.parts))
+        size = self.barostat.state_size
+        for part, state in zip(self.parts, (self.own_state[:size], self.own_state[size:])):
+            part.state = state
         self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state])
         self.kept_state = Kept.of(self.restart_state)
         self._energy = 0.0  # given before this run, in all
@@ -123,50 +116,46 @@ class Ensemble(Integrator):
 
     @property
     def has_piston(self) -> bool:
-        return bool(self.barostat and self.barostat.state_size)
+        return self.barostat.state_size > 0
 
     @property
     def kind(self) -> float:
         """A number for what its own state is of."""
         command = self.command
         length = command.tchain if command.thermostat == "nh" else 0
-        words = [command.thermostat, length, command.separate]
-        if self.barostat:
-            words += self.barostat.own_words()
+        words = command.thermostat, length, command.separate, *self.barostat.own_words()
         return 1.0 + crc32(" ".join(map(str, (OWN, *words))).encode())
 
     def own_warnings(self) -> Iterator[str]:
         yield from self.momentum.warnings()
-        if self.barostat:
-            yield from self.barostat.warnings()
+        yield from self.barostat.warnings()
 
     def complaint(self, found: int) -> str:
         """Why what `prepares` or a change of the box returned ends the run."""
-        parts = [part for part in (self.thermostat, self.barostat) if part]
-        return next(filter(None, (part.complaint(found) for part in parts)), "")
+        return "".join(part.complaint(found) for part in self.parts)
 
     def own_cells(self) -> dict[str, Cell]:
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         cells = {
             "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "own_state": Cell(F1, self.thermostat.state if self.thermostat else np.empty(0)),
+            "own_state": Cell(F1, self.own_state[self.barostat.state_size :]),
         }  # fmt: skip
-        for part in self.thermostat, self.barostat:
-            cells |= part.own_cells() if part else {}
+        for part in self.parts:
+            cells |= part.own_cells()
         return cells
 
     def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        return self.barostat.cell_loops(cells) if self.barostat else ([], [])
+        return self.barostat.cell_loops(cells)
 
     def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.flip_loops(cells) if self.barostat else []
+        return self.barostat.flip_loops(cells)
 
     def loops_behind(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.loops_behind(cells) if self.barostat else []
+        return self.barostat.loops_behind(cells)
 
     def turned_over(self) -> None:
-        if self.thermostat:
-            self.thermostat.turned_over()
+        for part in self.parts:
+            part.turned_over()
 
     # ------------------------------------------------------------- a run
 
@@ -188,8 +177,7 @@ class Ensemble(Integrator):
             self.parameters.start = self.parameters.stop = unit * temperature
 
     def own_parameters(self) -> dict[str, Any]:
-        if self.barostat:
-            self.barostat.begin()
+        self.barostat.begin()
         start, stop, rate = self.temperature()
         if start != stop and self.host.span is None:
             raise RunError(
@@ -205,8 +193,8 @@ class Ensemble(Integrator):
             "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
             "step": -1, "key_0": key_0, "key_1": key_1,
         }  # fmt: skip
-        for part in self.thermostat, self.barostat:
-            own |= part.own_parameters() if part else {}
+        for part in self.parts:
+            own |= part.own_parameters()
         return own
 
     def _take_kept_state(self) -> None:
@@ -243,8 +231,7 @@ class Ensemble(Integrator):
 
     def start_run(self) -> None:
         """As of `Integrator`; an error for what the barostat cannot move."""
-        if self.barostat:
-            self.barostat.refuse_cut_clusters()
+        self.barostat.refuse_cut_clusters()
         super().start_run()
 
     def resumed(self) -> None:
@@ -280,7 +267,7 @@ class Ensemble(Integrator):
             scalar = self.lammps.mvv2e * self.energy() + end - middle
         else:
             scalar = super().compute_scalar()
-        return self.barostat.with_energy(scalar) if self.barostat else scalar
+        return self.barostat.with_energy(scalar)
 
     @hook
     def write_restart(self) -> None:

@@ -373,19 +373,19 @@ class Mtk(Barostat):
     """Keyword barostat mtk.
 
     Attributes:
-        piston: a record, whose memory is the begin of its own state.
+        piston: its state, as a record.
     """
 
-    method = "the piston of Martyna, Tobias and Klein"
-    of_numbers, state_size = PistonNumbers, Piston.dtype.itemsize // 8
-    piston: Any = None
+    method, of_numbers = ", and the piston of Martyna, Tobias and Klein", PistonNumbers
+    state_size = Piston.dtype.itemsize // 8
 
     def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
         of_volume = thermostat.scheme if thermostat.operation else None
         return _SCHEMES[of_volume], _PREPARES[thermostat]
 
-    def take_state(self, state: np.ndarray) -> None:
-        self.piston = Piston.of(state)
+    @property
+    def piston(self) -> Any:
+        return Piston.of(self.state)
 
     def own_words(self) -> list:
         # what classes were called when restart files were given these words

@@ -10,7 +10,7 @@ Leimkuhler and Matthews, Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. P
 """
 
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import exp, sqrt
 from typing import Any, ClassVar, NamedTuple
 from zlib import crc32
@@ -133,11 +133,22 @@ def note_heat(mpi, parameters, numbers, group, before, after):
 
 
 class Part:
-    """A part of an ensemble: a thermostat or a barostat.
+    """A part of an ensemble: a thermostat or a barostat; this class does nothing.
 
     Args:
         ensemble: the `ensemble.Ensemble` that it is put into.
+
+    Attributes:
+        method: what the log calls it.
+        modules: names of modules whose loops it needs, besides those of its classes.
+        state_size: how many numbers it must know to go on.
+        state: these, in the memory of the ensemble.
+        flips: whether tilts of the box change.
     """
+
+    method: str = ""
+    modules: tuple[str, ...] = ()
+    state: np.ndarray
 
     def __init__(self, ensemble: Any) -> None:
         self.ensemble: Any = weakref.proxy(ensemble)
@@ -146,6 +157,61 @@ class Part:
         if name in ("lammps", "command", "host", "bodies", "communicator", "other_fixes"):
             return getattr(self.ensemble, name)
         raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+
+    @property
+    def state_size(self) -> int:
+        return 0
+
+    @property
+    def flips(self) -> bool:
+        return False
+
+    def step_with(self, thermostat: type["Thermostat"]) -> tuple[Scheme, Loop]:
+        """The step with a thermostat, and the loop that prepares it."""
+        return thermostat.scheme, thermostat.prepares
+
+    def own_words(self) -> list:
+        """What its state is of."""
+        return []
+
+    def begin(self) -> None:
+        """A run begins; collective."""
+
+    def own_parameters(self) -> dict[str, Any]:
+        """Fields of the parameters besides those of `Bath`; collective."""
+        return {}
+
+    def own_cells(self) -> dict[str, Cell]:
+        """What its loops take besides `parameters` and `own_state`."""
+        return {}
+
+    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
+        """See `declaration.Declaration`, as of those below."""
+        return [], []
+
+    def flip_loops(self, cells: dict[str, Cell]) -> list:
+        return []
+
+    def loops_behind(self, cells: dict[str, Cell]) -> list:
+        return []
+
+    def turned_over(self) -> None:
+        pass
+
+    def warnings(self) -> Iterable[str]:
+        """Lines for the log on what is probably not meant; collective."""
+        return ()
+
+    def refuse_cut_clusters(self) -> None:
+        """End the run if it would cut clusters that are held; collective."""
+
+    def complaint(self, found: int) -> str:
+        """Why what a loop returned ends the run; empty if it was another part's."""
+        return ""
+
+    def with_energy(self, scalar: float) -> float:
+        """A scalar that counts energies, with its own; collective."""
+        return scalar
 
 
 class Thermostat(Part):
@@ -165,7 +231,6 @@ class Thermostat(Part):
         scheme, prepares: the step at constant volume, and the loop before O; they follow from
             these.
 
-        method: what the log calls it.
         family: what its state was called in restart files before `kind`; see `mtk`.
         keeps_momentum: whether it leaves the total momentum at zero.
         reversible: whether a run with it can go back in time.
@@ -181,7 +246,7 @@ class Thermostat(Part):
     on_piston: ClassVar[Callable] = not_on_piston
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
-    method, family, unprepared = "", "Rescaling", ""
+    family, unprepared = "Rescaling", ""
     keeps_momentum, reversible = True, False
 
     def __init_subclass__(cls) -> None:
@@ -198,34 +263,8 @@ class Thermostat(Part):
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
 
-    @property
-    def state_size(self) -> int:
-        """How many numbers it must know to go on."""
-        return 0
-
-    def take_state(self, state: np.ndarray) -> None:
-        """Have these numbers, a view of what a restart file keeps, as its state."""
-        self.state = state
-
-    def own_parameters(self) -> dict[str, Any]:
-        """Fields of `numbers` besides those of `Bath`; collective."""
-        return {}
-
-    def own_cells(self) -> dict[str, Cell]:
-        """What its loops take besides `parameters` and `own_state`."""
-        return {}
-
-    def turned_over(self) -> None:
-        """There are other bodies than before, in a run; collective."""
-
     def complaint(self, found: int) -> str:
-        """Why what `acts` returned ends the run; empty if it was not this."""
         return self.unprepared if found == -1 else ""
-
-
-def at_constant_volume(thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
-    """The step with a thermostat alone, and the loop before letter O."""
-    return thermostat.scheme, thermostat.prepares
 
 
 def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:

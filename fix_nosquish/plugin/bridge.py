@@ -170,7 +170,7 @@ def _announce(bridge: Bridge, instance: Any) -> None:
     for name in "follows_atoms", "flips", "needs_energy", "couples":
         setattr(bridge, name, bool(getattr(instance, name, False)))
     bridge.carries = int(getattr(instance, "carries", 0))
-    bridge.changes_box = int(getattr(instance, "every", 0))
+    bridge.changes_box = int(getattr(instance, "box_every", 0))
     state = getattr(instance, "restart_state", None)
     if state is not None:
         bridge.restart_size = len(state)

@@ -154,7 +154,9 @@ def follow(integrator: "Integrator", hook: str) -> None:
     """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
     host = integrator.host
     known = host.now()
-    now = host.facts | SHOWN | TABLE if known is None else known  # then all that there may be is done
+    now = (
+        host.facts | SHOWN | TABLE if known is None else known
+    )  # then all that there may be is done
     for action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
