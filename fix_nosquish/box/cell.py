@@ -122,6 +122,15 @@ def pressure_now(numbers, k, part):
 
 
 @inlined
+def is_in_bounds(numbers):
+    """Whether no axis and no tilt changes too much at once, and all are numbers."""
+    inside = True
+    for k in range(3):
+        inside &= 1.0 / MOST < numbers.stretch[k] < MOST and abs(numbers.shear[k]) < MOST - 1.0
+    return inside
+
+
+@inlined
 def stretch_box(cell, box, shift):
     """Stretch the box about its centre, then shear it, with all that follows from it; tell LAMMPS.
 
@@ -129,12 +138,8 @@ def stretch_box(cell, box, shift):
         OUT_OF_BOUNDS if a factor or a shear is, or was, else 0.
     """
     h, lo, numbers = box.h, box.lo, cell.barostat
-    for k in range(3):
-        if not 1.0 / MOST < numbers.stretch[k] < MOST:  # nor if it is not a number
-            numbers.broken = 1
-        if not abs(numbers.shear[k]) < MOST - 1.0:
-            numbers.broken = 1
-    if numbers.broken:
+    if numbers.broken or not is_in_bounds(numbers):
+        numbers.broken = 1
         return OUT_OF_BOUNDS
     for k in range(3):
         factor, centre = numbers.stretch[k], lo[k]

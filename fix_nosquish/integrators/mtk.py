@@ -41,6 +41,7 @@ from ..box.cell import (
     BarostatNumbers,
     add_motion,
     is_due,
+    is_in_bounds,
     motion_of,
     pressure_now,
     shear_rows,
@@ -360,11 +361,12 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         """
         due, part = is_due(steps.step, cell), prepare(parameters, steps)
         gained = begin_move(mpi, parameters, due, cell, box, part, dt)
+        bursts = due and not is_in_bounds(cell.barostat)
         if due:
             on_piston(mpi, parameters, cell, own_state, dt)
         wrong = acts(mpi, parameters, own_state, dt, gained)
         moved = end_move(parameters, due, cell, box, images.shift, part, dt, factor(parameters))
-        return min(wrong, moved)
+        return moved if bursts else min(wrong, moved)  # a box that bursts upsets chains, too
 
     return loop(prepares, owner)
 

@@ -153,7 +153,7 @@ SCHEDULE = {
 def follow(integrator: "Integrator", hook: str) -> None:
     """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
     host = integrator.host
-    known = host.now()
+    known = host.now()  # if not, all that there may be is done
     now = (
         host.facts | SHOWN | TABLE if known is None else known
     )  # then all that there may be is done
