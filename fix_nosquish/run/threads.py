@@ -125,6 +125,8 @@ class Threads:
 
 
 def floats_of(cell, count):
+    if not cell.kind.dtype.names:
+        return cell
     return array(cell.numbers[0].item(), (count,), np.float64)
 
 
