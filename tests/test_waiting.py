@@ -161,3 +161,39 @@ def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
         np.testing.assert_array_equal(getattr(results[0], name), getattr(results[1], name))
     (busy, builds), (lazy, _) = counts
     assert builds > 0.45 * steps and busy > builds and lazy < 15, counts
+
+
+DAMPED = """
+from fix_nosquish import of_fix_line
+from fix_nosquish.integrators.nve import NVE
+
+class Damped(NVE):
+    def final_integrate(self):
+        super().final_integrate()
+        self.bodies.v[:] *= 0.99
+
+__getattr__ = of_fix_line(Damped)
+"""
+
+
+def test_a_hook_of_ones_own_finds_the_end_of_the_step(simulate, tmp_path):
+    """Locks out bodies in the middle of a step behind a `final_integrate` that a class has itself:
+    what it does to their velocities then depends on how often there is output."""
+    (tmp_path / "damped.py").write_text(DAMPED)
+    fix, system = OURS.replace("fix_nosquish.NVE", "damped.Damped"), mixture("solid row pair")
+    looked, alone = (simulate(system, fix, STEPS, every=every) for every in (1, STEPS))
+    np.testing.assert_array_equal(alone.x, looked.x)
+    np.testing.assert_array_equal(alone.v, looked.v)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_virial_behind_a_command_between_runs(run_lammps, ranks):
+    """Locks out the constraint virial twice in the pressure of the first step of a run that is not
+    set up, where a command between the runs has made the bodies anew."""
+    system, pressure = mixture("solid planar row", temperature=3.0), []
+    for between in "", "write_restart r\n":
+        script = f"{system.setup}\ntimestep 0.002\n{OURS.format(group='bodies', words='molecule')}"
+        script += f"\nthermo 1\nrun 4\n{between}run 2 pre no\n"
+        rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+        pressure.append(dict(zip(rows["Step"], rows["Press"])))
+    assert pressure[0][5] == pytest.approx(pressure[1][5], rel=1e-3)

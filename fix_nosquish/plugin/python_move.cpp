@@ -108,6 +108,7 @@ int FixPythonMove::go_back()
     back.move(exchange);
     back.renew_forces();
     push();
+    make_virial_per_atom();    // for the atoms that are here now
     return 0;
   });
   return failures.are_kept();

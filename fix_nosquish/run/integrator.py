@@ -243,7 +243,9 @@ class Integrator(Answers, Registered, Declaration):
         """The first step of a run begins, and LAMMPS has called no setup before it."""
         self.resumed()
         self.follow_atoms()
+        vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
         self.setup(0)
+        self.host.vflag = vflag
 
     def continue_run(self) -> None:
         """Begin a run that is not set up, with 'pre no'; collective."""
@@ -281,7 +283,7 @@ class Integrator(Answers, Registered, Declaration):
     @hook
     def initial_integrate(self, vflag: int) -> None:
         """The first half of a step."""
-        self.host.vflag = vflag
+        self.host.vflag, self.stepped = vflag, True
         schedule.follow(self, "begin")
 
     def take_late_velocities(self) -> None:
@@ -369,7 +371,7 @@ class Integrator(Answers, Registered, Declaration):
     @hook
     def initial_integrate_respa(self, vflag: int, ilevel: int, iloop: int) -> None:
         """A level of run_style respa begins a step."""
-        self.host.vflag = vflag
+        self.host.vflag, self.stepped = vflag, True
         levels.begin_step(self, ilevel)
 
     @hook

@@ -87,9 +87,9 @@ class Action(NamedTuple):
 A = Action
 ACTIONS = (
     # the run's first forces are known
-    A("setup", (NEW,), call="start_run"),
-    A("setup", (NEW,), when=MID_STEP, then=WAITING),
-    A("setup", (NEW,), then=SET),
+    A("setup", ANY, call="start_run"),
+    A("setup", ANY, when=MID_STEP, then=WAITING),
+    A("setup", ANY, unless=MID_STEP, then=SET),
     A("setup", ANY, when=VIRIAL, passes="constraint_virial"),
     A("setup", ANY, when=PRESSURE, passes="pressure"),
     A("setup", ANY, call="tell_start"),
@@ -153,10 +153,10 @@ SCHEDULE = {
 def follow(integrator: "Integrator", hook: str) -> None:
     """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
     host = integrator.host
-    known = host.now()  # if not, all that there may be is done
-    now = (
-        host.facts | SHOWN | TABLE if known is None else known
-    )  # then all that there may be is done
+    known = host.now()
+    now = host.facts | SHOWN | TABLE if known is None else known  # else all that may be asked for
+    if integrator.has_own_hooks:  # which find the bodies at the end of the step, not in its middle
+        now |= SHOWN
     for action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
