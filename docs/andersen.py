@@ -17,8 +17,8 @@ def collide(block, kind, dt, parameters):
     given = 0.0
     for b in range(LANES):
         w0, w1, w2, w3 = words(block[NUMBER, b], parameters.step, 0, parameters.key_0, key)
-        chance, *_ = words(block[NUMBER, b], parameters.step, 1, parameters.key_0, key)
-        if chance < often * 4294967296.0:
+        chance = words(block[NUMBER, b], parameters.step, 1, parameters.key_0, key)
+        if chance[0] < often * 4294967296.0:
             (x, y, z), (f1, f2, f3) = three(block, V, b), three(block, FREE, b)
             (a1, a2), (a3, _) = normal_pair(w0, w1), normal_pair(w2, w3)
             speed = sqrt(parameters.kt / block[MASS, b])

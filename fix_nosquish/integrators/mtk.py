@@ -112,9 +112,10 @@ def dilate(block, kind, dt, parameters):
     """Strain the centres of mass, and slow their velocities down."""
     for k in range(3):
         longer, centre = parameters.strain[k] - 1.0, parameters.centres[k]
+        slow = parameters.slow[k]
         for b in range(LANES):
             block[X + k, b] += longer * (block[X + k, b] - centre)
-            block[V + k, b] *= parameters.slow[k]
+            block[V + k, b] *= slow
     if parameters.shears:
         _, y0, z0 = three_of(parameters.centres)
         shear_rows(block, X, LANES, three_of(parameters.strain_shear), y0, z0)

@@ -377,4 +377,5 @@ class Loop:
         addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
         call = partial(self.machine_code, addresses)
         call.cells = used  # they live as long as their addresses are in use
+        call.name = self.name.rpartition(".")[2]
         return call

@@ -63,36 +63,25 @@ class Declaration:
         start: of `starts`.
     """
 
-    splitting: str = ""
+    splitting, rows, kept, work = "", 0, 0, 0
     operations: Mapping[str, step.Operation] = {}
     numbers: Kind = Parameters
-    rows: int = 0
-    kept: int = 0
-    work: int = 0
     starts: Callable | None = None
     prepares: Loop | None = None
-    unprepared: str = ""
-    mid_step: bool = False
+    unprepared, mid_step = "", False
     advance: Loop
     go_on: Loop | None = None
     kick: Loop
     start: Loop | None = None
 
-    method: str = ""
-    splits: bool = False
+    method, splits, respa = "", False, True
     keywords: tuple[str, ...] = ()
-    respa: bool = True
     thermostat: object = None
-    quenches: bool = False
-    backwards: bool = True
-    crosses: bool = False
-    needs_energy: bool = False
-    couples: bool = False
+    quenches = crosses = needs_energy = couples = False
+    backwards, freedom_said = True, ""
     restart_state: np.ndarray | None = None
-    freedom_said: str = ""
     modules: tuple[str, ...] = ()
-    box_every: int = 0
-    flips: bool = False
+    box_every, flips = 0, False
 
     def __init_subclass__(cls) -> None:
         if cls.splitting and not vars(cls).keys().isdisjoint(_OF_LOOPS):
