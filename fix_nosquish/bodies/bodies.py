@@ -10,6 +10,7 @@ from copy import copy
 from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import RunError
 from ..host.lammps import Box, Lammps
@@ -64,9 +65,7 @@ class Start(NamedTuple):
 class TakesForces(Protocol):
     """What takes external forces, as `run.external.External` does."""
 
-    def give(
-        self, ids: Sequence[int], force: np.ndarray, torque: np.ndarray | Sequence[float]
-    ) -> None: ...
+    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None: ...
 
 
 class _View:

@@ -41,7 +41,7 @@ class Membership:
         lammps: the `Lammps` that has the atoms.
         communicator: the `Communicator` of its ranks, or `ALONE`.
         command: the `Command`, which is the fix line.
-        variable: name of the atom-style variable that tells bodies apart; None if none does.
+        variable: name of the atom-style variable that tells bodies apart; "" if none does.
         masks: bits of `lammps.groups`.  An atom is in a body if its groups have some bit of the
             first mask and some of the second.  It is a point if they have some bit of the third.
 
@@ -59,7 +59,7 @@ class Membership:
                     f"there is no group '{group}': define it before the fix", everywhere=True
                 )
         custom = command.arguments[0] if command.style == "custom" else ""
-        self.variable = custom[2:] if custom[:1] == "v" else None
+        self.variable = custom[2:] if custom[:1] == "v" else ""
         if self.variable and not lammps.has("variable", self.variable):
             raise RunError(
                 f"there is no variable '{self.variable}' (custom {custom}): "

@@ -1,6 +1,6 @@
 """What atoms are besides points: spheres, ellipsoids, lines, triangles, dipoles."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -77,7 +77,10 @@ def particles_of(lammps: Lammps, shapes: np.ndarray | None, atoms: np.ndarray) -
     moment, quat, dipole, momentum = (np.zeros((k, m)) for k in (3, 4, 3, 3))
     keeps = np.zeros(m, bool)
     radius, mu = lammps.radius, lammps.per_atom("mu", columns=4)
-    omega, angmom = (lammps.per_atom(name, columns=3) for name in ("omega", "angmom"))
+    # None only in styles whose particles have neither
+    omega, angmom = (
+        cast(np.ndarray, lammps.per_atom(name, columns=3)) for name in ("omega", "angmom")
+    )
     if radius is not None:
         moment[:] = SPHERE * mass * radius[atoms] ** 2
         momentum[:] = moment * omega[atoms].T

@@ -152,7 +152,7 @@ def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.nda
     place[order] = np.arange(len(tag)) - (np.cumsum(here) - here)[body[order]]
     shared = here < bodies.natoms
     place = np.where(shared[body], tag - first[body], place).astype(int)
-    types = lammps.per_atom("type", np.int32)[bodies.index]
+    types = lammps.types[bodies.index]
     # whole numbers, whose sums do not depend on their order
     halves = np.floor(weights((place << 20) + types) * 2.0**31)
     sums = bodies.sharers.total(body, *halves)

@@ -382,8 +382,8 @@ class Command:
         points: ID of the group whose atoms move as points, each by itself; None for none.
         mol: ID of the molecule template of which fixes insert bodies, None for none.
         gravity: ID of the fix gravity that gives the bodies' weight, None for none.
-        temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, None for none.
-        steps: those of a trajectory, None for none.  mix: a word for a number.
+        temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, () for none.
+        steps: those of a trajectory, 0 for none.  mix: a word for a number.
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: the principal moments that bodies get, None for those of their atoms.
@@ -411,8 +411,8 @@ class Command:
     points: str | None = None
     mol: str | None = None
     gravity: str | None = None
-    temp: tuple[str, ...] | None = None
-    steps: int | None = None
+    temp: tuple[str, ...] = ()
+    steps: int = 0
     mix: str = "1"
     thermostat: str = THERMOSTATS[0]
     seed: int | None = None

@@ -53,8 +53,7 @@ class Host(Protocol):
             known, as with kspace_style msm.
         next_output: the next step for which LAMMPS writes something; None if that is not known.
         begins: the next step that Python begins, by its method `begin_trajectory`; -1 for none.
-        energy_step: the next step at whose end Python needs the potential energy; -1 for none, and
-            None where LAMMPS does not give it.
+        energy_step: the next step at whose end Python needs the potential energy; -1 for none.
         energy: the potential energy of the last forces, the same on all ranks, as a step begins or
             at the end of that one.
         last_step: the last step of the run.
@@ -98,8 +97,8 @@ class Host(Protocol):
     ghost_velocity: bool
     scalar_pressure: bool
     next_output: int | None
-    begins: int | None
-    energy_step: int | None
+    begins: int
+    energy_step: int
     energy: float
     last_step: int
     span: tuple | None
@@ -110,6 +109,7 @@ class Host(Protocol):
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
     find_clusters: np.ndarray | None
+    stop: np.ndarray | None
     told_box: np.ndarray | None
     rate: np.ndarray | None
     stream_group: int

@@ -239,17 +239,17 @@ class Lammps:
         return self.lib.lammps_get_thermo(self.handle, b"time")
 
     @property
-    def respa_dt(self) -> np.ndarray | None:
-        """The time steps of run_style respa's levels, innermost first; None without it."""
+    def respa_dt(self) -> list[float]:
+        """The time steps of run_style respa's levels, innermost first; none without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
-        return array(self._global("respa_dt"), (count,), float).copy() if count else None
+        return array(self._global("respa_dt"), (count,), float).tolist() if count else []
 
     @property
     def innermost_dt(self) -> float:
         """The time step with which bodies move."""
         levels = self.respa_dt
-        return self.dt if levels is None else levels[0]
+        return levels[0] if levels else self.dt
 
     @property
     def running(self) -> bool:

@@ -28,7 +28,8 @@ class OwnFix:
 
     fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
     find_clusters, held, counts = None, 0, 0
-    begins = energy_step = stop = orient_atom = rate = None
+    stop = orient_atom = rate = None
+    begins = energy_step = -1
     stream_group, rotor = 0, -1
     calls_setup = follows = scalar_pressure = False
     command = ()  # not known

@@ -183,7 +183,7 @@ class HMC(NVE):
 
     def _refuse(self) -> None:
         """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
-        if self.host.energy_step is None:
+        if not self.host.follows:
             raise RunError(
                 "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
                 "it, and no forces anew: install this package where its plugin serves, or use "

@@ -322,14 +322,14 @@ def put_in(thermostat: type[Thermostat], module: str) -> None:
     of_volume = None
     if letter := thermostat.operation:
         letters, of_volume = "B A D O A B", thermostat.scheme
-        operations = operations | {"O": letter._replace(prepared=False, measures=None)}
+        operations = {**operations, "O": letter._replace(prepared=False, measures=None)}
         measures = _both(letter.measures) if letter.measures else measures
     if of_volume not in _SCHEMES:
         dilation = Operation(dilate, prepared=True, measures=measures)
         _SCHEMES[of_volume] = Scheme(
             owner,
             letters,
-            operations | {"D": dilation},
+            {**operations, "D": dilation},
             record(owner[1], thermostat.numbers, **STRAINS),
             work=thermostat.work,
         )

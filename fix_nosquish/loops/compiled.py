@@ -36,8 +36,9 @@ import ctypes
 import math
 import operator
 import sys
+from collections.abc import Mapping
 from functools import partial, update_wrapper
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -82,7 +83,8 @@ class Kind(NamedTuple):
 
     def fits(self, dtype):
         """Whether this is a record, and numbers of that type have its fields where it has them."""
-        own, theirs = self.dtype.fields or {}, dtype.fields or {}
+        own: Mapping[str, Any] = self.dtype.fields or {}
+        theirs = dtype.fields or {}
         return bool(own) and all(theirs.get(name) == place for name, place in own.items())
 
     def new(self, **values):
@@ -95,9 +97,9 @@ class Kind(NamedTuple):
         """
         made = np.zeros(1, self.dtype)[0]
         for name, value in values.items():
-            if name not in self.dtype.names:
+            if name not in made.dtype.names:
                 raise TypeError(
-                    f"the record {self.name} has no field {name}, but {', '.join(self.dtype.names)}"
+                    f"the record {self.name} has no field {name}, but {', '.join(made.dtype.names)}"
                 )
             setattr(made, name, value)
         return made
@@ -309,13 +311,13 @@ class Loop:
             raise TypeError(
                 f"{self.name}: {' and '.join(bare)} must be annotated with a kind, such as F1"
             )
-        self.kinds = {}  # of the parameters and of the fields of bundles
+        self.kinds: dict[str, Kind] = {}  # of the parameters and of the fields of bundles
         for name, what in self.parameters.items():
             more = {name: what} if isinstance(what, Kind) else annotations(what)
             if twice := self.kinds.keys() & more.keys():
                 raise TypeError(f"{self.name} has two arguments {' and '.join(sorted(twice))}")
             self.kinds |= more
-        self.machine_code = None
+        self.machine_code: Any = None  # a function of ctypes, once it is loaded
         self.module = module_of(module)
         self.module.loops.append(self)
 
@@ -336,7 +338,7 @@ class Loop:
             raise TypeError(
                 f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}"
             )
-        flat = []
+        flat: list[Any] = []
         for what, value in zip(self.parameters.values(), values, strict=True):
             flat += [value] if isinstance(what, Kind) else value
         return self._bind(flat)

@@ -10,6 +10,7 @@ with it. Only the public interfaces of numba and llvmlite are used.
 import gc
 import math
 import os
+from collections.abc import Callable
 from functools import cache
 from itertools import count
 
@@ -106,7 +107,7 @@ def _call(typing, place, arguments):
     return types.int64(types.int64, types.UniTuple(types.int64, len(arguments))), code
 
 
-PRIMITIVES = {
+PRIMITIVES: dict[Callable, Callable] = {
     compiled.prefetch: _prefetch,
     compiled.address: lambda array: array.ctypes.data,
     compiled.floats: lambda place, rows, columns: carray(_to_float(place), (rows, columns)),

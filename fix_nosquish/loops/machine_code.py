@@ -8,6 +8,7 @@ import ctypes
 import fcntl
 import importlib
 import importlib.util
+import inspect
 import operator
 import os
 import pickle
@@ -16,15 +17,17 @@ import sys
 import tempfile
 import time
 import warnings
+from collections.abc import Callable
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
+from typing import Any
 
 from . import bitcode
 
-INLINED = {}  # function: the options that numba compiles it with
-MODULES = {}  # name: the `Module`
+INLINED: dict[Callable, dict[str, Any]] = {}  # function: the options that numba compiles it with
+MODULES: dict[str, "Module"] = {}  # name: the `Module`
 PACKAGE = __name__.partition(".")[0]
 _HASH = 8  # bytes of a file before its machine code
 COMPILERS = "lower.py", "compile.py"
@@ -87,7 +90,8 @@ class Module:
     """
 
     def __init__(self, name):
-        self.name, self.loops, self.ready, self.code, self.left = name, [], False, None, []
+        self.name, self.loops, self.ready, self.left = name, [], False, []
+        self.code: bytes | None = None
 
     def load(self):
         """Make the loops ready."""
@@ -125,7 +129,7 @@ class Module:
     def _danger(self, path):
         """Why others than who runs this, or whose source is run anyway, may have put machine code
         there; nothing if they cannot."""
-        owners = {os.geteuid(), 0, os.stat(sys.modules[self.name].__file__).st_uid}
+        owners = {os.geteuid(), 0, os.stat(inspect.getfile(sys.modules[self.name])).st_uid}
         there = path.stat()
         if there.st_uid not in owners:
             return f"{path} belongs to another user ({there.st_uid})"
@@ -144,17 +148,16 @@ class Module:
         codes = in_processes("compile", missing)
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
         for one in missing:
-            one.code = codes[one.name]
-            one.save()
+            one.save(codes[one.name])
 
     def weight(self):
         """About how long it takes to compile the loops, in a unit of its own."""
         return sum(len(repr(_contents(one.__wrapped__))) for one in self.loops)
 
-    def save(self):
-        """Keep the machine code in a file."""
-        places = self.places()
-        content = importlib.util.source_hash(self.code) + self.code
+    def save(self, code: bytes):
+        """Keep this machine code, also in a file."""
+        self.code, places = code, self.places()
+        content = importlib.util.source_hash(code) + code
         if not any(_save(place, content, self._danger) for place in places):
             folders = " nor ".join(str(place.parent) for place in places)
             warnings.warn(
@@ -176,7 +179,7 @@ class Module:
                 "loops of a driver script cannot be compiled: have the class with its operations "
                 "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
             )
-        beside = Path(importlib.util.cache_from_source(sys.modules[self.name].__file__))
+        beside = Path(importlib.util.cache_from_source(inspect.getfile(sys.modules[self.name])))
         compiler = (
             f"{_processor()} {metadata.version('llvmlite')} {metadata.version('numba')} "
             f"{[Path(__file__).with_name(name).read_text() for name in COMPILERS]}"
@@ -199,7 +202,7 @@ def in_processes(program, modules):
     """
     allowed = getattr(os, "sched_getaffinity", None)  # not on macOS
     cores = len(allowed(0)) if allowed else os.cpu_count() or 1
-    groups = [(0, []) for _ in range(min(4, cores, len(modules)))]
+    groups: list[tuple[int, list[str]]] = [(0, []) for _ in range(min(4, cores, len(modules)))]
     for one in sorted(modules, key=Module.weight, reverse=True):
         weight, names = groups.pop(0)
         groups.append((weight + one.weight(), [*names, one.name]))
@@ -208,7 +211,8 @@ def in_processes(program, modules):
     start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
     start += f"run({f'{__package__}.{program}'!r}, run_name='__main__')"
     quiet = {"MPI4PY_RC_INITIALIZE": "0"}
-    codes, problem = {}, None
+    codes: dict[str, bytes] = {}
+    problem = None
     with ExitStack() as stack:
         # not standard output, to which a user's module may print
         answers = [stack.enter_context(tempfile.TemporaryFile()) for _ in groups]

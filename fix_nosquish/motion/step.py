@@ -1,5 +1,6 @@
 """The passes of a step over a rank's bodies, and how they follow from an integrator's splitting."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 from ..loops.compiled import F2, F, I, inlined, loop
@@ -216,10 +217,10 @@ class Operation(NamedTuple):
         named: whether it may read the rows COUNTED, NUMBER and FREE, see `block.take_names`.
     """
 
-    does: object
+    does: Callable
     moves: bool = False
     prepared: bool = False
-    measures: object = None
+    measures: Callable | None = None
     exact: bool = False
     named: bool = True
 
@@ -278,7 +279,7 @@ def stages(splitting, operations):
         return _chain(parts + ([(last, 1.0)] if last else []))
 
     pause = prepared[0] if prepared and operations[letters[prepared[0]]].measures else None
-    middle = (chain(first, cut),)
+    middle: tuple[Callable, ...] = (chain(first, cut),)
     if pause is not None:
         measures = operations[letters[pause]].measures
         middle = chain(first, pause, measures), chain(pause, cut)

@@ -17,19 +17,19 @@ AT = "at_"  # what the fields of lists of actions begin with, behind which the h
 LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))
 
 
-def _shared(name, kind):
+def _shared(name: str, kind: Callable[[Any], Any]) -> property:
     """An attribute in the memory that C++ shares."""
 
-    def get(self):
+    def get(self: "Host") -> Any:
         return kind(getattr(self._bridge, name))
 
-    def put(self, value):
+    def put(self: "Host", value: int) -> None:
         setattr(self._bridge, name, value)
 
     return property(get, put)
 
 
-def _asked(name):
+def _asked(name: str) -> property:
     """An attribute that a function of the fix tells."""
     return property(lambda self: bool(getattr(self._bridge, name)(self._bridge.fix)))
 
@@ -88,15 +88,15 @@ class Host:
         return found
 
     @property
-    def command(self):
+    def command(self) -> list[str]:
         return self._bridge.command(self._bridge.fix).decode(errors="replace").split()
 
     @property
-    def next_output(self):
+    def next_output(self) -> int:
         return self._next_output.value
 
     @property
-    def last_step(self):
+    def last_step(self) -> int:
         return self._last_step.value
 
     def shapes(self, natoms: int) -> np.ndarray | None:
@@ -187,7 +187,7 @@ class Host:
         if lists is not None:
             passes = {name: _passes(some) for name, some in lists.items()}
             tables = {name: _actions(name[len(AT) :], passes) for name in LISTS}
-            self._kept = lists, passes, tables
+            self._kept: tuple | None = lists, passes, tables
             for name, table in tables.items():
                 place = _as(name, table.ctypes.data) if len(table) > 1 else None
                 setattr(self._bridge, name, place)
@@ -198,15 +198,15 @@ class Host:
         self._kept = None
 
     @property
-    def energy(self):
+    def energy(self) -> float:
         return self._bridge.potential(self._bridge.fix)
 
     @property
-    def energy_step(self):
+    def energy_step(self) -> int:
         return self._bridge.energy_step
 
     @energy_step.setter
-    def energy_step(self, step):
+    def energy_step(self, step: int) -> None:
         self._bridge.energy_step = step
         self._bridge.ask_for_energy(self._bridge.fix, step)
 
@@ -229,7 +229,7 @@ class Host:
         self._point(self._bridge.fix)
 
 
-def _passes(bound):
+def _passes(bound: Sequence[Any]) -> np.ndarray:
     """Bound loops as C++ has them, (n + 1, 2): their addresses and those of their arguments."""
     table = np.zeros((len(bound) + 1, 2), np.int64)
     for row, one in zip(table, bound, strict=False):
@@ -237,7 +237,7 @@ def _passes(bound):
     return table
 
 
-def _actions(hook, passes):
+def _actions(hook: str, passes: dict[str, np.ndarray]) -> np.ndarray:
     """The actions of a hook as C++ has them, (n + 1,), but those whose passes the run has not."""
     some = [one for one in SCHEDULE[hook] if one.passes is None or one.passes in passes]
     table = np.zeros(len(some) + 1, np.dtype(Action))
@@ -251,6 +251,6 @@ def _actions(hook, passes):
     return table
 
 
-def _as(name, place):
+def _as(name: str, place: int) -> Any:
     """An address as the field of this name takes it."""
     return cast(place, dict(Bridge._fields_)[name])

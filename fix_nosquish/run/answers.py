@@ -45,9 +45,10 @@ class Answers:
     @property
     def story(self) -> str | None:
         """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
-        return rigid_fixes.story(self.host.fix_id, self.command)
+        return rigid_fixes.story(cast(str, self.host.fix_id), self.command)  # native: it has one
 
-    vector_extensive, array_columns = (True, True, False, False), 15
+    vector_extensive: tuple[bool, ...] = True, True, False, False
+    array_columns = 15
 
     @hook
     def dof(self, group: int) -> int:
@@ -63,7 +64,9 @@ class Answers:
         rigid of those that these act on, as there.
         """
         if self.command.line.replaces and (self.command.force or self.command.torque):
-            return self.reports.temperature_of(lambda bodies: self.switches.mask(bodies))
+            return self.reports.temperature_of(
+                lambda bodies: cast(np.ndarray, self.switches.mask(bodies))  # not all acts
+            )
         return self.reports.energies().temperature
 
     @hook

@@ -30,7 +30,7 @@ def look_at_fixes(integrator: "Integrator") -> None:
 def look_at_box(integrator: "Integrator") -> None:
     """Find out whether another fix changes the box, and bodies move with it."""
     deforms = integrator.other_fixes.deform and not integrator.box_every
-    follows = deforms and integrator.lammps.respa_dt is None
+    follows = deforms and not integrator.lammps.respa_dt
     integrator.told_box = integrator.host.told_box if follows else None
     integrator.streams = integrator.told_box is not None and bool(integrator.host.stream_group)
     if integrator.told_box is not None:
@@ -74,7 +74,7 @@ def plan(integrator: "Integrator") -> None:
         SEEN: host.facts & SEEN,
         LATE: fixes.late,
         MID_STEP: integrator.mid_step,
-        LEVELS: integrator.respa_dt is not None,
+        LEVELS: bool(integrator.respa_dt),
         WATCHED: kept.box_may_change,
         LOOKS: looks or integrator.switches.choices,
         RESETS: integrator.mid_step and integrator.waiting not in (None, integrator.dt),
@@ -98,7 +98,7 @@ def begin_run(integrator: "Integrator") -> None:
     host.follow_no_schedule()
     integrator.note_waiting()
     integrator.first_step = lammps.step
-    integrator.mid_step = type(integrator).mid_step and lammps.respa_dt is None
+    integrator.mid_step = type(integrator).mid_step and not lammps.respa_dt
     host.phase = Phase.NEW
     integrator.reports.begin()
     host.set_bodies(None, None)  # the atoms are not those of the last run

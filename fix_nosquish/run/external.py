@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from zlib import crc32
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..errors import RunError
 from ..host.command import is_number
@@ -122,7 +123,7 @@ class External:
             [*said.words.values()], energy=said.energy, virial=said.virial
         )
 
-    def give(self, ids: np.ndarray, force: np.ndarray, torque: np.ndarray) -> None:
+    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None:
         """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
         integrator = self._integrator
         try:
@@ -185,7 +186,7 @@ class External:
         self.acts = bool(
             said.python or said.words or said.numbers[:ENERGY].any() or len(self._given.ids)
         )
-        if self.acts and self._integrator.lammps.respa_dt is not None:
+        if self.acts and self._integrator.lammps.respa_dt:
             raise RunError(
                 "external forces are not for run_style respa: use run_style verlet",
                 everywhere=True,

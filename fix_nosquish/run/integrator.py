@@ -268,10 +268,9 @@ class Integrator(Answers, Registered, Declaration):
         """Have the loops use the time step as it is now."""
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
         if self.passes:
-            respa = self.respa_dt is not None
-            self.passes.dt.set(self.respa_dt[0] if respa else self.dt)
+            self.passes.dt.set(self.respa_dt[0] if self.respa_dt else self.dt)
             self.passes.level_dt.set(self.dt)
-            self.passes.begins.set(not respa)  # there each level begins by itself
+            self.passes.begins.set(not self.respa_dt)  # there each level begins by itself
 
     def note_waiting(self) -> None:
         """Keep the time step of the last step of a run that has made some."""

@@ -47,7 +47,7 @@ def refuse_time_step(integrator: "Integrator") -> None:
 
 def refuse_levels(integrator: "Integrator") -> None:
     """End a run of run_style respa if the integrator takes one force a step."""
-    if integrator.lammps.respa_dt is not None and not integrator.respa:
+    if integrator.lammps.respa_dt and not integrator.respa:
         raise RunError(
             f"the integrator {integrator.name} takes one force a step, "
             "not those of levels: use run_style verlet",
@@ -70,7 +70,7 @@ def weight(integrator: "Integrator") -> np.ndarray | None:
         f"use fix {name} without its word disable, and fix_modify {name} energy yes"
         if integrator.needs_energy
         else "with run_style respa: use fix gravity without its word disable"
-        if integrator.lammps.respa_dt is not None
+        if integrator.lammps.respa_dt
         else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
         if not integrator.host.follows
         else f"for '{name}', which is no fix gravity that stands before this fix"
@@ -88,7 +88,7 @@ def refuse_weight_twice(integrator: "Integrator") -> None:
     for fix in integrator.other_fixes if name else ():
         # with the word disable it knows no energy
         acts = fix.id == name and integrator.acts_on_bodies(fix)
-        if acts and integrator.lammps.scalar_of_fix(name):
+        if acts and integrator.lammps.scalar_of_fix(fix.id):
             raise integrator.command.wrong(
                 f"fix {name} acts on the atoms of the bodies, and keyword gravity on the "
                 "bodies: bodies would have their weight twice. Give that fix its word "

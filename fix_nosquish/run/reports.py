@@ -126,7 +126,7 @@ class Reports:
                 "give each a file of its own",
                 everywhere=True,
             )
-        if integrator.respa_dt is not None and not integrator.host.calls_setup:
+        if integrator.respa_dt and not integrator.host.calls_setup:
             raise RunError(
                 "keyword output needs the plugin's fix python/move under run_style respa: "
                 "this LAMMPS's own knows no end of a step",

@@ -91,7 +91,7 @@ class Shadowed(NVE):
         problem = None
         others = [fix.id for fix in self.other_fixes if fix.time_integrate]
         others += [str(mate.host.fix_id) for mate in self.mates if mate is not self]
-        if self.host.energy_step is None:
+        if not self.host.follows:
             problem = (
                 "the shadow energy needs the potential energy, which a LAMMPS's own fix "
                 "python/move does not give: install this package where its plugin serves"
