@@ -443,9 +443,8 @@ int main()
   int index[] = {0};
   double mass[] = {2.0}, numbers[7];
   LAMMPS_NS::Atom atom{1, index, nullptr, nullptr, mass, style()};
-  Particles particles;
-  particles.find(&atom);
-  if (!particles.read(&atom, numbers)) return 0 * std::puts("unknown");
+  nosquish::Particles particles(&atom);
+  if (!particles.read(numbers)) return 0 * std::puts("unknown");
   for (double number : numbers) std::printf("%g ", number);
 }
 """

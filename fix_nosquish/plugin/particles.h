@@ -8,10 +8,7 @@
 #ifndef FIX_NOSQUISH_PARTICLES_H
 #define FIX_NOSQUISH_PARTICLES_H
 
-#include "styles.h"
-
 #include "atom.h"
-#include "pointers.h"
 
 #include <algorithm>
 #include <cmath>
@@ -44,9 +41,11 @@ class AtomVecTri {
 namespace {
 namespace nosquish {
 
-class Particles : protected Pointers {
+using namespace LAMMPS_NS;
+
+class Particles {
  public:
-  using Pointers::Pointers;
+  explicit Particles(Atom *atom) : atom(atom) {}
 
   // Write of each local atom three numbers and a quaternion: the principal moments of an ellipsoid or a triangle, a line's
   // length; zeros for an atom that is none of these. Returns whether the styles are those that are declared here, and write what
@@ -110,6 +109,7 @@ class Particles : protected Pointers {
   // how many numbers the styles write: of an ellipsoid, a superellipsoid, a line and a triangle
   enum { PLAIN = 8, SUPER = 13, LINE = 3, TRI = 17 };
 
+  Atom *const atom;
   AtomVecEllipsoid *ellipsoids = nullptr;
   AtomVecLine *lines = nullptr;
   AtomVecTri *tris = nullptr;

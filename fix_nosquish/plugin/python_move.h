@@ -103,7 +103,7 @@ class FixPythonMove : public Fix {
   Exchange exchange{lmp, this, bridge};
   AtomArrays arrays{lmp, this, bridge};
   Molecules molecules{lmp, this, bridge};
-  Particles particles{lmp};
+  Particles particles{atom};
   Box box{lmp, this, bridge};
   Clusters clusters{lmp, this, bridge};
   Pressure pressure{lmp, this, bridge};
