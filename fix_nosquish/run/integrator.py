@@ -53,8 +53,7 @@ class Integrator(Answers, Registered, Declaration):
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
         parameters: what the operations take, a record: see `Declaration.numbers`.
-        mask: what of forces and torques acts, (6, bodies) or (6, 1), as the run begins; None if all
-            does.
+        mask: what of forces and torques acts as a run begins, (6, bodies) or (6, 1); None for all.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         other_fixes: the `OtherFixes` of the run.
         unchanged: the `refusals.Unchanged`.
@@ -65,8 +64,7 @@ class Integrator(Answers, Registered, Declaration):
             first step: 0.0 if none is, None if it is that step's own.
         external: the `External` forces.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
-        half_step_velocities: whether something may read the atoms' velocities between the halves of
-            a step.
+        half_step_velocities: whether the atoms' velocities may be read in the middle of a step.
         ran, lost, started, stepped: whether a run has begun; the bodies of the last one are gone;
             numbers of the bodies' own have been set; a step was made since `waiting` was noted.
     """
