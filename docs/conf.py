@@ -39,6 +39,7 @@ html_css_files = ["tables.css"]
 nitpicky = True
 nitpick_ignore_regex = [("py:class", r"[^.]*")]  # docstrings say types in words
 autodoc_typehints = "none"  # the docstrings say the types
+napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 copybutton_prompt_text = r"\$ "
 copybutton_prompt_is_regexp = True
