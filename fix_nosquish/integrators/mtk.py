@@ -122,9 +122,6 @@ def dilate(block, kind, dt, parameters):
         shear_rows(block, V, LANES, three_of(parameters.slow_shear), 0.0, 0.0)
 
 
-DILATION = Operation(dilate, prepared=True, measures=measure_along)
-
-
 @inlined
 def push(cell, box, part, dt):
     """The forces act on the rates of strain for dt."""

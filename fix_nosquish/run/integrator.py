@@ -183,10 +183,6 @@ class Integrator(Answers, Registered, Declaration):
         """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
         return self.host.shapes(len(self.lammps.groups)) if self.oriented else None
 
-    def bodies_of_atoms(self) -> Bodies:
-        """The bodies that a run would make of the atoms as they are now; collective."""
-        return making.bodies_of_atoms(self)
-
     def do(self, name: str, step: int | None = None) -> None:
         """Do a list of passes, with the forces of this step, by default of now; see `passes`."""
         if found := self.passes.do(name):

@@ -10,7 +10,7 @@ import numpy as np
 from ..bodies import infile
 from ..bodies.bodies import Bodies
 from ..errors import RunError
-from . import log, other_fixes, output, thermo, velocities
+from . import log, making, other_fixes, output, thermo, velocities
 from .schedule import SEEN, Phase
 
 if TYPE_CHECKING:
@@ -206,7 +206,7 @@ class Reports:
             return 0
         if not running or bodies is None or "scale" in sets:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-            bodies = integrator.bodies_of_atoms()
+            bodies = making.bodies_of_atoms(integrator)
         bit = 1 << group
         if "scale" in sets and not bodies.spin:
             return thermo.removed_freedom_to_scale(

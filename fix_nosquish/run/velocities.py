@@ -8,6 +8,7 @@ from ..bodies.membership import Membership
 from ..bodies.particles import particles_of
 from ..box import deform
 from ..motion import step
+from . import making
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -79,7 +80,7 @@ def zero(integrator: "Integrator", name: str) -> None:
         bodies = integrator.bodies
     else:
         integrator.membership = Membership(lammps, integrator.communicator, integrator.command)
-        bodies = integrator.bodies_of_atoms()
+        bodies = making.bodies_of_atoms(integrator)
         bodies.bind(integrator.membership)
         bodies.know_box(lammps.box)
     getattr(bodies, name)[:] = 0.0
