@@ -55,7 +55,7 @@ struct Bridge {
   int32_t outcome;     // set by Python: how making the instance went
   // set by Python: what the instance has besides its methods
   int32_t wants_virial, wants_virial_per_atom;    // it fills these in
-  int32_t writes_restart_file;
+  int32_t restart_file;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t flips;            // it changes tilts, and takes other box vectors where these are large
   int32_t needs_energy;     // it needs the potential energy at the end of steps that it names
@@ -63,7 +63,7 @@ struct Bridge {
   int32_t restart_size;     // numbers that go to restart files, and these
   double *restart_state;
   const char *template_id;  // of the molecules that others insert, null for none
-  int32_t rigid;            // it is a rigid fix to those that ask for the bodies
+  int32_t rigid_flag;            // it is a rigid fix to those that ask for the bodies
   int32_t follows_atoms;    // it asks where its atoms were
   int32_t carries;          // numbers that go with an atom to another rank
   int32_t vector_size, array_columns, array_rows;    // of what thermo_style and others read; rows are -1 if not known from the start
@@ -78,6 +78,8 @@ struct Bridge {
   // steps: of the next output; first and last of the run; last of the run, whatever its keywords start and stop say
   const int64_t *next_output, *begin_step, *end_step, *last_step;
   int32_t vflag;        // what virial LAMMPS asks for in this step
+  int32_t ghost_velocity;     // ghost atoms have velocities in this run
+  int32_t scalar_pressure;    // of the long-range forces only the mean pressure of all axes is known in this run
   int64_t changes;      // how many times the fix has changed the bodies by itself
   // the schedule: see run/schedule.py
   int32_t phase;          // where in a run the bodies are
@@ -108,8 +110,6 @@ struct Bridge {
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
-  int (*ghost_velocity)(void *fix);
-  int (*scalar_pressure)(void *fix);    // of the long-range forces only the mean pressure of all axes is known
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   int (*varies)(void *fix, const char *other);    // another fix has numbers of its own for each atom
@@ -128,7 +128,7 @@ struct Bridge {
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
-  int64_t (*orient)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
+  int64_t (*orient_atom)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   int (*inserted)(void *fix, double *numbers);    // of each molecule that was inserted 10: see plugin/host.py; null: how many
   int (*molecule)(void *fix, int number, double *numbers);    // one of the template, 13: see templates.h; 0 if it is not known
   // methods of the instance, null where it has none

@@ -63,8 +63,6 @@ void FixPythonMove::fill_bridge()
 
   bridge.log = Lend<&Facts::log, &Self::facts>();
   bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
-  bridge.ghost_velocity = Lend<&Facts::ghost_velocity, &Self::facts>();
-  bridge.scalar_pressure = Lend<&Facts::scalar_pressure, &Self::facts>();
   bridge.command = Lend<&Facts::last_command, &Self::facts>();
   bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
   bridge.varies = Lend<&Facts::varies, &Self::facts>();
@@ -84,7 +82,7 @@ void FixPythonMove::fill_bridge()
   bridge.set_array_rows = Lend<&Self::set_array_rows>();
   bridge.stop = Lend<&Halt::ask, &Self::halt>();
   bridge.particles = Lend<&Particles::read, &Self::particles>();
-  bridge.orient = Lend<&Particles::orient, &Self::particles>();
+  bridge.orient_atom = Lend<&Particles::orient, &Self::particles>();
   bridge.inserted = Lend<&Molecules::take, &Self::molecules>();
   bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();
 }
@@ -97,7 +95,7 @@ void FixPythonMove::declare()
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
-  restart_file = bridge.writes_restart_file;
+  restart_file = bridge.restart_file;
   state.announce();
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
@@ -106,7 +104,7 @@ void FixPythonMove::declare()
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
   }
-  rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
+  rigid_flag = bridge.rigid_flag || bridge.follows_atoms;    // so that fix deform calls deform()
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;

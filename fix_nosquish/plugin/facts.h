@@ -73,8 +73,6 @@ class Facts : public Part {
     return reinterpret_cast<int64_t>(before ? modify->fix[at]->extract("gvec", dimension) : nullptr);
   }
 
-  bool ghost_velocity() const { return comm->ghost_velocity; }
-  bool scalar_pressure() const { return force->kspace && force->kspace->scalar_pressure_flag; }
   bool pair_style(const char *first) const { return force->pair_match(std::string("^") + first, 0, 1); }
 
   const char *last_command()

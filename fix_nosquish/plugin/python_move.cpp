@@ -184,6 +184,8 @@ void FixPythonMove::init()
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
   box.begin_run();
+  bridge.ghost_velocity = comm->ghost_velocity;
+  bridge.scalar_pressure = force->kspace && force->kspace->scalar_pressure_flag;
   call(bridge.init);
   state.announce();
   exchange.refuse_stale_forces();
