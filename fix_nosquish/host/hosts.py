@@ -30,6 +30,7 @@ class OtherFix(NamedTuple):
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
     moves: bool  # it may change positions before the forces of a step, and integrates none
+    varies: bool  # it is a field that is not the same everywhere
 
     def has(self, groups: np.ndarray) -> np.ndarray:
         """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
@@ -158,11 +159,6 @@ class Host:
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
         return 0
 
-    def varies(self, fix_id: str) -> bool:
-        """Whether another fix has numbers of its own for each atom, as a field of an atom-style
-        variable."""
-        return False
-
     def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
         """Which atoms another fix would move at the begin of a step if it found all of them
         elsewhere, (n,) bool, by trying: x, LAMMPS's places of this rank's atoms, (n, 3), is then as
@@ -218,9 +214,6 @@ class Host:
     def atoms_moved(self) -> bool:
         """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
         return False
-
-    def keep_box(self) -> None:
-        """What follows the atoms is for the box as it is now."""
 
     def now(self) -> int | None:
         """What holds now, bits of `schedule.When`; None if it is not known."""

@@ -64,13 +64,10 @@ class OwnFix(Host):
     def point(self) -> None:
         lammps = self.lammps
         cells, empty = lammps.cells, np.empty(0)
-        for name in ("x", "v", "f", "torque", "omega", "angmom"):
-            values = lammps.per_atom(name, columns=3)
+        for name in ("x", "v", "f", "torque", "omega", "angmom", "mu"):
+            values = lammps.per_atom(name, columns=4 if name == "mu" else 3)
             if values is not None:
                 cells[f"atom_{name}"].set(values)
-        mu = lammps.per_atom("mu", columns=4)
-        if mu is not None:
-            cells["atom_mu"].set(mu)
         mass = lammps.per_atom("rmass")
         cells["atom_mass"].set(empty if mass is None else mass)
         cells["type_mass"].set(empty if mass is not None else lammps.type_masses)

@@ -23,8 +23,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   fill_bridge();
-  std::string line = arg[2];
-  for (int k = 3; k < narg; k++) line += std::string("\n") + arg[k];
+  const auto line = utils::join_words({arg + 2, arg + narg}, "\n");
   bridge.line = line.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(static_cast<Bridge *>(&bridge)));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
@@ -65,7 +64,6 @@ void FixPythonMove::fill_bridge()
   bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
   bridge.command = Lend<&Facts::last_command, &Self::facts>();
   bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
-  bridge.varies = Lend<&Facts::varies, &Self::facts>();
   bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
   bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();
   bridge.gravity = Lend<&Facts::gravity, &Self::facts>();
@@ -75,7 +73,6 @@ void FixPythonMove::fill_bridge()
   bridge.potential = Lend<&PotentialEnergy::value, &Self::energy>();
   bridge.ask_for_energy = Lend<&PotentialEnergy::ask_for, &Self::energy>();
   bridge.go_back = Lend<&Self::go_back>();
-  bridge.keep = Lend<&Box::keep, &Self::box>();
   bridge.set_box = Lend<&Self::set_box>();
   bridge.flip_box = Lend<&Box::flip, &Self::box>();
   bridge.find_clusters = Lend<&Clusters::find, &Self::clusters>();
@@ -83,7 +80,6 @@ void FixPythonMove::fill_bridge()
   bridge.stop = Lend<&Halt::ask, &Self::halt>();
   bridge.particles = Lend<&Particles::read, &Self::particles>();
   bridge.orient_atom = Lend<&Particles::orient, &Self::particles>();
-  bridge.inserted = Lend<&Molecules::take, &Self::molecules>();
   bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();
 }
 

@@ -63,8 +63,7 @@ class Host(hosts.Host):
         for name in "set_box", "flip_box", "find_clusters", "stop", "orient_atom":
             function = cast(getattr(bridge, name), c_void_p).value
             setattr(self, name, np.array([function, bridge.fix or 0]))
-        # ctypes makes a function at each access
-        self._keep, self._point = bridge.keep, bridge.point
+        self._point = bridge.point  # ctypes makes a function at each access
 
     def log(self, text: str) -> None:
         self._bridge.log(self._bridge.fix, text.encode())
@@ -89,10 +88,8 @@ class Host(hosts.Host):
         return numbers if known else None
 
     def inserted(self) -> np.ndarray:
-        ask, fix = self._bridge.inserted, self._bridge.fix
-        numbers = np.empty((ask(fix, None), 10))
-        if len(numbers):
-            ask(fix, numbers.ctypes.data_as(_NUMBERS))
+        numbers = array(self._bridge.inserted, (self._bridge.insertions, 10), float).copy()
+        self._bridge.insertions = 0
         return numbers
 
     def molecule(self, number: int) -> np.ndarray | None:
@@ -102,9 +99,6 @@ class Host(hosts.Host):
 
     def removed_freedom(self, fix_id: str, group: str) -> int:
         return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
-
-    def varies(self, fix_id: str) -> bool:
-        return bool(self._bridge.varies(self._bridge.fix, fix_id.encode()))
 
     def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
         kept = x.copy()
@@ -175,11 +169,8 @@ class Host(hosts.Host):
         self._bridge.ask_for_energy(self._bridge.fix, step)
 
     def go_back(self) -> None:
-        if self._bridge.go_back(self._bridge.fix):
+        if not self._bridge.go_back(self._bridge.fix):
             raise RunError("LAMMPS has found an error where atoms go back to", everywhere=True)
-
-    def keep_box(self) -> None:
-        self._keep(self._bridge.fix)
 
     def carry(self, lammps: Any, bodies: Any) -> None:
         """The class asks for it with an attribute ``carries``: how many numbers go with an atom."""

@@ -296,7 +296,6 @@ class Integrator(Answers, Registered, Declaration):
         if not bodies.follow(self.lammps):
             making.turn_over(self)
         self.host.noted()
-        self.host.keep_box()
         if self.switches.choices and self.passes.mask:
             self.passes.mask.set(self.switches.mask(bodies))
         self.unchanged.refuse_new_masses(self)
