@@ -263,7 +263,7 @@ class Ensemble(Integrator):
         energy is more at the end of the step than in its middle; with a piston, its energy and its
         work, too; or, where it does not `couple`, the temperature of the bodies; collective."""
         if self.couples:
-            end, middle = self.reports.kinetic_at_end()
+            end, middle = self.kinetic_at_end()
             scalar = self.lammps.mvv2e * self.energy() + end - middle
         else:
             scalar = super().compute_scalar()

@@ -308,5 +308,5 @@ class FIRE(Integrator):
         own = i - len(Integrator.vector_extensive)
         if own < 0:
             return super().compute_vector(i)
-        self.reports.made()
+        self.made()
         return (*self.norms(), self.parameters.step)[own]

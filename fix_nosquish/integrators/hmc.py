@@ -238,7 +238,7 @@ class HMC(NVE):
         self._warn_of_output()
         self.parameters.step = self.lammps.step
         self.do("draw")
-        self.reports.forget()
+        self.known.clear()
         self._before = self._total_energy()
 
     def _warn_of_output(self) -> None:
@@ -278,7 +278,7 @@ class HMC(NVE):
             self.host.go_back()
             self.do("gather")
             self.set_velocities()
-            self.reports.forget()
+            self.known.clear()
 
     @hook
     def post_run(self) -> None:

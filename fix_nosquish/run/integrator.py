@@ -4,24 +4,27 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..bodies import extended
 from ..bodies.bodies import Bodies
 from ..bodies.build import Notes
 from ..bodies.membership import Membership
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import Host, driven_by_plugin, hook
 from ..host.lammps import Lammps
 from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
+from ..motion.block import ROWS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import beginning, levels, making, passes, refusals, reports, rotation, schedule
+from . import answers, beginning, levels, log, making, passes, refusals, rotation, schedule
 from . import velocities as velocities_of
-from .answers import Answers
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
+from .output import BodyFile
 from .passes import Passes
 from .registry import Registered
 from .schedule import SEEN, Phase
@@ -31,7 +34,7 @@ from .switches import Switches
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
 
 
-class Integrator(Answers, Registered, Declaration):
+class Integrator(Registered, Declaration):
     """What LAMMPS's fix python/move drives; a derived class declares how bodies move.
 
     LAMMPS calls the hooks; `schedule` says what happens at each of them.  The documentation says
@@ -53,7 +56,6 @@ class Integrator(Answers, Registered, Declaration):
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
         parameters: what the operations take, a record: see `Declaration.numbers`.
-        mask: what of forces and torques acts as a run begins, (6, bodies) or (6, 1); None for all.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         other_fixes: the `OtherFixes` of the run.
         unchanged: the `refusals.Unchanged`.
@@ -63,6 +65,12 @@ class Integrator(Answers, Registered, Declaration):
         waiting: with `mid_step`, the time step of the half kick that is left to the next run's
             first step: 0.0 if none is, None if it is that step's own.
         external: the `External` forces.
+        file: the `BodyFile` of keyword output, None if there is none (yet).
+        said, warned: lines that the log has: the first ones on the bodies, and what is odd.
+        taken: what was `Taken` from velocities that other fixes changed in this run.
+        known: what was found out of the bodies, by name, and when: see `answers`.  It is cleared
+            where they change and no number says so.
+        gained_at_end: kinetic energy that the end of the last step gives, with `mid_step`.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether the atoms' velocities may be read in the middle of a step.
         ran, lost, started, stepped: whether a run has begun; the bodies of the last one are gone;
@@ -74,8 +82,10 @@ class Integrator(Answers, Registered, Declaration):
     told_box: np.ndarray | None = None
     gravity: np.ndarray | None = None
     waiting: float | None = None
+    file: BodyFile | None = None
+    rows_lent: np.ndarray
+    gained_at_end: float
     switches: Switches
-    mask: np.ndarray | None
     first_step: int
     streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
     follows_atoms = True
@@ -93,6 +103,10 @@ class Integrator(Answers, Registered, Declaration):
         self.parameters = cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external, self.unchanged = External(self), refusals.Unchanged()
+        self.said: list[str] = []
+        self.warned: set[str] = set()
+        self.known: dict[str, Any] = {}
+        self.taken = velocities_of.Taken()
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
         self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)
@@ -111,7 +125,6 @@ class Integrator(Answers, Registered, Declaration):
         rotation.refuse_other_rotor(self)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
-        self.reports = reports.Reports(self)
         self.oriented = self.communicator.any(self.lammps.orients)
         self.register()
         self.template = self.command.mol
@@ -121,9 +134,8 @@ class Integrator(Answers, Registered, Declaration):
         self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
         if not driven_by_plugin():
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
-            beginning.look_at_box(self)
             making.make(self)
-            self.reports.say(False)
+            log.say(self, False)
         else:
             self.array_rows = making.count_bodies(self)
             self.rigid_flag = self.lammps.radius is not None
@@ -170,6 +182,11 @@ class Integrator(Answers, Registered, Declaration):
         return self.lammps.step != self.first_step and self.host.command[:1] != ["rerun"]
 
     @property
+    def mask(self) -> np.ndarray | None:
+        """What of the bodies' forces and torques acts, (6, n) or (6, 1); None for all of it."""
+        return self.switches.mask(self.bodies)
+
+    @property
     def has_own_hooks(self) -> bool:
         """Whether the class has hooks of its own, so that Python follows the schedule."""
         return any(getattr(type(self), name) is not getattr(Integrator, name) for name in HOOKS)
@@ -209,10 +226,10 @@ class Integrator(Answers, Registered, Declaration):
 
     # ------------------------------------------------------------- a run begins
 
-    @hook
-    def init(self) -> None:
-        """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
-        beginning.begin_run(self)
+    init = hook(beginning.init)
+    start_run = beginning.start_run
+    tell_start = beginning.tell_start
+    continue_run = beginning.continue_run
 
     def tell_count(self) -> None:
         """Tell LAMMPS how many bodies there are; collective."""
@@ -225,14 +242,6 @@ class Integrator(Answers, Registered, Declaration):
             self.push()
         schedule.follow(self, "setup")
 
-    def start_run(self) -> None:
-        """Begin to move, now that the first forces are known; collective."""
-        beginning.start_run(self)
-
-    def tell_start(self) -> None:
-        """Tell the user of the bodies as a run begins; collective."""
-        beginning.tell_start(self)
-
     def set_up(self) -> None:
         """The first step of a run begins, and LAMMPS has called no setup before it."""
         self.resumed()
@@ -240,10 +249,6 @@ class Integrator(Answers, Registered, Declaration):
         vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
         self.setup(0)
         self.host.vflag = vflag
-
-    def continue_run(self) -> None:
-        """Begin a run that is not set up, with 'pre no'; collective."""
-        beginning.continue_run(self)
 
     @hook
     def min_setup(self, vflag: int) -> None:
@@ -297,8 +302,8 @@ class Integrator(Answers, Registered, Declaration):
             making.turn_over(self)
         self.host.noted()
         self.host.keep_box()
-        if self.switches.choices and self.passes.mask:
-            self.passes.mask.set(self.switches.mask(bodies))
+        if self.switches.choices:
+            bodies.cells["mask"].set(cast(np.ndarray, self.mask))
         self.unchanged.refuse_new_masses(self)
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
@@ -323,9 +328,7 @@ class Integrator(Answers, Registered, Declaration):
         """End the run if something has changed the box."""
         self.unchanged.refuse_new_box(self, True)
 
-    def write_table(self) -> None:
-        """Write the table of bodies, if it is due."""
-        self.reports.write()
+    write_table = answers.write_table
 
     def come_to_rest(self, forces: bool = True) -> None:
         """Have the bodies as a step that is looked at leaves them, with their forces, if wanted."""
@@ -353,27 +356,48 @@ class Integrator(Answers, Registered, Declaration):
         if not self.host.facts & SEEN:
             self.set_velocities()
         velocities_of.take_late(self, self.lammps.step)
-        self.reports.say_lost()
+        velocities_of.say_lost(self)
         if self.streams:  # a body has one velocity between runs, wherever its atoms are
             self.bodies.settle(self.lammps)
             velocities_of.set_plain(self)
-        self.reports.forget()
+        self.known.clear()
         if self.mid_step:
-            self.reports.end_run()
+            end, now = self.kinetic_at_end()
+            self.gained_at_end = end - now
+
+    # with run_style respa
+    initial_integrate_respa = hook(levels.initial_integrate_respa)
+    final_integrate_respa = hook(levels.final_integrate_respa)
+    end_of_step = hook(levels.end_of_step)
+
+    # ------------------------------------------------------------- what LAMMPS and others ask
+
+    vector_extensive: tuple[bool, ...] = True, True, False, False
+    array_columns = 15
+
+    @property
+    def carries(self) -> int:
+        """How many numbers go with an atom to another rank."""
+        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
+
+    @property
+    def story(self) -> str | None:
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        return rigid_fixes.story(cast(str, self.host.fix_id), self.command)  # native: it has one
+
+    made, table = answers.made, answers.table
+    kinetic_at_end, virial_of_all = answers.kinetic_at_end, answers.virial_of_all
+    dof = hook(answers.dof)
+    compute_scalar = hook(answers.compute_scalar)
+    compute_vector = hook(answers.compute_vector)
+    compute_array = hook(answers.compute_array)
+    rows_of_rank = hook(answers.rows_of_rank)
+    write_restart_file = hook(answers.write_restart_file)
+    zero_momentum = hook(velocities_of.zero_momentum)
+    zero_rotation = hook(velocities_of.zero_rotation)
 
     @hook
-    def initial_integrate_respa(self, vflag: int, ilevel: int, iloop: int) -> None:
-        """A level of run_style respa begins a step."""
-        self.host.vflag, self.stepped = vflag, True
-        levels.begin_step(self, ilevel)
-
-    @hook
-    def final_integrate_respa(self, ilevel: int, iloop: int) -> None:
-        """A level of run_style respa ends its step."""
-        levels.end_step(self, ilevel)
-
-    @hook
-    def end_of_step(self) -> None:
-        """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
-        self.reports.forget()
-        schedule.follow(self, "end_levels")
+    def modify_external(self, words: str) -> None:
+        """The words of fix_modify behind external."""
+        self.external.read(words)

@@ -13,7 +13,7 @@ from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare
 from ..errors import RunError
-from . import rotation
+from . import log, rotation
 from .refusals import refuse_turnover
 from .switches import Switches
 
@@ -118,12 +118,11 @@ def turn_over(integrator: "Integrator") -> None:
     lines, given = turnover.turn_over(integrator.bodies, recipe)
     integrator.notes.given = np.union1d(integrator.notes.given, given)
     refuse_turnover(integrator)
-    integrator.reports.warn(lines)
+    log.warn(integrator, lines)
     rotation.choose(integrator)
     integrator.parameters.mrot = rotation.inner_steps(integrator)
-    integrator.mask = integrator.switches.mask(integrator.bodies)
     integrator.external.learn()
     integrator.turned_over()
     integrator.unchanged.note(integrator)
     integrator.tell_count()
-    integrator.reports.forget()
+    integrator.known.clear()
