@@ -106,8 +106,7 @@ def rows_of_rank(integrator: "Integrator", words: str, groupbit: int) -> tuple[i
     Returns:
         the address of the rows, which stay until the next call, and how many there are.
     """
-    bodies, lammps, communicator = made(integrator), integrator.lammps, integrator.communicator
-    rows = output.rows_of_rank(bodies, lammps, communicator, words.split(), groupbit)
+    rows = output.rows_of_rank(made(integrator), integrator.lammps, words.split(), groupbit)
     integrator.rows_lent = rows
     return rows.ctypes.data, len(rows)
 
@@ -129,7 +128,7 @@ def write_restart_file(integrator: "Integrator", name: str) -> None:
 def dof(integrator: "Integrator", group: int) -> int:
     """Degrees of freedom that the bodies take from LAMMPS's group of this number; collective."""
     bodies, lammps, command = integrator.bodies, integrator.lammps, integrator.host.command
-    between = integrator.is_over or not lammps.running
+    between = integrator.phase == Phase.OVER or not lammps.running
     sets = command[2:3] if between and "velocity" in command[:1] else ()
     if "create" in sets:
         # all atoms' velocities are scaled now; a body keeps its share of them when the run makes
@@ -180,8 +179,8 @@ def kinetic_at_end(integrator: "Integrator") -> tuple[float, float]:
     now = energies(integrator).kinetic
 
     def closed(bodies: Bodies) -> float:
-        if integrator.mid_step and integrator.is_over:  # LAMMPS's atoms may be other ones now
-            return now + integrator.gained_at_end
+        if integrator.mid_step and integrator.phase == Phase.OVER:
+            return now + integrator.gained_at_end  # LAMMPS's atoms may be other ones now
         if not integrator.mid_step or integrator.phase != Phase.WAITING:
             return now
         with _as_they_are(bodies):

@@ -12,7 +12,7 @@ from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
 from ..loops import machine_code
-from . import answers, log, making, refusals, rotation, velocities
+from . import log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .output import BodyFile
 from .passes import Passes
@@ -96,7 +96,7 @@ def _plan(integrator: "Integrator") -> None:
         MID_STEP: integrator.mid_step,
         LEVELS: bool(integrator.respa_dt),
         WATCHED: kept.box_may_change,
-        LOOKS: looks or integrator.switches.choices,
+        LOOKS: looks or bool(integrator.switches),
         RESETS: integrator.mid_step and integrator.waiting not in (None, integrator.dt),
     }
     host.facts = sum(bit for bit, so in holds.items() if so)
@@ -181,7 +181,7 @@ def tell_start(integrator: "Integrator") -> None:
     bodies, host = integrator.bodies, integrator.host
     if host.calls_setup:
         log.say(integrator, bool(host.vflag))
-        answers.write_table(integrator)
+        integrator.write_table()
     start = bodies.start = log.forces_at_start(integrator)
     suspects = integrator.other_fixes.suspects()
     names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in suspects)

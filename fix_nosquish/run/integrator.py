@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bodies import extended
 from ..bodies.bodies import Bodies
-from ..bodies.build import Notes
+from ..bodies.build import Notes, count
 from ..bodies.membership import Membership
 from ..errors import RunError
 from ..host import rigid_fixes
@@ -28,7 +28,7 @@ from .output import BodyFile
 from .passes import Passes
 from .registry import Registered
 from .schedule import SEEN, Phase
-from .switches import Switches
+from .switches import Choice, mask
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
@@ -73,8 +73,8 @@ class Integrator(Registered, Declaration):
         gained_at_end: kinetic energy that the end of the last step gives, with `mid_step`.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether the atoms' velocities may be read in the middle of a step.
-        ran, lost, started, stepped: whether a run has begun; the bodies of the last one are gone;
-            numbers of the bodies' own have been set; a step was made since `waiting` was noted.
+        ran, started, stepped: whether a run has begun; numbers of the bodies' own have been set; a
+            step was made since `waiting` was noted.
     """
 
     virial: np.ndarray | None = None
@@ -85,9 +85,9 @@ class Integrator(Registered, Declaration):
     file: BodyFile | None = None
     rows_lent: np.ndarray
     gained_at_end: float
-    switches: Switches
+    switches: list[Choice]
     first_step: int
-    streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
+    streams = rigid_flag = exact = ran = started = stepped = has_rotors = False
     follows_atoms = True
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
@@ -98,9 +98,9 @@ class Integrator(Registered, Declaration):
             Communicator(self.lammps.communicator) if several else ALONE
         )
         self.line, self.name = line, line.name
-        self.let_bodies_go()
-        self.notes = cast(Notes, None)  # until bodies are made, and until passes are bound
-        self.parameters = cast(Any, None)
+        # until bodies are made, and until passes are bound
+        self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
+        self.passes, self.parameters = cast(Passes, None), cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external, self.unchanged = External(self), refusals.Unchanged()
         self.said: list[str] = []
@@ -131,28 +131,21 @@ class Integrator(Registered, Declaration):
         self.restart_file = bool(self.infile or self.template)
         refusals.refuse_missing_template(self)
         refusals.refuse_time_step(self)
-        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        self.take_time_step()
         if not driven_by_plugin():
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
             making.make(self)
             log.say(self, False)
         else:
-            self.array_rows = making.count_bodies(self)
+            # None if others may come
+            self.array_rows = None if self.template else count(self.membership)
             self.rigid_flag = self.lammps.radius is not None
-
-    def let_bodies_go(self) -> None:
-        """There are no bodies, until others are made."""
-        self.bodies, self.passes = cast(Bodies, None), cast(Passes, None)
 
     # ------------------------------------------------------------- what holds
 
     @property
     def phase(self) -> Phase:
         return Phase(self.host.phase) if self.host else Phase.NEW
-
-    @property
-    def is_over(self) -> bool:
-        return self.phase == Phase.OVER
 
     @property
     def counts_from_one(self) -> bool:
@@ -184,7 +177,7 @@ class Integrator(Registered, Declaration):
     @property
     def mask(self) -> np.ndarray | None:
         """What of the bodies' forces and torques acts, (6, n) or (6, 1); None for all of it."""
-        return self.switches.mask(self.bodies)
+        return mask(self.switches, self.bodies)
 
     @property
     def has_own_hooks(self) -> bool:
@@ -246,14 +239,9 @@ class Integrator(Registered, Declaration):
         """The first step of a run begins, and LAMMPS has called no setup before it."""
         self.resumed()
         self.follow_atoms()
-        vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
         self.setup(0)
-        self.host.vflag = vflag
 
-    @hook
-    def min_setup(self, vflag: int) -> None:
-        """A minimisation begins: it would move the atoms one by one."""
-        raise refusals.minimisation()
+    min_setup = hook(refusals.min_setup)
 
     # ------------------------------------------------------------- the time step
 
@@ -288,13 +276,9 @@ class Integrator(Registered, Declaration):
         """Take over velocities that other fixes may have changed at the end of the last step."""
         velocities_of.take_late(self, self.lammps.step - 1)
 
-    @hook
-    def post_neighbor(self) -> None:
-        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
-        self.follow_atoms()
-
     def follow_atoms(self) -> None:
-        """Be the same bodies, wherever LAMMPS has their atoms now; collective."""
+        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks; be the
+        same bodies; collective."""
         self.unchanged.refuse_new_box(self, self.lammps.box.periodic)
         bodies = self.bodies
         self.host.point()
@@ -302,13 +286,15 @@ class Integrator(Registered, Declaration):
             making.turn_over(self)
         self.host.noted()
         self.host.keep_box()
-        if self.switches.choices:
+        if self.switches:
             bodies.cells["mask"].set(cast(np.ndarray, self.mask))
         self.unchanged.refuse_new_masses(self)
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
+
+    post_neighbor = hook(follow_atoms)
 
     @hook
     def push(self) -> None:

@@ -10,6 +10,7 @@ from ..box import deform
 from ..motion import step
 from . import log, making
 from .other_fixes import TEMPER
+from .schedule import Phase
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -36,7 +37,7 @@ def changed(integrator: "Integrator") -> bool:
     bodies, v = integrator.bodies, integrator.lammps.v
     expected = np.empty_like(v)
     step.set_velocities.bind_to(bodies.cells, atom_v=expected)()
-    if integrator.streams and not integrator.is_over:
+    if integrator.streams and integrator.phase != Phase.OVER:
         deform.speed_up.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
     index = bodies.index
     return integrator.communicator.any(not np.array_equal(expected[index], v[index]))
