@@ -277,8 +277,8 @@ class Integrator(Registered, Declaration):
         velocities_of.take_late(self, self.lammps.step - 1)
 
     def follow_atoms(self) -> None:
-        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks; be the
-        same bodies; collective."""
+        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks, and
+        the bodies are the same; collective."""
         self.unchanged.refuse_new_box(self, self.lammps.box.periodic)
         bodies = self.bodies
         self.host.point()
