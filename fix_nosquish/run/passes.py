@@ -71,13 +71,7 @@ def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
     A torque about an axis without moment, which a linear body and a point have, turns nothing.
     """
     for b in range(wrench.shape[1]):
-        low, high = 0, pushed.shape[0]
-        while low < high:
-            mid = (low + high) // 2
-            if pushed[mid] < state[ID, b]:
-                low = mid + 1
-            else:
-                high = mid
+        low = np.searchsorted(pushed, state[ID, b])
         if low == pushed.shape[0] or pushed[low] != state[ID, b]:
             continue
         x, y, z = external[low, 3], external[low, 4], external[low, 5]
