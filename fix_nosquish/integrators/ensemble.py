@@ -74,7 +74,8 @@ class Ensemble(Integrator):
         self.momentum.kept = kind.keeps_momentum
         scheme, self.prepares = self.barostat.step_with(kind)
         self.operations, self.numbers, self.work = scheme.operations, scheme.numbers, scheme.work
-        self.advance, self.go_on, self.kick = scheme.advance, scheme.go_on, scheme.kick
+        self.advance, self.go_on = scheme.advance, scheme.go_on
+        self.lead, self.tail = scheme.lead, scheme.tail
         self.parts: list[Part] = [self.barostat, *([self.thermostat] if self.thermostat else [])]
         self.modules = (
             *(one.__module__ for part in self.parts for one in type(part).__mro__),

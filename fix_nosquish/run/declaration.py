@@ -59,7 +59,7 @@ class Declaration:
 
     Loops of the splitting:
         advance, go_on: the passes of a step.
-        kick: that of a level of run_style respa.
+        lead, tail: what stands before the motion, and behind the forces, by itself.
         start: of `starts`.
     """
 
@@ -71,7 +71,8 @@ class Declaration:
     unprepared, mid_step = "", False
     advance: Loop
     go_on: Loop | None = None
-    kick: Loop
+    lead: Loop
+    tail: Loop
     start: Loop | None = None
 
     method, splits, respa = "", False, True
@@ -93,8 +94,8 @@ class Declaration:
                 raise ValueError(
                     f"{cls.__name__}: an operation is prepared, and there is no loop `prepares`"
                 )
-            cls.advance, cls.go_on, cls.kick = scheme.advance, scheme.go_on, scheme.kick
-            cls.start = scheme.start
+            cls.advance, cls.go_on, cls.start = scheme.advance, scheme.go_on, scheme.start
+            cls.lead, cls.tail = scheme.lead, scheme.tail
             cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
 
     def own_parameters(self) -> dict[str, Any]:

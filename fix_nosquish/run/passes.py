@@ -177,8 +177,7 @@ class Passes:
     def _kicks(self, integrator):
         """The kick that begins a level of run_style respa, and the one that ends a step."""
         half = self.cells | {"dt": self.level_dt}
-        begins = integrator.kick.bind_to(half, ends=False, begins=True)
-        return begins, integrator.kick.bind_to(half, ends=True, begins=False)
+        return integrator.lead.bind_to(half), integrator.tail.bind_to(half)
 
     def _advance(self, integrator, ends, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
