@@ -15,7 +15,7 @@ from zlib import crc32
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import hook
@@ -145,14 +145,8 @@ class Ensemble(Integrator):
             cells |= part.own_cells()
         return cells
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        return self.barostat.cell_loops(cells)
-
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.flip_loops(cells)
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.loops_behind(cells)
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
+        return self.barostat.own_lists(cells)
 
     def turned_over(self) -> None:
         for part in self.parts:
@@ -178,21 +172,19 @@ class Ensemble(Integrator):
             self.parameters.start = self.parameters.stop = unit * temperature
 
     def own_parameters(self) -> dict[str, Any]:
-        self.barostat.begin()
         start, stop, rate = self.temperature()
-        if start != stop and self.host.span is None:
-            raise RunError(
-                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
-                "so TSTART and TSTOP must be the same",
-                everywhere=True,
-            )
+        refuse(
+            start != stop and self.host.span is None,
+            "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+            "so TSTART and TSTOP must be the same",
+        )
         self._refuse_parts_of_rotations()
         self._take_kept_state()
         unit = self.lammps.boltz / self.lammps.mvv2e
         key_0, key_1 = key_of(self.command, self.kept_state.times_back)
         own = {
             "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
-            "step": -1, "key_0": key_0, "key_1": key_1,
+            "step": -1, "key_0": key_0, "key_1": key_1, "factor": 1.0,
         }  # fmt: skip
         for part in self.parts:
             own |= part.own_parameters()
@@ -222,13 +214,12 @@ class Ensemble(Integrator):
         """End the run if some but not all components of a torque act; collective."""
         if self.mask is None or self.lammps.dimension == 2:
             return
-        if self.communicator.any((self.mask[3:] != self.mask[3]).any()):
-            raise RunError(
-                "keyword torque has one component off and another one on, and a thermostat acts on "
-                "the whole rotation of a body, or not at all: switch off all three, or use "
-                "fix nosquish/nve",
-                everywhere=True,
-            )
+        refuse(
+            self.communicator.any((self.mask[3:] != self.mask[3]).any()),
+            "keyword torque has one component off and another one on, and a thermostat acts on "
+            "the whole rotation of a body, or not at all: switch off all three, or use "
+            "fix nosquish/nve",
+        )
 
     def start_run(self) -> None:
         """As of `Integrator`; an error for what the barostat cannot move."""
@@ -237,12 +228,11 @@ class Ensemble(Integrator):
 
     def resumed(self) -> None:
         last = max(self.parameters.step, self.kept_state.was_at)
-        if self.command.seed is not None and self.lammps.step <= last:
-            raise RunError(
-                "the step counter has gone back, and with it random numbers: "
-                "begin the run with 'pre yes', which takes others",
-                everywhere=True,
-            )
+        refuse(
+            self.command.seed is not None and self.lammps.step <= last,
+            "the step counter has gone back, and with it random numbers: "
+            "begin the run with 'pre yes', which takes others",
+        )
 
     @hook
     def post_run(self) -> None:

@@ -349,7 +349,7 @@ class Scheme:
 
         def alone(name: str, does: Callable, until: int, places: bool) -> Loop:
             made = module, f"{within}.{name}"
-            return _make_pass(does, until, places, parts.named, made, numbers, rows)
+            return make_pass(does, until, made, numbers, parts.named, places, rows)
 
         self.advance = _make_advance(parts, owner, numbers, rows)
         self.lead = alone("lead", parts.lead, TORQUE + 3, False)
@@ -364,6 +364,15 @@ def place(layout, k, atom_x):
     """Place the atoms of block k."""
     rotation_matrices(layout.block)
     write_atoms(layout, k, X, atom_x)
+
+
+@inlined
+def place_all(layout, images, atom_x):
+    """Place all atoms where the bodies have them."""
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, X, Q + 4, X)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)
 
 
 def _make_advance(parts, owner, numbers, rows):
@@ -421,9 +430,25 @@ def _make_advance(parts, owner, numbers, rows):
     return loop(advance, owner)
 
 
-def _make_pass(does, until, places, named, owner, numbers, rows):
-    """A pass that does one thing with all bodies, by their rows up to this one: force and torque
-    are those that the bodies have, if they are among these."""
+def make_pass(
+    does: Callable,
+    until: int,
+    owner: tuple[str, str],
+    numbers: Kind,
+    named: bool = True,
+    places: bool = False,
+    rows: int = 0,
+) -> Loop:
+    """A pass that does one thing with all bodies.
+
+    Args:
+        does: what, as an `Operation` does it.
+        until: the row up to which it takes theirs: with force and torque these are known.
+        owner: the module that the loop belongs to, and what its name stands behind.
+        numbers: the record of its parameters.
+        named: see `Operation`.  places: whether atoms are placed then.
+        rows: how many numbers of its own each body has.
+    """
 
     def go(
         layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, rank: I, mask: F2

@@ -108,21 +108,8 @@ class Declaration:
         return {}
 
     def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        """Lists of loops of its own, by name, bound to cells."""
+        """Lists of loops of its own, by name, bound to cells; see `passes`."""
         return {}
-
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        """With `box_every`, two lists of loops, bound to cells: what the forces say of the
-        pressure, and what changes the box in the next step."""
-        return [], []
-
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        """With `flips`, the list of loops that do so, before atoms go to other ranks."""
-        return []
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        """A list of loops that come behind the second pass over the bodies, bound to cells."""
-        return []
 
     def own_warnings(self) -> Iterable[str]:
         """Lines for the log on what is probably not meant; collective."""
