@@ -72,27 +72,8 @@ class Barostat(Part):
             )
 
     def warnings(self) -> Iterator[str]:
-        """Lines on the box; collective."""
-        yield from self._warnings_of_forces()
-        yield from self._warnings_of_every()
-
-    def _warnings_of_every(self) -> Iterator[str]:
-        dt = self.lammps.dt
-        parts = self.damping / (self.ensemble.box_every * dt)
-        if parts < FEWEST_PARTS:
-            longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
-            remedy = longer if self.ensemble.box_every == 1 else "keyword every a smaller number"
-            yield (
-                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
-                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
-                f"break. Give {remedy}"
-            )
-
-    def _warnings_of_forces(self) -> Iterator[str]:
-        """Lines on fixes whose forces LAMMPS's virial lacks; collective.
-
-        The pressure takes from it what all forces do within bodies.
-        """
+        """Lines on how often the box changes, and on fixes whose forces LAMMPS's virial lacks, of
+        which the pressure takes what all forces do within bodies; collective."""
         if self.ensemble.external.moves_centres and not self.ensemble.external.has_virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
@@ -113,6 +94,14 @@ class Barostat(Part):
                     f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
                     f"lacks these: the box follows a wrong pressure: {remedy}"
                 )
+        dt, every = self.lammps.dt, self.ensemble.box_every
+        if (parts := self.damping / (every * dt)) < FEWEST_PARTS:
+            longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
+            yield (
+                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
+                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
+                f"break. Give {longer if every == 1 else 'keyword every a smaller number'}"
+            )
 
     def complaint(self, found: int) -> str:
         if found == OUT_OF_BOUNDS:
@@ -186,7 +175,12 @@ class Barostat(Part):
         Raises:
             RunError: for a fix that would not let the box move them.
         """
-        deciding = [fix for fix in self.other_fixes if self._holds_what_moves(fix)]
+        placing = *_CLUSTERS, *_PLACES
+        deciding = [
+            fix
+            for fix in self.other_fixes
+            if (fix.constrains or fix.style.startswith(placing)) and self._hits(fix, moving=True)
+        ]
         for fix in deciding:
             refuse(
                 not fix.style.startswith(_CLUSTERS),
@@ -195,11 +189,6 @@ class Barostat(Part):
                 "too, or leave them out of the group of keyword dilate",
             )
         self.host.held = int(self._dilated) if deciding else 0
-
-    def _holds_what_moves(self, fix: Any) -> bool:
-        """Whether a fix decides where atoms in no body are that move with the box; collective."""
-        decides = fix.constrains or fix.style.startswith((*_CLUSTERS, *_PLACES))
-        return decides and self._hits(fix, moving=True)
 
     def _look_at_forces(self) -> None:
         """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
@@ -217,16 +206,15 @@ class Barostat(Part):
             f.style.startswith(_NOISE) and self.ensemble.acts_on_bodies(f) for f in changing
         )
         self._noise_on_bodies = noisy
-        counted: list[str] = []
-        others: list[str] = []
-        for fix in changing:
-            held = self.host.held and self._hits(fix, moving=True)
-            if (
-                held
-                or self._hits(fix, moving=False)
-                or (noisy and self.ensemble.acts_on_bodies(fix))
-            ):
-                (counted if fix.virial_in_press else others).append(fix.id)
+        looked_at = [
+            fix
+            for fix in changing
+            if (self.host.held and self._hits(fix, moving=True))
+            or self._hits(fix, moving=False)
+            or (noisy and self.ensemble.acts_on_bodies(fix))
+        ]
+        counted = [fix.id for fix in looked_at if fix.virial_in_press]
+        others = [fix.id for fix in looked_at if not fix.virial_in_press]
         if counted and others:
             raise RunError(
                 f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "

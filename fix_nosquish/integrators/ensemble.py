@@ -49,8 +49,8 @@ class Ensemble(Integrator):
             nothing for no barostat.  parts: both, if they are there.
         momentum: the `Momentum`.
         restart_state: (n,) what goes to a restart file and comes from there; its energy is nan if
-            nothing has come.  kept_state: the record at its begin.
-        own_state: (n,) what is behind it: the state of the piston, and that of the thermostat.
+            nothing has come.  kept_state: the record at its begin; behind it is the state of the
+            piston, and that of the thermostat.
 
     Raises:
         RunError: for words that do not go together, if the bodies are at rest, and if no motion is
@@ -91,12 +91,11 @@ class Ensemble(Integrator):
         self.couples = line.replaces not in rigid_fixes.BODIES
         super().__init__(ptr, line)
         self.flips = self.barostat.flips
-        self.own_state = np.zeros(sum(part.state_size for part in self.parts))
-        size = self.barostat.state_size
-        for part, state in zip(self.parts, (self.own_state[:size], self.own_state[size:])):
-            part.state = state
-        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state])
-        self.kept_state = Kept.of(self.restart_state)
+        states = [np.zeros(part.state_size) for part in self.parts]
+        self.restart_state = np.concatenate([[self.kind, np.nan, 0.0, -1.0, np.nan], *states])
+        self.kept_state, behind = Kept.of(self.restart_state), self.restart_state[OWN:]
+        for part in self.parts:
+            part.state, behind = behind[: part.state_size], behind[part.state_size :]
         self._energy = 0.0  # given before this run, in all
 
     def _made(self, choices: Mapping[str, Any], command: Command, keyword: str) -> Any:
@@ -139,7 +138,7 @@ class Ensemble(Integrator):
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         cells = {
             "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "own_state": Cell(F1, self.own_state[self.barostat.state_size :]),
+            "own_state": Cell(F1, self.parts[-1].state),
         }  # fmt: skip
         for part in self.parts:
             cells |= part.own_cells()
@@ -204,7 +203,7 @@ class Ensemble(Integrator):
             if self.parameters.step >= 0:  # else there was no step since this was last asked
                 kept.was_at = self.parameters.step
         elif np.isfinite(kept.energy):
-            self._energy, self.own_state[:] = kept.energy, self.restart_state[OWN:]
+            self._energy = kept.energy
             self.waiting = None if np.isnan(kept.waiting) else kept.waiting
         if self.lammps.step < kept.was_at:
             kept.times_back += 1
@@ -269,4 +268,3 @@ class Ensemble(Integrator):
             self.stepped |= self.steps_made
             self.note_waiting()
             kept.waiting = np.nan if self.waiting is None else self.waiting
-            self.restart_state[OWN:] = self.own_state
