@@ -116,7 +116,7 @@ def move_to_images(layout, images, atom_x):
     """Move the atoms that LAMMPS has in another periodic image than their body there."""
     blocks, rounds = layout.blocks, layout.rounds  # which can be some of the rank's only
     begin, end = rounds[blocks[0, 1]], rounds[blocks[blocks.shape[0] - 1, 1]]
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         if begin <= images.away[a] < end:
             for c in range(3):
                 atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
