@@ -18,6 +18,7 @@ from .schedule import SEEN, Phase
 if TYPE_CHECKING:
     from .integrator import Integrator
 
+VALUES = 4  # of f_ID[i] that all integrators have
 Found = TypeVar("Found")
 
 
@@ -169,8 +170,10 @@ def compute_scalar(integrator: "Integrator") -> float:
 
 
 def compute_vector(integrator: "Integrator", i: int) -> float:
-    """Kinetic energy of translation and of rotation, temperature of each; collective."""
-    return energies(integrator)[i]
+    """Kinetic energy of translation and of rotation, temperature of each, and behind them the
+    integrator's own; collective."""
+    own = i - VALUES
+    return energies(integrator)[i] if own < 0 else integrator.own_values()[own]
 
 
 def kinetic_at_end(integrator: "Integrator") -> tuple[float, float]:

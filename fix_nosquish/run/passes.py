@@ -15,6 +15,9 @@
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
+An integrator's `own_lists` has those for the pressure, the cell and the flip, and any others; that
+of the name behind comes after the second pass over the bodies.
+
 When each of them is done, the `schedule` says.
 """
 
@@ -112,7 +115,6 @@ class Passes:
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        kick = integrator.kick
         half = cells | {"dt": self.level_dt}
         # the ranks send each other force and torque of bodies that they share, and add what comes
         several = integrator.communicator.size > 1
@@ -124,10 +126,11 @@ class Passes:
         velocities, orient = self._velocities_and_orient(integrator)
         after = velocities if integrator.half_step_velocities else []
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
+        own_lists = integrator.own_lists(cells)
+        behind = own_lists.pop("behind", [])
         before, rest = prepares, []
         if integrator.go_on:
-            second = integrator.go_on.bind_to(cells)
-            before, rest = [], [*prepares, second, *integrator.loops_behind(cells)]
+            before, rest = [], [*prepares, integrator.go_on.bind_to(cells), *behind]
         how = KEEPS if integrator.half_step_velocities else GATHERS
         if torques or pushes:
             whole = [*gather, *before, self._advance(integrator)]
@@ -142,16 +145,17 @@ class Passes:
         self.lists = {
             "gather": gather,
             "begin": [*before, self._advance(integrator, ends=False), *rest, *orient, *after],
-            "close": [*gather, kick.bind_to(half, ends=True, begins=False), *orient],
+            "close": [*gather, integrator.tail.bind_to(half), *orient],
             "whole": [*whole, *rest, *orient, *after],
-            "kick": [*gather, kick.bind_to(half, ends=False, begins=True)],
+            "kick": [*gather, integrator.lead.bind_to(half)],
             "velocities": velocities,
             "orient": orient,
             "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
             "follow": [bodies.following],
         }
-        self._box_lists(integrator, after)
-        self.lists |= integrator.own_lists(cells)
+        if "cell" in own_lists:
+            own_lists["cell"] += after
+        self.lists |= self._follow_box(integrator) | own_lists
 
     def _advance(self, integrator, ends=True, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
@@ -179,19 +183,13 @@ class Passes:
         to = {"orient_atom": integrator.host.orient_atom, "quat": np.empty(4)}
         return velocities, [extended.orient.bind_to(self.cells, **to)] if bodies.oriented else []
 
-    def _box_lists(self, integrator, after):
-        """The lists of loops for a box that changes, by this fix or another one."""
-        cells = self.cells
-        if integrator.box_every:
-            self.lists["pressure"], moves = integrator.cell_loops(cells)
-            self.lists["cell"] = [*moves, *after] if moves else []
-        if integrator.flips:
-            self.lists["flip"] = integrator.flip_loops(cells)
-        if integrator.told_box is not None:
-            told = cells | {"told_box": Cell(F1, integrator.told_box)}
-            follows = deform.stream if integrator.streams else deform.deform
-            self.lists["deform"] = [follows.bind_to(told)]
-            self.lists["flipped"] = [deform.flipped.bind_to(told)]
+    def _follow_box(self, integrator):
+        """The lists of loops behind a change of the box by another fix."""
+        if integrator.told_box is None:
+            return {}
+        told = self.cells | {"told_box": Cell(F1, integrator.told_box)}
+        follows = deform.stream if integrator.streams else deform.deform
+        return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
