@@ -7,10 +7,10 @@ atom, and of their atoms only its own.  `build` makes them.
 
 from collections.abc import Sequence
 from copy import copy
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
+from weakref import WeakMethod
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import RunError
 from ..host.lammps import Box, Lammps
@@ -62,12 +62,6 @@ class Start(NamedTuple):
     spacing: float = np.inf
 
 
-class TakesForces(Protocol):
-    """What takes external forces, as `run.external.External` does."""
-
-    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None: ...
-
-
 class _View:
     """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
 
@@ -104,7 +98,7 @@ class Bodies:
         start: what is known of the start of the run.
         suspects: part of the message for an atom that was moved: which other fixes may have done
             that.
-        external: what takes external forces; see `add_force`.
+        taker: a weak method that takes external forces: see `add_force`.
         loose: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Kinds.own_moments`.
@@ -120,7 +114,7 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
-    external: TakesForces
+    taker: WeakMethod
 
     def __init__(
         self,
@@ -357,7 +351,14 @@ class Bodies:
                 are not finite or of another shape, if ranks hand in different ones, and in a run
                 that began without external forces.
         """
-        self.external.give(ids, force, torque)
+        take = self.taker()
+        if take is None:  # nobody holds the integrator any more
+            raise RunError(
+                "add_force: the fix of these bodies is gone, by unfix or with its LAMMPS: take "
+                "those of a fix that there is, by rigid_bodies",
+                everywhere=True,
+            )
+        take(ids, force, torque)
 
     def take_velocities(
         self,

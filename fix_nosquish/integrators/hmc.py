@@ -36,7 +36,7 @@ from ..motion.block import (
 )
 from ..motion.philox import minus_log, words
 from ..motion.step import make_pass, place_all
-from ..run import thermo
+from ..run import external, thermo
 from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
 from ..run.schedule import Phase
@@ -193,7 +193,7 @@ class HMC(NVE):
             f"pair style {style} has friction or noise, which no energy tests: leave it out, "
             "or use fix nosquish/nvt with thermostat langevin",
         )
-        problem = self.external.without_energy()
+        problem = external.without_energy(self)
         refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
         for mate in self.mates:
             refuse(

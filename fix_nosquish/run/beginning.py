@@ -12,7 +12,7 @@ from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError
 from ..loops import machine_code
-from . import log, making, refusals, rotation, velocities
+from . import external, log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .output import BodyFile
 from .passes import Passes
@@ -42,7 +42,7 @@ def _bind(integrator: "Integrator") -> None:
     """Bind the passes of the run to its bodies; collective."""
     cells = integrator.bodies.cells
     integrator.gravity = refusals.weight(integrator)
-    integrator.external.begin()
+    external.begin(integrator)
     cells["rate"].set(integrator.host.rate if integrator.streams else np.zeros(6))
     if integrator.mask is not None:
         cells["mask"].set(integrator.mask)
@@ -195,6 +195,6 @@ def continue_run(integrator: "Integrator") -> None:
     integrator.unchanged.refuse_new_box(integrator, integrator.lammps.box.periodic)
     integrator.host.point()
     integrator.bodies.refuse_moved_atoms(integrator.lammps)
-    integrator.external.refuse_change()
+    external.refuse_change(integrator)
     integrator.resumed()
     velocities.say_ignored(integrator, "pre no")

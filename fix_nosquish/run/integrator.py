@@ -19,8 +19,19 @@ from ..motion import step, virial
 from ..motion.block import ROWS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import answers, beginning, levels, log, making, passes, refusals, rotation, schedule
-from . import velocities as velocities_of
+from . import (
+    answers,
+    beginning,
+    external,
+    levels,
+    log,
+    making,
+    passes,
+    refusals,
+    rotation,
+    schedule,
+    velocities,
+)
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
@@ -102,11 +113,11 @@ class Integrator(Registered, Declaration):
         self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
         self.passes, self.parameters = cast(Passes, None), cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
-        self.external, self.unchanged = External(self), refusals.Unchanged()
+        self.external, self.unchanged = External(), refusals.Unchanged()
         self.said: list[str] = []
         self.warned: set[str] = set()
         self.known: dict[str, Any] = {}
-        self.taken = velocities_of.Taken()
+        self.taken = velocities.Taken()
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
         self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)
@@ -274,7 +285,7 @@ class Integrator(Registered, Declaration):
 
     def take_late_velocities(self) -> None:
         """Take over velocities that other fixes may have changed at the end of the last step."""
-        velocities_of.take_late(self, self.lammps.step - 1)
+        velocities.take_late(self, self.lammps.step - 1)
 
     def follow_atoms(self) -> None:
         """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks, and
@@ -296,10 +307,7 @@ class Integrator(Registered, Declaration):
 
     post_neighbor = hook(follow_atoms)
 
-    @hook
-    def push(self) -> None:
-        """The forces of this step are known: find what else acts on the bodies; collective."""
-        self.external.find()
+    push = hook(external.push)
 
     @hook
     def final_integrate(self) -> None:
@@ -341,11 +349,11 @@ class Integrator(Registered, Declaration):
         self.come_to_rest()
         if not self.host.facts & SEEN:
             self.set_velocities()
-        velocities_of.take_late(self, self.lammps.step)
-        velocities_of.say_lost(self)
+        velocities.take_late(self, self.lammps.step)
+        velocities.say_lost(self)
         if self.streams:  # a body has one velocity between runs, wherever its atoms are
             self.bodies.settle(self.lammps)
-            velocities_of.set_plain(self)
+            velocities.set_plain(self)
         self.known.clear()
         if self.mid_step:
             end, now = self.kinetic_at_end()
@@ -380,10 +388,7 @@ class Integrator(Registered, Declaration):
     compute_array = hook(answers.compute_array)
     rows_of_rank = hook(answers.rows_of_rank)
     write_restart_file = hook(answers.write_restart_file)
-    zero_momentum = hook(velocities_of.zero_momentum)
-    zero_rotation = hook(velocities_of.zero_rotation)
-
-    @hook
-    def modify_external(self, words: str) -> None:
-        """The words of fix_modify behind external."""
-        self.external.read(words)
+    zero_momentum = hook(velocities.zero_momentum)
+    zero_rotation = hook(velocities.zero_rotation)
+    modify_external = hook(external.modify_external)
+    give_forces = external.give_forces

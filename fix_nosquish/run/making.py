@@ -2,6 +2,7 @@
 
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare
 from ..errors import RunError
-from . import log, rotation, switches
+from . import external, log, rotation, switches
 from .refusals import refuse_turnover
 
 if TYPE_CHECKING:
@@ -76,7 +77,7 @@ def make(integrator: "Integrator") -> None:
     if np.array_equal(np.sort(ids), np.sort(bodies.id)):
         # commands like write_data compute no forces
         bodies.wrench[:, np.argsort(bodies.id)] = wrench[:, np.argsort(ids)]
-    bodies.external = integrator.external
+    bodies.taker = WeakMethod(integrator.give_forces)
     bodies.bind(integrator.membership)
     bodies.know_box(lammps.box)
     integrator.unchanged.note(integrator)
@@ -113,7 +114,7 @@ def turn_over(integrator: "Integrator") -> None:
     log.warn(integrator, lines)
     rotation.choose(integrator)
     integrator.parameters.mrot = rotation.inner_steps(integrator)
-    integrator.external.learn()
+    external.learn(integrator)
     integrator.turned_over()
     integrator.unchanged.note(integrator)
     integrator.tell_count()
