@@ -230,7 +230,7 @@ class Bodies:
         self.know_box(lammps.box)
         problem = self.following()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         return problem != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
@@ -253,7 +253,7 @@ class Bodies:
             arrived.set(np.concatenate([arrived.array, rows]))
         problem = self._following_fewer()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         elif problem:
             raise RunError(
                 f"atoms came into bodies by step {lammps.step} that this fix does not know: "
@@ -269,7 +269,7 @@ class Bodies:
         """
         self.know_box(lammps.box)
         if self._settle():
-            self._communicator.agree(self._off())
+            self._refuse_off()
 
     def refuse_moved_atoms(self, lammps: Lammps) -> None:
         """End the run if an atom is not where its body has it; collective.
@@ -290,8 +290,7 @@ class Bodies:
             ),
         )
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
-        if self._settle():
-            self._communicator.agree(self._off())
+        self.settle(lammps)
         for name, values in kept.items():
             self._memory.put(name, values)
 
@@ -322,16 +321,17 @@ class Bodies:
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
             self.cells["near"].set(near)
 
-    def _off(self) -> str | None:
-        """The message for the atom that is off its body; None if there is none on this rank."""
+    def _refuse_off(self) -> None:
+        """End the run because an atom of some rank is off its body; collective."""
         far, atom = self.cells["off"].array
-        if far <= self.cells["near"].number:
-            return None
-        return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
-            f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
-            "bodies, and change positions between runs only, with 'run N pre yes' after it, "
-            "and not with reinit no or infile, which keep the bodies of the last run"
+        self._communicator.refuse(
+            ~(far <= self.cells["near"].array),
+            lambda _: (
+                f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+                f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
+                "bodies, and change positions between runs only, with 'run N pre yes' after it, "
+                "and not with reinit no or infile, which keep the bodies of the last run"
+            ),
         )
 
     # ------------------------------------------------------------- motion

@@ -261,16 +261,12 @@ def count(membership: Membership) -> int | None:
     """How many bodies there are, None if that cannot be told (yet); collective."""
     if membership.variable:
         return None  # the variable may need a run
-    communicator = membership.communicator
-    ids, problem = np.empty(0, np.int64), False
     try:
         ids = np.unique(membership.body_ids(membership.atoms()))
-        ids = ids[ids < POINTS]
     except RunError:
-        problem = True
-    if communicator.any(problem):
         return None
-    return communicator.count(sharers_of(communicator, ids).owned.sum()) or None
+    owned = sharers_of(membership.communicator, ids[ids < POINTS]).owned
+    return membership.communicator.count(owned.sum()) or None
 
 
 def _notes(bodies: Bodies, unfolded: Unfolded, particles: Particles | None, given: Given) -> Notes:
