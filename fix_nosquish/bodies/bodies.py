@@ -7,10 +7,9 @@ atom, and of their atoms only its own.  `build` makes them.
 
 from collections.abc import Sequence
 from copy import copy
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import RunError
 from ..host.lammps import Box, Lammps
@@ -62,12 +61,6 @@ class Start(NamedTuple):
     spacing: float = np.inf
 
 
-class TakesForces(Protocol):
-    """What takes external forces, as `run.external.External` does."""
-
-    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None: ...
-
-
 class _View:
     """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
 
@@ -104,7 +97,7 @@ class Bodies:
         start: what is known of the start of the run.
         suspects: part of the message for an atom that was moved: which other fixes may have done
             that.
-        external: what takes external forces; see `add_force`.
+        external: the `run.external.External`, which takes external forces.
         loose: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Kinds.own_moments`.
@@ -120,7 +113,7 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
-    external: TakesForces
+    external: Any
 
     def __init__(
         self,
@@ -148,20 +141,18 @@ class Bodies:
         ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
-        lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
-        self.cells = self._memory.cells | self.sharers.cells
         self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
+        own = {
+            "kinds": self.kinds,
+            "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),
+            "found": np.zeros(len(migration.FOUND)),
+            "off": np.zeros(2),
+            "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
+            **dict.fromkeys(PeriodicBox._fields),  # see `know_box`
+        }
         kinds = migration.follow.kinds
-        for name, value in (
-            ("kinds", self.kinds),
-            ("block", lanes),
-            ("found", np.zeros(len(migration.FOUND))),
-            ("off", np.zeros(2)),
-            ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
-        ):
-            self.cells[name] = Cell(kinds[name], value)
-        self.cells |= {"mask": Cell(F2, np.ones((6, 1)))}
-        self.cells |= {name: Cell(kinds[name]) for name in PeriodicBox._fields}
+        self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.ones((6, 1)))}
+        self.cells |= {name: Cell(kinds[name], value) for name, value in own.items()}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 

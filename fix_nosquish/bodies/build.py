@@ -310,8 +310,8 @@ def _with_atoms(state: np.ndarray, kept: shapes.Kept, recipe: Recipe, chosen: in
     displace = [np.einsum("abn,na->bn", matrices(q), kept.r), members.tag]
     spin = directed = False
     if particles is not None:
-        directed = come and recipe.oriented
-        directed = communicator.any(directed or particles.quat.any() or particles.dipole.any())
+        has = particles.quat.any() or particles.dipole.any()
+        directed = communicator.any(has or (come and recipe.oriented))
         spin = directed or communicator.any(come or particles.moment.any())
         if recipe.oriented:
             displace.append(particles.in_bodies(q))
