@@ -46,7 +46,9 @@ class BodyRows(NamedTuple):
         old_state, old_displace: those of before.
         ids, column: (shared + arrived,) of the bodies that other ranks held too, and those that
             came, row by row: the ID, and what `owner` has of it.
-        following, buckets, ends: what the functions here work with.
+        following: (2 * bodies,) the next round of each body and its lane there; or, if it is a
+            block by itself, its next entry of index and -1.
+        buckets, ends: what the functions here work with.
     """
 
     state: F2
@@ -250,13 +252,17 @@ def make_blocks(bodies):
     resize(bodies, BODIES.blocks, total + 1, 3)
     resize(bodies, BODIES.rounds, bodies[BODIES.owner, LENGTH] + 1, 1)
     blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
+    following = new_longs(bodies, BODIES.following, 2 * total)
     while begin < total:
         while begin >= ends[stretch]:
             stretch += 1
         blocks[block, 0], blocks[block, 1], blocks[block, 2] = begin, turn, stretch % 2 == 0
         end, count = begin + 1, (atoms[begin] + LANES - 1) // LANES
+        following[2 * begin], following[2 * begin + 1] = entry, -1
         if atoms[begin] <= LANES:
             end, count = min(begin + LANES, ends[stretch]), atoms[begin]
+            for b in range(begin, end):
+                following[2 * b], following[2 * b + 1] = turn, b - begin
         lanes = end - begin
         for r in range(count):
             rounds[turn] = entry
@@ -275,19 +281,12 @@ def make_blocks(bodies):
 @inlined
 def place_atoms(bodies):
     """Give each atom its entry of `index`, `source` and `body`."""
-    blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
+    rounds, following = ints_in(bodies, BODIES.rounds), longs_in(bodies, BODIES.following)
     here, owner = longs_in(bodies, BODIES.here), longs_in(bodies, BODIES.owner)
-    number, atoms, n = longs_in(bodies, BODIES.number), longs_in(bodies, BODIES.atoms), here.size
-    following = new_longs(bodies, BODIES.following, 2 * atoms.size)
+    number, n = longs_in(bodies, BODIES.number), here.size
     resize(bodies, BODIES.index, n, 1)
     index, source = ints_in(bodies, BODIES.index), new_longs(bodies, BODIES.source, n)
     body = new_longs(bodies, BODIES.body, n)
-    for k in range(blocks.shape[0] - 1):
-        for b in range(blocks[k, 0], blocks[k + 1, 0]):
-            if atoms[b] > LANES:  # its next entry
-                following[2 * b], following[2 * b + 1] = rounds[blocks[k, 1]], -1
-            else:  # its next round, its lane
-                following[2 * b], following[2 * b + 1] = blocks[k, 1], b - blocks[k, 0]
     for j in range(n):
         b = number[owner[j]]
         entry, lane = following[2 * b], following[2 * b + 1]
