@@ -18,7 +18,7 @@ import numpy as np
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 from .bodies import Bodies
-from .given import Given
+from .build import Given
 from .membership import POINTS, Membership
 from .unfold import Unfolded
 
