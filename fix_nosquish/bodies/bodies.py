@@ -197,11 +197,10 @@ class Bodies:
     def bind(self, membership: Membership) -> None:
         """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
         along where it is now: `note`."""
-        masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         bound = (
             self.cells
             | membership.lammps.cells
-            | {name: Cell(I, mask) for name, mask in masks.items()}
+            | {name: Cell(I, mask) for name, mask in membership.masks.items()}
         )
         bound["arrived_cell"] = Cell(L1, membership.lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE

@@ -42,8 +42,8 @@ class Membership:
         communicator: the `Communicator` of its ranks, or `ALONE`.
         command: the `Command`, which is the fix line.
         variable: name of the atom-style variable that tells bodies apart; "" if none does.
-        masks: bits of `lammps.groups`.  An atom is in a body if its groups have some bit of the
-            first mask and some of the second.  It is a point if they have some bit of the third.
+        masks: bits of `lammps.groups` by name.  An atom is in a body if its groups have some bit of
+            fix_group and some of body_groups.  It is a point if they have some bit of points.
 
     Raises:
         RunError: on all ranks, for a group or variable that is not there.
@@ -67,9 +67,12 @@ class Membership:
                 everywhere=True,
             )
         self._bits = [lammps.group_bit(group) for group in of_bodies]
-        points = sum(lammps.group_bit(group) for group in of_points)
-        masks = [lammps.group_bit(command.group), np.bitwise_or.reduce(self._bits), points]
-        self.masks: list[int] = np.array(masks, np.uint32).view(np.int32).tolist()
+        bits = {
+            "fix_group": lammps.group_bit(command.group),
+            "body_groups": np.bitwise_or.reduce(self._bits),
+            "points": sum(lammps.group_bit(group) for group in of_points),
+        }
+        self.masks = {name: np.uint32(some).view(np.int32).item() for name, some in bits.items()}
 
     def atoms(self) -> np.ndarray:
         """Indices of this rank's atoms that are in bodies, or points."""
@@ -77,7 +80,9 @@ class Membership:
 
     def _rigid_and_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Which of this rank's atoms are in bodies, and which are points, (natoms,) bool each."""
-        one, other, points = (self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks)
+        one, other, points = (
+            self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
+        )
         return one & other, points
 
     def body_ids(self, atoms: np.ndarray, former: Former | None = None) -> np.ndarray:
