@@ -315,7 +315,7 @@ class Bodies:
         """End the run because an atom of some rank is off its body; collective."""
         far, atom = self.cells["off"].array
         self._communicator.refuse(
-            ~(far <= self.cells["near"].array),
+            np.array([not far <= self.cells["near"].number]),
             lambda _: (
                 f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
                 f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
