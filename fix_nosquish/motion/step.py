@@ -114,7 +114,7 @@ def write_atoms(layout, k, row, atoms):
 @inlined
 def move_to_images(layout, images, atom_x):
     """Move the atoms that LAMMPS has in another periodic image than their body there."""
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
 

@@ -28,7 +28,8 @@ STEPS = 3  # whose potential energies are needed
 
 
 class Shadowed(NVE):
-    """fix python/move "validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N ...", as `NVE`.
+    """fix python/move "fix_nosquish_validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N
+    ...", as `NVE`.
 
     f_ID[5] is the shadow energy, of all atoms, at the middle one of three steps.  The last of them
     is a multiple of N, 1 without this keyword.  There is no number before the first such step.
