@@ -156,7 +156,6 @@ class Bodies:
             ("kinds", self.kinds),
             ("block", lanes),
             ("found", np.zeros(len(migration.FOUND))),
-            ("aways", np.zeros(1, np.int64)),
             ("off", np.zeros(2)),
             ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
         ):
@@ -247,9 +246,7 @@ class Bodies:
         if new is not None:
             # they come with their atoms, as bodies do that come from other ranks
             arrived = lammps.cells["arrived"]
-            columns = new._columns_of_atoms()
-            rows = np.zeros((columns.shape[1], OF_BODY + len(columns)))
-            rows[:, OF_BODY:] = columns.T
+            rows = new.rows_of_atoms()
             lammps.cells["origins"].array[new.index] = (
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
@@ -292,28 +289,28 @@ class Bodies:
                 "arrays, or has another ID. Use 'run N pre yes'"
             ),
         )
-        kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
+        kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
         if self._settle():
             self._communicator.agree(self._off())
-        for name in "state", "away", "shift":
-            self._memory.put(name, kept[name])
-        self.cells["aways"].array[:] = kept["aways"]
+        for name, values in kept.items():
+            self._memory.put(name, values)
 
     def of_atoms(self, lammps: Lammps, followed: bool = True) -> Former:
         """What each of LAMMPS's atoms here is in these bodies; see `Former`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        columns = np.zeros((len(self.state) + len(self.displace), len(origins)))
-        columns[:, here] = self._columns_of_atoms()[:, places(origins[here])]
-        columns[:, came] = arrived[-2 - origins[came], OF_BODY:].T
-        state, displace = np.split(columns, [len(self.state)])
+        rows = np.zeros((len(origins), OF_BODY + len(self.state) + len(self.displace)))
+        rows[here] = self.rows_of_atoms(places(origins[here]))
+        rows[came] = arrived[-2 - origins[came]]
+        state, displace = np.split(rows.T[OF_BODY:], [len(self.state)])
         ids = state[block.ID].astype(np.int64)
         return Former(here | came, ids, state[block.NATOMS], state[Q], displace, followed)
 
-    def _columns_of_atoms(self) -> np.ndarray:
-        """Of each atom here the state of its body, then its own column of `displace`, (..., m)."""
-        return np.concatenate([self.state[:, self.body], self.displace])
+    def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
+        """What goes with these atoms to other ranks, but for their origins: a row of each."""
+        body, displace = self.body[which], self.displace[:, which]
+        return np.vstack([np.zeros((OF_BODY, len(body))), self.state[:, body], displace]).T.copy()
 
     def know_box(self, box: Box) -> None:
         """Have the cells of the box as this one is, if it is another one than before."""

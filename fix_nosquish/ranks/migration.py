@@ -158,12 +158,6 @@ def locate(atoms, bodies, found):
 
 
 @inlined
-def rounds_of(atoms):
-    """How many rounds a body of so many atoms takes."""
-    return atoms if atoms <= LANES else (atoms + LANES - 1) // LANES
-
-
-@inlined
 def of_body(row, b, state, arrived, first):
     """An entry of body b's state: of those of this rank, or those that came with atoms."""
     return (
@@ -272,11 +266,11 @@ def make_blocks(bodies):
         while begin >= ends[stretch]:
             stretch += 1
         blocks[block, 0], blocks[block, 1], blocks[block, 2] = begin, turn, stretch % 2 == 0
-        end = begin + 1
+        end, count = begin + 1, (atoms[begin] + LANES - 1) // LANES
         if atoms[begin] <= LANES:
-            end = min(begin + LANES, ends[stretch])
+            end, count = min(begin + LANES, ends[stretch]), atoms[begin]
         lanes = end - begin
-        for r in range(rounds_of(atoms[begin])):
+        for r in range(count):
             rounds[turn] = entry
             while lanes > 1 and atoms[begin + lanes - 1] <= r:
                 lanes -= 1
@@ -374,14 +368,14 @@ def arrange(mpi, sharing, arrived, bodies, kinds):
 
 
 @inlined
-def settle(layout, bodies, aways, box, atom_x, off):
+def settle(layout, bodies, box, atom_x, off):
     """Find which atoms are in other periodic images: see `periodic.find_images`."""
     resize(bodies, BODIES.away, layout.index.size, 1)
     resize(bodies, BODIES.shift, layout.index.size, 3)
     away, shift = ints_in(bodies, BODIES.away), floats_in(bodies, BODIES.shift)
-    find_images(layout, Images(away, shift, aways), box, atom_x, off)
-    resize(bodies, BODIES.away, aways[0], 1)
-    resize(bodies, BODIES.shift, aways[0], 3)
+    count = find_images(layout, Images(away, shift), box, atom_x, off)
+    resize(bodies, BODIES.away, count, 1)
+    resize(bodies, BODIES.shift, count, 3)
 
 
 @loop
@@ -391,7 +385,6 @@ def follow(
     atoms: Atoms,
     bodies: L2,
     kinds: Kinds,
-    aways: L1,
     block: F64,
     found: F1,
     box: PeriodicBox,
@@ -402,7 +395,7 @@ def follow(
 
     Args:
         sharing, bodies: tables of memories with `SharingRows` and `BodyRows`.
-        kinds, block: see `block.Layout`.  aways: see `block.Images`.
+        kinds, block: see `block.Layout`.
         found: see `Found`.  off: see `periodic.find_images`.
         what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
             where the atoms are now; SETTLE periodic images; FEWER: atoms may be gone.
@@ -432,7 +425,7 @@ def follow(
         blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
         take_into_box(state, box)
         layout = Layout(state, kinds, blocks, rounds, index, displace, block)
-        settle(layout, bodies, aways, box, atoms.atom_x, off)
+        settle(layout, bodies, box, atoms.atom_x, off)
         found[FOUND.off] = not off[0] <= box.near
         add_up(mpi, found[FOUND.off : FOUND.all_came], found[FOUND.all_off :])
         if found[FOUND.all_off] != 0.0:

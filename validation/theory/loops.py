@@ -90,7 +90,7 @@ class Scene:
         whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
         self.gather = step.gather.bind_to(cells, all_bodies=True)
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
-        self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
+        self.kick = SCHEMES[scheme].tail.bind_to(cells)
 
     def random(
         self, rng: np.random.Generator, turn: Sizes = 0.3, strength: Sizes = 0.3
