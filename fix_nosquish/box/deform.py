@@ -8,7 +8,7 @@ what crosses a face gets the velocity that its image has there (`periodic.take_i
 from math import floor
 
 from ..loops.compiled import F1, F2, F, I, inlined, loop
-from ..motion.block import IMAGE, Images, Layout, Q, X, take
+from ..motion.block import IMAGE, Images, Layout, X
 from ..motion.periodic import (
     PeriodicBox,
     cartesian,
@@ -17,7 +17,7 @@ from ..motion.periodic import (
     invert,
     reflag,
 )  # fmt: skip
-from ..motion.step import move_to_images, place
+from ..motion.step import move_to_images, place_all
 from ..ranks.migration import OF_BODY
 from .cell import three_of
 
@@ -76,10 +76,7 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
     for b in range(state.shape[1]):
         x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
         state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, X, Q + 4, X)
-        place(layout, k, atom_x)
-    move_to_images(layout, images, atom_x)
+    place_all(layout, images, atom_x)
 
 
 @loop

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host.command import Line
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop, record
@@ -238,19 +238,17 @@ class FIRE(Integrator):
         super().__init__(ptr, line)
 
     def own_parameters(self) -> dict[str, Any]:
-        if self.host.stop is None:
-            raise RunError(
-                "a LAMMPS's own fix python/move cannot end a run: install this package where its "
-                "plugin serves",
-                everywhere=True,
-            )
+        refuse(
+            self.host.stop is None,
+            "a LAMMPS's own fix python/move cannot end a run: install this package where its "
+            "plugin serves",
+        )
         for fix in self.other_fixes:
-            if fix.box_change:
-                raise RunError(
-                    f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "
-                    "in a box that stays: unfix one of the two",
-                    everywhere=True,
-                )
+            refuse(
+                fix.box_change,
+                f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "
+                "in a box that stays: unfix one of the two",
+            )
         words = DEFAULTS | self.command.quench
         numbers = {name: self.lammps.number(words[name]) for name in ("force", "torque", *DEFAULTS)}
         for name in "force", "torque", "dmax", "tmin":
@@ -301,12 +299,8 @@ class FIRE(Integrator):
 
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """As of `Integrator`, and behind it the largest force and the largest torque on a body, and
-        the time step of the quench; collective."""
-        own = i - len(Integrator.vector_extensive)
-        if own < 0:
-            return super().compute_vector(i)
+    def own_values(self) -> tuple[float, ...]:
+        """The largest force and the largest torque on a body, and the time step of the quench;
+        collective."""
         self.reports.made()
-        return (*self.norms(), self.parameters.step)[own]
+        return *self.norms(), self.parameters.step

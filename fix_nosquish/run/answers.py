@@ -1,5 +1,6 @@
 """What LAMMPS and its users ask of the bodies, at any time from the first run on."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -71,8 +72,15 @@ class Answers:
 
     @hook
     def compute_vector(self, i: int) -> float:
-        """Kinetic energy of translation and of rotation, temperature of each; collective."""
-        return self.reports.energies()[i]
+        """Kinetic energy of translation and of rotation, temperature of each, and behind them the
+        integrator's own; collective."""
+        own = i - len(Answers.vector_extensive)
+        return self.reports.energies()[i] if own < 0 else self.own_values()[own]
+
+    def own_values(self) -> Sequence[float]:
+        """Values of f_ID[i] behind those of all integrators, of which `vector_extensive` says
+        whether each counts the bodies; collective."""
+        return ()
 
     @hook
     def compute_array(self, i: int, j: int) -> float:

@@ -15,6 +15,9 @@
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
+An integrator's `own_lists` has those for the pressure, the cell and the flip, and any others; that
+of the name behind comes after the second pass over the bodies.
+
 When each of them is done, the `schedule` says.
 """
 
@@ -142,7 +145,8 @@ class Passes:
         kick_begins, kick_ends = self._kicks(integrator)
         velocities, orient = self._velocities_and_orient(integrator, bodies)
         after = velocities if half_step_velocities else []
-        before, rest = self._before_and_behind(integrator)
+        own_lists = integrator.own_lists(cells)
+        before, rest = self._before_and_behind(integrator, own_lists.pop("behind", []))
         how = KEEPS if half_step_velocities else GATHERS
         own = integrator.gravity is not None or integrator.external.acts
         if mask is not None or bodies.spin or own:
@@ -167,31 +171,27 @@ class Passes:
             "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
             "follow": [bodies.following],
         }
-        if integrator.box_every:
-            self.lists["pressure"], moves = integrator.cell_loops(cells)
-            self.lists["cell"] = [*moves, *after] if moves else []
-        if integrator.flips:
-            self.lists["flip"] = integrator.flip_loops(cells)
-        self.lists |= _follow_box(integrator, cells) | integrator.own_lists(cells)
+        if "cell" in own_lists:
+            own_lists["cell"] += after
+        self.lists |= _follow_box(integrator, cells) | own_lists
 
     def _kicks(self, integrator):
         """The kick that begins a level of run_style respa, and the one that ends a step."""
         half = self.cells | {"dt": self.level_dt}
-        begins = integrator.kick.bind_to(half, ends=False, begins=True)
-        return begins, integrator.kick.bind_to(half, ends=True, begins=False)
+        return integrator.lead.bind_to(half), integrator.tail.bind_to(half)
 
     def _advance(self, integrator, ends, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
         how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
         return integrator.advance.bind_to(self.cells, **how)
 
-    def _before_and_behind(self, integrator):
-        """Two lists of loops: before the bodies' motion, and behind it."""
+    def _before_and_behind(self, integrator, behind):
+        """Two lists of loops: before the bodies' motion, and behind it, with those of `behind`."""
         prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
         if not integrator.go_on:
             return prepares, []
         second = integrator.go_on.bind_to(self.cells)
-        return [], [*prepares, second, *integrator.loops_behind(self.cells)]
+        return [], [*prepares, second, *behind]
 
     def _gather(self, integrator, bodies, exchange):
         """The list of loops for force and torque of each body; `exchange` has those for what other

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from validation import RESULTS, command_line
+from .. import RESULTS, command_line
 
 KNOWN = "sampling-water"
 
@@ -44,9 +44,9 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.engines import criteria, measure, plan, report  # heavy: not for --help
-    from validation.ensembles.lengths import Lengths
-    from validation.pages import console
+    from ..ensembles.lengths import Lengths
+    from ..pages import console
+    from . import criteria, measure, plan, report  # heavy: not for --help
 
     short = not arguments.full
     names = [one.name for one in command_line.chosen_of(plan.SCHEMES, arguments.only)]

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.engines.engine import BAR, KJ, NM, OUTPUT, Course, Engine, Samples, wait
-from validation.engines.water import Shift, Water
-from validation.sampling.measure import COULOMB
+from ..sampling.measure import COULOMB
+from .engine import BAR, KJ, NM, OUTPUT, Course, Engine, Samples, wait
+from .water import Shift, Water
 
 WORKER = Path(__file__).with_name("openmm_worker.py")
 JOB = "job.json"

@@ -19,7 +19,6 @@ import numpy as np
 
 from fix_nosquish import of_fix_line
 from fix_nosquish.errors import RunError
-from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.frames import matrices
 from fix_nosquish.motion.operations import EXACT
@@ -29,7 +28,8 @@ STEPS = 3  # whose potential energies are needed
 
 
 class Shadowed(NVE):
-    """fix python/move "validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N ...", as `NVE`.
+    """fix python/move "fix_nosquish_validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N
+    ...", as `NVE`.
 
     f_ID[5] is the shadow energy, of all atoms, at the middle one of three steps.  The last of them
     is a multiple of N, 1 without this keyword.  There is no number before the first such step.
@@ -113,10 +113,9 @@ class Shadowed(NVE):
         if problem:
             raise RunError(problem, everywhere=True)
 
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """As of `NVE`, and behind it the shadow energy; collective."""
-        return self.shadow if i == len(NVE.vector_extensive) else super().compute_vector(i)
+    def own_values(self) -> tuple[float]:
+        """The shadow energy."""
+        return (self.shadow,)
 
 
 def own_part(bodies: Any, dt: float, ftm2v: float, mrot: float) -> np.ndarray:

@@ -17,9 +17,10 @@ from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
 from fix_nosquish.motion.operations import Parameters
-from validation.schemes.matubayasi_nakahara import MatubayasiNakahara
-from validation.theory.calculus import restricted
-from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
+
+from ..schemes.matubayasi_nakahara import MatubayasiNakahara
+from .calculus import restricted
+from .reference import PERMUTE, _second, _third, multiply, to_space
 
 SCHEMES = {"NVE": NVE, "MatubayasiNakahara": MatubayasiNakahara}
 # principal moments, the largest first, of bodies of unit mass; order 123 has them in reverse
@@ -87,7 +88,7 @@ class Scene:
         whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
         self.gather = step.gather.bind_to(cells, all_bodies=True)
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
-        self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
+        self.kick = SCHEMES[scheme].tail.bind_to(cells)
 
     def random(
         self, rng: np.random.Generator, turn: Sizes = 0.3, strength: Sizes = 0.3
