@@ -16,3 +16,13 @@ class RunError(Exception):
     ) -> None:
         super().__init__(message)
         self.everywhere, self.argument = everywhere, argument
+
+
+def refuse(problem: object, why: str) -> None:
+    """End the run for a problem that all ranks know of.
+
+    Raises:
+        RunError: if there is one.
+    """
+    if problem:
+        raise RunError(why, everywhere=True)

@@ -10,14 +10,14 @@ from pathlib import Path
 from validation.running import startup
 
 SOURCE = Path(__file__).resolve().parent.parent / "fix_nosquish"
-SCHEMES = "validation/schemes"  # which LAMMPS imports, too
+SCHEMES = "fix_nosquish_validation/schemes"  # the harness's, which LAMMPS imports, too
 
 COMPILE = """
 from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
 from fix_nosquish.ranks import communicator
-from validation.schemes import gear, matubayasi_nakahara
-schemes = machine_code.of_package("validation")
+from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
+schemes = machine_code.of_package("fix_nosquish_validation")
 machine_code.load(communicator.ALONE, *(one.name for one in [*modules(), *schemes]))
 """
 
@@ -34,13 +34,13 @@ def tested():
         raise SystemExit(
             f"this Python imports {here}, LAMMPS's processes import {package}: unset PYTHONPATH"
         )
-    places = package.parent / SCHEMES, SOURCE.parent / SCHEMES
-    if other := differences(package, SOURCE) + differences(*places):
+    editable = package == SOURCE
+    places = package.parent / SCHEMES, SOURCE.parent / "validation/schemes"
+    if other := [] if editable else differences(package, SOURCE) + differences(*places):
         raise SystemExit(
             f"the fix_nosquish that is installed, {package}, is not the one of this checkout. "
             f"Files that are not the same: {', '.join(other)}. Install it first: pip install ."
         )
-    editable = package == SOURCE
     if editable and not compiled(package / "plugin"):
         raise SystemExit(
             f"{package / 'plugin'} is not compiled as it is now. Do it first: pip install -e ."
@@ -72,5 +72,5 @@ def compile_loops():
 
 def compiled(folder):
     """Whether what is compiled in a folder is there, and is as new as its source."""
-    made = [path.stat().st_mtime for path in folder.glob("*plugin.so")]
+    made = [path.stat().st_mtime for path in folder.glob("for_*/*plugin.so")]
     return bool(made) and min(made) >= max(path.stat().st_mtime for path in folder.glob("*.cpp"))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
+from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
 from systems import OURS as NVE
@@ -35,7 +36,6 @@ from test_rotor import (
 
 from fix_nosquish.motion import block
 from validation.scenes.integrators import target
-from validation.schemes import gear, matubayasi_nakahara
 
 MN, GEAR = (
     NVE.replace("fix_nosquish.NVE", target(name)) for name in ("MatubayasiNakahara", "Gear")
@@ -108,7 +108,7 @@ def move_gear(bodies, dt, steps, force=field, starts=True):
 def move(integrator, bodies, dt, steps, mrot, force, starts=True):
     cells = step_cells(integrator, bodies, dt, mrot)
     begin = integrator.advance.bind_to(cells, gathers=0, ends=0, begins=1, part=block.ALL)
-    end = integrator.kick.bind_to(cells, ends=1, begins=0)
+    end = integrator.tail.bind_to(cells)
     if starts:
         bodies.wrench[:] = force(bodies.x, bodies.q)
     if starts and integrator.start:

@@ -370,6 +370,14 @@ def test_thermostats_of_the_documentation(run_lammps, name):
         assert np.ptp(thermo["Econserve"]) < 0.01 * np.ptp(thermo["TotEng"])
 
 
+def rooms_used(file):
+    """What a file in a room imports from beside its room."""
+    nodes = ast.walk(ast.parse(file.read_text()))
+    imports = [one for one in nodes if isinstance(one, ast.ImportFrom) and one.level == 2]
+    used = {one.module.split(".")[0] for one in imports if one.module}
+    return used | {name.name for one in imports if not one.module for name in one.names}
+
+
 def test_rooms_use_those_below_them():
     """Locks out rooms of the package that need each other in a circle, rooms that the page on its
     architecture does not name, and files that it names and that are gone."""
@@ -378,11 +386,7 @@ def test_rooms_use_those_below_them():
     assert {*rooms, "plugin"} == {file.parent.name for file in package.glob("*/__init__.py")}
     for floor, room in enumerate(rooms):
         for file in (package / room).glob("*.py"):
-            nodes = ast.walk(ast.parse(file.read_text()))
-            imports = [one for one in nodes if isinstance(one, ast.ImportFrom) and one.level == 2]
-            used = {one.module.split(".")[0] for one in imports if one.module}
-            used |= {name.name for one in imports if not one.module for name in one.names}
-            assert not used & {*rooms[:floor], "plugin"}, file
+            assert not rooms_used(file) & {*rooms[:floor], "plugin"}, file
     there = [str(file) for folder in (package, ROOT / "validation") for file in folder.rglob("*.*")]
     for name in re.findall(r"`([\w/]+\.(?:py|h|cpp))`", text):
         assert (ROOT / name).exists() or any(file.endswith(f"/{name}") for file in there), name
@@ -397,8 +401,7 @@ def test_rooms_of_the_harness_use_those_before_them():
     assert len(rooms) > 4
     for floor, room in enumerate(rooms):
         for file in (harness / room).glob("*.py"):
-            used = set(re.findall(r"(?m)^ *from validation\.(\w+)", file.read_text()))
-            folders = {one for one in used if (harness / one).is_dir()}
+            folders = {one for one in rooms_used(file) if (harness / one).is_dir()}
             assert folders <= set(rooms[: floor + 1]), file
 
 

@@ -550,7 +550,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         (['python/move "fix_nosquish.NVE all molecule"'], "nosquish"),
         (["nosquish/nvt molecule temp 1.0 1.0 2.0 seed 17"], "nosquish"),
         (["nosquish/nvt molecule temp 1 1 2 seed 17 mrot 2"], "yours"),
-        (['python/move "validation.schemes.gear.Gear all molecule"'], "yours"),
+        (['python/move "fix_nosquish_validation.schemes.gear.Gear all molecule"'], "yours"),
         (["rigid/nvt/small molecule temp 1 1 2"], "rigid/nvt/small"),
         (["shake 1e-4 100 0 b 1", "nvt temp 1 1 2"], "shake"),
         (["nvt temp 1 1 2", "shake 0.0001 100 0 b 1"], "shake"),
@@ -628,7 +628,8 @@ def test_native_styles_are_ours():
         assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
     spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
     assert finding.native(spaced) == spaced
-    old = 'fix 1 a python/move "validation.schemes.gear.Gear a molecule"'  # which has no fix style
+    # which has no fix style
+    old = 'fix 1 a python/move "fix_nosquish_validation.schemes.gear.Gear a molecule"'
     assert finding.native('fix 1 a python/move "fix_nosquish.Gear a molecule"') == old  # before
     others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
     for one in (old, *others, "fix 1 a python/move", "fix 1 a nosquish/nve"):

@@ -54,7 +54,7 @@ def test_lines_words_and_branches_are_lammpss():
         "fix 1 output nosquish/nve molecule{} mrot 2",
         'fix 1 all nosquish/nvt group 2 a output{} moments step infile "a b"',
         "fix 1 all nosquish/hmc molecule points output{} mrot 2",
-        'fix 1 all python/move "validation.schemes.gear.Gear all group 1 output{}"',
+        'fix 1 all python/move "fix_nosquish_validation.schemes.gear.Gear all group 1 output{}"',
     ):
         assert finding.without_output(line.format("")) == (line.format(""), [])
         found = finding.without_output(line.format(" output  100\tv_csv"))

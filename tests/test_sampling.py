@@ -449,7 +449,7 @@ def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
         return {name: [timing] * rounds_ for name in labels}, {}, False
 
     monkeypatch.setattr(runs.rounds, "in_turn", in_turn)
-    costs = batch.costs({one: 1e-3}, None, "validation.sampling.measure")
+    costs = batch.costs({one: 1e-3}, None, "sampling.measure")
     assert costs == {one.name: pytest.approx([800e-6 * 250 / 2] * runs.ROUNDS)}
 
 

@@ -14,7 +14,7 @@ from validation.running import machine, run, store, whole
 from validation.running.store import Store
 
 ROOT = Path(__file__).resolve().parent.parent
-MEASURE = "validation.breaks.measure"
+MEASURE = "breaks.measure"
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ def test_what_only_shows_drops_nothing(harness):
 
 def test_titles_drop_nothing(harness):
     """Locks out a sweep that is lost by a scene's title."""
-    sweep = "validation.sweep.measure"
+    sweep = "sweep.measure"
     before = store.code_of(sweep)
     path = harness / "scenes" / "__init__.py"
     text = path.read_text()
@@ -119,10 +119,10 @@ def test_code_that_measures_counts(harness, name):
 
 def test_files_that_are_run_count(harness):
     """Locks out a worker, which nothing imports, that is another while its results stay."""
-    before = store.code_of("validation.running.run")
+    before = store.code_of("running.run")
     (harness / "running" / "worker.py").write_text("")
     store.code_of.cache_clear()
-    assert store.code_of("validation.running.run") != before
+    assert store.code_of("running.run") != before
 
 
 def test_interrupted(tmp_path):

@@ -6,7 +6,8 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from validation.command_line import INTERRUPTED, Parser
+from . import COMMAND, NAME
+from .command_line import INTERRUPTED, Parser
 
 
 def main(words: list[str] | None = None) -> int:
@@ -20,7 +21,7 @@ def main(words: list[str] | None = None) -> int:
         if signal.getsignal(one) is not signal.SIG_IGN:
             signal.signal(one, signal.default_int_handler)
     if hasattr(arguments, "launch"):
-        from validation.running import run  # heavy: not for --help
+        from .running import run  # heavy: not for --help
 
         run.launch_by(arguments.launch)
     try:
@@ -45,12 +46,12 @@ def process() -> None:
 def parser() -> argparse.ArgumentParser:
     """The command line's parser: what it accepts can be run, so far as that is known before."""
     parser = argparse.ArgumentParser(
-        prog="python -m validation",
+        prog=COMMAND,
         description="Compare fix_nosquish with LAMMPS's own rigid and constraint fixes.",
     )
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
     for file in sorted(Path(__file__).parent.glob("*/command.py")):
-        import_module(f"validation.{file.parent.name}.command").add(verbs)
+        import_module(f".{file.parent.name}.command", NAME).add(verbs)
     return parser
 
 

@@ -18,10 +18,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
-from validation.scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
-from validation.statistics.check import Check
-from validation.statistics.estimate import CONFIDENCE, Estimate, margin
-from validation.statistics.measures import Spread
+from .scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
+from .statistics.check import Check
+from .statistics.estimate import CONFIDENCE, Estimate, margin
+from .statistics.measures import Spread
 
 # these say whether something is right, or not; they are no errors that a shorter step makes smaller
 CHECKS = "convergence", "ke_distribution", "pv_equipartition", "helix"

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-from validation import INPUTS
+from . import INPUTS
 
 INTERRUPTED = 130  # exit status after Ctrl-C
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"  # it has no public name

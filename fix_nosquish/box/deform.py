@@ -8,7 +8,7 @@ what crosses a face gets the velocity that its image has there (`periodic.take_i
 from math import floor
 
 from ..loops.compiled import F1, F2, F, I, inlined, loop
-from ..motion.block import IMAGE, Images, Layout, Q, X, take
+from ..motion.block import IMAGE, Images, Layout, X
 from ..motion.periodic import (
     PeriodicBox,
     cartesian,
@@ -17,7 +17,7 @@ from ..motion.periodic import (
     invert,
     reflag,
 )  # fmt: skip
-from ..motion.step import move_to_images, place
+from ..motion.step import move_to_images, place_all
 from ..ranks.migration import OF_BODY
 from .cell import three_of
 
@@ -76,17 +76,14 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
     for b in range(state.shape[1]):
         x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
         state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, X, Q + 4, X)
-        place(layout, k, atom_x)
-    move_to_images(layout, images, atom_x)
+    place_all(layout, images, atom_x)
 
 
 @loop
 def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
     """Set the box to the one that LAMMPS has now; atoms in another image than their body go with
     that image, and bodies stay where they are."""
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
     know(images, box, told_box)
@@ -100,7 +97,7 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
     Args:
         sign: 1.0, or -1.0 to subtract it again.
     """
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         i = layout.index[images.away[a]]
         n1, n2, n3 = images_of(box.inverse, images.shift, a)
         vx, vy, vz = image_velocity(box.rate, n1, n2, n3)

@@ -11,8 +11,9 @@ import numpy as np
 
 from ..errors import RunError
 from ..ranks.communicator import Alone, Communicator
-from ..ranks.lookup import fetch, find, look_up
-from ..ranks.migration import OF_BODY
+from ..ranks.lookup import find, look_up
+from ..ranks.migration import IN_NO_BODY
+from ..ranks.sharing import places
 from .hosts import Host
 from .lammps import Lammps
 
@@ -60,6 +61,7 @@ class OwnFix(Host):
     def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
         self._bodies = bodies
+        self._tags = self._origins = np.empty(0, np.int64)  # they were in other ones
 
     def point(self) -> None:
         lammps = self.lammps
@@ -74,40 +76,29 @@ class OwnFix(Host):
         cells["type"].set(lammps.types)
         cells["atom_virial"].set(np.empty((0, 9)))
         cells["groups"].set(lammps.groups.view(np.int32))
-        origins, moved = self._find_origins()
-        strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.communicator.rank))
-        rows = self._rows(strangers[:0])
-        if moved:
-            rows = fetch(self.communicator, origins[strangers], self._rows)
-        rows[:, 0] = origins[strangers].view(float)
-        origins[strangers] = -2 - np.arange(len(strangers))
-        cells["origins"].set(origins)
-        cells["arrived"].set(rows)
+        self._find_origins()
 
     def noted(self) -> None:
         self._tags = self.lammps.tags.astype(np.int64)
         self._origins = self.lammps.cells["origins"].array
 
-    def _rows(self, places: np.ndarray) -> np.ndarray:
-        """What another rank needs to know of the atoms at these places, but for their origin."""
-        bodies = self._bodies
-        of_bodies, displace = bodies.state[:, bodies.body[places]], bodies.displace[:, places]
-        return np.concatenate([np.empty((OF_BODY, len(places))), of_bodies, displace]).T.copy()
-
-    def _find_origins(self) -> tuple[np.ndarray, bool]:
-        """Where each atom was, and whether any has come to or gone from any rank; collective."""
+    def _find_origins(self) -> None:
+        """Find where each atom was, and what is known of those that came; collective."""
         communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
-        origins = np.full(len(tags), -1)
+        origins = np.full(len(tags), IN_NO_BODY)
         origins[stayed] = self._origins[before[stayed]]
         gone = self._origins >= 0
         gone[before[stayed]] = False
+        came = self._bodies.rows_of_atoms(places(self._origins[gone])).view(np.int64)
+        came[:, 0] = self._origins[gone]
         moved = communicator.any(gone.any() or not stayed.all())
-        if moved:
-            came = look_up(communicator, self._tags[gone], self._origins[gone], tags[~stayed])
-            origins[~stayed] = came
-        return origins, moved
+        came = look_up(communicator, self._tags[gone], came, tags[~stayed]) if moved else came
+        known = came[:, 0] != IN_NO_BODY
+        origins[np.flatnonzero(~stayed)[known]] = -2 - np.arange(known.sum())
+        self.lammps.cells["origins"].set(origins)
+        self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:
         if self._problem:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..box import cell, free_atoms
 from ..box.cell import MOST, OUT_OF_BOUNDS, XY, BarostatNumbers, flip
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.command import PRESSURES, TILTS
 from ..loops.compiled import F1, L1, Cell, I, Kind
 from ..run.other_fixes import READERS, WITH_SWITCHES
@@ -52,10 +52,13 @@ class Barostat(Part):
     numbers: Any = None
     has_others = False
 
-    def begin(self) -> None:
-        """A run begins; collective."""
+    def own_parameters(self) -> dict[str, Any]:
         self._refuse()
-        self._choose_every()
+        dt, damping = self.lammps.dt, self.damping
+        usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
+        self.ensemble.box_every = self.command.every or max(1, int(usual))
+        self.host.changes_box = self.ensemble.box_every
+        return {}
 
     def refuse_cut_clusters(self) -> None:
         """End the run for keyword dilate with a part of what shake holds; collective."""
@@ -68,36 +71,10 @@ class Barostat(Part):
                 else None
             )
 
-    def _choose_every(self) -> None:
-        """Say in which steps the box changes."""
-        dt, damping = self.lammps.dt, self.damping
-        usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
-        self.ensemble.box_every = self.command.every or max(1, int(usual))
-        self.host.changes_box = self.ensemble.box_every
-
     def warnings(self) -> Iterator[str]:
-        """Lines on the box; collective."""
-        yield from self._warnings_of_forces()
-        yield from self._warnings_of_every()
-
-    def _warnings_of_every(self) -> Iterator[str]:
-        dt = self.lammps.dt
-        parts = self.damping / (self.ensemble.box_every * dt)
-        if parts < FEWEST_PARTS:
-            longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
-            remedy = longer if self.ensemble.box_every == 1 else "keyword every a smaller number"
-            yield (
-                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
-                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
-                f"break. Give {remedy}"
-            )
-
-    def _warnings_of_forces(self) -> Iterator[str]:
-        """Lines on fixes whose forces LAMMPS's virial lacks; collective.
-
-        The pressure takes from it what all forces do within bodies.
-        """
-        if self.ensemble.external.moves_centres and not self.ensemble.external.has_virial:
+        """Lines on how often the box changes, and on fixes whose forces LAMMPS's virial lacks, of
+        which the pressure takes what all forces do within bodies; collective."""
+        if self.ensemble.external.moves_centres and not self.ensemble.external.said.virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
                 "pressure without them. Give fix_modify external the words virial yes"
@@ -117,6 +94,14 @@ class Barostat(Part):
                     f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
                     f"lacks these: the box follows a wrong pressure: {remedy}"
                 )
+        dt, every = self.lammps.dt, self.ensemble.box_every
+        if (parts := self.damping / (every * dt)) < FEWEST_PARTS:
+            longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
+            yield (
+                f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
+                f"{FEWEST_PARTS} volumes fluctuate too much, and with barostat mtk a run may "
+                f"break. Give {longer if every == 1 else 'keyword every a smaller number'}"
+            )
 
     def complaint(self, found: int) -> str:
         if found == OUT_OF_BOUNDS:
@@ -138,50 +123,43 @@ class Barostat(Part):
     def _refuse(self) -> None:
         """Raise an error for a system whose box this fix cannot change; collective."""
         lammps = self.lammps
-        if self.host.set_box is None:
-            raise RunError(
-                "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
-                "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
-                everywhere=True,
-            )
+        refuse(
+            self.host.set_box is None,
+            "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
+            "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
+        )
         for mate in self.ensemble.mates:
-            if mate.number != self.ensemble.number:
-                raise RunError(
-                    f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
-                    "not follow the box that this fix changes: have one fix move all bodies, or "
-                    "move what else there is by a fix of LAMMPS's",
-                    everywhere=True,
-                )
-        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
-        if outside and not self.command.dilate:
-            raise RunError(
-                f"{outside} atoms are in no body: give their group to keyword points, so that this "
-                "fix moves them, too, or say by keyword dilate which of them the box takes along",
-                everywhere=True,
+            refuse(
+                mate.number != self.ensemble.number,
+                f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
+                "not follow the box that this fix changes: have one fix move all bodies, or "
+                "move what else there is by a fix of LAMMPS's",
             )
+        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
+        refuse(
+            outside and not self.command.dilate,
+            f"{outside} atoms are in no body: give their group to keyword points, so that this "
+            "fix moves them, too, or say by keyword dilate which of them the box takes along",
+        )
         self.has_others = outside > 0
         self._look_at_constraints()
         self._look_at_forces()
         flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
-        if lammps.dimension == 2 and flat:
-            raise RunError(
-                f"in two dimensions the box has no length along z: leave out {flat.pop()}",
-                everywhere=True,
-            )
-        if self.command.force or self.command.torque:
-            raise RunError(WITH_SWITCHES, everywhere=True)
-        if self.flips and not lammps.setting("triclinic"):
-            raise RunError(
-                "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "
-                "aniso, or make it triclinic (change_box all triclinic) before the fix line",
-                everywhere=True,
-            )
-        if self.host.scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1]:
-            raise RunError(
-                "kspace_style msm gives the mean pressure of all axes only, and this box has more "
-                "than one to follow: use iso, or kspace_modify pressure/scalar no",
-                everywhere=True,
-            )
+        refuse(
+            lammps.dimension == 2 and flat,
+            f"in two dimensions the box has no length along z: leave out {min(flat, default='')}",
+        )
+        refuse(self.command.force or self.command.torque, WITH_SWITCHES)
+        refuse(
+            self.flips and not lammps.setting("triclinic"),
+            "keywords tri, xy, xz, yz are for a triclinic box, and this one is orthogonal: use "
+            "aniso, or make it triclinic (change_box all triclinic) before the fix line",
+        )
+        refuse(
+            self.host.scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1],
+            "kspace_style msm gives the mean pressure of all axes only, and this box has more "
+            "than one to follow: use iso, or kspace_modify pressure/scalar no",
+        )
         for part, group in zip((*AXES, *TILTS), self.axes, strict=True):
             fixed = [axis for axis in part if not lammps.box.periodic[AXES.index(axis)]]
             if group >= 0 and fixed:
@@ -197,21 +175,20 @@ class Barostat(Part):
         Raises:
             RunError: for a fix that would not let the box move them.
         """
-        deciding = [fix for fix in self.other_fixes if self._holds_what_moves(fix)]
+        placing = *_CLUSTERS, *_PLACES
+        deciding = [
+            fix
+            for fix in self.other_fixes
+            if (fix.constrains or fix.style.startswith(placing)) and self._hits(fix, moving=True)
+        ]
         for fix in deciding:
-            if not fix.style.startswith(_CLUSTERS):
-                raise RunError(
-                    f"fix {fix.id} (style {fix.style}) says where atoms are that keyword dilate "
-                    "moves with the box, and does not follow it: have this fix move their bodies, "
-                    "too, or leave them out of the group of keyword dilate",
-                    everywhere=True,
-                )
+            refuse(
+                not fix.style.startswith(_CLUSTERS),
+                f"fix {fix.id} (style {fix.style}) says where atoms are that keyword dilate "
+                "moves with the box, and does not follow it: have this fix move their bodies, "
+                "too, or leave them out of the group of keyword dilate",
+            )
         self.host.held = int(self._dilated) if deciding else 0
-
-    def _holds_what_moves(self, fix: Any) -> bool:
-        """Whether a fix decides where atoms in no body are that move with the box; collective."""
-        decides = fix.constrains or fix.style.startswith((*_CLUSTERS, *_PLACES))
-        return decides and self._hits(fix, moving=True)
 
     def _look_at_forces(self) -> None:
         """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
@@ -229,16 +206,15 @@ class Barostat(Part):
             f.style.startswith(_NOISE) and self.ensemble.acts_on_bodies(f) for f in changing
         )
         self._noise_on_bodies = noisy
-        counted: list[str] = []
-        others: list[str] = []
-        for fix in changing:
-            held = self.host.held and self._hits(fix, moving=True)
-            if (
-                held
-                or self._hits(fix, moving=False)
-                or (noisy and self.ensemble.acts_on_bodies(fix))
-            ):
-                (counted if fix.virial_in_press else others).append(fix.id)
+        looked_at = [
+            fix
+            for fix in changing
+            if (self.host.held and self._hits(fix, moving=True))
+            or self._hits(fix, moving=False)
+            or (noisy and self.ensemble.acts_on_bodies(fix))
+        ]
+        counted = [fix.id for fix in looked_at if fix.virial_in_press]
+        others = [fix.id for fix in looked_at if not fix.virial_in_press]
         if counted and others:
             raise RunError(
                 f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "
@@ -304,8 +280,8 @@ class Barostat(Part):
         """Whether tilts change, so that other box vectors may be better."""
         return bool((self.axes[XY:] >= 0).any())
 
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return [flip.bind_to(cells)]
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
+        return {"flip": [flip.bind_to(cells)]} if self.flips else {}
 
     @property
     def damping(self) -> float:

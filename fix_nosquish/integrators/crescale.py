@@ -37,10 +37,10 @@ from ..box.cell import (
 )  # fmt: skip
 from ..errors import RunError
 from ..loops.compiled import F2, Cell, F, I, inlined, loop
-from ..motion.block import HOME, MASS, Images, Layout, Q, V, X, take, three
+from ..motion.block import HOME, MASS, Images, Layout, V, X, three
 from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
-from ..motion.step import move_to_images, place
+from ..motion.step import place_all
 from ..ranks.mpi import Mpi, add_up
 from .barostat import Barostat
 from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
@@ -190,10 +190,7 @@ def rescale_cell(
             state[V + k, b] /= factor
     if tilted:
         shear_rows(state, X, bodies, shear, numbers.centre[1], numbers.centre[2])
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, MASS, Q + 4, MASS)
-        place(layout, k, atom_x)
-    move_to_images(layout, images, atom_x)
+    place_all(layout, images, atom_x)
     return 0
 
 
@@ -202,11 +199,11 @@ class Crescale(Barostat):
 
     method = ", and stochastic cell rescaling"
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         seen, moved = self.loops_of_others(cells)
-        behind = [*seen, end_change.bind_to(cells)]
-        pressure = [self.virial_of_bodies(cells), *behind]
-        return pressure, [rescale_cell.bind_to(cells), *moved]
+        pressure = [self.virial_of_bodies(cells), *seen, end_change.bind_to(cells)]
+        cell = [rescale_cell.bind_to(cells), *moved]
+        return super().own_lists(cells) | {"pressure": pressure, "cell": cell}
 
     def new_numbers(self) -> np.record:
         numbers, lammps = super().new_numbers(), self.lammps

@@ -7,7 +7,7 @@ from math import exp, log, sqrt
 
 from ..loops.compiled import inlined
 from ..motion.philox import minus_log, normal_pair
-from .rescaling import Rescaling, add_up_energies, use_factors
+from .rescaling import Rescaling, scaling_by
 from .thermostat import OF_THERMOSTATS, thermalise_piston, words_of_all
 
 
@@ -40,32 +40,19 @@ def sum_of_squares(parameters, n, attempt):
 
 
 @inlined
-def rescale(mpi, parameters, state, dt, gained):
-    """Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007), eq. A7.
-
-    Returns:
-        -1 if there is no kinetic energy to scale, else 0.
-    """
-    add_up_energies(mpi, parameters, gained)
-    sums, keep = parameters.energies, exp(-parameters.rate * dt)
-    for k in range(2):
-        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
-        if degrees > 0.0:
-            if not sums[k] > 0.0:
-                return -1
-            first = OF_THERMOSTATS[k]
-            ratio = (1.0 - keep) * parameters.kt / sums[k]
-            x, _ = normal_and_uniform(parameters, first)
-            others = sum_of_squares(parameters, int(degrees) - 1, first + 1)
-            square = keep + ratio * (x * x + others) + 2.0 * x * sqrt(keep * ratio)
-            sign = 1.0 if x + sqrt(keep / ratio) >= 0.0 else -1.0
-            parameters.factor[k] = sign * sqrt(square)
-    use_factors(mpi, parameters)
-    return 0
+def draw_factor(parameters, state, k, dt):
+    """Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007), eq. A7."""
+    first, keep = OF_THERMOSTATS[k], exp(-parameters.rate * dt)
+    ratio = (1.0 - keep) * parameters.kt / parameters.energies[k]
+    x, _ = normal_and_uniform(parameters, first)
+    others = sum_of_squares(parameters, int(parameters.degrees[k]) - 1, first + 1)
+    square = keep + ratio * (x * x + others) + 2.0 * x * sqrt(keep * ratio)
+    sign = 1.0 if x + sqrt(keep / ratio) >= 0.0 else -1.0
+    return sign * sqrt(square), 0
 
 
 class Csvr(Rescaling):
     """Keyword thermostat csvr."""
 
-    acts, on_piston = rescale, thermalise_piston
+    acts, on_piston = scaling_by(draw_factor), thermalise_piston
     method = "stochastic velocity rescaling"

@@ -15,13 +15,12 @@ from zlib import crc32
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, record
 from ..run.integrator import Integrator
-from ..run.schedule import Phase
 from .momentum import Momentum
 from .thermostat import Part, Thermostat, key_of
 
@@ -49,8 +48,8 @@ class Ensemble(Integrator):
             nothing for no barostat.  parts: both, if they are there.
         momentum: the `Momentum`.
         restart_state: (n,) what goes to a restart file and comes from there; its energy is nan if
-            nothing has come.  kept_state: the record at its begin.
-        own_state: (n,) what is behind it: the state of the piston, and that of the thermostat.
+            nothing has come.  kept_state: the record at its begin; behind it is the state of the
+            piston, and that of the thermostat.
 
     Raises:
         RunError: for words that do not go together, if the bodies are at rest, and if no motion is
@@ -74,12 +73,13 @@ class Ensemble(Integrator):
         self.momentum.kept = kind.keeps_momentum
         scheme, self.prepares = self.barostat.step_with(kind)
         self.operations, self.numbers, self.work = scheme.operations, scheme.numbers, scheme.work
-        self.advance, self.go_on, self.kick = scheme.advance, scheme.go_on, scheme.kick
+        self.advance, self.go_on = scheme.advance, scheme.go_on
+        self.lead, self.tail = scheme.lead, scheme.tail
         self.parts: list[Part] = [self.barostat, *([self.thermostat] if self.thermostat else [])]
         self.modules = (
             *(one.__module__ for part in self.parts for one in type(part).__mro__),
             *self.barostat.modules,
-            *(one.module.name for one in (self.prepares, self.advance)),
+            *(one.module for one in (self.prepares, self.advance)),
         )
         within = self.thermostat and f" with {self.thermostat.method} in the middle of the step"
         self.method = f"NO_SQUISH{within or ''}{self.barostat.method}"
@@ -90,12 +90,11 @@ class Ensemble(Integrator):
         self.couples = line.replaces not in rigid_fixes.BODIES
         super().__init__(ptr, line)
         self.flips = self.barostat.flips
-        self.own_state = np.zeros(sum(part.state_size for part in self.parts))
-        size = self.barostat.state_size
-        for part, state in zip(self.parts, (self.own_state[:size], self.own_state[size:])):
-            part.state = state
-        self.restart_state = np.array([self.kind, np.nan, 0.0, -1.0, np.nan, *self.own_state])
-        self.kept_state = Kept.of(self.restart_state)
+        states = [np.zeros(part.state_size) for part in self.parts]
+        self.restart_state = np.concatenate([[self.kind, np.nan, 0.0, -1.0, np.nan], *states])
+        self.kept_state, behind = Kept.of(self.restart_state), self.restart_state[OWN:]
+        for part in self.parts:
+            part.state, behind = behind[: part.state_size], behind[part.state_size :]
         self._energy = 0.0  # given before this run, in all
 
     def _made(self, choices: Mapping[str, Any], command: Command, keyword: str) -> Any:
@@ -138,20 +137,14 @@ class Ensemble(Integrator):
         begin, end = self.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         cells = {
             "step": self.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "own_state": Cell(F1, self.own_state[self.barostat.state_size :]),
+            "own_state": Cell(F1, self.parts[-1].state),
         }  # fmt: skip
         for part in self.parts:
             cells |= part.own_cells()
         return cells
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        return self.barostat.cell_loops(cells)
-
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.flip_loops(cells)
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        return self.barostat.loops_behind(cells)
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
+        return self.barostat.own_lists(cells)
 
     def turned_over(self) -> None:
         for part in self.parts:
@@ -177,21 +170,19 @@ class Ensemble(Integrator):
             self.parameters.start = self.parameters.stop = unit * temperature
 
     def own_parameters(self) -> dict[str, Any]:
-        self.barostat.begin()
         start, stop, rate = self.temperature()
-        if start != stop and self.host.span is None:
-            raise RunError(
-                "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
-                "so TSTART and TSTOP must be the same",
-                everywhere=True,
-            )
+        refuse(
+            start != stop and self.host.span is None,
+            "keyword temp: a LAMMPS's own fix python/move does not tell where a run ends, "
+            "so TSTART and TSTOP must be the same",
+        )
         self._refuse_parts_of_rotations()
         self._take_kept_state()
         unit = self.lammps.boltz / self.lammps.mvv2e
         key_0, key_1 = key_of(self.command, self.kept_state.times_back)
         own = {
             "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
-            "step": -1, "key_0": key_0, "key_1": key_1,
+            "step": -1, "key_0": key_0, "key_1": key_1, "factor": 1.0,
         }  # fmt: skip
         for part in self.parts:
             own |= part.own_parameters()
@@ -211,7 +202,7 @@ class Ensemble(Integrator):
             if self.parameters.step >= 0:  # else there was no step since this was last asked
                 kept.was_at = self.parameters.step
         elif np.isfinite(kept.energy):
-            self._energy, self.own_state[:] = kept.energy, self.restart_state[OWN:]
+            self._energy = kept.energy
             self.waiting = None if np.isnan(kept.waiting) else kept.waiting
         if self.lammps.step < kept.was_at:
             kept.times_back += 1
@@ -221,13 +212,12 @@ class Ensemble(Integrator):
         """End the run if some but not all components of a torque act; collective."""
         if self.mask is None or self.lammps.dimension == 2:
             return
-        if self.communicator.any((self.mask[3:] != self.mask[3]).any()):
-            raise RunError(
-                "keyword torque has one component off and another one on, and a thermostat acts on "
-                "the whole rotation of a body, or not at all: switch off all three, or use "
-                "fix nosquish/nve",
-                everywhere=True,
-            )
+        refuse(
+            self.communicator.any((self.mask[3:] != self.mask[3]).any()),
+            "keyword torque has one component off and another one on, and a thermostat acts on "
+            "the whole rotation of a body, or not at all: switch off all three, or use "
+            "fix nosquish/nve",
+        )
 
     def start_run(self) -> None:
         """As of `Integrator`; an error for what the barostat cannot move."""
@@ -236,19 +226,16 @@ class Ensemble(Integrator):
 
     def resumed(self) -> None:
         last = max(self.parameters.step, self.kept_state.was_at)
-        if self.command.seed is not None and self.lammps.step <= last:
-            raise RunError(
-                "the step counter has gone back, and with it random numbers: "
-                "begin the run with 'pre yes', which takes others",
-                everywhere=True,
-            )
+        refuse(
+            self.command.seed is not None and self.lammps.step <= last,
+            "the step counter has gone back, and with it random numbers: "
+            "begin the run with 'pre yes', which takes others",
+        )
 
-    @hook
-    def post_run(self) -> None:
+    def end_run(self) -> None:
         """As of `Integrator`; say if the total momentum was taken as constant and has changed."""
-        ran = self.phase != Phase.NEW
-        super().post_run()
-        if ran and self.thermostat:
+        super().end_run()
+        if self.thermostat:
             self.momentum.look_again()
 
     def energy(self) -> float:
@@ -263,7 +250,7 @@ class Ensemble(Integrator):
         energy is more at the end of the step than in its middle; with a piston, its energy and its
         work, too; or, where it does not `couple`, the temperature of the bodies; collective."""
         if self.couples:
-            end, middle = self.reports.kinetic_at_end()
+            end, middle = self.kinetic_at_end()
             scalar = self.lammps.mvv2e * self.energy() + end - middle
         else:
             scalar = super().compute_scalar()
@@ -278,4 +265,3 @@ class Ensemble(Integrator):
             self.stepped |= self.steps_made
             self.note_waiting()
             kept.waiting = np.nan if self.waiting is None else self.waiting
-            self.restart_state[OWN:] = self.own_state

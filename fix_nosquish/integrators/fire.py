@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host.command import Line
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, I, call, inlined, loop, record
@@ -184,25 +184,22 @@ def quench(mpi: Mpi, parameters: Quench, dt: F, sums: F1, quenches: Quenches, st
     parameters.back = parameters.keep = parameters.add = 0.0
     if restless == 0.0:  # others may move what pushes these bodies
         return 0
-    delay, keep, along = parameters.delaystep, 0.0, 0.0
+    keep, along = 0.0, 0.0
     if parameters.steps == 0 or vv == 0.0:  # at rest, while another fix's bodies moved
         parameters.step, parameters.alpha = dt, parameters.alpha0
         parameters.steps = parameters.in_a_row = 0
     elif power > 0.0:
         keep, along = 1.0 - parameters.alpha, parameters.alpha * sqrt(vv / aa)
         parameters.in_a_row += 1
-        if parameters.in_a_row > delay:
+        if parameters.in_a_row > parameters.delaystep:
             parameters.step = min(parameters.dtgrow * parameters.step, parameters.tmax * dt)
             parameters.alpha *= parameters.alphashrink
     else:
         parameters.in_a_row = 0
-        if parameters.steps + 1 >= delay:
-            parameters.alpha, shorter = (
-                parameters.alpha0,
-                parameters.dtshrink * parameters.step,
-            )
-            if shorter >= parameters.tmin * dt:
-                parameters.step = shorter
+        if parameters.steps + 1 >= parameters.delaystep:
+            parameters.alpha = parameters.alpha0
+            if parameters.dtshrink * parameters.step >= parameters.tmin * dt:
+                parameters.step *= parameters.dtshrink
         if parameters.halfstepback > 0.0:
             parameters.back = 0.5 * parameters.step
     parameters.steps += 1
@@ -238,19 +235,17 @@ class FIRE(Integrator):
         super().__init__(ptr, line)
 
     def own_parameters(self) -> dict[str, Any]:
-        if self.host.stop is None:
-            raise RunError(
-                "a LAMMPS's own fix python/move cannot end a run: install this package where its "
-                "plugin serves",
-                everywhere=True,
-            )
+        refuse(
+            self.host.stop is None,
+            "a LAMMPS's own fix python/move cannot end a run: install this package where its "
+            "plugin serves",
+        )
         for fix in self.other_fixes:
-            if fix.box_change:
-                raise RunError(
-                    f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "
-                    "in a box that stays: unfix one of the two",
-                    everywhere=True,
-                )
+            refuse(
+                fix.box_change,
+                f"fix {fix.id} (style {fix.style}) changes the box, and FIRE finds a minimum "
+                "in a box that stays: unfix one of the two",
+            )
         words = DEFAULTS | self.command.quench
         numbers = {name: self.lammps.number(words[name]) for name in ("force", "torque", *DEFAULTS)}
         for name in "force", "torque", "dmax", "tmin":
@@ -301,12 +296,8 @@ class FIRE(Integrator):
 
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """As of `Integrator`, and behind it the largest force and the largest torque on a body, and
-        the time step of the quench; collective."""
-        own = i - len(Integrator.vector_extensive)
-        if own < 0:
-            return super().compute_vector(i)
-        self.reports.made()
-        return (*self.norms(), self.parameters.step)[own]
+    def own_values(self) -> tuple[float, ...]:
+        """The largest force and the largest torque on a body, and the time step of the quench;
+        collective."""
+        self.made()
+        return *self.norms(), self.parameters.step

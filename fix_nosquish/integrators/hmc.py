@@ -21,31 +21,23 @@ from zlib import crc32
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.command import Line
-from ..host.hosts import hook
-from ..loops.compiled import F2, Cell, F, I, inlined, loop, record
+from ..loops.compiled import F2, Cell, F, inlined, loop, record
 from ..motion.block import (
     IMAGE,
-    MASS,
     ROWS,
     Images,
     Layout,
     P,
-    Q,
     V,
     X,
-    kind_of,
-    put,
-    take,
-    take_names,
 )
 from ..motion.philox import minus_log, words
-from ..motion.step import move_to_images, place
-from ..run import thermo
+from ..motion.step import make_pass, place_all
+from ..run import external, thermo
 from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
-from ..run.schedule import Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
@@ -65,24 +57,22 @@ Kept = record(
 )  # in a restart file
 
 
-@loop
-def draw_momenta(layout: Layout, parameters: Bath, rank: I, mask: F2):
-    """Draw the momenta of a trajectory, and keep the bodies as they are then."""
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, MASS, P + 4, MASS)
-        take_names(layout, k, rank, mask)
-        thermalise(layout.block, kind_of(layout, layout.blocks[k, 0]), 1.0, parameters)
-        put(layout, k, V, P + 4, V)
-    copy_rows(layout.state, X, P + 4, WAS)
-    copy_rows(layout.state, IMAGE, IMAGE + 3, WAS_IMAGE)
-
-
 @inlined
 def copy_rows(state, row, until, to):
     """Copy rows of the state to those from `to` on."""
     for r in range(until - row):
         for b in range(state.shape[1]):
             state[to + r, b] = state[row + r, b]
+
+
+draw_momenta = make_pass(thermalise, P + 4, (__name__, "draw_momenta"), Bath)
+
+
+@loop
+def keep_bodies(layout: Layout):
+    """Keep the bodies as they are when a trajectory begins."""
+    copy_rows(layout.state, X, P + 4, WAS)
+    copy_rows(layout.state, IMAGE, IMAGE + 3, WAS_IMAGE)
 
 
 @loop
@@ -101,10 +91,7 @@ def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
             state[V + k, b] *= -1.0
         for k in range(4):
             state[P + k, b] *= -1.0
-    for k in range(layout.blocks.shape[0] - 1):
-        take(layout, k, X, Q + 4, X)
-        place(layout, k, atom_v)
-    move_to_images(layout, images, atom_v)
+    place_all(layout, images, atom_v)
     for i in layout.index:
         for k in range(3):
             atom_v[i, k] -= atom_x[i, k]
@@ -157,24 +144,23 @@ class HMC(NVE):
     def _refuse_part(self) -> None:
         """End a run that would end within a trajectory."""
         last, steps = self.host.last_step, self.command.steps
-        if last % steps:
-            raise RunError(
-                f"the run ends in step {last}, within a trajectory, which would not be tested: "
-                f"have it end in a multiple of {steps}, the number of keyword steps",
-                everywhere=True,
-            )
+        refuse(
+            last % steps,
+            f"the run ends in step {last}, within a trajectory, which would not be tested: "
+            f"have it end in a multiple of {steps}, the number of keyword steps",
+        )
 
     def resumed(self) -> None:
         self._refuse_part()
-        if self.lammps.step != self.host.begins:
-            raise RunError(
-                f"step {self.lammps.step} does not follow the last trajectory: "
-                "begin the run with 'pre yes'",
-                everywhere=True,
-            )
+        refuse(
+            self.lammps.step != self.host.begins,
+            f"step {self.lammps.step} does not follow the last trajectory: "
+            "begin the run with 'pre yes'",
+        )
 
     def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        return {"draw": [draw_momenta.bind_to(cells)], "back": [go_back.bind_to(cells)]}
+        draw = draw_momenta.bind_to(cells, dt=1.0), keep_bodies.bind_to(cells)
+        return {"draw": [*draw], "back": [go_back.bind_to(cells)]}
 
     def _plan(self, step: int) -> None:
         """Have the next trajectory begin behind this step."""
@@ -183,41 +169,37 @@ class HMC(NVE):
 
     def _refuse(self) -> None:
         """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
-        if not self.host.follows:
-            raise RunError(
-                "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
-                "it, and no forces anew: install this package where its plugin serves, or use "
-                "fix nosquish/nvt",
-                everywhere=True,
-            )
-        if self.command.force or self.command.torque:
-            raise RunError(
-                "keywords force and torque are of no use to hybrid Monte Carlo, which draws all "
-                "momenta anew: use fix nosquish/nvt",
-                everywhere=True,
-            )
-        if self.host.ghost_velocity:
-            raise RunError(
-                "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
-                "have some here: leave out pair styles with friction, and comm_modify vel yes",
-                everywhere=True,
-            )
-        if style := pushing_pair_style(self.host, newton=True):
-            raise RunError(
-                f"pair style {style} has friction or noise, which no energy tests: leave it out, "
-                "or use fix nosquish/nvt with thermostat langevin",
-                everywhere=True,
-            )
-        if problem := self.external.without_energy():
-            raise RunError(f"hybrid Monte Carlo tests an energy, and {problem}", everywhere=True)
+        refuse(
+            not self.host.follows,
+            "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
+            "it, and no forces anew: install this package where its plugin serves, or use "
+            "fix nosquish/nvt",
+        )
+        refuse(
+            self.command.force or self.command.torque,
+            "keywords force and torque are of no use to hybrid Monte Carlo, which draws all "
+            "momenta anew: use fix nosquish/nvt",
+        )
+        refuse(
+            self.host.ghost_velocity,
+            "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
+            "have some here: leave out pair styles with friction, and comm_modify vel yes",
+        )
+        style = pushing_pair_style(self.host, newton=True)
+        refuse(
+            style,
+            f"pair style {style} has friction or noise, which no energy tests: leave it out, "
+            "or use fix nosquish/nvt with thermostat langevin",
+        )
+        problem = external.without_energy(self)
+        refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
         for mate in self.mates:
-            if mate is not self:
-                raise RunError(
-                    f'fix {mate.host.fix_id} ("{mate.command.text}") moves bodies beside hybrid '
-                    "Monte Carlo, which tests all motion at once: have one fix move all bodies",
-                    everywhere=True,
-                )
-        if (found := self.other_fixes.without_energy()) is not None:
+            refuse(
+                mate is not self,
+                f'fix {mate.host.fix_id} ("{mate.command.text}") moves bodies beside hybrid '
+                "Monte Carlo, which tests all motion at once: have one fix move all bodies",
+            )
+        if found := self.other_fixes.without_energy():
             fix, remedy = found
             raise RunError(
                 f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
@@ -238,7 +220,7 @@ class HMC(NVE):
         self._warn_of_output()
         self.parameters.step = self.lammps.step
         self.do("draw")
-        self.reports.forget()
+        self.known.clear()
         self._before = self._total_energy()
 
     def _warn_of_output(self) -> None:
@@ -278,29 +260,24 @@ class HMC(NVE):
             self.host.go_back()
             self.do("gather")
             self.set_velocities()
-            self.reports.forget()
+            self.known.clear()
 
-    @hook
-    def post_run(self) -> None:
+    def end_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
-        if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
+        if self.lammps.step >= self.host.begins:
             self.host.log(
                 f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
                 "steps were not tested, and count as if they were accepted\n"
             )
-        super().post_run()
+        super().end_run()
 
     # ------------------------------------------------------------- what LAMMPS asks
 
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
 
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """As of `Integrator`, and behind it the part of trajectories that were accepted, and of the
-        last one the change of the energy and whether it was accepted; collective."""
-        own = i - len(Integrator.vector_extensive)
-        if own < 0:
-            return super().compute_vector(i)
+    def own_values(self) -> tuple[float, ...]:
+        """The part of trajectories that were accepted, and of the last one the change of the energy
+        and whether it was accepted."""
         kept = self.kept_state
         accepted = kept.accepted / kept.tried if kept.tried else 0.0
-        return (accepted, kept.change, kept.last)[own]
+        return accepted, kept.change, kept.last

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..run import thermo
 from ..run.other_fixes import pushing_pair_style
 from .thermostat import Part
@@ -45,12 +45,11 @@ class Momentum(Part):
             others = f"with the total momentum ({pushed_by})"
             momentum = others if pushed_by else "without the total momentum"
             self.ensemble.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
-        if not sum(free) > held and not self.command.mol:
-            raise RunError(
-                f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
-                f"momentum takes {held}: there is none to keep at a temperature",
-                everywhere=True,
-            )
+        refuse(
+            not sum(free) > held and not self.command.mol,
+            f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
+            f"momentum takes {held}: there is none to keep at a temperature",
+        )
         return np.array([max(free[0] - held, 0.0), free[1]])
 
     def _pushed_by(self) -> str | None:

@@ -50,7 +50,7 @@ from ..box.cell import (
     three_of,
     volume_of,
 )  # fmt: skip
-from ..errors import RunError
+from ..errors import refuse
 from ..loops.compiled import F1, L1, Cell, F, I, Loop, inlined, loop, record
 from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
@@ -74,6 +74,8 @@ Piston = record(
     work=F,  # done against the pressure
     inertia_kt=F,  # the k T that the inertia is of
 )
+# of each tilt: the axis along which it moves what is further along the second one
+FIRST, SECOND = (0, 0, 1), (1, 2, 2)
 STRAINS = {
     "along": (F, 6),  # twice this rank's kinetic energy along each axis, and with each tilt
     "slow": (F, 3),  # factors of velocities, and what shears them then
@@ -154,33 +156,21 @@ def strain(parameters, cell, box, part, dt):
         if numbers.tilted:  # what acts after a shear makes it another one
             stretch_shear(numbers.shear, k, longer)
             stretch_shear(parameters.slow_shear, k, factor)
-            for n in range(XY, COMPONENTS):
-                along[n] *= factor if first_axis(n) == k or second_axis(n) == k else 1.0
+            for n in range(3):
+                along[XY + n] *= factor if FIRST[n] == k or SECOND[n] == k else 1.0
     much = dt * total
     longer = dt * (1.0 + 0.5 * much) if abs(much) < 1e-7 else (exp(much) - 1.0) / total
     cell.piston.work += against * volume * longer
 
 
 @inlined
-def first_axis(tilt):
-    """The axis along which a tilt moves what is further along its second one."""
-    return 1 if tilt == YZ else 0
-
-
-@inlined
-def second_axis(tilt):
-    """The second axis of a tilt."""
-    return 1 if tilt == XY else 2
-
-
-@inlined
 def stretch_shear(shear, axis, factor):
     """What a shear is when it acts after an axis is stretched, not before."""
-    for n in range(XY, COMPONENTS):
-        if first_axis(n) == axis:
-            shear[n - XY] *= factor
-        if second_axis(n) == axis:
-            shear[n - XY] /= factor
+    for n in range(3):
+        if FIRST[n] == axis:
+            shear[n] *= factor
+        if SECOND[n] == axis:
+            shear[n] /= factor
 
 
 @inlined
@@ -260,15 +250,13 @@ def begin_move(mpi, parameters, due, cell, box, part, dt):
 
 
 @inlined
-def end_move(parameters, due, cell, box, shift, part, dt, factor):
+def end_move(parameters, due, cell, box, shift, part, dt):
     """The second half of letter D, if the box changes in this step, and the box itself.
 
-    Args:
-        factor: what a thermostat has multiplied the velocities by in between.
     Returns:
         as `stretch_box`.
     """
-    numbers = cell.barostat
+    numbers, factor = cell.barostat, parameters.factor[0]
     if due:
         for k in range(COMPONENTS):
             motion_of(numbers.total)[k] *= factor * factor
@@ -346,7 +334,7 @@ def _both(measures: Callable) -> Callable:
 
 def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]) -> Loop:
     """The loop before letters D and O."""
-    acts, factor, on_piston = thermostat.acts, thermostat.factor, thermostat.on_piston
+    acts, on_piston = thermostat.acts, thermostat.on_piston
 
     def prepares(
         mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
@@ -363,7 +351,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         if due:
             on_piston(mpi, parameters, cell, own_state, dt)
         wrong = acts(mpi, parameters, own_state, dt, gained)
-        moved = end_move(parameters, due, cell, box, images.shift, part, dt, factor(parameters))
+        moved = end_move(parameters, due, cell, box, images.shift, part, dt)
         return moved if bursts else min(wrong, moved)  # a box that bursts upsets chains, too
 
     return loop(prepares, owner)
@@ -392,15 +380,13 @@ class Mtk(Barostat):
         thermostat, alone = self.ensemble.thermostat, self.ensemble.__class__.__name__
         return [f"{thermostat.family}NPT" if thermostat else alone, *self.axes]
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        seen, _ = self.loops_of_others(cells)
-        return [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)], []
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        return self.loops_of_others(cells)[1]
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
+        seen, moved = self.loops_of_others(cells)
+        pressure = [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)]
+        return super().own_lists(cells) | {"pressure": pressure, "behind": moved}
 
     def own_parameters(self) -> dict[str, Any]:
-        return {"shears": self.flips}
+        return super().own_parameters() | {"shears": self.flips}
 
     def _heat(self) -> float:
         """The k T that the piston's inertia is of: of the highest temperature of the run; without a
@@ -411,24 +397,22 @@ class Mtk(Barostat):
             kelvin = thermo.energies(self.bodies, self.communicator, self.lammps).temperature
             if not self.lammps.running:  # but a file is written, perhaps before they move
                 return self.lammps.boltz * kelvin
-            if not kelvin > 0:
-                raise RunError(
-                    "the bodies are at rest, so there is no temperature to choose the piston's "
-                    "inertia by: give them velocities first (velocity ... create)",
-                    everywhere=True,
-                )
+            refuse(
+                not kelvin > 0,
+                "the bodies are at rest, so there is no temperature to choose the piston's "
+                "inertia by: give them velocities first (velocity ... create)",
+            )
             self.piston.inertia_kt = self.lammps.boltz * kelvin
         return self.piston.inertia_kt
 
     def new_numbers(self) -> np.record:
         numbers, d, axes = super().new_numbers(), self.lammps.dimension, self.axes
         freedom = self.ensemble.momentum.degrees()[0]
-        if not freedom > 0:
-            raise RunError(
-                "no centre of mass can move against another, so there is no pressure for the "
-                "piston: use more bodies, or thermostat langevin",
-                everywhere=True,
-            )
+        refuse(
+            not freedom > 0,
+            "no centre of mass can move against another, so there is no pressure for the "
+            "piston: use more bodies, or thermostat langevin",
+        )
         damping = self.damping * (self._slower(freedom) if self.command.line.replaces else 1.0)
         inertia = (freedom + d) * self._heat() * damping**2
         for group in range(COMPONENTS):

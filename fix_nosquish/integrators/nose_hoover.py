@@ -4,7 +4,7 @@ from math import exp
 from typing import Any
 
 from ..loops.compiled import inlined
-from .rescaling import Rescaling, add_up_energies, use_factors
+from .rescaling import Rescaling, scaling_by
 from .thermostat import note_heat
 
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
@@ -45,27 +45,18 @@ def move_chain(chain, n, twice, degrees, kt, rate, dt):
 
 
 @inlined
-def move_chains(mpi, parameters, state, dt, gained):
+def factor_of_chain(parameters, state, k, dt):
     """Martyna, Tuckerman, Tobias and Klein, Mol. Phys. 87, 1117 (1996), eqs. 26-29.
 
     Returns:
-        -1 if there is no kinetic energy to scale, UNSTABLE, or 0.
+        the factor, and 0 or UNSTABLE.
     """
-    add_up_energies(mpi, parameters, gained)
-    sums, length = parameters.energies, parameters.chain
-    for k in range(2):
-        degrees, parameters.factor[k] = parameters.degrees[k], 1.0
-        if degrees > 0.0:
-            if not sums[k] > 0.0:
-                return -1
-            parameters.factor[k] = move_chain(
-                state[k * length : (k + 1) * length], length // 2, sums[k], degrees,
-                parameters.kt, parameters.rate, dt,
-            )  # fmt: skip
-            if not 1.0 / MOST < parameters.factor[k] < MOST:
-                return UNSTABLE
-    use_factors(mpi, parameters)
-    return 0
+    length = parameters.chain
+    factor = move_chain(
+        state[k * length : (k + 1) * length], length // 2, parameters.energies[k],
+        parameters.degrees[k], parameters.kt, parameters.rate, dt,
+    )  # fmt: skip
+    return factor, 0 if 1.0 / MOST < factor < MOST else UNSTABLE
 
 
 @inlined
@@ -90,7 +81,7 @@ class NoseHoover(Rescaling):
     of a piston.  Each has positions and velocities.
     """
 
-    acts, on_piston = move_chains, move_chain_of_piston
+    acts, on_piston = scaling_by(factor_of_chain), move_chain_of_piston
     method, reversible = "Nose-Hoover chains", True
 
     @property

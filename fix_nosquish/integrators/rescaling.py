@@ -5,6 +5,7 @@ ranks, and find one factor for all velocities and angular momenta, or one for ea
 keeps this energy, if it is exact: so it is known before, and A O A is one motion.
 """
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,7 +37,6 @@ Scales = record(
     degrees=(F, 2),  # of freedom, of translation and of rotation, or of both and of none
     twice=(F, 2),  # the kinetic energies of this rank's bodies, and of all
     energies=(F, 2),
-    factor=(F, 2),  # for their velocities
     separate=I,  # whether there are two factors, or one
     chain=I,  # numbers of each Nose-Hoover chain
 )
@@ -105,51 +105,57 @@ def mean_with_one(factor):
     return mean if mean != 0.0 else LEAST
 
 
-@inlined
-def scaled_by(parameters):
-    """The factor of translation."""
-    return parameters.factor[0]
+def scaling_by(factor_of: Callable) -> Callable:
+    """What comes before the scale: see `Thermostat.acts`.
 
+    Args:
+        factor_of: an inlined function (parameters, state, k, dt) of the factor of motion k and 0,
+            or of anything and what ends the run.  It finds twice the kinetic energy in
+            parameters.energies[k], which is not 0, and its freedom in parameters.degrees[k].
+    """
 
-@inlined
-def add_up_energies(mpi, parameters, gained):
-    """Twice the kinetic energies of all bodies on all ranks, and what was gained since."""
-    energies = parameters.energies
-    add_up(mpi, parameters.twice, energies)
-    parameters.twice[0], parameters.twice[1] = 0.0, 0.0
-    if not parameters.separate:
-        energies[0], energies[1] = energies[0] + energies[1], 0.0
-    energies[0] += gained
+    @inlined
+    def acts(mpi, parameters, state, dt, gained):
+        energies, factor, given = parameters.energies, parameters.factor, 0.0
+        add_up(mpi, parameters.twice, energies)
+        parameters.twice[0], parameters.twice[1] = 0.0, 0.0
+        if not parameters.separate:
+            energies[0], energies[1] = energies[0] + energies[1], 0.0
+        energies[0] += gained
+        for k in range(2):
+            factor[k] = 1.0
+            if parameters.degrees[k] > 0.0:
+                if not energies[k] > 0.0:
+                    return -1
+                factor[k], wrong = factor_of(parameters, state, k, dt)
+                if wrong:
+                    return wrong
+            given += 0.5 * energies[k] * (factor[k] * factor[k] - 1.0)
+        if mpi.rank == 0:
+            parameters.heat += given
+        if not parameters.separate:
+            factor[1] = factor[0]
+        return 0
 
-
-@inlined
-def use_factors(mpi, parameters):
-    """Note the energy that the factors give, on rank 0, and have one factor serve both motions."""
-    given = 0.0
-    for k in range(2):
-        square = parameters.factor[k] * parameters.factor[k]
-        given += 0.5 * parameters.energies[k] * (square - 1.0)
-    if mpi.rank == 0:
-        parameters.heat += given
-    if not parameters.separate:
-        parameters.factor[1] = parameters.factor[0]
+    return acts
 
 
 class Rescaling(Thermostat):
-    """A thermostat that scales velocities; a derived class says by what, by `acts`."""
+    """A thermostat that scales velocities; in a derived class, `acts` is what `scaling_by` makes of
+    the factor."""
 
     operation = Operation(scale, prepared=True, measures=measure)
     merged: ClassVar[Operation | None] = Operation(
         move_and_scale, moves=True, prepared=True, measures=measure, exact=True
     )
-    numbers, work, factor = Scales, WORK, scaled_by
+    numbers, work = Scales, WORK
     unprepared = (
         "the bodies are at rest, so there is no velocity to scale: give them velocities first "
         "(velocity ... create), or use thermostat langevin"
     )
 
     def own_parameters(self) -> dict[str, Any]:
-        return {"degrees": self._degrees(), "factor": 1.0, "separate": self.command.separate}
+        return {"degrees": self._degrees(), "separate": self.command.separate}
 
     def _degrees(self) -> np.ndarray:
         """Degrees of freedom of each of the two thermostats; collective."""

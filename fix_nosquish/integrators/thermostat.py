@@ -37,6 +37,7 @@ Bath = record(
     key_0=I,  # of random numbers
     key_1=I,
     heat=F,  # the energy that this rank has given to the bodies
+    factor=(F, 2),  # by which a thermostat has multiplied velocities, and angular momenta
 )
 BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
 # the system's draws: of translation and of rotation, or both; of the barostat
@@ -95,12 +96,6 @@ def words_of_all(parameters, number):
 def nothing(mpi, parameters, state, dt, gained):
     """What `Thermostat.acts` does by default: nothing of all bodies must be known."""
     return 0
-
-
-@inlined
-def same(parameters):
-    """What `Thermostat.factor` is by default."""
-    return 1.0
 
 
 @inlined
@@ -174,26 +169,17 @@ class Part:
         """What its state is of."""
         return []
 
-    def begin(self) -> None:
-        """A run begins; collective."""
-
     def own_parameters(self) -> dict[str, Any]:
-        """Fields of the parameters besides those of `Bath`; collective."""
+        """Fields of the parameters besides those of `Bath`; a run begins; collective."""
         return {}
 
     def own_cells(self) -> dict[str, Cell]:
         """What its loops take besides `parameters` and `own_state`."""
         return {}
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
+    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         """See `declaration.Declaration`, as of those below."""
-        return [], []
-
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        return []
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        return []
+        return {}
 
     def turned_over(self) -> None:
         pass
@@ -225,7 +211,6 @@ class Thermostat(Part):
         acts: what comes before O once a step, an inlined function (mpi, parameters, state, dt,
             gained).  `state` is the thermostat's own, and `gained` what twice the kinetic energy
             has become more since O's `measures`.  It returns 0, or less to end the run.
-        factor: an inlined function (parameters) of what O multiplies velocities by.
         on_piston: what it does to a piston, an inlined function (mpi, parameters, cell, state, dt);
             see `mtk.PistonBox`.
         scheme, prepares: the step at constant volume, and the loop before O; they follow from
@@ -242,7 +227,6 @@ class Thermostat(Part):
     numbers: ClassVar[Kind] = Bath
     work: ClassVar[int] = 0
     acts: ClassVar[Callable] = nothing
-    factor: ClassVar[Callable] = same
     on_piston: ClassVar[Callable] = not_on_piston
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]

@@ -75,21 +75,16 @@ def take_into_box(state, box):
     """Take the bodies into the box, which their image flags count."""
     h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
     for b in range(state.shape[1]):
-        x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
-        u, v, w = fractional(inverse, x, y, z)
+        x, y, z = three(state, X, b)
+        u, v, w = fractional(inverse, x - lo[0], y - lo[1], z - lo[2])
         n1, n2, n3 = periodic[0] * floor(u), periodic[1] * floor(v), periodic[2] * floor(w)
         if n1 != 0.0 or n2 != 0.0 or n3 != 0.0:
-            x, y, z = cartesian(h, n1, n2, n3)
-            state[X, b] -= x
-            state[X + 1, b] -= y
-            state[X + 2, b] -= z
-            vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
-            state[V, b] -= vx
-            state[V + 1, b] -= vy
-            state[V + 2, b] -= vz
-            state[IMAGE, b] += n1
-            state[IMAGE + 1, b] += n2
-            state[IMAGE + 2, b] += n3
+            vectors = (n1, n2, n3)
+            away, faster = cartesian(h, n1, n2, n3), image_velocity(box.rate, n1, n2, n3)
+            for k in range(3):
+                state[X + k, b] -= away[k]
+                state[V + k, b] -= faster[k]
+                state[IMAGE + k, b] += vectors[k]
 
 
 @inlined
@@ -100,6 +95,8 @@ def find_images(layout, images, box, atom_x, off):
         images: the `Images`, with room for all atoms.
         off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
             and its entry of index.
+    Returns:
+        how many these are.
     """
     block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
     h, inverse, periodic = box.h, box.inverse, box.periodic
@@ -130,4 +127,4 @@ def find_images(layout, images, box, atom_x, off):
                 far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
                 if not far <= off[0]:
                     off[0], off[1] = far, j + b
-    images.aways[0] = count
+    return count

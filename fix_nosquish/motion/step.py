@@ -1,9 +1,9 @@
 """The passes of a step over a rank's bodies, and how they follow from an integrator's splitting."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from ..loops.compiled import F2, F, I, inlined, loop
+from ..loops.compiled import F2, F, I, Kind, Loop, inlined, loop
 from ..loops.machine_code import INLINED
 from .block import (
     ALL,
@@ -114,12 +114,9 @@ def write_atoms(layout, k, row, atoms):
 @inlined
 def move_to_images(layout, images, atom_x):
     """Move the atoms that LAMMPS has in another periodic image than their body there."""
-    blocks, rounds = layout.blocks, layout.rounds  # which can be some of the rank's only
-    begin, end = rounds[blocks[0, 1]], rounds[blocks[blocks.shape[0] - 1, 1]]
-    for a in range(images.aways[0]):
-        if begin <= images.away[a] < end:
-            for c in range(3):
-                atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
+    for a in range(images.away.size):
+        for c in range(3):
+            atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
 
 
 @inlined(contract=True)
@@ -228,29 +225,32 @@ class Operation(NamedTuple):
 class Stages(NamedTuple):
     """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
     what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too;
-    whether something is prepared; and whether an operation, or one of the first and the last stage,
-    is `named`."""
+    whether something is prepared; and whether an operation is `named`."""
 
-    lead: object
-    middle: tuple
-    tail: object
+    lead: Callable
+    middle: tuple[Callable, ...]
+    tail: Callable
     tail_moves: bool
     prepared: bool
     named: bool
-    ends_named: bool
+
+
+@inlined
+def nothing(block, kind, dt, parameters):
+    """The operation that does nothing."""
 
 
 FORCES = "F"  # where LAMMPS computes them
 
 
-def stages(splitting, operations):
+def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
     """The three stages of a step.
 
     Args:
         splitting: letters with spaces between, as "B A B".  A letter that stands n times does dt /
             n each time.  Where forces are computed is an F, or, without one, after the last letter
             that moves.
-        operations: dictionary from letters to `Operation`.
+        operations: from letters to each `Operation`.
     Raises:
         ValueError: for a letter without an operation; for an operation of the letter F, or one that
             is not inlined; if nothing moves; and for a letter that is prepared and stands twice,
@@ -258,54 +258,41 @@ def stages(splitting, operations):
     """
     letters = splitting.split()
     _check_letters(splitting, letters, operations)
-    movers = [k for k, one in enumerate(letters) if one in operations and operations[one].moves]
+    operations = {**operations, FORCES: Operation(nothing, named=False)}
+    steps = [operations[letter] for letter in letters]
+    movers = [k for k, one in enumerate(steps) if one.moves]
     if not movers:
         raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
-    prepared = [k for k, one in enumerate(letters) if one != FORCES and operations[one].prepared]
+    prepared = [k for k, one in enumerate(steps) if one.prepared]
     if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
         raise ValueError(
             f"splitting {splitting!r}: "
             "a letter that is prepared stands once, and from the first on that moves to the last"
         )
-
-    def chain(begin, end, last=None):
-        parts = [
-            (operations[one].does, 1.0 / letters.count(one))
-            for one in letters[begin:end]
-            if one != FORCES
-        ]
-        return _chain(parts + ([(last, 1.0)] if last else []))
-
-    pause = prepared[0] if prepared and operations[letters[prepared[0]]].measures else None
-    middle: tuple[Callable, ...] = (chain(first, cut),)
-    if pause is not None:
-        measures = operations[letters[pause]].measures
-        middle = chain(first, pause, measures), chain(pause, cut)
-    tail_moves = any(operations[one].moves for one in letters[cut:] if one != FORCES)
-    tail = chain(cut, len(letters))
-    named, ends_named = (
-        any(operations[one].named for one in some if one != FORCES)
-        for some in (letters, [*letters[:first], *letters[cut:]])
-    )
+    shares = [(operations[letter].does, 1.0 / letters.count(letter)) for letter in letters]
+    middle: tuple[Callable, ...] = (_chain(shares[first:cut]),)
+    for k in prepared:
+        if measures := steps[k].measures:
+            middle = _chain([*shares[first:k], (measures, 1.0)]), _chain(shares[k:cut])
     return Stages(
-        chain(0, first), middle, tail, tail_moves, bool(prepared), named, ends_named
+        _chain(shares[:first]), middle, _chain(shares[cut:]),
+        any(one.moves for one in steps[cut:]), bool(prepared), any(one.named for one in steps),
     )  # fmt: skip
 
 
-def _check_letters(splitting, letters, operations):
+def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, Operation]) -> None:
     """Raise an error for letters and operations that do not go together; see `stages`."""
     if FORCES in operations:
         raise ValueError(
             f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
         )
-    for letter in letters:
-        if letter not in operations and letter != FORCES:
-            known = ", ".join(operations)
-            raise ValueError(
-                f"splitting {splitting!r}: there is no operation {letter}, only {known}"
-            )
+    if unknown := [letter for letter in letters if letter not in (*operations, FORCES)]:
+        raise ValueError(
+            f"splitting {splitting!r}: there is no operation {unknown[0]}, "
+            f"only {', '.join(operations)}"
+        )
     for letter, one in operations.items():
         if one.does not in INLINED:
             raise ValueError(
@@ -314,14 +301,9 @@ def _check_letters(splitting, letters, operations):
             )
 
 
-def _chain(parts):
+def _chain(parts: list[tuple[Callable, float]]) -> Callable:
     """One function of several, done one after the other, each for its share of dt."""
     if not parts:
-
-        @inlined
-        def nothing(block, kind, dt, parameters):
-            pass
-
         return nothing
     (does, share), *rest = parts
     others = _chain(rest)
@@ -343,33 +325,35 @@ class Scheme:
         numbers, rows, starts, work: see `declaration.Declaration`.
 
     Attributes:
-        advance, go_on, kick, start: see there.
+        advance, go_on, lead, tail, start: see there.
         prepared: whether a loop must set parameters in each step.
     """
 
     def __init__(
-        self, owner, splitting, operations, numbers, rows=0, starts=None, work=0
-    ):  # fmt: skip
+        self,
+        owner: tuple[str, str],
+        splitting: str,
+        operations: Mapping[str, Operation],
+        numbers: Kind,
+        rows: int = 0,
+        starts: Callable | None = None,
+        work: int = 0,
+    ) -> None:
         self.operations, self.numbers, self.work = operations, numbers, work
-        parts, how = stages(splitting, operations), (owner, numbers, rows)
+        parts = stages(splitting, operations)
         self.prepared = parts.prepared
-        self.advance = _make_advance(parts, *how)
-        self.go_on = _make_go_on(parts, *how) if len(parts.middle) > 1 else None
-        self.kick = _make_kick(parts, *how)
-        self.start = starts and _make_start(starts, *how)
+        module, within = owner
 
+        def alone(name: str, does: Callable, until: int, named: bool, places: bool = False) -> Loop:
+            made = module, f"{within}.{name}"
+            return make_pass(does, until, made, numbers, named, places, rows)
 
-def _ends(lead, tail):
-    """A function that ends a step, begins one, or both."""
-
-    @inlined
-    def end_and_begin(block, kind, dt, parameters, ends, begins):
-        if ends:
-            tail(block, kind, dt, parameters)
-        if begins:
-            lead(block, kind, dt, parameters)
-
-    return end_and_begin
+        self.advance = _make_advance(parts, owner, numbers, rows)
+        self.lead = alone("lead", parts.lead, TORQUE + 3, parts.named)
+        self.tail = alone("tail", parts.tail, TORQUE + 3, parts.named, parts.tail_moves)
+        second, measured = parts.middle[-1], len(parts.middle) > 1
+        self.go_on = alone("go_on", second, P + 4, parts.named, True) if measured else None
+        self.start = alone("start", starts, TORQUE + 3, True) if starts else None
 
 
 @inlined
@@ -379,10 +363,19 @@ def place(layout, k, atom_x):
     write_atoms(layout, k, X, atom_x)
 
 
+@inlined
+def place_all(layout, images, atom_x):
+    """Place all atoms where the bodies have them."""
+    for k in range(layout.blocks.shape[0] - 1):
+        take(layout, k, X, Q + 4, X)
+        place(layout, k, atom_x)
+    move_to_images(layout, images, atom_x)
+
+
 def _make_advance(parts, owner, numbers, rows):
     """The first pass of a step, or all of it."""
-    middle, named = parts.middle[0], parts.named
-    several, end_and_begin = len(parts.middle) > 1, _ends(parts.lead, parts.tail)
+    lead, tail, named = parts.lead, parts.tail, parts.named
+    middle, several = parts.middle[0], len(parts.middle) > 1
 
     def advance(
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F,
@@ -418,7 +411,10 @@ def _make_advance(parts, owner, numbers, rows):
             if named:
                 take_names(layout, k, rank, mask)
             kind = kind_of(layout, blocks[k, 0])
-            end_and_begin(block, kind, dt, parameters, ends, begins)
+            if ends:
+                tail(block, kind, dt, parameters)
+            if begins:
+                lead(block, kind, dt, parameters)
             middle(block, kind, dt, parameters)
             put(layout, k, X, P + 4, X)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
@@ -431,66 +427,40 @@ def _make_advance(parts, owner, numbers, rows):
     return loop(advance, owner)
 
 
-def _make_go_on(parts, owner, numbers, rows):
-    """The second pass of a step."""
-    rest = parts.middle[-1]
+def make_pass(
+    does: Callable,
+    until: int,
+    owner: tuple[str, str],
+    numbers: Kind,
+    named: bool = True,
+    places: bool = False,
+    rows: int = 0,
+) -> Loop:
+    """A pass that does one thing with all bodies.
 
-    def go_on(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, rank: I,
-        mask: F2,
+    Args:
+        does: what, as an `Operation` does it.
+        until: the row up to which it takes theirs: with force and torque these are known.
+        owner: the module that the loop belongs to, and what its name stands behind.
+        numbers: the record of its parameters.
+        named: see `Operation`.  places: whether atoms are placed then.
+        rows: how many numbers of its own each body has.
+    """
+
+    def go(
+        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, rank: I, mask: F2
     ):  # fmt: skip
-        """The second pass of a step, which places the atoms."""
         for k in range(layout.blocks.shape[0] - 1):
-            take(layout, k, MASS, P + 4, MASS)
-            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            take_names(layout, k, rank, mask)
-            kind = kind_of(layout, layout.blocks[k, 0])
-            rest(layout.block, kind, dt, parameters)
-            put(layout, k, X, P + 4, X)
-            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            place(layout, k, atom_x)
-        move_to_images(layout, images, atom_x)
-
-    return loop(go_on, owner)
-
-
-def _make_kick(parts, owner, numbers, rows):
-    """What a step ends or begins with, alone."""
-    tail_moves, named = parts.tail_moves, parts.ends_named
-    end_and_begin = _ends(parts.lead, parts.tail)
-
-    def kick(
-        layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, ends: I,
-        begins: I, rank: I, mask: F2,
-    ):  # fmt: skip
-        """End a step, or begin one, with the force and torque that the bodies have."""
-        for k in range(layout.blocks.shape[0] - 1):
-            take(layout, k, MASS, TORQUE + 3, MASS)
+            take(layout, k, MASS, until, MASS)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if named:
                 take_names(layout, k, rank, mask)
-            kind = kind_of(layout, layout.blocks[k, 0])
-            end_and_begin(layout.block, kind, dt, parameters, ends, begins)
+            does(layout.block, kind_of(layout, layout.blocks[k, 0]), dt, parameters)
             put(layout, k, X, P + 4, X)
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            if tail_moves:
+            if places:
                 place(layout, k, atom_x)
-        if tail_moves:
+        if places:
             move_to_images(layout, images, atom_x)
 
-    return loop(kick, owner)
-
-
-def _make_start(starts, owner, numbers, rows):
-    """The loop that sets the bodies' own rows when the forces of the start are known."""
-
-    def start(layout: Layout, dt: F, parameters: numbers, rank: I, mask: F2):
-        """Set the bodies' own rows, with the force and torque that the bodies have."""
-        for k in range(layout.blocks.shape[0] - 1):
-            take(layout, k, MASS, TORQUE + 3, MASS)
-            take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-            take_names(layout, k, rank, mask)
-            starts(layout.block, kind_of(layout, layout.blocks[k, 0]), dt, parameters)
-            put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
-
-    return loop(start, owner)
+    return loop(go, owner)

@@ -1,6 +1,6 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,7 +59,7 @@ class Declaration:
 
     Loops of the splitting:
         advance, go_on: the passes of a step.
-        kick: that of a level of run_style respa.
+        lead, tail: what stands before the motion, and behind the forces, by itself.
         start: of `starts`.
     """
 
@@ -71,7 +71,8 @@ class Declaration:
     unprepared, mid_step = "", False
     advance: Loop
     go_on: Loop | None = None
-    kick: Loop
+    lead: Loop
+    tail: Loop
     start: Loop | None = None
 
     method, splits, respa = "", False, True
@@ -93,8 +94,8 @@ class Declaration:
                 raise ValueError(
                     f"{cls.__name__}: an operation is prepared, and there is no loop `prepares`"
                 )
-            cls.advance, cls.go_on, cls.kick = scheme.advance, scheme.go_on, scheme.kick
-            cls.start = scheme.start
+            cls.advance, cls.go_on, cls.start = scheme.advance, scheme.go_on, scheme.start
+            cls.lead, cls.tail = scheme.lead, scheme.tail
             cls.crosses = vars(cls).get("crosses", False)  # of each motion by itself
 
     def own_parameters(self) -> dict[str, Any]:
@@ -107,21 +108,13 @@ class Declaration:
         return {}
 
     def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        """Lists of loops of its own, by name, bound to cells."""
+        """Lists of loops of its own, by name, bound to cells; see `passes`."""
         return {}
 
-    def cell_loops(self, cells: dict[str, Cell]) -> tuple[list, list]:
-        """With `box_every`, two lists of loops, bound to cells: what the forces say of the
-        pressure, and what changes the box in the next step."""
-        return [], []
-
-    def flip_loops(self, cells: dict[str, Cell]) -> list:
-        """With `flips`, the list of loops that do so, before atoms go to other ranks."""
-        return []
-
-    def loops_behind(self, cells: dict[str, Cell]) -> list:
-        """A list of loops that come behind the second pass over the bodies, bound to cells."""
-        return []
+    def own_values(self) -> Sequence[float]:
+        """Values of f_ID[i] behind those of all integrators, of which `vector_extensive` says
+        whether each counts the bodies; collective."""
+        return ()
 
     def own_warnings(self) -> Iterable[str]:
         """Lines for the log on what is probably not meant; collective."""

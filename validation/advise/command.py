@@ -3,9 +3,9 @@
 from argparse import Namespace
 from pathlib import Path
 
-from validation import command_line
-from validation.sweep.command import scenes
-from validation.trial import words as trial
+from .. import command_line
+from ..sweep.command import scenes
+from ..trial import words as trial
 
 BUDGET = 8.0  # minutes, of a script
 
@@ -45,8 +45,8 @@ def run(arguments: Namespace) -> int:
     if command_line.is_script(arguments.scene, scenes):
         command_line.refuse(arguments, ["folder"], "is for a scene: a script is tried now")
         return trial.run(arguments, arguments.scene, BUDGET, many=False)
-    from validation.advise.report import advise, load  # heavy: not for --help
-    from validation.pages.console import console
+    from ..pages.console import console
+    from .report import advise, load  # heavy: not for --help
 
     if not arguments.target:
         arguments.parser.error("of a scene, --target is needed")

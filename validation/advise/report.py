@@ -7,12 +7,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation import RESULTS
-from validation.choice import Targets, choose, each, least, meets, nearest, ours, resolution
-from validation.own.finding import native
-from validation.pages import report
-from validation.statistics.estimate import SURE
-from validation.sweep.report import ONE_START, error_of, named, names, over, seconds
+from .. import NAME, RESULTS
+from ..choice import Targets, choose, each, least, meets, nearest, ours, resolution
+from ..own.finding import native
+from ..pages import report
+from ..statistics.estimate import SURE
+from ..sweep.report import ONE_START, error_of, named, names, over, seconds
 
 FOLDERS = (Path("results/sweep"), RESULTS / "sweep")  # looked into in this order
 LONGER = 4  # times as long halves an error
@@ -31,7 +31,7 @@ def load(folder: Path | None = None) -> tuple[dict, Path]:
     """
     folders = [folder] if folder else FOLDERS
     found = next((path for path in folders if (path / "summary.json").exists()), folders[0])
-    command = shlex.join(["python", "-m", "validation", "sweep", "--out", str(found)])
+    command = shlex.join(["python", "-m", NAME, "sweep", "--out", str(found)])
     try:
         return json.loads((found / "summary.json").read_text()), found
     except OSError as error:
@@ -51,7 +51,7 @@ def again(summary: dict, folder: Path, name: str, times: int = 1) -> str:
     folder = FOLDERS[0] if folder == FOLDERS[-1] else folder
     scenes = summary["scenes"]
     known = [scenes[name]] if name in scenes else list(scenes.values())[:1]
-    words = ["python", "-m", "validation", "sweep", name]
+    words = ["python", "-m", NAME, "sweep", name]
     words += ["--short"] * any("--short" in one["swept"]["command"] for one in known)
     lengths = summary["lengths"]
     if one := lengths.get(name) or next(iter(lengths.values()), None):

@@ -2,9 +2,9 @@
 
 from argparse import Namespace
 
-from validation import command_line
-from validation.scenes import SCENES
-from validation.scenes.integrators import BENCHMARKED
+from .. import command_line
+from ..scenes import SCENES
+from ..scenes.integrators import BENCHMARKED
 
 PARTS = *SCENES, "passes", "start", "memory"
 SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
@@ -53,10 +53,10 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.bench import figures, goals, measure, plan, report  # heavy: not for --help
-    from validation.own import system
-    from validation.pages import console
-    from validation.running import store
+    from ..own import system
+    from ..pages import console
+    from ..running import store
+    from . import figures, goals, measure, plan, report  # heavy: not for --help
 
     scripts = [one for one in arguments.parts if command_line.is_script(one, lambda: PARTS)]
     if not arguments.parts:

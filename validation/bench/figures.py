@@ -6,8 +6,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from validation.bench.goals import place
-from validation.pages.figures import (
+from ..pages.figures import (
     INK,
     MARKS,
     MISSED,
@@ -20,7 +19,8 @@ from validation.pages.figures import (
     panels,
     whiskers,
 )
-from validation.pages.tables import ranks_of
+from ..pages.tables import ranks_of
+from .goals import place
 
 
 def draw(summary: dict, out: Path) -> list[tuple[Path, str]]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from validation.pages.tables import ranks_of
+from ..pages.tables import ranks_of
 
 
 @dataclass(frozen=True)

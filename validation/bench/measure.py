@@ -10,14 +10,14 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
-from validation.bench import bandwidth
-from validation.bench.plan import OPTIONAL, Optional, Point
-from validation.running import counting, lammps_log, machine, rounds, run, starts, startup
-from validation.running.rounds import Timing
-from validation.running.store import Store
-from validation.scenes import INPUTS, SCENES, Scene
-from validation.scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
-from validation.statistics import measures
+from ..running import counting, lammps_log, machine, rounds, run, starts, startup
+from ..running.rounds import Timing
+from ..running.store import Store
+from ..scenes import INPUTS, SCENES, Scene
+from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
+from ..statistics import measures
+from . import bandwidth
+from .plan import OPTIONAL, Optional, Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
@@ -67,7 +67,7 @@ def bench(
 
 
 def _store(out: Path) -> Store:
-    return Store(out / "records", "validation.bench.measure")
+    return Store(out / "records", "bench.measure")
 
 
 def _summary() -> dict:

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.scenes import SCENES
-from validation.scenes.integrators import BENCHMARKED
+from ..scenes import SCENES
+from ..scenes.integrators import BENCHMARKED
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.bench import bandwidth
-from validation.pages import report
-from validation.pages.said import NONE, Cell, Figure, Said, Table
-from validation.pages.tables import FREE, Column, busy, cell, numbers, ranks_of
-from validation.scenes.integrators import INTEGRATORS, OURS
+from .. import COMMAND
+from ..pages import report
+from ..pages.said import NONE, Cell, Figure, Said, Table
+from ..pages.tables import FREE, Column, busy, cell, numbers, ranks_of
+from ..scenes.integrators import INTEGRATORS, OURS
+from . import bandwidth
 
 COLUMNS = (
     Column("modify", "Modify", "µs/step"),
@@ -246,7 +247,7 @@ def _bench_commands(summary):
         "--ranks": {point["ranks"] for point in points},
     }
     parts += [f"{word} {','.join(map(str, sorted(some)))}" for word, some in values.items() if some]
-    return [" ".join(["python -m validation bench", *parts])]
+    return [" ".join([f"{COMMAND} bench", *parts])]
 
 
 def _spread(value):

@@ -10,8 +10,8 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from validation import command_line
-from validation.own.script import texts
+from .. import command_line
+from ..own.script import texts
 
 PARTS = "water", "CH3", "NH3", "rings"
 
@@ -47,8 +47,8 @@ def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     import numpy as np  # heavy: not for --help
 
-    from validation.bodies import lines, making, parts
-    from validation.own import system
+    from ..own import system
+    from . import lines, making, parts
 
     ask, out = system.begin(arguments, arguments.scene)
     out = out.resolve()
@@ -100,7 +100,7 @@ def run(arguments: Namespace) -> int:
 def _of_restart(said: Mapping, styles: Path, file: Path, folder: Path):
     """What a script that reads a restart file needs beside the data file; writes ``file``, which
     has its styles and coefficients."""
-    from validation.bodies import lines, making  # heavy: not for --help
+    from . import lines, making  # heavy: not for --help
 
     known = json.loads(styles.with_suffix(".json").read_text())
     first, lost, commands = making.styles(said, styles.with_suffix(".coeffs").read_text())

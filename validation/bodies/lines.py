@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.bodies import making
-from validation.bodies.making import NOTHING, Beside
-from validation.own import finding, schemes
-from validation.own.finding import State, Words
-from validation.own.script import texts, words
+from ..own import finding, schemes
+from ..own.finding import State, Words
+from ..own.script import texts, words
+from . import making
+from .making import NOTHING, Beside
 
 
 class Names(NamedTuple):

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.own import finding, schemes
-from validation.own.script import CHANGES, texts
+from ..own import finding, schemes
+from ..own.script import CHANGES, texts
 
 BOXES = frozenset(("read_data", "read_restart", "create_box"))
 # delete_bonds stays: a data file has the bonds that it turned off

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -30,16 +30,16 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def _cases():
-    from validation.breaks.plan import CASES  # heavy: not for --help
+    from .plan import CASES  # heavy: not for --help
 
     return CASES
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.breaks import measure, plan, report  # heavy: not for --help
-    from validation.pages import console
-    from validation.running import machine
+    from ..pages import console
+    from ..running import machine
+    from . import measure, plan, report  # heavy: not for --help
 
     out, screen = command_line.folder(arguments), console.console()
     names = command_line.chosen(plan.CASES, arguments.cases)

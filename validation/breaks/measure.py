@@ -8,10 +8,10 @@ from collections.abc import Iterable
 from functools import partial
 from pathlib import Path
 
-from validation.breaks.plan import CASES, FIXES, SILENCE, Ended
-from validation.running import lammps_log, run
-from validation.running.store import Store
-from validation.scenes.boxes import Result, System, result, script
+from ..running import lammps_log, run
+from ..running.store import Store
+from ..scenes.boxes import Result, System, result, script
+from .plan import CASES, FIXES, SILENCE, Ended
 
 
 class Runs:
@@ -60,7 +60,7 @@ def breaks(names: Iterable[str], out: Path, meter: run.Meter) -> tuple[list[dict
         plain data, a row for each case and fix; whether a Ctrl-C ended it.
     """
     rows: list[dict] = []
-    kept = Store(out / "records", "validation.breaks.measure")
+    kept = Store(out / "records", "breaks.measure")
     with tempfile.TemporaryDirectory() as folder:
         simulate = Runs(Path(folder))
         for case, label in ((CASES[name], label) for name in names for label in FIXES):

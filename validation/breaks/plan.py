@@ -13,8 +13,8 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from validation.scenes import boxes
-from validation.scenes.boxes import OURS, RIGID, SMALL, apart, mixture
+from ..scenes import boxes
+from ..scenes.boxes import OURS, RIGID, SMALL, apart, mixture
 
 FREE = "pair_style zero 2.5\npair_coeff * *\n"
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\n"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.pages import report, said
+from ..pages import report, said
 
 COLUMNS = "case", "what", "integrator", "value", "most", "verdict", "note", "why"
 

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -28,10 +28,10 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.check import measure, report  # heavy: not for --help
-    from validation.own import system
-    from validation.pages import console
-    from validation.running import store
+    from ..own import system
+    from ..pages import console
+    from ..running import store
+    from . import measure, report  # heavy: not for --help
 
     ask, out = system.begin(arguments, arguments.scene)
     with store.alone(out):

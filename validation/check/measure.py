@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.check import suffix
-from validation.own import counted, finding, shapes
-from validation.own.finding import Unclear
-from validation.own.script import texts
-from validation.own.system import Own
-from validation.running import machine, run
-from validation.statistics.check import Check
+from .. import COMMAND
+from ..own import counted, finding, shapes
+from ..own.finding import Unclear
+from ..own.script import texts
+from ..own.system import Own
+from ..running import machine, run
+from ..statistics.check import Check
+from . import suffix
 
 STEPS = 20  # with each integrator
 # rad: a body that turns further in a step is not followed any more
@@ -58,7 +59,7 @@ def _bodies(own, made, kinds):
     for kind in kinds:
         note = (
             "bodies of these atoms differ in shape: each keeps the one that it has. If they are to "
-            "be alike, 'python -m validation bodies' writes a data file with mean shapes"
+            f"be alike, '{COMMAND} bodies' writes a data file with mean shapes"
         )
         what = "largest difference of a moment from the kind's mean"
         yield Check("bodies", kind.name, what, kind.scatter, high=ALIKE, note=note)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.check.measure import STEPS, TITLES
-from validation.own import counted
-from validation.pages import report
-from validation.pages.said import Table
-from validation.scenes.units import UNITS
+from ..own import counted
+from ..pages import report
+from ..pages.said import Table
+from ..scenes.units import UNITS
+from .measure import STEPS, TITLES
 
 KINDS = (
     "bodies of types",

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from validation.own.finding import Found
-from validation.own.script import texts
+from ..own.finding import Found
+from ..own.script import texts
 
 THERE = "nosquish", "omp"  # suffixes with which there is a fix rigid
 

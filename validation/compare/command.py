@@ -2,9 +2,9 @@
 
 from argparse import Namespace
 
-from validation import command_line
-from validation.scenes import SCENES
-from validation.scenes.integrators import INTEGRATORS, REFERENCE
+from .. import command_line
+from ..scenes import SCENES
+from ..scenes.integrators import INTEGRATORS, REFERENCE
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -43,10 +43,10 @@ _SCENES = [name for name, scene in SCENES.items() if scene.units == "real"]
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.compare import measure, report  # heavy: not for --help
-    from validation.own import shifted, system
-    from validation.pages import console
-    from validation.running import store
+    from ..own import shifted, system
+    from ..pages import console
+    from ..running import store
+    from . import measure, report  # heavy: not for --help
 
     script = command_line.is_script(arguments.scene, lambda: _SCENES)
     if script:

@@ -5,10 +5,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.compare.measure import conserved
-from validation.pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
-from validation.scenes.units import UNITS
-from validation.statistics.estimate import SURE, Estimate, rounded
+from ..pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
+from ..scenes.units import UNITS
+from ..statistics.estimate import SURE, Estimate, rounded
+from .measure import conserved
 
 
 def draw(summary: dict, series: dict, out: Path) -> list[tuple[Path, str]]:

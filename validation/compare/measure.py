@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.own import counted
-from validation.running import machine, rounds, run
-from validation.scenes import Scene
-from validation.scenes.integrators import REFERENCE, Integrator
-from validation.scenes.units import UNITS
-from validation.statistics import measures
-from validation.statistics.estimate import Estimate, plain
+from ..own import counted
+from ..running import machine, rounds, run
+from ..scenes import Scene
+from ..scenes.integrators import REFERENCE, Integrator
+from ..scenes.units import UNITS
+from ..statistics import measures
+from ..statistics.estimate import Estimate, plain
 
 DISTANCE_STEPS = 100  # after so many steps trajectories are compared
 WARM_UP = 20  # steps before a timed segment

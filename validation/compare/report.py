@@ -5,13 +5,13 @@ from pathlib import Path
 import pandas as pd
 from rich.console import Console
 
-from validation.compare.figures import draw
-from validation.own import counted
-from validation.pages import report
-from validation.pages.said import Cell, Figure, Said, Table, sortable
-from validation.pages.tables import Column, busy, cell, numbers, ranks_of
-from validation.scenes.units import UNITS
-from validation.statistics.estimate import SURE, Estimate
+from ..own import counted
+from ..pages import report
+from ..pages.said import Cell, Figure, Said, Table, sortable
+from ..pages.tables import Column, busy, cell, numbers, ranks_of
+from ..scenes.units import UNITS
+from ..statistics.estimate import SURE, Estimate
+from .figures import draw
 
 
 def columns(summary: dict) -> tuple[Column, ...]:

@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 
-from validation.ensembles.lengths import LEAST
-from validation.sampling.criteria import BOUNDS, NAMES, UNITS
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate
+from ..ensembles.lengths import LEAST
+from ..sampling.criteria import BOUNDS, NAMES, UNITS
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate
 
 TITLES = {
     "limit": "The same forces have the same limit",

@@ -13,8 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.engines.water import Water
-from validation.running import run as running
+from ..running import run as running
+from .water import Water
 
 KJ, NM, BAR = 4.184, 0.1, 1 / 1.01325  # kJ/mol in a kcal/mol, nm in an Angstrom, atm in a bar
 # signals by which a process ends itself, as where atoms are beyond all bounds

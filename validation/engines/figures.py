@@ -1,8 +1,8 @@
 """The figure of ``engines``."""
 
-from validation.pages.figures import Drawn
-from validation.sampling import figures
-from validation.statistics.estimate import SURE
+from ..pages.figures import Drawn
+from ..sampling import figures
+from ..statistics.estimate import SURE
 
 
 def bias(summary: dict) -> Drawn:

@@ -8,17 +8,17 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from validation.engines import plan
-from validation.engines.engine import Samples
-from validation.engines.plan import CASE, SCHEMES, Scheme
-from validation.engines.runs import Runs
-from validation.engines.water import of_scene
-from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
-from validation.ensembles.measure import of_momentum
-from validation.running import machine, run, whole
-from validation.sampling.measure import told_limit
-from validation.statistics import limit, measures
-from validation.statistics.estimate import Estimate
+from ..ensembles.lengths import SAMPLED, Lengths, Point, ordered
+from ..ensembles.measure import of_momentum
+from ..running import machine, run, whole
+from ..sampling.measure import told_limit
+from ..statistics import limit, measures
+from ..statistics.estimate import Estimate
+from . import plan
+from .engine import Samples
+from .plan import CASE, SCHEMES, Scheme
+from .runs import Runs
+from .water import of_scene
 
 OBSERVED = "potential", "pressure"  # of `sampling`
 BESIDE = "langevin-5", "langevin-20", "shake+langevin"  # of `sampling`, in the figure

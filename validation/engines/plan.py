@@ -4,13 +4,13 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.command_line import chosen
-from validation.engines import with_gromacs, with_openmm
-from validation.engines.engine import Course, Engine
-from validation.ensembles.lengths import Lengths, Point, folder
-from validation.ensembles.schemes import FIRST_SEED
-from validation.sampling.plan import CASES
-from validation.statistics.limit import Model
+from ..command_line import chosen
+from ..ensembles.lengths import Lengths, Point, folder
+from ..ensembles.schemes import FIRST_SEED
+from ..sampling.plan import CASES
+from ..statistics.limit import Model
+from . import with_gromacs, with_openmm
+from .engine import Course, Engine
 
 CASE = CASES["water"](Path())  # of `sampling`; it writes nothing
 TIMES = {False: 300.0, True: 10.0}  # ps of a point, by whether it is --short

@@ -4,16 +4,16 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.engines.criteria import TITLES
-from validation.engines.figures import bias
-from validation.engines.measure import OBSERVED
-from validation.ensembles.lengths import beside_tables
-from validation.pages import points
-from validation.pages.points import Part
-from validation.pages.said import Figure, Said, of_checks
-from validation.pages.tables import Column
-from validation.sampling.measure import BY_KEY
-from validation.sampling.report import of_limit
+from ..ensembles.lengths import beside_tables
+from ..pages import points
+from ..pages.points import Part
+from ..pages.said import Figure, Said, of_checks
+from ..pages.tables import Column
+from ..sampling.measure import BY_KEY
+from ..sampling.report import of_limit
+from .criteria import TITLES
+from .figures import bias
+from .measure import OBSERVED
 
 COLUMNS = (
     *(Column(f"biases {key}", BY_KEY[key].title, BY_KEY[key].unit, "estimate") for key in OBSERVED),

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.engines.engine import Course, Engine, Failed, Samples
-from validation.engines.water import Water
-from validation.running import run
-from validation.running.store import Store, digest
+from ..running import run
+from ..running.store import Store, digest
+from .engine import Course, Engine, Failed, Samples
+from .water import Water
 
 
 @dataclass

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.scenes import Scene
+from ..scenes import Scene
 
 STYLE = "lj/gromacs/coul/gromacs"
 OXYGEN, HYDROGEN = 1, 2  # types

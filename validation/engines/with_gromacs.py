@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.engines.engine import BAR, KJ, NM, Course, Engine, Samples, wait
-from validation.engines.water import Water
+from .engine import BAR, KJ, NM, Course, Engine, Samples, wait
+from .water import Water
 
 GMX = "gmx"
 RUN, ENERGIES = "run", "energies.xvg"

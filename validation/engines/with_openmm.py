@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.engines.engine import BAR, KJ, NM, OUTPUT, Course, Engine, Samples, wait
-from validation.engines.water import Shift, Water
-from validation.sampling.measure import COULOMB
+from ..sampling.measure import COULOMB
+from .engine import BAR, KJ, NM, OUTPUT, Course, Engine, Samples, wait
+from .water import Shift, Water
 
 WORKER = Path(__file__).with_name("openmm_worker.py")
 JOB = "job.json"
@@ -83,4 +83,4 @@ def run(course: Course, folder: Path, silence: float, on_step) -> Samples:
     return Samples(step, potential / KJ, pressure * BAR, seconds)
 
 
-ENGINE = Engine("OpenMM", "pip install '.[engines]'", version, inputs, words, run)
+ENGINE = Engine("OpenMM", "pip install 'fix_nosquish[engines]'", version, inputs, words, run)

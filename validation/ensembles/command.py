@@ -2,8 +2,8 @@
 
 import argparse
 
-from validation import command_line
-from validation.ensembles.plan import FULL_TIME, SCHEMES, SHORT_STEPS, SHORT_TIME
+from .. import command_line
+from .plan import FULL_TIME, SCHEMES, SHORT_STEPS, SHORT_TIME
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -46,10 +46,10 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.ensembles import criteria, measure, plan, report  # heavy: not for --help
-    from validation.ensembles.lengths import Lengths, Point
-    from validation.pages import console
-    from validation.statistics.estimate import plain
+    from ..pages import console
+    from ..statistics.estimate import plain
+    from . import criteria, measure, plan, report  # heavy: not for --help
+    from .lengths import Lengths, Point
 
     short = not arguments.full
     out = command_line.folder(arguments, short)

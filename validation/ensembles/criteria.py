@@ -7,8 +7,10 @@ from a trial of the same thermostats in another program.
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from validation.ensembles.lengths import LEAST, Point
-from validation.ensembles.plan import (
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate, combined
+from .lengths import LEAST, Point
+from .plan import (
     EQUAL_STEPS,
     KNOWN_STEPS,
     LIMIT_STEPS,
@@ -16,8 +18,6 @@ from validation.ensembles.plan import (
     SCHEMES,
     label,
 )
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate, combined
 
 OURS = [name for name, scheme in SCHEMES.items() if scheme.ours]
 OURS_NVT = [name for name in OURS if SCHEMES[name].pressure is None]

@@ -3,11 +3,11 @@
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from validation.ensembles.criteria import BOUNDS, MOLECULE
-from validation.ensembles.lengths import Point
-from validation.ensembles.plan import REFERENCES, SCHEMES, beside_which, label, reference
-from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn
-from validation.statistics.estimate import SURE, Estimate
+from ..pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn
+from ..statistics.estimate import SURE, Estimate
+from .criteria import BOUNDS, MOLECULE
+from .lengths import Point
+from .plan import REFERENCES, SCHEMES, beside_which, label, reference
 
 STYLES = {  # of schemes: colour, marker
     "langevin-5": (OURS, "o"),

@@ -4,8 +4,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from validation.ensembles.schemes import Scheme
-from validation.scenes import Scene, steps
+from ..scenes import Scene, steps
+from .schemes import Scheme
 
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles import plan, runs, schemes
-from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
-from validation.ensembles.plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, beside_which
-from validation.ensembles.schemes import Scheme
-from validation.running import machine, rounds, run
-from validation.scenes import FS_PER_PS
-from validation.scenes.units import BOLTZMANN
-from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate, combined
+from ..running import machine, rounds, run
+from ..scenes import FS_PER_PS
+from ..scenes.units import BOLTZMANN
+from ..statistics import measures, structure
+from ..statistics.estimate import Estimate, combined
+from . import plan, runs, schemes
+from .lengths import SAMPLED, Lengths, Point, ordered
+from .plan import REFERENCES, SCHEMES, STARTER, TEMPERATURE, beside_which
+from .schemes import Scheme
 
 DEGREES = 3  # of freedom of a molecule's translation, and of its rotation
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's

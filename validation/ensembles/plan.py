@@ -3,11 +3,11 @@
 from collections.abc import Collection, Iterator
 from dataclasses import replace
 
-from validation.command_line import chosen
-from validation.ensembles.lengths import Lengths, One, Point, folder
-from validation.ensembles.schemes import SEED, Scheme, bath, beside, chains, nvt, state
-from validation.scenes import Scene, smooth_water
-from validation.scenes.integrators import Integrator, constrained, nosquish, rigid
+from ..command_line import chosen
+from ..scenes import Scene, smooth_water
+from ..scenes.integrators import Integrator, constrained, nosquish, rigid
+from .lengths import Lengths, One, Point, folder
+from .schemes import SEED, Scheme, bath, beside, chains, nvt, state
 
 TEMPERATURE, WARM = 298.0, 308.0  # K
 PRESSURE, PRESSED = 1.0, 400.0  # atm

@@ -4,14 +4,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.criteria import MOLECULE, TITLES
-from validation.ensembles.figures import bias, density
-from validation.ensembles.lengths import Point, beside_tables
-from validation.ensembles.plan import BESIDE, REFERENCES, SCHEMES, beside_which, label
-from validation.pages import points
-from validation.pages.points import Part
-from validation.pages.said import Figure, Said, of_checks
-from validation.pages.tables import Column, cell
+from ..pages import points
+from ..pages.points import Part
+from ..pages.said import Figure, Said, of_checks
+from ..pages.tables import Column, cell
+from .criteria import MOLECULE, TITLES
+from .figures import bias, density
+from .lengths import Point, beside_tables
+from .plan import BESIDE, REFERENCES, SCHEMES, beside_which, label
 
 TEMPERATURES = (
     Column("temperature", "temp", "K", "estimate"),

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles.lengths import Lengths, One, at_least_one, step_of_starts
-from validation.ensembles.schemes import Scheme
-from validation.running import machine, rounds, run
-from validation.running.starts import from_dump, to_dump
-from validation.running.store import Store
-from validation.scenes import FS_PER_PS, Scene
+from ..running import machine, rounds, run
+from ..running.starts import from_dump, to_dump
+from ..running.store import Store
+from ..scenes import FS_PER_PS, Scene
+from .lengths import Lengths, One, at_least_one, step_of_starts
+from .schemes import Scheme
 
 ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
 TIMED = "timed"  # folder of these runs, and what is kept of them

@@ -3,8 +3,8 @@
 import re
 from dataclasses import dataclass, replace
 
-from validation.scenes import Scene
-from validation.scenes.integrators import Integrator, nosquish, rigid
+from ..scenes import Scene
+from ..scenes.integrators import Integrator, nosquish, rigid
 
 FIRST_SEED = 7100
 SEED = "SEED"  # in a scheme's lines

@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -32,9 +32,9 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.examples import measure, plan, report, runs  # heavy: not for --help
-    from validation.pages import console
-    from validation.running import machine, store
+    from ..pages import console
+    from ..running import machine, store
+    from . import measure, plan, report, runs  # heavy: not for --help
 
     found = plan.found(arguments.folder)
     only = arguments.only or [""]

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.examples.known import KNOWN
-from validation.examples.plan import DENSE, Example, plain
-from validation.examples.runs import OURS, THEIRS, Lengths, Runs
-from validation.running import run
-from validation.statistics.estimate import CONFIDENCE, margin
+from ..running import run
+from ..statistics.estimate import CONFIDENCE, margin
+from .known import KNOWN
+from .plan import DENSE, Example, plain
+from .runs import OURS, THEIRS, Lengths, Runs
 
 RANKS = 1, 2
 CLOCKS = "CPU", "T/CPU", "S/CPU", "CPULeft", "Elapsed"

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
-from validation.pages import report
+from ..pages import report
 
 COLUMNS = (
     *("example", "fixes", "steps", "verdict", "begin", "pressure", "falls", "growth", "whole"),

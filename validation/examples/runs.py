@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from validation.examples.plan import DENSE, ROWS, Example
-from validation.running import lammps_log, run
-from validation.running.store import Store
+from ..running import lammps_log, run
+from ..running.store import Store
+from .plan import DENSE, ROWS, Example
 
 OURS, THEIRS = "ours", "theirs"
 SUFFIX = "-sf", "nosquish"
@@ -37,7 +37,7 @@ class Runs:
 
     def __init__(self, out: Path, lengths: Lengths) -> None:
         self.lengths = lengths
-        self.kept = Store(out / "records", "validation.examples.runs")
+        self.kept = Store(out / "records", "examples.runs")
 
     def every(self, example: Example) -> int:
         """Steps from one row to the next."""

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from validation import command_line
+from .. import command_line
 
 INTEGRATORS = ["nosquish", "rigid/nve", "rigid"]
 
@@ -27,8 +27,8 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    from validation.long import measure, report  # heavy: not for --help
-    from validation.pages import console
+    from ..pages import console
+    from . import measure, report  # heavy: not for --help
 
     out, screen = command_line.folder(arguments), console.console()
     names, steps = arguments.only, arguments.steps

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from validation.long.measure import ANGLES, BOUND, QUANTITIES
-from validation.pages.figures import INK, MARKS, Drawn, panels
+from ..pages.figures import INK, MARKS, Drawn, panels
+from .measure import ANGLES, BOUND, QUANTITIES
 
 
 def long_run(summary: dict, series: dict) -> Drawn:

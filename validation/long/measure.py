@@ -15,11 +15,11 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run
-from validation.scenes import bodies
-from validation.scenes.integrators import INTEGRATORS
-from validation.statistics import measures, motion
-from validation.statistics.estimate import Estimate, plain
+from ..running import machine, run
+from ..scenes import bodies
+from ..scenes.integrators import INTEGRATORS
+from ..statistics import measures, motion
+from ..statistics.estimate import Estimate, plain
 
 BOUND = 1e-10
 FRAMES = 1000

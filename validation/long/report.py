@@ -4,12 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.long.figures import long_run
-from validation.long.measure import BOUND, QUANTITIES
-from validation.pages import report
-from validation.pages.figures import draw_each
-from validation.pages.said import Cell, Figure, Said, Table
-from validation.statistics.estimate import Estimate
+from ..pages import report
+from ..pages.figures import draw_each
+from ..pages.said import Cell, Figure, Said, Table
+from ..statistics.estimate import Estimate
+from .figures import long_run
+from .measure import BOUND, QUANTITIES
 
 
 def write(summary: dict, series: dict, out: Path) -> None:

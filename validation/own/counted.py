@@ -3,10 +3,10 @@
 import re
 from collections.abc import Collection, Iterable
 
-from validation.own import finding
-from validation.own.script import texts
-from validation.own.system import Own
-from validation.scenes.integrators import Integrator
+from ..scenes.integrators import Integrator
+from . import finding
+from .script import texts
+from .system import Own
 
 # first words of the styles of fixes that act on atoms beside an integrator.  What they give is in
 # econserve only with `fix_modify ID energy yes`, which LAMMPS refuses where they do not tell it;

@@ -16,7 +16,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from validation.own import script
+from . import script
 
 # commands with names of files, and the first word that may be one
 FIRST = {"fix": 4, "variable": 3}

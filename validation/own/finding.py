@@ -13,8 +13,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from validation.own.script import texts
-from validation.scenes.integrators import OLDER, target
+from .. import COMMAND
+from ..scenes.integrators import OLDER, target
+from .script import texts
 
 OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
 NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC", "FIRE"  # classes that have a fix style of the plugin
@@ -221,7 +222,7 @@ def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had:
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
         "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
         "ID, if several fixes move that group). Where atoms have no molecule IDs, "
-        "'python -m validation bodies SCRIPT' finds rigid parts and writes them into a data file"
+        f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data file"
     )
 
 
@@ -448,7 +449,7 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     if name not in atoms:
         raise Unclear(
             f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
-            "'python -m validation bodies SCRIPT' finds rigid parts and writes them into a data "
+            f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data "
             "file"
         )
     value = np.asarray(atoms[name])
@@ -533,7 +534,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     name, setup = _group_of(said, atoms, body, group)
     if bodies is None and not _same(atoms, body):
         raise Unclear(
-            "what shake holds rigid has no molecule IDs of its own: 'python -m validation bodies "
+            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} bodies "
             "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
         )
     moving = [own for own in known if kind_of(fixes[own]) == "plain"]

@@ -29,13 +29,14 @@ are left out.
 
 import sys
 
-# the harness's own folder in the place of this file's: validation puts it behind all else
-sys.path[0] = __file__.rsplit("/", 3)[0]
+# the harness's own folder in the place of this file's: the harness puts it behind all else
+sys.path[0], harness, room, _ = __file__.rsplit("/", 3)
+__package__ = f"{harness}.{room}"  # of a file that is no module: what it imports is beside it
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
-from validation.own import finding, script  # noqa: E402  isort: skip
-from validation.own.files import STATES, Failure, Files  # noqa: E402  isort: skip
-from validation.running import machine, starts  # noqa: E402  isort: skip
+from . import finding, script  # noqa: E402  isort: skip
+from .files import STATES, Failure, Files  # noqa: E402  isort: skip
+from ..running import machine, starts  # noqa: E402  isort: skip
 
 import json  # noqa: E402
 import os  # noqa: E402

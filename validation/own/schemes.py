@@ -9,10 +9,11 @@ import numpy as np
 
 import fix_nosquish
 from fix_nosquish.host.command import Command, Line
-from validation.own import finding
-from validation.own.finding import Found, State, called, style_of
-from validation.own.script import DONE, done_between, texts, words
-from validation.scenes.integrators import OLDER, OURS, Integrator
+
+from ..scenes.integrators import OLDER, OURS, Integrator
+from . import finding
+from .finding import Found, State, called, style_of
+from .script import DONE, done_between, texts, words
 
 SEED = 4928
 TOLERANCE = "1e-4"

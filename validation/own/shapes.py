@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from validation.own import finding
-from validation.own.system import Own
-from validation.statistics import measures
+from ..statistics import measures
+from . import finding
+from .system import Own
 
 THIN = 1e-7  # of its largest moment: a smaller one counts as zero, as in fix_nosquish
 # (kinetic energy in LAMMPS's units) over (mass x velocity^2), which LAMMPS calls mvv2e

@@ -9,9 +9,9 @@ import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from validation.own import counted, finding
-from validation.own.script import texts
-from validation.own.system import Own
+from . import counted, finding
+from .script import texts
+from .system import Own
 
 # styles of fixes that accept moves by the energy, or whose forces follow from it: another energy
 # gives another ensemble

@@ -18,15 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from validation import command_line
-from validation.own import finding, schemes
-from validation.own.files import STATES, asked_now
-from validation.own.finding import Found, Unclear
-from validation.own.script import CHANGES, DONE, RUNS, computed, remembers, texts
-from validation.running import machine, run, starts, store, whole
-from validation.scenes import Scene
-from validation.scenes.integrators import Integrator
-from validation.scenes.units import UNITS, Units
+from .. import command_line
+from ..running import machine, run, starts, store, whole
+from ..scenes import Scene
+from ..scenes.integrators import Integrator
+from ..scenes.units import UNITS, Units
+from . import finding, schemes
+from .files import STATES, asked_now
+from .finding import Found, Unclear
+from .script import CHANGES, DONE, RUNS, computed, remembers, texts
 
 READER = Path(__file__).with_name("reader.py")
 SAME = 1e-6  # of the potential and the thermal energy: more is another system
@@ -190,7 +190,7 @@ def read(
 
 def _locked(out: Path):
     """A context in which no other process reads a script in this output folder."""
-    return store.Store(out, "validation.own.system").locked("script")
+    return store.Store(out, "own.system").locked("script")
 
 
 def _reading(ask, out, ranks, silence, everything=False):
@@ -226,7 +226,7 @@ def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
 
 
 def _origin(ask, ranks, everything, files, asked) -> str:
-    code, found = store.code_of("validation.own.system"), [files, _contents(files), asked]
+    code, found = store.code_of("own.system"), [files, _contents(files), asked]
     return store.digest(asdict(ask), ranks, everything, code, machine.versions(), found)
 
 

@@ -6,9 +6,10 @@ from pathlib import Path
 
 import jinja2
 
-from validation.running import machine
-from validation.statistics.check import bound, measured
-from validation.statistics.estimate import SURE, Estimate
+from .. import COMMAND
+from ..running import machine
+from ..statistics.check import bound, measured
+from ..statistics.estimate import SURE, Estimate
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -29,6 +30,7 @@ def page(template: str, path: Path, figures: Sequence[tuple[Path, str]], **value
         lstrip_blocks=True,
     )
     environment.globals |= {
+        "command": COMMAND,
         "package": machine.package,
         "number": lambda *estimate, **named: Estimate(*estimate, **named).text(),
         "measured": measured,

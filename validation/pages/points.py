@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import pandas as pd
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.figures import draw_each
-from validation.pages.tables import Column, cell, numbers
+from . import report
+from .figures import draw_each
+from .tables import Column, cell, numbers
 
 
 class Part(NamedTuple):

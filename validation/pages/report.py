@@ -14,11 +14,11 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from validation.pages.page import page
-from validation.pages.tables import Column, cell
-from validation.running import whole
-from validation.statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
-from validation.statistics.estimate import SURE, Estimate
+from ..running import whole
+from ..statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
+from ..statistics.estimate import SURE, Estimate
+from .page import page
+from .tables import Column, cell
 
 
 def write(

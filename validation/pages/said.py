@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from validation.statistics.check import VERDICTS, bound, measured
+from ..statistics.check import VERDICTS, bound, measured
 
 STYLES = {  # of the page: verdicts
     "holds": ("holds", "pass", "met"),

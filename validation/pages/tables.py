@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from validation.statistics.estimate import Estimate, rounded
+from ..statistics.estimate import Estimate, rounded
 
 INTERVAL = "value", "low", "high"
 FREE = 90.0  # percent of a core that a rank must have had

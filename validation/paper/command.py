@@ -3,7 +3,7 @@
 from argparse import Namespace
 from dataclasses import asdict, replace
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -48,8 +48,8 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.pages import console
-    from validation.paper import measure, plan, report  # heavy: not for --help
+    from ..pages import console
+    from . import measure, plan, report  # heavy: not for --help
 
     lengths = plan.FULL if arguments.full else plan.SHORT
     if arguments.liquid:

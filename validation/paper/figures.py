@@ -5,12 +5,12 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, draw_each
-from validation.paper.measure import BEGINNING, Found, gear_pairs
-from validation.paper.plan import AVERAGE_MEASURE, DIMER_DT, DT, SMALL_DT, TEMPERATURE
-from validation.running.trajectory import Series
-from validation.scenes import SCENES
-from validation.statistics.estimate import SURE, Estimate
+from ..pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, draw_each
+from ..running.trajectory import Series
+from ..scenes import SCENES
+from ..statistics.estimate import SURE, Estimate
+from .measure import BEGINNING, Found, gear_pairs
+from .plan import AVERAGE_MEASURE, DIMER_DT, DT, SMALL_DT, TEMPERATURE
 
 POINTS = 400  # of a curve
 RUNNING = 30  # windows of a running mean in the length of a curve

@@ -14,15 +14,15 @@ from functools import partial
 
 import numpy as np
 
-from validation.paper.plan import AVERAGE_MEASURE, DT, ORDERED, SMALL_DT, STATEMENTS, STEPS
-from validation.running.trajectory import Series
-from validation.scenes import FS_PER_PS, TEMPERATURE
-from validation.scenes import peptide as paper_peptide
-from validation.scenes.integrators import PAPER
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate, combined, plain
-from validation.statistics.positions import Positions
+from ..running.trajectory import Series
+from ..scenes import FS_PER_PS, TEMPERATURE
+from ..scenes import peptide as paper_peptide
+from ..scenes.integrators import PAPER
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate, combined, plain
+from ..statistics.positions import Positions
+from .plan import AVERAGE_MEASURE, DT, ORDERED, SMALL_DT, STATEMENTS, STEPS
 
 Found = Mapping[str, Series]  # by the trajectory's name
 Pairs = list[tuple[Series, ...]]  # of trajectories from the same start

@@ -4,12 +4,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from validation.running import machine
-from validation.running.run import Meter
-from validation.running.trajectory import WHOLE, Series, Trajectory, do
-from validation.scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene, steps
-from validation.scenes import peptide as paper_peptide
-from validation.scenes.integrators import INTEGRATORS, PAPER
+from ..running import machine
+from ..running.run import Meter
+from ..running.trajectory import WHOLE, Series, Trajectory, do
+from ..scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene, steps
+from ..scenes import peptide as paper_peptide
+from ..scenes.integrators import INTEGRATORS, PAPER
 
 # What the paper says, in its words; no number is read off its figures.
 STATEMENTS = {

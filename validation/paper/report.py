@@ -4,12 +4,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.said import Figure, Said, of_checks
-from validation.paper.figures import SHOWN, draw, thin
-from validation.paper.measure import TITLES, Found
-from validation.paper.plan import AVERAGE_MEASURE, LIQUID, STATEMENTS
-from validation.statistics.estimate import Estimate
+from ..pages import report
+from ..pages.said import Figure, Said, of_checks
+from ..statistics.estimate import Estimate
+from .figures import SHOWN, draw, thin
+from .measure import TITLES, Found
+from .plan import AVERAGE_MEASURE, LIQUID, STATEMENTS
 
 COLUMNS = (  # key, heading, unit
     ("temperature", "temperature", "K"),

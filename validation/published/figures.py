@@ -2,9 +2,9 @@
 
 import matplotlib.pyplot as plt
 
-from validation.pages.figures import OTHERS, OURS, Drawn
-from validation.published.measure import ALL, PUBLISHED, THEIR_ERROR, WITHIN
-from validation.statistics.estimate import SURE, Estimate, margin
+from ..pages.figures import OTHERS, OURS, Drawn
+from ..statistics.estimate import SURE, Estimate, margin
+from .measure import ALL, PUBLISHED, THEIR_ERROR, WITHIN
 
 
 def spread(checks: list[dict]) -> Drawn:

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import run
-from validation.running.trajectory import SHADOW, WHOLE, Series, Trajectory, do
-from validation.scenes import Scene, smooth_water, steps
-from validation.scenes.integrators import Integrator, nosquish
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate, combined
+from ..running import run
+from ..running.trajectory import SHADOW, WHOLE, Series, Trajectory, do
+from ..scenes import Scene, smooth_water, steps
+from ..scenes.integrators import Integrator, nosquish
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate, combined
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before

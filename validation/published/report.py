@@ -4,13 +4,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.figures import draw_each
-from validation.pages.said import Figure, Said, Table, of_checks
-from validation.published.figures import spread
-from validation.published.measure import ORIGINS, SOURCE, TEMPERATURE, THEIR_ERROR, TITLES, WITHIN
-from validation.statistics.check import VERDICTS
-from validation.statistics.estimate import margin
+from ..pages import report
+from ..pages.figures import draw_each
+from ..pages.said import Figure, Said, Table, of_checks
+from ..statistics.check import VERDICTS
+from ..statistics.estimate import margin
+from .figures import spread
+from .measure import ORIGINS, SOURCE, TEMPERATURE, THEIR_ERROR, TITLES, WITHIN
 
 
 def write(summary: dict, out: Path) -> None:

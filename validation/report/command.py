@@ -3,7 +3,7 @@
 from argparse import Namespace
 from pathlib import Path
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -42,8 +42,8 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.pages import console
-    from validation.report import report  # heavy: not for --help
+    from ..pages import console
+    from . import report  # heavy: not for --help
 
     screen, out = console.console(), arguments.out or arguments.results / "report.html"
     command_line.made(arguments, out.parent)

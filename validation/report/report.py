@@ -13,12 +13,12 @@ from pathlib import Path
 
 from PIL import Image
 
-from validation import CHECKOUT, RESULTS
-from validation.command_line import INTERRUPTED
-from validation.pages.page import page
-from validation.pages.said import Figure, Said, Table
-from validation.report import sections as overview
-from validation.running import machine
+from .. import CHECKOUT, COMMAND, NAME, RESULTS
+from ..command_line import INTERRUPTED
+from ..pages.page import page
+from ..pages.said import Figure, Said, Table
+from ..running import machine
+from . import sections as overview
 
 # of a figure: pixels; lines and text need no more, and a PNG's palette has no more
 WIDEST, COLOURS = 1400, 256
@@ -45,7 +45,7 @@ class Section:
     @property
     def commands(self) -> list[str]:
         """What makes these results, or would."""
-        usual = self.summary.get("command", f"python -m validation {self.part.verb}")
+        usual = self.summary.get("command", f"{COMMAND} {self.part.verb}")
         return self.said.commands or [usual]
 
 
@@ -113,7 +113,7 @@ def _read(part, name, path):
 
 def _missing(part, name, folder=None, *warnings):
     """The section of results that are not there."""
-    told = f"No results; this makes them: python -m validation {part.verb}."
+    told = f"No results; this makes them: {COMMAND} {part.verb}."
     return Section(part, name, folder, {}, Said(), [*warnings, told])
 
 
@@ -196,7 +196,7 @@ def run_short(verb: str, out: Path) -> bool:
 
     It has a session of its own: a Ctrl-C comes here, and is passed on once.
     """
-    command = [sys.executable, "-m", "validation", verb, "--short", *SHORT[verb]]
+    command = [sys.executable, "-m", NAME, verb, "--short", *SHORT[verb]]
     command += ["--out", str(out.resolve())]
     process = subprocess.Popen(command, cwd=CHECKOUT, start_new_session=True)
     try:

@@ -7,20 +7,20 @@ of the summaries.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from validation.bench import report as bench
-from validation.breaks import report as breaks
-from validation.compare import report as compare
-from validation.engines import report as engines
-from validation.ensembles import report as ensembles
-from validation.long import report as long
-from validation.pages.said import Said
-from validation.paper import report as paper
-from validation.published import report as published
-from validation.sampling import report as sampling
-from validation.scaling import report as scaling
-from validation.stability import section as stability
-from validation.sweep import section as sweep
-from validation.theory import report as theory
+from ..bench import report as bench
+from ..breaks import report as breaks
+from ..compare import report as compare
+from ..engines import report as engines
+from ..ensembles import report as ensembles
+from ..long import report as long
+from ..pages.said import Said
+from ..paper import report as paper
+from ..published import report as published
+from ..sampling import report as sampling
+from ..scaling import report as scaling
+from ..stability import section as stability
+from ..sweep import section as sweep
+from ..theory import report as theory
 
 # what summaries call a scheme: what the page calls it
 NAMES = {"reference 12": "Matubayasi-Nakahara"}

@@ -10,16 +10,17 @@ from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
 
-from validation.running import startup
-from validation.scenes import Scene
-from validation.scenes.integrators import Integrator
+from .. import INSTALLED, NAME
+from ..scenes import Scene
+from ..scenes.integrators import Integrator
+from . import startup
 
 
 def circumstances() -> dict:
     """What was asked for, when, where and with what, as plain data."""
     # of this package's files, whatever its version number says
     return {
-        "command": shlex.join(["python", "-m", "validation", *sys.argv[1:]]),
+        "command": shlex.join(["python", "-m", NAME, *sys.argv[1:]]),
         "date": now(),
         "machine": describe(),
         "versions": versions() | {"package": package_hash()[:12]},
@@ -72,7 +73,8 @@ def package_hash() -> str:
     """Of the code of the installed fix_nosquish, and of the older schemes that come with it."""
     folder = startup.package()
     found = hashlib.sha256()
-    schemes = folder.parent.glob("validation/schemes/*.py")
+    harness = folder.parent / INSTALLED, folder.parent / "validation"  # this one of a checkout
+    schemes = (path for place in harness for path in place.glob("schemes/*.py"))
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so"), *schemes]):
         found.update(path.relative_to(folder.parent).as_posix().encode() + path.read_bytes())
     return found.hexdigest()

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from validation.running import run
-from validation.running.run import Meter
-from validation.statistics import measures
+from ..statistics import measures
+from . import run
+from .run import Meter
 
 KIB_PER_MIB = 1024
 SETUPS = 2  # `run 0` before the steps: the first one also reads or compiles code

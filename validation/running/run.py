@@ -20,11 +20,11 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from validation.running import lammps_log, whole
-from validation.running.lock import Lock
-from validation.scenes import Scene
-from validation.scenes.integrators import Integrator
-from validation.statistics.positions import Positions
+from ..scenes import Scene
+from ..scenes.integrators import Integrator
+from ..statistics.positions import Positions
+from . import lammps_log, whole
+from .lock import Lock
 
 WORKER = Path(__file__).with_name("worker.py")
 TIED = Path(__file__).with_name("tied.py")

@@ -7,9 +7,9 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from validation.running import run
-from validation.running.machine import contents
-from validation.scenes import Scene
+from ..scenes import Scene
+from . import run
+from .machine import contents
 
 STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run goes on from
 EXACT = "sort id format float %.17g"  # of a dump: to the last bit

@@ -12,11 +12,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from validation.running import run
-from validation.running.run import Meter
-from validation.scenes import Scene
-from validation.scenes.integrators import Integrator
-from validation.statistics import measures
+from ..scenes import Scene
+from ..scenes.integrators import Integrator
+from ..statistics import measures
+from . import run
+from .run import Meter
 
 PLAIN = Integrator("nve", "fix nve", ("fix 1 {group} nve",), kind="free")
 

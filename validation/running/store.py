@@ -20,8 +20,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
-from validation.running import machine, whole
-from validation.running.lock import Lock
+from . import machine, whole
+from .lock import Lock
 
 RECORD = {"name", "base", "complete", "date", "record"}
 HARNESS = Path(__file__).resolve().parents[1]
@@ -39,7 +39,7 @@ class Store:
 
     Args:
         folder: of the files; it is made when a record is kept.
-        module: name of the harness's module that measures, as ``validation.breaks.measure``.
+        module: name of the harness's module that measures, as ``breaks.measure``.
     """
 
     def __init__(self, folder: Path, module: str) -> None:
@@ -169,7 +169,7 @@ def code_of(module: str) -> str:
     `SHOWN` names.  A file that a module names by ``with_name`` counts as one that it imports.
     """
     harness, found = HARNESS, {}
-    wanted = [_module(module, harness)]
+    wanted = [_module(harness.joinpath(*module.split(".")))]
     while wanted:
         path = wanted.pop()
         if path is None or path in found or any(path.match(pattern) for pattern in SHOWN):
@@ -180,28 +180,25 @@ def code_of(module: str) -> str:
             continue
         tree = _Bare().visit(ast.parse(text))
         found[path] = ast.dump(tree)
-        wanted += _imported(tree, path, harness)
+        wanted += _imported(tree, path)
     named = sorted((path.relative_to(harness).as_posix(), text) for path, text in found.items())
     return hashlib.sha256(json.dumps(named).encode()).hexdigest()
 
 
-def _module(name: str, harness: Path) -> Path | None:
-    """The file of a module of the harness; None if it is none."""
-    base, *parts = name.split(".")
-    path = harness.joinpath(*parts)
-    if base != "validation" or not parts:
-        return None
+def _module(path: Path) -> Path | None:
+    """The file of a module, of which this is the path without an ending; None if it is none."""
     file = path.with_suffix(".py")
     return file if file.exists() else path / "__init__.py" if path.is_dir() else None
 
 
-def _imported(tree: ast.AST, path: Path, harness: Path) -> Iterator[Path | None]:
+def _imported(tree: ast.AST, path: Path) -> Iterator[Path | None]:
+    """The files that a file of the harness names; it imports others of the harness relatively."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (_module(one.name, harness) for one in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield _module(node.module, harness)
-            yield from (_module(f"{node.module}.{one.name}", harness) for one in node.names)
+        if isinstance(node, ast.ImportFrom) and node.level:
+            place = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
+            if node.module:
+                yield _module(place)
+            yield from (_module(place / one.name) for one in node.names)
         elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "with_name":
             name = node.args[0]
             if isinstance(name, ast.Constant) and path.with_name(str(name.value)).exists():

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run
-from validation.running.run import Meter
-from validation.running.starts import from_dump, to_dump
-from validation.scenes import FS_PER_PS, Scene
-from validation.scenes.integrators import Integrator
+from ..scenes import FS_PER_PS, Scene
+from ..scenes.integrators import Integrator
+from . import machine, run
+from .run import Meter
+from .starts import from_dump, to_dump
 
 PIECE = 25_000  # steps of a piece of a run on a mesh: some minutes
 WHOLE = 10**9  # of one that is all of them

@@ -4,7 +4,7 @@ import argparse
 from collections.abc import Collection
 from pathlib import Path
 
-from validation import command_line
+from .. import command_line
 
 DEFAULT = "water"
 
@@ -45,7 +45,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def scenes() -> Collection[str]:
     """Names of the scenes."""
-    from validation.sampling.plan import CASES  # heavy: not for --help
+    from .plan import CASES  # heavy: not for --help
 
     return CASES
 
@@ -67,10 +67,10 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     """Run and measure a scene or a script; the exit status."""
-    from validation.ensembles.lengths import Lengths  # heavy: not for --help
-    from validation.own import system
-    from validation.pages import console
-    from validation.sampling import criteria, measure, plan, report
+    from ..ensembles.lengths import Lengths  # heavy: not for --help
+    from ..own import system
+    from ..pages import console
+    from . import criteria, measure, plan, report
 
     short = not arguments.full
     if command_line.is_script(name, scenes):

@@ -8,12 +8,12 @@ with a very short step.
 
 from collections.abc import Iterator, Mapping
 
-from validation.ensembles import criteria as ensembles
-from validation.ensembles import plan
-from validation.ensembles.lengths import LEAST, Point
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate
+from ..ensembles import criteria as ensembles
+from ..ensembles import plan
+from ..ensembles.lengths import LEAST, Point
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate
 
 # of biases, in the observables' units: kcal/mol a molecule, atm, %
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0}

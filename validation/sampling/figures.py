@@ -4,13 +4,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from validation.ensembles.figures import BESIDE
-from validation.ensembles.figures import STYLES as SHARED
-from validation.pages.figures import INK, PALE, THIRD, Drawn, panels
-from validation.sampling.criteria import BOUNDS
-from validation.sampling.measure import BY_KEY, CONFIGURATIONS
-from validation.statistics.estimate import SURE, Estimate
-from validation.statistics.precision import Worth
+from ..ensembles.figures import BESIDE
+from ..ensembles.figures import STYLES as SHARED
+from ..pages.figures import INK, PALE, THIRD, Drawn, panels
+from ..statistics.estimate import SURE, Estimate
+from ..statistics.precision import Worth
+from .criteria import BOUNDS
+from .measure import BY_KEY, CONFIGURATIONS
 
 STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their place
     "langevin-5-equal": ("#1b6ca8", "p"),

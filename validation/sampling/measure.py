@@ -11,17 +11,17 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.ensembles import runs
-from validation.ensembles.lengths import SAMPLED, Lengths, Point, ordered
-from validation.ensembles.measure import of_momentum
-from validation.ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
-from validation.running import machine, rounds, run
-from validation.sampling import plan
-from validation.sampling.criteria import BOUNDS
-from validation.sampling.plan import Case
-from validation.scenes.units import BOLTZMANN, COULOMB
-from validation.statistics import limit, measures, motion, precision, structure
-from validation.statistics.estimate import Estimate
+from ..ensembles import runs
+from ..ensembles.lengths import SAMPLED, Lengths, Point, ordered
+from ..ensembles.measure import of_momentum
+from ..ensembles.schemes import ALL_PRINT, OURS_PRINTS, Scheme
+from ..running import machine, rounds, run
+from ..scenes.units import BOLTZMANN, COULOMB
+from ..statistics import limit, measures, motion, precision, structure
+from ..statistics.estimate import Estimate
+from . import plan
+from .criteria import BOUNDS
+from .plan import Case
 
 BLOCKS = 8  # of a start's frames, for the noise of g(r)
 BIN, REACH = 0.1, 0.45  # Angstrom, of g(r), and how far it goes, of the box

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.command_line import chosen
-from validation.ensembles import plan as ensembles
-from validation.ensembles.lengths import Lengths, One, Point, folder, step_of_starts
-from validation.ensembles.schemes import (
+from ..command_line import chosen
+from ..ensembles import plan as ensembles
+from ..ensembles.lengths import Lengths, One, Point, folder, step_of_starts
+from ..ensembles.schemes import (
     MOVES,
     SEED,
     Scheme,
@@ -22,13 +22,13 @@ from validation.ensembles.schemes import (
     prints,
     state,
 )
-from validation.own import counted
-from validation.own.system import Own
-from validation.running import run
-from validation.scenes import TEMPERATURE, Scene, peptide
-from validation.scenes.integrators import OURS, Integrator, constrained, nosquish, rigid
-from validation.scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
-from validation.statistics.limit import Model
+from ..own import counted
+from ..own.system import Own
+from ..running import run
+from ..scenes import TEMPERATURE, Scene, peptide
+from ..scenes.integrators import OURS, Integrator, constrained, nosquish, rigid
+from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
+from ..statistics.limit import Model
 
 WEAK, DAMPING, STRONG = 500.0, 200.0, 50.0  # fs; friction of 2/ps, 5/ps and 20/ps
 MOMENT, FACTOR = 6, 4  # amu Angstrom^2 about each axis of water; times those of other molecules

@@ -4,15 +4,15 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.ensembles.lengths import beside_tables
-from validation.pages import points
-from validation.pages.points import Part
-from validation.pages.said import Figure, Said, of_checks
-from validation.pages.tables import Column
-from validation.sampling.criteria import BOUNDS, TITLES
-from validation.sampling.figures import bias, precision
-from validation.sampling.measure import BY_KEY, CONFIGURATIONS, OBSERVABLES
-from validation.statistics.estimate import Estimate
+from ..ensembles.lengths import beside_tables
+from ..pages import points
+from ..pages.points import Part
+from ..pages.said import Figure, Said, of_checks
+from ..pages.tables import Column
+from ..statistics.estimate import Estimate
+from .criteria import BOUNDS, TITLES
+from .figures import bias, precision
+from .measure import BY_KEY, CONFIGURATIONS, OBSERVABLES
 
 BIASES = (
     *(Column(f"biases {one.key}", one.title, one.unit, "estimate") for one in OBSERVABLES),

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -27,8 +27,8 @@ def add(verbs: command_line.Verbs) -> None:
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.pages import console
-    from validation.scaling import measure, report  # heavy: not for --help
+    from ..pages import console
+    from . import measure, report  # heavy: not for --help
 
     out, screen = command_line.folder(arguments), console.console()
     cases = measure.cases(arguments.ranks)

@@ -19,10 +19,11 @@ import numpy as np
 
 from fix_nosquish.motion import block
 from fix_nosquish.ranks import migration
-from validation.running import counting, machine, run
-from validation.running.store import Store
-from validation.scenes import SCENES, Scene
-from validation.scenes.integrators import INTEGRATORS
+
+from ..running import counting, machine, run
+from ..running.store import Store
+from ..scenes import SCENES, Scene
+from ..scenes.integrators import INTEGRATORS
 
 COMPARED = "nosquish", "rigid/nve", "rigid/nve/small"
 COUNTED = "messages", "bytes", "collectives", "collective_bytes"
@@ -102,7 +103,7 @@ def scaling(wanted: Sequence[Case], out: Path, meter: run.Meter) -> dict:
     Its ``counts`` are rows: those of the case, ``bodies``, ``error`` (None, or why there are no
     counts) and `COUNTED`, of a rank and step, mean over both.  Counts that are kept are taken.
     """
-    store = Store(out / "records", "validation.scaling.measure")
+    store = Store(out / "records", "scaling.measure")
     rows: list[dict] = []
     summary = machine.circumstances() | {"interrupted": False, "steps": STEPS}
     for case in wanted:

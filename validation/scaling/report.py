@@ -6,10 +6,10 @@ import matplotlib.pyplot as plt
 import pandas as pd
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.figures import MARKS, Drawn, draw_each
-from validation.pages.said import Cell, Figure, Said, Table
-from validation.scaling.measure import COUNTED
+from ..pages import report
+from ..pages.figures import MARKS, Drawn, draw_each
+from ..pages.said import Cell, Figure, Said, Table
+from .measure import COUNTED
 
 COUNTS = "decomposition", "integrator", "ranks", "bodies", *COUNTED
 MODEL = "link", "decomposition", "integrator", "ranks", "bodies", "seconds"

@@ -8,7 +8,7 @@ import itertools
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from validation import INPUTS
+from .. import INPUTS
 
 FS_PER_PS = 1000.0
 # K, of the captions of the paper's figures; so they are here

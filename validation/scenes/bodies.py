@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from validation.scenes import Scene
-from validation.scenes.data_file import data_file
+from . import Scene
+from .data_file import data_file
 
 # a bent triatomic, which fix shake can hold too; lengths in sigma
 BOND, ANGLE = 0.7, 104.0

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from validation.scenes.data_file import data_file
-from validation.statistics import motion
+from ..statistics import motion
+from .data_file import data_file
 
 OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
 LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")

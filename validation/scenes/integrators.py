@@ -2,14 +2,15 @@
 
 from dataclasses import dataclass, replace
 
-from validation.scenes import Scene
+from .. import INSTALLED
+from . import Scene
 
 OURS = "nosquish"
 OLDER = {
-    "MatubayasiNakahara": "validation.schemes.matubayasi_nakahara",
-    "Gear": "validation.schemes.gear",
+    "MatubayasiNakahara": f"{INSTALLED}.schemes.matubayasi_nakahara",
+    "Gear": f"{INSTALLED}.schemes.gear",
 }  # class: its module, which LAMMPS imports
-OUTSIDE = OLDER | {"Shadowed": "validation.schemes.shadow"}  # all that are no fix style
+OUTSIDE = OLDER | {"Shadowed": f"{INSTALLED}.schemes.shadow"}  # all that are no fix style
 REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from validation.scenes import Scene
-from validation.scenes.data_file import data_file
-from validation.scenes.units import BOLTZMANN
+from . import Scene
+from .data_file import data_file
+from .units import BOLTZMANN
 
 AVOGADRO = 0.602214076  # molecules a cubic Angstrom have this times g/cm^3 over g/mol
 SIXTH = np.arange(6) * np.pi / 3

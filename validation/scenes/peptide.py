@@ -12,9 +12,9 @@ from pathlib import Path
 import mdtraj
 import numpy as np
 
-from validation.scenes import SCENES, Scene
-from validation.statistics import measures, motion
-from validation.statistics.positions import NM_PER_ANGSTROM
+from ..statistics import measures, motion
+from ..statistics.positions import NM_PER_ANGSTROM
+from . import SCENES, Scene
 
 # names of the peptide's atoms, which are the data file's first
 PDB = SCENES["peptide"].folder / "peptide.pdb"

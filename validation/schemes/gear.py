@@ -240,8 +240,8 @@ def start(block, kind, dt, parameters):
 
 
 class Gear(Integrator):
-    """fix python/move "validation.schemes.gear.Gear GROUP BODYSTYLE ...", with all words of `NVE`
-    but two.
+    """fix python/move "fix_nosquish_validation.schemes.gear.Gear GROUP BODYSTYLE ...", with all
+    words of `NVE` but two.
 
     Each step ends with the corrected positions, at which no force was computed: the potential
     energy is that of the predicted ones.  Velocities that another fix changes are taken over as

@@ -87,8 +87,8 @@ def rotate(block, dt, mrot):
 
 
 class MatubayasiNakahara(NVE):
-    """fix python/move "validation.schemes.matubayasi_nakahara.MatubayasiNakahara GROUP BODYSTYLE
-    ...", as `NVE`."""
+    """fix python/move "fix_nosquish_validation.schemes.matubayasi_nakahara.MatubayasiNakahara GROUP
+    BODYSTYLE ...", as `NVE`."""
 
     operations: Mapping[str, Operation] = {
         **NVE.operations,

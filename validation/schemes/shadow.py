@@ -19,17 +19,17 @@ import numpy as np
 
 from fix_nosquish import of_fix_line
 from fix_nosquish.errors import RunError
-from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.frames import matrices
 from fix_nosquish.motion.operations import EXACT
-from fix_nosquish.run import thermo
+from fix_nosquish.run import external, thermo
 
 STEPS = 3  # whose potential energies are needed
 
 
 class Shadowed(NVE):
-    """fix python/move "validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N ...", as `NVE`.
+    """fix python/move "fix_nosquish_validation.schemes.shadow.Shadowed GROUP BODYSTYLE every N
+    ...", as `NVE`.
 
     f_ID[5] is the shadow energy, of all atoms, at the middle one of three steps.  The last of them
     is a multiple of N, 1 without this keyword.  There is no number before the first such step.
@@ -101,7 +101,7 @@ class Shadowed(NVE):
                 f"fix {others[0]} moves atoms, too, and the shadow energy is that of one fix's "
                 "steps: have one fix move all atoms, with keyword points"
             )
-        elif unknown := self.external.without_energy():
+        elif unknown := external.without_energy(self):
             problem = f"the shadow energy would drift: {unknown}"
         elif (found := self.other_fixes.without_energy()) is not None:
             fix, remedy = found
@@ -113,10 +113,9 @@ class Shadowed(NVE):
         if problem:
             raise RunError(problem, everywhere=True)
 
-    @hook
-    def compute_vector(self, i: int) -> float:
-        """As of `NVE`, and behind it the shadow energy; collective."""
-        return self.shadow if i == len(NVE.vector_extensive) else super().compute_vector(i)
+    def own_values(self) -> tuple[float]:
+        """The shadow energy."""
+        return (self.shadow,)
 
 
 def own_part(bodies: Any, dt: float, ftm2v: float, mrot: float) -> np.ndarray:

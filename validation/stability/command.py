@@ -4,7 +4,7 @@ from argparse import Namespace
 from collections.abc import Collection
 from pathlib import Path
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -50,13 +50,13 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def _cases() -> Collection[str]:
-    from validation.stability.cases import CASES  # heavy: not for --help
+    from .cases import CASES  # heavy: not for --help
 
     return CASES
 
 
 def _names() -> Collection[str]:
-    from validation.stability.measure import COMPARED  # heavy: not for --help
+    from .measure import COMPARED  # heavy: not for --help
 
     return COMPARED
 
@@ -70,9 +70,9 @@ def run(arguments: Namespace) -> int:
         why = "is for the cases, not for a script"
         command_line.refuse(arguments, ("starts", "take", "full"), why)
         return _script(arguments, scripts[0])
-    from validation.pages import console
-    from validation.stability import measure, report  # heavy: not for --help
-    from validation.stability.cases import CASES
+    from ..pages import console
+    from . import measure, report  # heavy: not for --help
+    from .cases import CASES
 
     screen = console.console()
     if arguments.list:
@@ -94,10 +94,10 @@ def run(arguments: Namespace) -> int:
 
 def _script(arguments: Namespace, path: str) -> int:
     """What breaks on a script of one's own; the exit status."""
-    from validation.own import system  # heavy: not for --help
-    from validation.pages import console
-    from validation.running import store
-    from validation.stability import stress  # heavy: not for --help
+    from ..own import system  # heavy: not for --help
+    from ..pages import console
+    from ..running import store
+    from . import stress  # heavy: not for --help
 
     ask, out = system.begin(arguments, path)
     with store.alone(out):

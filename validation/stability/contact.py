@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from validation.scenes import bodies
-from validation.scenes.units import NS_OF_REDUCED
-from validation.stability import molecules
-from validation.stability.measure import EXTREME, Case, Number, Stand, lowest_of_starts, of_parts
-from validation.statistics import motion
+from ..scenes import bodies
+from ..scenes.units import NS_OF_REDUCED
+from ..statistics import motion
+from . import molecules
+from .measure import EXTREME, Case, Number, Stand, lowest_of_starts, of_parts
 
 REPULSIVE = (
     "pair_style lj/cut 1.122462048309373",

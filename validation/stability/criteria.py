@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from validation.scenes.units import NS_OF_REDUCED
+from ..scenes.units import NS_OF_REDUCED
 
 EPS = float(np.finfo(float).eps)
 # of starts that all hold: the next one does not with a chance of 1 in 20, whatever the distribution

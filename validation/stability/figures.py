@@ -5,9 +5,9 @@ import numpy as np
 from matplotlib.colors import to_rgb
 from matplotlib.patches import Patch
 
-from validation.pages.figures import INK, Drawn
-from validation.stability.measure import COMPARED
-from validation.statistics.estimate import SURE, Estimate
+from ..pages.figures import INK, Drawn
+from ..statistics.estimate import SURE, Estimate
+from .measure import COMPARED
 
 # colours that differ in lightness too, and a sign each
 LOOKS = {

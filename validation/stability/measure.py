@@ -16,15 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from validation.running import machine, run, store, whole
-from validation.running.run import Meter, Result
-from validation.scenes import SCENES, Scene
-from validation.scenes.integrators import INTEGRATORS, SWEPT, Integrator
-from validation.stability import criteria
-from validation.stability.criteria import Criterion
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.statistics.estimate import CONFIDENCE, Estimate, margin
+from .. import NAME
+from ..running import machine, run, store, whole
+from ..running.run import Meter, Result
+from ..scenes import SCENES, Scene
+from ..scenes.integrators import INTEGRATORS, SWEPT, Integrator
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from . import criteria
+from .criteria import Criterion
 
 BROKEN = {"blow-up", "cannot run"}
 SURVIVED = {"pass", "fail", "cannot tell"}
@@ -298,7 +299,7 @@ class Rows:
         self, cases: Mapping[str, Case], out: Path, full: bool, take: Path | None = None
     ) -> None:
         self.cases, self.out, self.full = cases, out, full
-        self.store = store.Store(out / "rows", "validation.stability.cases")
+        self.store = store.Store(out / "rows", "stability.cases")
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
         self.taken = self._of(take) if take else {}
 
@@ -421,7 +422,7 @@ def grown(
         "inner": case.inner,
         "seconds": 0.0,
         "versions": machine.versions() | {"package": machine.package_hash()[:12]},
-        "command": shlex.join(["python", "-m", "validation", *words]),
+        "command": shlex.join(["python", "-m", NAME, *words]),
     }
     while not _enough(case, row, starts):
         stand.start, before = len(row["numbers"]), stand.seconds
@@ -491,7 +492,7 @@ def _fill(summary, cases, rows):
     summary["summary"] = told(summary["cases"])
     named = [case["name"] for case in summary["cases"]]
     words = [*(named if len(named) < len(cases) else []), "--full" if full else "--short"]
-    summary["command"] = shlex.join(["python", "-m", "validation", "stability", *words])
+    summary["command"] = shlex.join(["python", "-m", NAME, "stability", *words])
 
 
 def told(cases: Sequence[dict]) -> list[dict]:

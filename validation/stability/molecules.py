@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import starts as scene_starts
-from validation.scenes import FS_PER_PS, SCENES, Scene, smooth_water
-from validation.scenes import peptide as paper_peptide
-from validation.stability import criteria
-from validation.stability.measure import (
+from ..running import starts as scene_starts
+from ..scenes import FS_PER_PS, SCENES, Scene, smooth_water
+from ..scenes import peptide as paper_peptide
+from ..statistics import measures, motion
+from . import criteria
+from .measure import (
     COMPARED,
     EXTREME,
     LESS,
@@ -24,8 +25,7 @@ from validation.stability.measure import (
     mean_of_starts,
     of_parts,
 )
-from validation.stability.tops import kept
-from validation.statistics import measures, motion
+from .tops import kept
 
 # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
 ALLOWED = criteria.CRITERIA["stable, few"].bound

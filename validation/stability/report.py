@@ -6,13 +6,13 @@ from pathlib import Path
 from rich.console import Console
 from rich.text import Text
 
-from validation.pages import report
-from validation.pages.figures import draw_each
-from validation.pages.page import page
-from validation.stability.criteria import CRITERIA
-from validation.stability.figures import LOOKS, by_integrator, columns, matrix, narrow, signed
-from validation.stability.measure import COMPARED, Case
-from validation.statistics.estimate import Estimate
+from ..pages import report
+from ..pages.figures import draw_each
+from ..pages.page import page
+from ..statistics.estimate import Estimate
+from .criteria import CRITERIA
+from .figures import LOOKS, by_integrator, columns, matrix, narrow, signed
+from .measure import COMPARED, Case
 
 
 def write(summary: dict, out: Path) -> None:

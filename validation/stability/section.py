@@ -7,15 +7,15 @@ from collections import Counter, defaultdict
 
 import numpy as np
 
-from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
-from validation.scenes import FS_PER_PS
-from validation.scenes.integrators import OURS
-from validation.stability.cases import CASES
-from validation.stability.criteria import CRITERIA
-from validation.stability.figures import READ
-from validation.stability.measure import COMPARED
-from validation.stability.report import package
-from validation.statistics.estimate import Estimate
+from ..pages.said import NONE, Cell, Figure, Said, Table, sortable
+from ..scenes import FS_PER_PS
+from ..scenes.integrators import OURS
+from ..statistics.estimate import Estimate
+from .cases import CASES
+from .criteria import CRITERIA
+from .figures import READ
+from .measure import COMPARED
+from .report import package
 
 LAMMPS = "rigid", "rigid/nve", "rigid/small", "rigid/nve/small", "shake", "rattle"
 WORDS = {True: "yes", False: "no", None: "cannot tell"}

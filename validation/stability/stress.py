@@ -8,14 +8,14 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.own import shapes
-from validation.own.system import Own
-from validation.pages import report
-from validation.running import machine, run
-from validation.scenes.integrators import Integrator
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.trial.trial import failure
+from ..own import shapes
+from ..own.system import Own
+from ..pages import report
+from ..running import machine, run
+from ..scenes.integrators import Integrator
+from ..statistics import measures
+from ..statistics.check import Check
+from ..trial.trial import failure
 
 LONGER = 2.0, 4.0, 8.0  # times the script's step
 STEPS = 400  # of a run with a longer step

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ellipk
 
-from validation.running import run
-from validation.scenes import bodies
-from validation.stability import criteria
-from validation.stability.measure import EXTREME, LESS, SLOW, BlowUp, Case, Number, Stand, of_parts
-from validation.statistics import motion
+from ..running import run
+from ..scenes import bodies
+from ..statistics import motion
+from . import criteria
+from .measure import EXTREME, LESS, SLOW, BlowUp, Case, Number, Stand, of_parts
 
 TURN = 0.05  # radians in a step, as in practice
 # about the principal axes, none of them alone

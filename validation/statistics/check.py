@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from validation.statistics.estimate import Estimate
+from .estimate import Estimate
 
 CHECK_COLUMNS = (
     *("part", "subject", "what", "value", "margin", "unit"),

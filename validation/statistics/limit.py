@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import special
 
-from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margin
+from .estimate import CONFIDENCE, Estimate, combined, margin
 
 ENOUGH = 4  # steps of a scheme that has a term in h^4, too
 Key = TypeVar("Key", bound=Hashable)

@@ -9,7 +9,7 @@ from typing import TypedDict
 import numpy as np
 from scipy import special
 
-from validation.statistics.estimate import CONFIDENCE, Estimate, combined, margin
+from .estimate import CONFIDENCE, Estimate, combined, margin
 
 STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
 WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.statistics.estimate import CONFIDENCE, Estimate
+from .estimate import CONFIDENCE, Estimate
 
 DRAWS, SEED = 4000, 7  # of errors, for intervals of numbers that are far from normal
 

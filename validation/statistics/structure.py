@@ -12,9 +12,9 @@ import mdtraj
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from validation.statistics import measures
-from validation.statistics.estimate import Estimate
-from validation.statistics.positions import Positions
+from . import measures
+from .estimate import Estimate
+from .positions import Positions
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
 

@@ -3,9 +3,9 @@
 from argparse import Namespace
 from collections.abc import Collection
 
-from validation import command_line
-from validation.scenes.integrators import SWEPT
-from validation.trial import words as trial
+from .. import command_line
+from ..scenes.integrators import SWEPT
+from ..trial import words as trial
 
 SCRIPT_BUDGET = 30.0  # minutes, of a script
 
@@ -55,7 +55,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def scenes() -> Collection[str]:
     """Names of what can be swept."""
-    from validation.sweep.plan import SCENES  # heavy: not for --help
+    from .plan import SCENES  # heavy: not for --help
 
     return SCENES
 
@@ -71,8 +71,8 @@ def run(arguments: Namespace) -> int:
     why = "is for a script: 'advise' holds a scene's sweep against targets"
     command_line.refuse(arguments, ["target"], why)
     command_line.need_scenes()
-    from validation.pages import console
-    from validation.sweep import measure, plan, report  # heavy: not for --help
+    from ..pages import console
+    from . import measure, plan, report  # heavy: not for --help
 
     short = arguments.short
     wanted = arguments.scenes or (plan.SHORT_SCENES if short else None)

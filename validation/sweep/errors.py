@@ -12,13 +12,13 @@ from math import ceil
 
 import numpy as np
 
-from validation.running.run import Result
-from validation.scenes import FS_PER_PS, peptide
-from validation.scenes.units import BOLTZMANN
-from validation.statistics import measures, structure
-from validation.statistics.measures import Estimate
-from validation.statistics.structure import Motion
-from validation.sweep.plan import Parts, Point, Sweep
+from ..running.run import Result
+from ..scenes import FS_PER_PS, peptide
+from ..scenes.units import BOLTZMANN
+from ..statistics import measures, structure
+from ..statistics.measures import Estimate
+from ..statistics.structure import Motion
+from .plan import Parts, Point, Sweep
 
 PS_PER_NS, FS_PER_NS = 1000.0, 1e6
 APART = 0.25  # ps after which a body's kinetic energy is another one

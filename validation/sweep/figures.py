@@ -10,11 +10,11 @@ import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.choice import Measured, bound, is_zero
-from validation.pages.figures import MARKS, MISSED, PALE, draw_each
-from validation.scenes.integrators import OURS
-from validation.statistics.estimate import SURE, Estimate
-from validation.sweep.plan import SHORT
+from ..choice import Measured, bound, is_zero
+from ..pages.figures import MARKS, MISSED, PALE, draw_each
+from ..scenes.integrators import OURS
+from ..statistics.estimate import SURE, Estimate
+from .plan import SHORT
 
 MAIN = "energy_sd", "drift", "paper"  # the first of these that a scene has is its main figure
 SHOWN = SHORT  # in all panels; tolerances and mrot have one of their own

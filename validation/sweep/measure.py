@@ -16,14 +16,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from validation.choice import Measured
-from validation.running import machine, run, starts, store
-from validation.running.trajectory import Trajectory
-from validation.scenes import FS_PER_PS
-from validation.scenes.integrators import OURS, SWEPT
-from validation.statistics import measures
-from validation.sweep import errors
-from validation.sweep.plan import FINER, Lengths, Point, parts, points, sweeps
+from .. import NAME
+from ..choice import Measured
+from ..running import machine, run, starts, store
+from ..running.trajectory import Trajectory
+from ..scenes import FS_PER_PS
+from ..scenes.integrators import OURS, SWEPT
+from ..statistics import measures
+from . import errors
+from .plan import FINER, Lengths, Point, parts, points, sweeps
 
 # kinetic energy of the bodies' centres, and of the atoms about them: from the atoms, so alike for
 # all integrators
@@ -57,7 +58,7 @@ def sweep(
     """
     summary = machine.circumstances() | {
         # as it is now, not as it is when all has run
-        "code": store.Store(out, "validation.sweep.measure").base,
+        "code": store.Store(out, "sweep.measure").base,
         "interrupted": False,
         "ranks": ranks,
         "lengths": {name: asdict(one) for name, one in lengths.items()},
@@ -250,7 +251,7 @@ class _Scene:
         """That runs this point from the same starts, and the reference, elsewhere; what is held
         against other points needs these too."""
         short = ["--short"] if self.short else []
-        words = ["python", "-m", "validation", "sweep", self.name, *short, "--ranks"]
+        words = ["python", "-m", NAME, "sweep", self.name, *short, "--ranks"]
         words += [str(self.ranks), "--budget", f"{self.lengths.budget:.10g}", "--only"]
         words += [point.integrator.name, "--steps", f"{point.dt:g}", "--out", "results/sweep-point"]
         return shlex.join(words)

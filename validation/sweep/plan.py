@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
 
-from validation.running.rounds import LEAST
-from validation.scenes import FS_PER_PS, TEMPERATURE, Scene
-from validation.scenes import SCENES as ALL
-from validation.scenes import peptide as paper_peptide
-from validation.scenes.integrators import OURS, SWEPT, Integrator
+from ..running.rounds import LEAST
+from ..scenes import FS_PER_PS, TEMPERATURE, Scene
+from ..scenes import SCENES as ALL
+from ..scenes import peptide as paper_peptide
+from ..scenes.integrators import OURS, SWEPT, Integrator
 
 BUDGET, SHORT_BUDGET = 290.0, 7.0  # minutes
 FINER = 16  # the reference's step is the smallest one over this

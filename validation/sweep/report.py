@@ -5,13 +5,13 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.choice import Measured, fastest, front, least
-from validation.pages import report
-from validation.running import whole
-from validation.statistics.estimate import SURE, Estimate
-from validation.statistics.measures import Spread
-from validation.sweep.figures import MAIN, draw
-from validation.sweep.plan import MESH, SAMPLED
+from ..choice import Measured, fastest, front, least
+from ..pages import report
+from ..running import whole
+from ..statistics.estimate import SURE, Estimate
+from ..statistics.measures import Spread
+from .figures import MAIN, draw
+from .plan import MESH, SAMPLED
 
 PARTS = "min", "median", "max"
 ONE_START = (

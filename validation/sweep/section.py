@@ -4,15 +4,15 @@ what it costs."""
 import math
 from dataclasses import dataclass
 
-from validation.choice import choose, each, fastest, least, meets, ours
-from validation.pages.said import NONE, Cell, Figure, Said, Table, sortable
-from validation.pages.tables import ranks_of
-from validation.scenes.integrators import OLDER
-from validation.scenes.units import BOLTZMANN
-from validation.statistics.estimate import SURE
-from validation.sweep.figures import READ
-from validation.sweep.plan import SWEEPS
-from validation.sweep.report import (
+from .. import COMMAND
+from ..choice import choose, each, fastest, least, meets, ours
+from ..pages.said import NONE, Cell, Figure, Said, Table, sortable
+from ..pages.tables import ranks_of
+from ..scenes.units import BOLTZMANN
+from ..statistics.estimate import SURE
+from .figures import READ
+from .plan import SWEEPS
+from .report import (
     ONE_START,
     distinct,
     error_of,
@@ -32,7 +32,7 @@ ORDINARY, DRIFT = 0.01, 0.1  # of that scatter; kT per ns and degree of freedom
 
 def say(summary: dict) -> Said:
     """What to use for each scene, and the fastest way to every error."""
-    scenes, add = summary["scenes"], "not measured; this adds it: python -m validation sweep"
+    scenes, add = summary["scenes"], f"not measured; this adds it: {COMMAND} sweep"
     points = [point for scene in scenes.values() for point in scene["points"]]
     failed = sum(bool(point["failed"]) for point in points)
     missing = [f"{name}: {add} {name}." for name in SWEEPS if name not in scenes]
@@ -49,7 +49,7 @@ def say(summary: dict) -> Said:
             "Ordinary accuracy is wanted: the total energy's standard deviation is below "
             f"{100 * ORDINARY:g} % of the kinetic energy's, kT √(f/2), sure by {SURE}.",
             f"What drifts by more than {DRIFT:g} kT per ns and degree of freedom, as sure, is out.",
-            f"For another accuracy: python -m validation advise {some} --target energy_sd=0.1.",
+            f"For another accuracy: {COMMAND} advise {some} --target energy_sd=0.1.",
         ],
         [
             f"{len(points)} points (an integrator with a time step), {ranks}; {failed} failed.",
@@ -174,7 +174,7 @@ def _in_short(points, targets, choice, own):
 def _of_us(point):
     """Whether a scheme is one of this package's, the older ones too."""
     lines = " ".join(point["lines"])
-    return any(name in lines for name in ("nosquish", *OLDER.values()))
+    return "nosquish" in lines
 
 
 def _kinds(points):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import null_space
 
-from validation.statistics.estimate import Estimate
+from ..statistics.estimate import Estimate
 
 State = np.ndarray  # (rows, ...), real or complex
 Energy = Callable[[State], np.ndarray]

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from validation import command_line
+from .. import command_line
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -32,7 +32,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def _parts():
-    from validation.theory.measure import PARTS  # heavy: not for --help
+    from .measure import PARTS  # heavy: not for --help
 
     return PARTS
 
@@ -40,9 +40,9 @@ def _parts():
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     command_line.need_scenes()
-    from validation.pages import console
-    from validation.running import machine
-    from validation.theory import measure, report  # heavy: not for --help
+    from ..pages import console
+    from ..running import machine
+    from . import measure, report  # heavy: not for --help
 
     parts = command_line.chosen(measure.PARTS, arguments.parts)
     out, screen = command_line.folder(arguments), console.console()

@@ -7,7 +7,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from validation.pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, draw_each
+from ..pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, draw_each
 
 LEAST = 1e-17  # shown for a zero
 SMALL: dict = {"frameon": False, "fontsize": 8}  # a legend

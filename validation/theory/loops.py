@@ -10,6 +10,9 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+
+# as LAMMPS imports it: by another name it would be compiled once more
+from fix_nosquish_validation.schemes.matubayasi_nakahara import MatubayasiNakahara
 from scipy.linalg import block_diag, null_space
 
 from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q, V, X
@@ -17,9 +20,9 @@ from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
 from fix_nosquish.motion.operations import Parameters
-from validation.schemes.matubayasi_nakahara import MatubayasiNakahara
-from validation.theory.calculus import restricted
-from validation.theory.reference import PERMUTE, _second, _third, multiply, to_space
+
+from .calculus import restricted
+from .reference import PERMUTE, _second, _third, multiply, to_space
 
 SCHEMES = {"NVE": NVE, "MatubayasiNakahara": MatubayasiNakahara}
 # principal moments, the largest first, of bodies of unit mass; order 123 has them in reverse
@@ -87,7 +90,7 @@ class Scene:
         whole = {"gathers": step.GATHERS, "ends": False, "begins": True, "part": block.ALL}
         self.gather = step.gather.bind_to(cells, all_bodies=True)
         self.advance = SCHEMES[scheme].advance.bind_to(cells, **whole)
-        self.kick = SCHEMES[scheme].kick.bind_to(cells, ends=True, begins=False)
+        self.kick = SCHEMES[scheme].tail.bind_to(cells)
 
     def random(
         self, rng: np.random.Generator, turn: Sizes = 0.3, strength: Sizes = 0.3

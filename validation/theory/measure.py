@@ -24,17 +24,18 @@ import numpy as np
 from scipy.linalg import expm
 
 from fix_nosquish.motion.rotor import free_rotor
-from validation.running.run import Meter
-from validation.scenes import SCENES, TEMPERATURE, Scene
-from validation.scenes.units import BOLTZMANN
-from validation.statistics import measures
-from validation.statistics.check import Check
-from validation.statistics.estimate import Estimate
-from validation.theory import calculus, reversal
-from validation.theory import loops as compiled
-from validation.theory import rotors as free
-from validation.theory.reference import FS, Dimer, Oscillator, multiply
-from validation.theory.top import free_top
+
+from ..running.run import Meter
+from ..scenes import SCENES, TEMPERATURE, Scene
+from ..scenes.units import BOLTZMANN
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate
+from . import calculus, reversal
+from . import loops as compiled
+from . import rotors as free
+from .reference import FS, Dimer, Oscillator, multiply
+from .top import free_top
 
 ROUND_OFF = 1e-12  # the most that rounding may leave of numbers of order one
 SHOWN = 1e-9  # the least that is not rounding

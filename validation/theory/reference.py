@@ -17,9 +17,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fix_nosquish.motion import rotor
-from validation.scenes import Scene
-from validation.scenes.units import COULOMB
-from validation.theory.calculus import Energy, Part, State, composed, leading_term, repeated, strang
+
+from ..scenes import Scene
+from ..scenes.units import COULOMB
+from .calculus import Energy, Part, State, composed, leading_term, repeated, strang
 
 FS = 1 / 48.88821291  # LAMMPS's, units real
 PERMUTE = {1: rotor.permute_1, 2: rotor.permute_2, 3: rotor.permute_3}

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from rich.console import Console
 
-from validation.pages import report
-from validation.pages.said import Figure, Said, of_checks
-from validation.theory.figures import draw
+from ..pages import report
+from ..pages.said import Figure, Said, of_checks
+from .figures import draw
 
 TITLES = {
     "reversal": "Forward and back",

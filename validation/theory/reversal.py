@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.running import machine, run
-from validation.scenes import Scene
-from validation.scenes.integrators import OLDER, Integrator, constrained, nosquish, rigid
-from validation.statistics import motion
+from ..running import machine, run
+from ..scenes import Scene
+from ..scenes.integrators import OLDER, Integrator, constrained, nosquish, rigid
+from ..statistics import motion
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000, 3000, 10000
 COMPARED = 10  # of these, that after which positions on the way are kept

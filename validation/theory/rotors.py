@@ -15,9 +15,10 @@ from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
 from fix_nosquish.motion.operations import EXACT, Parameters
-from validation.scenes.units import BOLTZMANN
-from validation.theory.reference import multiply
-from validation.theory.top import free_top
+
+from ..scenes.units import BOLTZMANN
+from .reference import multiply
+from .top import free_top
 
 ROTORS = {"split": 1, "split, mrot 2": 2, "split, mrot 4": 4, "exact": EXACT}
 ANGLES = 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8  # rad in a step

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from validation.choice import Measured, meets
-from validation.own.system import Own
-from validation.running import run
-from validation.statistics.estimate import SURE, Estimate
-from validation.trial import rest, trial
-from validation.trial.targets import MEANS, judged
+from ..choice import Measured, meets
+from ..own.system import Own
+from ..running import run
+from ..statistics.estimate import SURE, Estimate
+from . import rest, trial
+from .targets import MEANS, judged
 
 LONGER = 10.0  # times as long as the runs by which it was chosen
 FURTHER = 1.5  # times the advised step, which should not do, or more than was told would

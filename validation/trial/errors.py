@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from validation.own import counted, shapes
-from validation.own.system import Own
-from validation.running import run
-from validation.scenes.integrators import Integrator
-from validation.statistics import measures, structure
-from validation.statistics.estimate import Estimate, margin
-from validation.statistics.structure import Motion
-from validation.trial import law
-from validation.trial.targets import SPAN, has_rdf, steps_of_cost
+from ..own import counted, shapes
+from ..own.system import Own
+from ..running import run
+from ..scenes.integrators import Integrator
+from ..statistics import measures, structure
+from ..statistics.estimate import Estimate, margin
+from ..statistics.structure import Motion
+from . import law
+from .targets import SPAN, has_rdf, steps_of_cost
 
 BIN, REACH = 0.04, 0.95  # of g(r): of a body's room, and of half the box
 # of a run's kept frames, at most, for the noise of g(r).  Few of them make margins wide, the more

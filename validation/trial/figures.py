@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from validation.pages.figures import INK, MARKS, OURS, Drawn, draw_each, panels
-from validation.scenes.units import UNITS
-from validation.statistics.estimate import Estimate
+from ..pages.figures import INK, MARKS, OURS, Drawn, draw_each, panels
+from ..scenes.units import UNITS
+from ..statistics.estimate import Estimate
 
 MORE = ("#5b7db1", "s"), ("#c06c3e", "^"), ("#7a5195", "v"), ("#9db4d6", "D"), ("#bfa5cf", "P")
 

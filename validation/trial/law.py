@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import special
 
-from validation.statistics import measures
-from validation.statistics.estimate import CONFIDENCE, Estimate, margin
+from ..statistics import measures
+from ..statistics.estimate import CONFIDENCE, Estimate, margin
 
 # even powers of the step in errors of means.  Each above the square is noise of this standard
 # deviation at the longest step, in largest errors seen.  So a step near the end of stability, where

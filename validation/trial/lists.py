@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypedDict
 
-from validation.own.script import texts
-from validation.own.system import Own
-from validation.running import rounds, run
-from validation.statistics import measures
-from validation.trial import turns
-from validation.trial.targets import NS
+from ..own.script import texts
+from ..own.system import Own
+from ..running import rounds, run
+from ..statistics import measures
+from . import turns
+from .targets import NS
 
 FACTORS = 1.0, 1.5, 2.0  # of the script's skin
 ROUNDS = 4

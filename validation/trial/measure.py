@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from validation.choice import level_of_each
-from validation.own.system import Own
-from validation.running import run
-from validation.trial import confirm, lists, report, rest, timed, trial
+from ..choice import level_of_each
+from ..own.system import Own
+from ..running import run
+from . import confirm, lists, report, rest, timed, trial
 
 LATE = 1.5  # of the time that runs may take: then no further one begins
 

@@ -7,16 +7,16 @@ from typing import Any
 
 from rich.console import Console
 
-from validation.choice import Choice, before_bad, bound, meets, nearest
-from validation.own import counted
-from validation.pages import report
-from validation.pages.said import Table
-from validation.pages.tables import ranks_of
-from validation.scenes.units import UNITS
-from validation.statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from validation.trial import confirm, errors, lists, trial
-from validation.trial.figures import draw
-from validation.trial.targets import ENERGIES, judged
+from ..choice import Choice, before_bad, bound, meets, nearest
+from ..own import counted
+from ..pages import report
+from ..pages.said import Table
+from ..pages.tables import ranks_of
+from ..scenes.units import UNITS
+from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
+from . import confirm, errors, lists, trial
+from .figures import draw
+from .targets import ENERGIES, judged
 
 EACH = "Each integrator's fastest step"
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often

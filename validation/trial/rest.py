@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 
 from scipy import special
 
-from validation.choice import least
-from validation.own import shapes
-from validation.own.system import Own
-from validation.running import run
-from validation.running.store import Store
-from validation.statistics.estimate import Estimate, margin
-from validation.trial import trial
-from validation.trial.targets import MEANS, judged, steps_of_cost
+from ..choice import least
+from ..own import shapes
+from ..own.system import Own
+from ..running import run
+from ..running.store import Store
+from ..statistics.estimate import Estimate, margin
+from . import trial
+from .targets import MEANS, judged, steps_of_cost
 
 FIRST = 0.5  # of the time of all steps, for the short runs
 CHOICE = 3  # points: among fewer there is none

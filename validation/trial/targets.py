@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from validation.own import counted, schemes, shapes
-from validation.own.system import Own
+from ..own import counted, schemes, shapes
+from ..own.system import Own
 
 # of the script's steps: the energy's changes in it count.  Errors of the step are as large as they
 # get by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all

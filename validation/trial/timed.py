@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from validation.choice import least, meets
-from validation.own.system import Own
-from validation.running import rounds, run
-from validation.statistics import measures
-from validation.trial import trial, turns
-from validation.trial.targets import judged, steps_of_cost
+from ..choice import least, meets
+from ..own.system import Own
+from ..running import rounds, run
+from ..statistics import measures
+from . import trial, turns
+from .targets import judged, steps_of_cost
 
 ROUNDS, SECONDS = 3, 0.5  # s of each segment of a round
 # what is timed costs so many times the fastest good one at most, by the runs; else so many points

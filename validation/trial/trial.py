@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.choice import (
+from ..choice import (
     Choice,
     before_bad,
     choose,
@@ -25,15 +25,15 @@ from validation.choice import (
     least,
     passes,
 )
-from validation.own import counted, schemes, shapes
-from validation.own.system import Own
-from validation.running import machine, rounds, run
-from validation.running.store import Store
-from validation.scenes.integrators import OURS, Integrator
-from validation.statistics import measures
-from validation.statistics.estimate import CONFIDENCE, Estimate
-from validation.trial import errors
-from validation.trial.targets import SPAN, about, name_of_ns, steps_of_cost
+from ..own import counted, schemes, shapes
+from ..own.system import Own
+from ..running import machine, rounds, run
+from ..running.store import Store
+from ..scenes.integrators import OURS, Integrator
+from ..statistics import measures
+from ..statistics.estimate import CONFIDENCE, Estimate
+from . import errors
+from .targets import SPAN, about, name_of_ns, steps_of_cost
 
 FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of the script's step
 FINER = 0.5  # the reference's step, of the script's
@@ -176,7 +176,7 @@ def trial(
     held = reference(own)
     every = [held, *(one for one in some if one != held)]
     # records of lengths, which no error follows from
-    store = Store(out / "records", "validation.own.system")
+    store = Store(out / "records", "own.system")
     summary = _summary(own, held, ranks, wanted)
     tried = Trial(summary, every, {})
     origin = store.origin(own.scene, seconds, ranks, [one.name for one in every])

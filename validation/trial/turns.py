@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from validation.own.system import Own
-from validation.running import machine, rounds, run
-from validation.running.store import Store
-from validation.scenes.integrators import Integrator
+from ..own.system import Own
+from ..running import machine, rounds, run
+from ..running.store import Store
+from ..scenes.integrators import Integrator
 
 
 @dataclass(frozen=True)

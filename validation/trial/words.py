@@ -2,7 +2,7 @@
 
 import argparse
 
-from validation import command_line
+from .. import command_line
 
 
 def options(
@@ -36,9 +36,9 @@ def run(arguments: argparse.Namespace, script: str, budget: float, many: bool) -
         many: whether all integrators are tried by default.
     """
     # heavy: not for --help
-    from validation.own import shifted, system
-    from validation.pages import console
-    from validation.trial import measure, report, targets, trial
+    from ..own import shifted, system
+    from ..pages import console
+    from . import measure, report, targets, trial
 
     ask, out = system.begin(arguments, script)
     silence = arguments.silence or 120.0
