@@ -142,20 +142,18 @@ class Bodies:
         ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
-        lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
-        self.cells = self._memory.cells | self.sharers.cells
         self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
+        own = {
+            "kinds": self.kinds,
+            "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),
+            "found": np.zeros(len(migration.FOUND)),
+            "off": np.zeros(2),
+            "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
+            **dict.fromkeys(PeriodicBox._fields),  # see `know_box`
+        }
         kinds = migration.follow.kinds
-        for name, value in (
-            ("kinds", self.kinds),
-            ("block", lanes),
-            ("found", np.zeros(len(migration.FOUND))),
-            ("off", np.zeros(2)),
-            ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
-        ):
-            self.cells[name] = Cell(kinds[name], value)
-        self.cells |= {"mask": Cell(F2, np.ones((6, 1)))}
-        self.cells |= {name: Cell(kinds[name]) for name in PeriodicBox._fields}
+        self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.ones((6, 1)))}
+        self.cells |= {name: Cell(kinds[name], value) for name, value in own.items()}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
@@ -200,11 +198,10 @@ class Bodies:
     def bind(self, membership: Membership) -> None:
         """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
         along where it is now: `note`."""
-        masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         bound = (
             self.cells
             | membership.lammps.cells
-            | {name: Cell(I, mask) for name, mask in masks.items()}
+            | {name: Cell(I, mask) for name, mask in membership.masks.items()}
         )
         bound["arrived_cell"] = Cell(L1, membership.lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE
@@ -224,7 +221,7 @@ class Bodies:
         self.know_box(lammps.box)
         problem = self.following()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         return problem != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
@@ -247,7 +244,7 @@ class Bodies:
             arrived.set(np.concatenate([arrived.array, rows]))
         problem = self._following_fewer()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         elif problem:
             raise RunError(
                 f"atoms came into bodies by step {lammps.step} that this fix does not know: "
@@ -263,7 +260,7 @@ class Bodies:
         """
         self.know_box(lammps.box)
         if self._settle():
-            self._communicator.agree(self._off())
+            self._refuse_off()
 
     def refuse_moved_atoms(self, lammps: Lammps) -> None:
         """End the run if an atom is not where its body has it; collective.
@@ -284,8 +281,7 @@ class Bodies:
             ),
         )
         kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
-        if self._settle():
-            self._communicator.agree(self._off())
+        self.settle(lammps)
         for name, values in kept.items():
             self._memory.put(name, values)
 
@@ -316,16 +312,17 @@ class Bodies:
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
             self.cells["near"].set(near)
 
-    def _off(self) -> str | None:
-        """The message for the atom that is off its body; None if there is none on this rank."""
+    def _refuse_off(self) -> None:
+        """End the run because an atom of some rank is off its body; collective."""
         far, atom = self.cells["off"].array
-        if far <= self.cells["near"].number:
-            return None
-        return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
-            f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
-            "bodies, and change positions between runs only, with 'run N pre yes' after it, "
-            "and not with reinit no or infile, which keep the bodies of the last run"
+        self._communicator.refuse(
+            np.array([not far <= self.cells["near"].number]),
+            lambda _: (
+                f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+                f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
+                "bodies, and change positions between runs only, with 'run N pre yes' after it, "
+                "and not with reinit no or infile, which keep the bodies of the last run"
+            ),
         )
 
     # ------------------------------------------------------------- motion

@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import RunError, refuse
 from ..host.command import Line
-from ..host.hosts import hook
 from ..loops.compiled import F2, Cell, F, inlined, loop, record
 from ..motion.block import (
     IMAGE,
@@ -39,7 +38,6 @@ from ..motion.step import make_pass, place_all
 from ..run import external, thermo
 from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
-from ..run.schedule import Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
@@ -264,15 +262,14 @@ class HMC(NVE):
             self.set_velocities()
             self.known.clear()
 
-    @hook
-    def post_run(self) -> None:
+    def end_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
-        if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
+        if self.lammps.step >= self.host.begins:
             self.host.log(
                 f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
                 "steps were not tested, and count as if they were accepted\n"
             )
-        super().post_run()
+        super().end_run()
 
     # ------------------------------------------------------------- what LAMMPS asks
 

@@ -115,7 +115,7 @@ def init(integrator: "Integrator") -> None:
     host, lammps = integrator.host, integrator.lammps
     refusals.refuse_levels(integrator)
     refusals.refuse_time_step(integrator)
-    host.follow_no_schedule()
+    host.follow_schedule(None)
     integrator.note_waiting()
     integrator.first_step = lammps.step
     integrator.mid_step = type(integrator).mid_step and not lammps.respa_dt

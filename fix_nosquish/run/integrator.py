@@ -297,7 +297,6 @@ class Integrator(Registered, Declaration):
         if not bodies.follow(self.lammps):
             making.turn_over(self)
         self.host.noted()
-        self.host.keep_box()
         if self.switches:
             bodies.cells["mask"].set(cast(np.ndarray, self.mask))
         self.unchanged.refuse_new_masses(self)

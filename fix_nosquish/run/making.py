@@ -8,8 +8,7 @@ import numpy as np
 
 from ..bodies import infile, templates, turnover
 from ..bodies.bodies import Bodies
-from ..bodies.build import Recipe, build
-from ..bodies.given import nothing
+from ..bodies.build import Recipe, build, nothing
 from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare

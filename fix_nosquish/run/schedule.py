@@ -141,8 +141,9 @@ ACTIONS = (
     # post_run
     A("post_run", BEGUN, call="end_run", then=OVER),
 )
+# of each hook the actions, with their numbers
 SCHEDULE = {
-    hook: tuple(action for action in ACTIONS if action.hook == hook)
+    hook: tuple((number, action) for number, action in enumerate(ACTIONS) if action.hook == hook)
     for hook in dict.fromkeys(action.hook for action in ACTIONS)
 }
 
@@ -154,12 +155,12 @@ def follow(integrator: "Integrator", hook: str) -> None:
     now = host.facts | SHOWN | TABLE if known is None else known  # else all that may be asked for
     if integrator.has_own_hooks:  # which find the bodies at the end of the step, not in its middle
         now |= SHOWN
-    for action in SCHEDULE[hook]:
+    for number, action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
         found = integrator.passes.do(action.passes) if action.passes else 0
         if found or (action.call and not action.passes):
-            integrator.act(ACTIONS.index(action), found)
+            integrator.act(number, found)
         if action.then is not None:
             host.phase = action.then
         host.facts = (host.facts | action.sets) & ~action.clears

