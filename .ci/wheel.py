@@ -39,7 +39,7 @@ exec chroot {root} env -C "$PWD" "$0" "$@"' c++ "$@"
 
 def run(*command, **how):
     print("+", *command, flush=True)
-    return subprocess.run([str(word) for word in command], check=True, timeout=600, **how)
+    return subprocess.run([str(word) for word in command], check=True, timeout=3600, **how)
 
 
 def environment(place):
