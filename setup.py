@@ -227,17 +227,18 @@ class BuildPlugin(build_ext):
 
 
 class BuildLoops(build_py):
-    """Beside the package's files, the bitcode of its loops: without it the first run makes it."""
+    """Beside the package's files, libraries of its loops: see fix_nosquish/loops/__main__.py."""
 
     def run(self):
         super().run()
         if self.editable_mode:  # whose sources will change
             return
         package = Path(self.build_lib).resolve() / "fix_nosquish"
-        command = [sys.executable, "-m", "fix_nosquish.loops", str(package / "loops.bitcode")]
-        clean = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
-        if subprocess.call(command, cwd=package.parent, env=clean):
-            print("the loops are left to the first run: see above", file=sys.stderr)
+        command = [sys.executable, "-m", "fix_nosquish.loops", str(package)]
+        clean = {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
+        clean["CXX"] = shlex.join(compiler())
+        if subprocess.call(command, cwd=package.parent, env=os.environ | clean):
+            refuse("the loops could not be compiled: see above")
 
 
 class PlatformWheel(bdist_wheel):

@@ -1,25 +1,54 @@
-"""Make the bitcode of all loops of the package: what its build calls.
+"""Compile all loops of the package: what its build calls.
 
-python -m fix_nosquish.loops FILE
+    python -m fix_nosquish.loops FOLDER
+
+writes to the folder a library for each level that NOSQUISH_LEVELS names, with spaces between;
+without it, for this machine's highest.  CXX is the compiler that links them.
 """
 
 import importlib
+import os
 import pkgutil
+import shlex
+import subprocess
 import sys
+import tempfile
+from pathlib import Path
 
-from . import bitcode, machine_code
+from . import machine_code, own
 
 NO_LOOPS = "fix_nosquish.loops", "fix_nosquish.plugin", "fix_nosquish.__main__"
+# without libraries: Python has loaded those of C, of whatever version, before
+LINK = ["-bundle", "-undefined", "dynamic_lookup"]
+if sys.platform != "darwin":
+    LINK = ["-shared", "-nostdlib"]
 
 
 def modules():
-    """All modules of the package that have loops, a list of `machine_code.Module`; imports them."""
-    for module in pkgutil.walk_packages([str(bitcode.FOLDER)], f"{machine_code.PACKAGE}."):
+    """The names of all modules of the package that have loops; imports them."""
+    for module in pkgutil.walk_packages([str(machine_code.FOLDER)], f"{machine_code.PACKAGE}."):
         if not module.name.startswith(NO_LOOPS):
             importlib.import_module(module.name)
-    return machine_code.of_package(machine_code.PACKAGE)
+    return [name for name in machine_code.LOOPS if name.startswith(f"{machine_code.PACKAGE}.")]
+
+
+def build(place, levels):
+    """Write libraries of the package's loops for these levels to a folder."""
+    names = modules()
+    codes = own.codes(names, levels)
+    for level in levels:
+        compiler = os.environ.get("CXX", "c++")
+        if level not in machine_code.LEVELS:  # of another machine
+            compiler = f"{level}-linux-gnu-gcc"
+        with tempfile.TemporaryDirectory() as folder:
+            objects = [Path(folder, own.object_name(name, level)) for name in names]
+            for one in objects:
+                one.write_bytes(codes[one.name])
+            target = Path(place, f"loops_{level}.so")
+            subprocess.run([*shlex.split(compiler), *LINK, *objects, "-o", target], check=True)
 
 
 if __name__ == "__main__":
     (place,) = sys.argv[1:]
-    bitcode.keep(machine_code.in_processes("lower", modules()), place)
+    highest = machine_code.LEVELS[machine_code.level()]
+    build(place, os.environ.get("NOSQUISH_LEVELS", highest).split())

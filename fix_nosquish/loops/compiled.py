@@ -42,7 +42,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .machine_code import INLINED, module_of
+from .machine_code import INLINED, LOOPS, load
 
 
 class Kind(NamedTuple):
@@ -318,8 +318,13 @@ class Loop:
                 raise TypeError(f"{self.name} has two arguments {' and '.join(sorted(twice))}")
             self.kinds |= more
         self.machine_code: Any = None  # a function of ctypes, once it is loaded
-        self.module = module_of(module)
-        self.module.loops.append(self)
+        self.level, self.module = None, module
+        LOOPS.setdefault(module, []).append(self)
+
+    def take(self, address, owner, level):
+        """Have the machine code at an address, for a level, in memory that the owner has."""
+        self.machine_code, self.level = ctypes.CFUNCTYPE(ctypes.c_int64)(address), level
+        self.machine_code.address, self.machine_code.owner = address, owner
 
     def __call__(self, *values):
         """Run the loop. Args, Raises: as `bind`. Returns: the loop's integer, or 0."""
@@ -373,7 +378,9 @@ class Loop:
                 message = f"{self.name}: {name} must be {kind}, not a {given}"
                 raise TypeError(message) from None
         if not self.machine_code:
-            self.module.load()
+            from ..ranks.communicator import ALONE  # which has loops
+
+            load(ALONE, self.module)
         addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
         call = partial(self.machine_code, addresses)
         call.cells = used  # they live as long as their addresses are in use

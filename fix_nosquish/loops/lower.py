@@ -1,22 +1,27 @@
-"""From the loops of `compiled.Loop` to LLVM's bitcode, by numba: for any processor of this kind.
+"""From the loops of `compiled.Loop` to machine code: by numba to LLVM's bitcode, by LLVM to objects.
 
-    python -m fix_nosquish.loops.lower FILE MODULE ...
+    python -m fix_nosquish.loops.lower FOLDER LEVEL,... MODULE ...
 
-writes to the open file of this number a pickled dictionary from the modules' names to the bitcode
-of their loops. It is a process of its own: numba's memory, and the level at which it works, end
-with it. Only the public interfaces of numba and llvmlite are used.
+writes a file of machine code to the folder for each of both.  It is a process of its own: numba's memory, and the
+level at which it works, end with it.  Processes of the same folder divide the modules among them.
+Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc
+import importlib
 import math
 import os
+import sys
 from collections.abc import Callable
 from functools import cache
 from itertools import count
+from pathlib import Path
 
-from . import compiled, machine_code
+from . import compiled, machine_code, own
 
-os.environ |= machine_code.NUMBA  # before numba is imported
+# LLVM works when all functions are one: see `_simplify`
+NUMBA = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
+os.environ |= NUMBA  # before numba is imported
 
 from llvmlite import binding as llvm
 from llvmlite import ir
@@ -33,14 +38,21 @@ OPTIONS = {
 LONG = ir.IntType(64)
 
 
-def bitcode(names):
-    """The bitcode of the loops of these modules, by the modules' names."""
+def write_objects(folder, levels, names):
+    """Write the machine code of the loops of these modules, but those that another process does."""
     gc.disable()  # it would search very many objects all the time
     for function, options in machine_code.INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
-    return {name: _bitcode(machine_code.MODULES[name].loops) for name in names}
+    for name in names:
+        try:
+            (folder / name).touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        code = _bitcode(machine_code.LOOPS[name])
+        for level in levels:
+            (folder / own.object_name(name, level)).write_bytes(_object(code, level))
 
 
 def _teach(function, meaning, **options):
@@ -199,19 +211,52 @@ def _bitcode(loops):
 
 
 def _simplify(module):
-    """Make one short function of many: what follows from the processor is `compile`'s.
+    """Make one short function of many: what follows from the processor is for `_object`.
 
     Returns:
         the names of Python's functions that are left: those for errors that a second round may
         find impossible.
     """
-    options = llvm.create_pipeline_tuning_options(speed_level=2)
-    options.loop_vectorization = options.slp_vectorization = False
-    builder = llvm.create_pass_builder(machine_code.target(cpu="", features=""), options)
-    builder.getModulePassManager().run(module, builder)
+    _optimize(module, _target(machine_code.LEVELS[0]), vectorize=False)
     left = [function.name for function in module.functions if function.is_declaration]
     return [name for name in left if not name.startswith("llvm.") and not hasattr(math, name)]
 
 
+def _object(code, level):
+    """An object file of bitcode.
+
+    LLVM does what its -O2 does.  -O3, and loops that do several vectors at a time, make much more
+    code that is not faster: between two steps LAMMPS drives what there is out of the caches.
+    """
+    module, target = llvm.parse_bitcode(code), _target(level)
+    module.triple, module.data_layout = target.triple, str(target.target_data)
+    _optimize(module, target, vectorize=True)
+    return target.emit_object(module)
+
+
+def _optimize(module, target, vectorize):
+    options = llvm.create_pipeline_tuning_options(speed_level=2)
+    options.loop_vectorization, options.loop_interleaving = vectorize, False
+    builder = llvm.create_pass_builder(target, options)
+    builder.getModulePassManager().run(module, builder)
+
+
+def _target(level):
+    """LLVM's idea of a processor: what all of a level have in common."""
+    llvm.initialize_all_targets()
+    llvm.initialize_all_asmprinters()
+    triple, cpu = llvm.get_process_triple(), level
+    if level not in machine_code.ADDED:
+        triple, cpu = f"{level}{triple[triple.index('-') :]}", "generic"
+    target = llvm.Target.from_triple(triple)
+    return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
+
+
 if __name__ == "__main__":
-    machine_code.answer(bitcode)
+    folder, levels, *names = sys.argv[1:]
+    for name in names:
+        importlib.import_module(name)
+    try:
+        write_objects(Path(folder), levels.split(","), names)
+    except RuntimeError as error:
+        sys.exit(str(error))

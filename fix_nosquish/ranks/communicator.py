@@ -37,7 +37,7 @@ class Alone:
         Raises:
             RunError: on all ranks, with the first rank's message, if any rank has a problem.
         """
-        first = self._least(self.rank if problem else self.size)
+        first = self.least(self.rank if problem else self.size)
         if first < self.size:
             raise RunError(self.share(problem, first), everywhere=True)
 
@@ -72,10 +72,10 @@ class Alone:
 
     def any(self, flag: Any) -> bool:
         """Whether `flag` is true on any rank."""
-        return self._least(0 if flag else 1) == 0
+        return self.least(0 if flag else 1) == 0
 
-    def _least(self, number: int) -> int:
-        """The least of all ranks' numbers."""
+    def least(self, number: int) -> int:
+        """The smallest of the ranks' whole numbers."""
         return number
 
     def gather(self, rows: np.ndarray) -> Any:
@@ -129,7 +129,7 @@ class Communicator(Alone):
         self.size, self.rank = self.comm.size, self.comm.rank
         self._mpi, self._number = MPI, np.empty(1, np.int64)
 
-    def _least(self, number: int) -> int:
+    def least(self, number: int) -> int:
         self._number[0] = number
         self.comm.Allreduce(self._mpi.IN_PLACE, self._number, self._mpi.MIN)
         return int(self._number[0])

@@ -79,7 +79,7 @@ def places(origins: Any) -> Any:
 
 @inlined
 def sort(order, n, high, low):
-    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall.
+    """Fill order with 0 to n - 1 so that high, then low, then the numbers themselves rise.
 
     It is Shell's method, which needs no other memory.
     """
@@ -90,8 +90,11 @@ def sort(order, n, high, low):
         gap = max(gap * 5 // 11, 1)
         for k in range(gap, n):
             i = order[k]
-            while k >= gap and (high[i], low[i]) < (high[order[k - gap]], low[order[k - gap]]):
-                order[k] = order[k - gap]
+            while k >= gap:
+                j = order[k - gap]
+                if (high[j], low[j], j) <= (high[i], low[i], i):
+                    break
+                order[k] = j
                 k -= gap
             order[k] = i
 

@@ -1,0 +1,180 @@
+"""Loops of one's own: numba and LLVM compile them when they are first used, and a file keeps them.
+
+The file is in the user's cache. Its name tells all that the machine code follows from, so that code
+of a changed source is never used.
+"""
+
+import importlib.util
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from functools import partial
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+
+from .machine_code import INLINED, LOOPS, PACKAGE
+
+NUMBA = "numba>=0.66"  # see setup.py
+_HASH = 8  # bytes of a file before its machine code
+
+
+def codes(names, levels):
+    """The machine code of modules' loops for levels, by what `object_name` makes of both.
+
+    Raises:
+        RuntimeError: if it cannot be made; the message says why.
+    """
+    if "__main__" in names:  # of another process, the compiler, this is another file
+        raise RuntimeError(
+            "loops of a driver script cannot be compiled: have the class with its operations "
+            "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
+        )
+    places = {name: _places(name, levels) for name in names}
+    known = {key: _read(place) for some in places.values() for key, place in some.items()}
+    missing = [name for name in names if any(known[key] is None for key in places[name])]
+    if missing:
+        package = missing[0].partition(".")[0]
+        _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
+        begin = time.perf_counter()
+        with tempfile.TemporaryDirectory() as folder:
+            compile_to(folder, levels, missing)
+            made = {key: place for name in missing for key, place in places[name].items()}
+            known |= {key: Path(folder, key).read_bytes() for key in made}
+        _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
+        try:
+            for key, place in made.items():
+                _save(place, known[key])
+        except OSError as error:
+            _tell(f"{package} compiles its loops at each start, for they cannot be kept: {error}")
+    return known
+
+
+def object_name(name, level):
+    """The name of the file with a module's machine code for a level."""
+    return f"{name}.{level}.o"
+
+
+def compile_to(folder, levels, names):
+    """Have processes of their own, whose memory ends with them, write the files of modules and levels
+    to a folder.
+
+    Raises:
+        RuntimeError: with what a process says that cannot do it.
+    """
+    names = sorted(names, key=lambda name: len(LOOPS[name]), reverse=True)
+    # by this process's path: with -m a folder that LAMMPS runs in would come before the library
+    start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
+    start += f"run({f'{__package__}.lower'!r}, run_name='__main__')"
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", start, str(folder), ",".join(levels), *names],
+            env=os.environ | {"MPI4PY_RC_INITIALIZE": "0"},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for _ in names[: min(4, os.cpu_count() or 1)]
+    ]
+    said = [process.communicate()[1] for process in processes]
+    for process, errors in zip(processes, said, strict=True):
+        if process.returncode:
+            raise RuntimeError(errors.strip() or "the compiler ended")
+
+
+def engine(code):
+    """The owner of machine code that is ready to run."""
+    from llvmlite import binding as llvm
+
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    target = llvm.Target.from_default_triple().create_target_machine(jit=True)
+    owner = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+    owner.add_object_file(llvm.ObjectFileRef.from_data(code))
+    owner.finalize_object()
+    return owner
+
+
+_tell = partial(print, file=sys.stderr, flush=True)
+
+
+# ---------------------------------------------------------------- the cache
+
+
+def _places(name, levels):
+    """Where a module's machine code is kept, by `object_name`; the file's name says what the code
+    follows from."""
+    from importlib import metadata
+
+    try:
+        versions = metadata.version("numba"), metadata.version("llvmlite")
+    except metadata.PackageNotFoundError:
+        raise RuntimeError(
+            f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
+            f'pip install "{NUMBA}"'
+        ) from None
+    compiler = Path(__file__).with_name("lower.py").read_text()
+    loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
+    made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
+    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    folder = Path(cache, PACKAGE)
+    return {key: folder / f"{made_of}.{key}" for key in (object_name(name, one) for one in levels)}
+
+
+def _read(place):
+    """The machine code in a file, if that is whole and nobody else can have written it."""
+    try:
+        with open(place, "rb") as file:
+            about, content = os.fstat(file.fileno()), file.read()
+    except OSError:
+        return None
+    safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
+    return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
+
+
+def _save(place, code):
+    """Write a file, whole or not at all."""
+    place.parent.mkdir(0o700, parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
+        file.write(_hash(code) + code)
+    os.replace(file.name, place)
+
+
+_hash = importlib.util.source_hash
+
+
+def _codes(code):
+    """A function's code and that of what is defined in it."""
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _codes(constant)
+
+
+def _meaning(function, within=()):
+    """All that the machine code of a function follows from, but for functions that it is within,
+    whose name may be that of a field."""
+    within = *within, function
+    codes = list(_codes(function.__code__))
+    names = sorted({name for code in codes for name in code.co_names})
+    used = {name: function.__globals__[name] for name in names if name in function.__globals__}
+    for module in [value for value in used.values() if isinstance(value, ModuleType)]:
+        found = [name for name in names if hasattr(module, name)]
+        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in found}
+    free, cells = function.__code__.co_freevars, function.__closure__ or ()
+    used |= {name: cell.cell_contents for name, cell in zip(free, cells, strict=True)}
+    for name, value in used.items():
+        inlines = isinstance(value, FunctionType) and value in INLINED and value not in within
+        used[name] = _meaning(value, within) if inlines else getattr(value, "__name__", value)
+    plain = [
+        (
+            code.co_code,
+            [constant for constant in code.co_consts if not isinstance(constant, CodeType)],
+            code.co_names,
+            code.co_varnames,
+        )
+        for code in codes
+    ]
+    return plain, used, function.__defaults__, INLINED.get(function)
