@@ -41,9 +41,9 @@ def build(place, levels):
         if level not in machine_code.LEVELS:  # of another machine
             compiler = f"{level}-linux-gnu-gcc"
         with tempfile.TemporaryDirectory() as folder:
-            objects = [Path(folder, own.object_name(name, level)) for name in names]
-            for one in objects:
-                one.write_bytes(codes[one.name])
+            objects = [Path(folder, f"{name}.o") for name in names]
+            for name, one in zip(names, objects, strict=True):
+                one.write_bytes(codes[name, level])
             target = Path(place, f"loops_{level}.so")
             subprocess.run([*shlex.split(compiler), *LINK, *objects, "-o", target], check=True)
 
