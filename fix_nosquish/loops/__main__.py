@@ -40,9 +40,9 @@ def build(place, levels):
     compiler = shlex.split(os.environ.get("CXX", "c++"))
     for level in levels:
         with tempfile.TemporaryDirectory() as folder:
-            objects = [Path(folder, own.object_name(name, level)) for name in names]
-            for one in objects:
-                one.write_bytes(codes[one.name])
+            objects = [Path(folder, f"{name}.o") for name in names]
+            for name, one in zip(names, objects, strict=True):
+                one.write_bytes(codes[name, level])
             target = Path(place, f"loops_{level}.so")
             subprocess.run([*compiler, *LINK, *objects, "-o", target], check=True)
 
