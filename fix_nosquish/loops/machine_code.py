@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 PACKAGE = __name__.partition(".")[0]
 FOLDER = Path(__file__).parent.parent
-# what each level of x86-64 adds, in Linux's words (the levels are those of the psABI)
+# what each level of x86-64 adds to those before, in Linux's words (the levels are the psABI's)
 ADDED = {
+    "x86-64": set(),
     "x86-64-v2": {"cx16", "lahf_lm", "popcnt", "pni", "sse4_1", "sse4_2", "ssse3"},
     "x86-64-v3": {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"},
     "x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
@@ -34,7 +35,7 @@ LOOPS: dict[str, list["Loop"]] = {}  # by their modules' names
 
 @cache
 def level():
-    """The number in `LEVELS` of the highest that this processor has; -1 if it has none."""
+    """The number in `LEVELS` of the highest that this processor has."""
     if LEVELS == [MACHINE] or not os.path.exists("/proc/cpuinfo"):
         return 0
     with open("/proc/cpuinfo") as lines:
@@ -55,10 +56,9 @@ def library(highest):
         if (file := FOLDER / f"loops_{name}.so").exists():
             return ctypes.CDLL(str(file))
     if others := sorted(file.stem.removeprefix("loops_") for file in FOLDER.glob("loops_*.so")):
-        name = LEVELS[max(highest, 0)]
         raise RuntimeError(
             f"a rank's processor is no {others[0]}, for which {PACKAGE} was compiled: compile it "
-            f"with NOSQUISH_LEVELS={name} in the environment"
+            f"with NOSQUISH_LEVELS={LEVELS[highest]} in the environment"
         )
     return None
 
@@ -79,9 +79,9 @@ def load(communicator, *names):
     with communicator.together(FAILED):
         known = library(agreed)
         for name in [name for name in names if name in LOOPS]:
-            found = [known and getattr(known, one.name, None) for one in LOOPS[name]]
-            if all(found):
-                for one, function in zip(LOOPS[name], found, strict=True):
+            functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
+            if all(functions):
+                for one, function in zip(LOOPS[name], functions, strict=True):
                     one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
             else:
                 others.append(name)
@@ -97,12 +97,12 @@ def _load_others(communicator, names, agreed):
     with communicator.together(FAILED):
         try:
             if communicator.rank == 0:
-                codes = own.codes(names, [LEVELS[max(agreed, 0)]])
+                codes = own.codes(names, [LEVELS[agreed]])
         finally:
             communicator.rest()  # while rank 0 compiles
     codes = communicator.share(codes)
     with communicator.together(FAILED):
         for name in names:
-            engine = own.engine(codes[own.object_name(name, LEVELS[max(agreed, 0)])])
+            engine = own.engine(codes[name, LEVELS[agreed]])
             for one in LOOPS[name]:
                 one.take(engine.get_function_address(one.name), engine, agreed)

@@ -1,7 +1,7 @@
-"""Loops of one's own: numba and LLVM compile them when they are first used, and a file keeps them.
+"""Loops of one's own: numba and LLVM compile them when they are first used, and files keep them.
 
-The file is in the user's cache. Its name tells all that the machine code follows from, so that code
-of a changed source is never used.
+The files are in the user's cache. Their names tell all that the machine code follows from, so that
+code of a changed source is never used.
 """
 
 import importlib.util
@@ -10,18 +10,19 @@ import subprocess
 import sys
 import tempfile
 import time
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
 NUMBA = "numba>=0.66"  # see setup.py
-_HASH = 8  # bytes of a file before its machine code
+_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
+_tell = partial(print, file=sys.stderr, flush=True)
 
 
 def codes(names, levels):
-    """The machine code of modules' loops for levels, by what `object_name` makes of both.
+    """The machine code of modules' loops for levels, by pairs of both; compiled if need be.
 
     Raises:
         RuntimeError: if it cannot be made; the message says why.
@@ -31,34 +32,19 @@ def codes(names, levels):
             "loops of a driver script cannot be compiled: have the class with its operations "
             "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
         )
-    places = {name: _places(name, levels) for name in names}
-    known = {key: _read(place) for some in places.values() for key, place in some.items()}
-    missing = [name for name in names if any(known[key] is None for key in places[name])]
+    within = folder()
+    places = {(name, level): place(within, name, level) for name in names for level in levels}
+    missing = sorted({name for (name, _), one in places.items() if read(one) is None})
     if missing:
-        package = missing[0].partition(".")[0]
+        package, begin = missing[0].partition(".")[0], time.perf_counter()
         _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
-        begin = time.perf_counter()
-        with tempfile.TemporaryDirectory() as folder:
-            compile_to(folder, levels, missing)
-            made = {key: place for name in missing for key, place in places[name].items()}
-            known |= {key: Path(folder, key).read_bytes() for key in made}
+        compile_all(within, missing, levels)
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-        try:
-            for key, place in made.items():
-                _save(place, known[key])
-        except OSError as error:
-            _tell(f"{package} compiles its loops at each start, for they cannot be kept: {error}")
-    return known
+    return {pair: read(one) for pair, one in places.items()}
 
 
-def object_name(name, level):
-    """The name of the file with a module's machine code for a level."""
-    return f"{name}.{level}.o"
-
-
-def compile_to(folder, levels, names):
-    """Have processes of their own, whose memory ends with them, write the files of modules and levels
-    to a folder.
+def compile_all(within, names, levels):
+    """Have processes of their own, whose memory ends with them, compile loops, for `read`.
 
     Raises:
         RuntimeError: with what a process says that cannot do it.
@@ -67,16 +53,17 @@ def compile_to(folder, levels, names):
     # by this process's path: with -m a folder that LAMMPS runs in would come before the library
     start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
     start += f"run({f'{__package__}.lower'!r}, run_name='__main__')"
+    many = min(4, os.cpu_count() or 1, len(names))
     processes = [
         subprocess.Popen(
-            [sys.executable, "-c", start, str(folder), ",".join(levels), *names],
+            [sys.executable, "-c", start, str(within), ",".join(levels), *names[first::many]],
             env=os.environ | {"MPI4PY_RC_INITIALIZE": "0"},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for _ in names[: min(4, os.cpu_count() or 1)]
+        for first in range(many)
     ]
     said = [process.communicate()[1] for process in processes]
     for process, errors in zip(processes, said, strict=True):
@@ -97,15 +84,26 @@ def engine(code):
     return owner
 
 
-_tell = partial(print, file=sys.stderr, flush=True)
-
-
 # ---------------------------------------------------------------- the cache
 
 
-def _places(name, levels):
-    """Where a module's machine code is kept, by `object_name`; the file's name says what the code
-    follows from."""
+_spare = cache(tempfile.TemporaryDirectory)  # while this process runs
+
+
+def folder():
+    """Where machine code is kept: in the user's cache, if there can be one."""
+    kept = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), PACKAGE)
+    try:
+        kept.mkdir(0o700, parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=kept).close()
+    except OSError as error:
+        _tell(f"{PACKAGE} compiles loops at each start, for it cannot keep them: {error}")
+        return Path(_spare().name)
+    return kept
+
+
+def place(within, name, level):
+    """The file of the machine code of a module's loops; its name says what that follows from."""
     from importlib import metadata
 
     try:
@@ -118,12 +116,10 @@ def _places(name, levels):
     compiler = Path(__file__).with_name("lower.py").read_text()
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
     made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
-    cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    folder = Path(cache, PACKAGE)
-    return {key: folder / f"{made_of}.{key}" for key in (object_name(name, one) for one in levels)}
+    return within / f"{name}.{made_of}.{level}.o"
 
 
-def _read(place):
+def read(place):
     """The machine code in a file, if that is whole and nobody else can have written it."""
     try:
         with open(place, "rb") as file:
@@ -134,15 +130,11 @@ def _read(place):
     return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
 
 
-def _save(place, code):
+def save(place, code):
     """Write a file, whole or not at all."""
-    place.parent.mkdir(0o700, parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
         file.write(_hash(code) + code)
     os.replace(file.name, place)
-
-
-_hash = importlib.util.source_hash
 
 
 def _codes(code):

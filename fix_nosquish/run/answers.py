@@ -1,6 +1,6 @@
 """What LAMMPS and its users ask of the bodies, at any time from the first run on.
 
-The functions that take an integrator alone, or what a hook has, are methods of `Integrator`.
+Public functions here are methods of `Integrator`, most of them hooks.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,6 +1,6 @@
 """How a run begins: what it finds out, and what its passes are bound to.
 
-The functions that take an integrator alone are methods of `Integrator`.
+Public functions here are methods of `Integrator`.
 """
 
 from math import gcd

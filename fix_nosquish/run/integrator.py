@@ -95,6 +95,10 @@ class Integrator(Registered, Declaration):
     waiting: float | None = None
     file: BodyFile | None = None
     rows_lent: np.ndarray
+    said: list[str]
+    warned: set[str]
+    known: dict[str, Any]
+    taken: velocities.Taken
     gained_at_end: float
     switches: list[Choice]
     first_step: int
@@ -114,10 +118,7 @@ class Integrator(Registered, Declaration):
         self.passes, self.parameters = cast(Passes, None), cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external, self.unchanged = External(), refusals.Unchanged()
-        self.said: list[str] = []
-        self.warned: set[str] = set()
-        self.known: dict[str, Any] = {}
-        self.taken = velocities.Taken()
+        self.said, self.warned, self.known = [], set(), {}
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
         self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)

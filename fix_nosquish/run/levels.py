@@ -1,6 +1,6 @@
 """A step of run_style respa: each level's forces begin and end a step with its own time step.
 
-The functions are methods of `Integrator`.
+The functions here are hooks of `Integrator`.
 """
 
 from typing import TYPE_CHECKING
