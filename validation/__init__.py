@@ -52,5 +52,7 @@ INSTALLED = "fix_nosquish_validation"  # what pip installs the folder as; LAMMPS
 NAME = __name__
 COMMAND = f"python -m {NAME}"
 
-# Python looks into the checkout last: what is measured is the fix_nosquish that is installed
-sys.path[:] = [place for place in sys.path if Path(place).resolve() != CHECKOUT] + [str(CHECKOUT)]
+if Path(__file__).resolve().parent.name != INSTALLED:
+    # Python looks into the checkout last: what is measured is the fix_nosquish that is installed
+    others = [place for place in sys.path if Path(place).resolve() != CHECKOUT]
+    sys.path[:] = [*others, str(CHECKOUT)]

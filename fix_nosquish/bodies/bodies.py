@@ -7,10 +7,10 @@ atom, and of their atoms only its own.  `build` makes them.
 
 from collections.abc import Sequence
 from copy import copy
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
+from weakref import WeakMethod
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from ..errors import RunError
 from ..host.lammps import Box, Lammps
@@ -62,12 +62,6 @@ class Start(NamedTuple):
     spacing: float = np.inf
 
 
-class TakesForces(Protocol):
-    """What takes external forces, as `run.external.External` does."""
-
-    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None: ...
-
-
 class _View:
     """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
 
@@ -104,7 +98,7 @@ class Bodies:
         start: what is known of the start of the run.
         suspects: part of the message for an atom that was moved: which other fixes may have done
             that.
-        external: what takes external forces; see `add_force`.
+        taker: a weak method that takes external forces: see `add_force`.
         loose: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Kinds.own_moments`.
@@ -120,7 +114,7 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
-    external: TakesForces
+    taker: WeakMethod
 
     def __init__(
         self,
@@ -148,21 +142,18 @@ class Bodies:
         ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
-        lanes = aligned((block.BLOCK_ROWS + state.shape[0], block.LANES))
-        self.cells = self._memory.cells | self.sharers.cells
         self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
+        own = {
+            "kinds": self.kinds,
+            "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),
+            "found": np.zeros(len(migration.FOUND)),
+            "off": np.zeros(2),
+            "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
+            **dict.fromkeys(PeriodicBox._fields),  # see `know_box`
+        }
         kinds = migration.follow.kinds
-        for name, value in (
-            ("kinds", self.kinds),
-            ("block", lanes),
-            ("found", np.zeros(len(migration.FOUND))),
-            ("aways", np.zeros(1, np.int64)),
-            ("off", np.zeros(2)),
-            ("arrived", np.empty((0, OF_BODY + len(state) + len(displace)))),
-        ):
-            self.cells[name] = Cell(kinds[name], value)
-        self.cells |= {"mask": Cell(F2, np.ones((6, 1)))}
-        self.cells |= {name: Cell(kinds[name]) for name in PeriodicBox._fields}
+        self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.ones((6, 1)))}
+        self.cells |= {name: Cell(kinds[name], value) for name, value in own.items()}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
 
@@ -207,11 +198,10 @@ class Bodies:
     def bind(self, membership: Membership) -> None:
         """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
         along where it is now: `note`."""
-        masks = dict(zip(("fix_group", "body_groups", "points"), membership.masks, strict=True))
         bound = (
             self.cells
             | membership.lammps.cells
-            | {name: Cell(I, mask) for name, mask in masks.items()}
+            | {name: Cell(I, mask) for name, mask in membership.masks.items()}
         )
         bound["arrived_cell"] = Cell(L1, membership.lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE
@@ -231,7 +221,7 @@ class Bodies:
         self.know_box(lammps.box)
         problem = self.following()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         return problem != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
@@ -247,16 +237,14 @@ class Bodies:
         if new is not None:
             # they come with their atoms, as bodies do that come from other ranks
             arrived = lammps.cells["arrived"]
-            columns = new._columns_of_atoms()
-            rows = np.zeros((columns.shape[1], OF_BODY + len(columns)))
-            rows[:, OF_BODY:] = columns.T
+            rows = new.rows_of_atoms()
             lammps.cells["origins"].array[new.index] = (
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
             arrived.set(np.concatenate([arrived.array, rows]))
         problem = self._following_fewer()
         if problem == migration.OFF:
-            self._communicator.agree(self._off())
+            self._refuse_off()
         elif problem:
             raise RunError(
                 f"atoms came into bodies by step {lammps.step} that this fix does not know: "
@@ -272,7 +260,7 @@ class Bodies:
         """
         self.know_box(lammps.box)
         if self._settle():
-            self._communicator.agree(self._off())
+            self._refuse_off()
 
     def refuse_moved_atoms(self, lammps: Lammps) -> None:
         """End the run if an atom is not where its body has it; collective.
@@ -292,28 +280,27 @@ class Bodies:
                 "arrays, or has another ID. Use 'run N pre yes'"
             ),
         )
-        kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift", "aways")}
-        if self._settle():
-            self._communicator.agree(self._off())
-        for name in "state", "away", "shift":
-            self._memory.put(name, kept[name])
-        self.cells["aways"].array[:] = kept["aways"]
+        kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
+        self.settle(lammps)
+        for name, values in kept.items():
+            self._memory.put(name, values)
 
     def of_atoms(self, lammps: Lammps, followed: bool = True) -> Former:
         """What each of LAMMPS's atoms here is in these bodies; see `Former`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        columns = np.zeros((len(self.state) + len(self.displace), len(origins)))
-        columns[:, here] = self._columns_of_atoms()[:, places(origins[here])]
-        columns[:, came] = arrived[-2 - origins[came], OF_BODY:].T
-        state, displace = np.split(columns, [len(self.state)])
+        rows = np.zeros((len(origins), OF_BODY + len(self.state) + len(self.displace)))
+        rows[here] = self.rows_of_atoms(places(origins[here]))
+        rows[came] = arrived[-2 - origins[came]]
+        state, displace = np.split(rows.T[OF_BODY:], [len(self.state)])
         ids = state[block.ID].astype(np.int64)
         return Former(here | came, ids, state[block.NATOMS], state[Q], displace, followed)
 
-    def _columns_of_atoms(self) -> np.ndarray:
-        """Of each atom here the state of its body, then its own column of `displace`, (..., m)."""
-        return np.concatenate([self.state[:, self.body], self.displace])
+    def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
+        """What goes with these atoms to other ranks, but for their origins: a row of each."""
+        body, displace = self.body[which], self.displace[:, which]
+        return np.vstack([np.zeros((OF_BODY, len(body))), self.state[:, body], displace]).T.copy()
 
     def know_box(self, box: Box) -> None:
         """Have the cells of the box as this one is, if it is another one than before."""
@@ -325,16 +312,17 @@ class Bodies:
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
             self.cells["near"].set(near)
 
-    def _off(self) -> str | None:
-        """The message for the atom that is off its body; None if there is none on this rank."""
+    def _refuse_off(self) -> None:
+        """End the run because an atom of some rank is off its body; collective."""
         far, atom = self.cells["off"].array
-        if far <= self.cells["near"].number:
-            return None
-        return (
-            f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
-            f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
-            "bodies, and change positions between runs only, with 'run N pre yes' after it, "
-            "and not with reinit no or infile, which keep the bodies of the last run"
+        self._communicator.refuse(
+            np.array([not far <= self.cells["near"].number]),
+            lambda _: (
+                f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
+                f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
+                "bodies, and change positions between runs only, with 'run N pre yes' after it, "
+                "and not with reinit no or infile, which keep the bodies of the last run"
+            ),
         )
 
     # ------------------------------------------------------------- motion
@@ -360,7 +348,14 @@ class Bodies:
                 are not finite or of another shape, if ranks hand in different ones, and in a run
                 that began without external forces.
         """
-        self.external.give(ids, force, torque)
+        take = self.taker()
+        if take is None:  # nobody holds the integrator any more
+            raise RunError(
+                "add_force: the fix of these bodies is gone, by unfix or with its LAMMPS: take "
+                "those of a fix that there is, by rigid_bodies",
+                everywhere=True,
+            )
+        take(ids, force, torque)
 
     def take_velocities(
         self,

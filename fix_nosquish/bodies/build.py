@@ -13,7 +13,6 @@ from ..loops import machine_code
 from ..motion.frames import matrices, quaternions
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
-from .given import Given, nothing
 from .members import Members, find_members, sharers_of
 from .membership import POINTS, Former, Membership
 from .particles import Particles, particles_of
@@ -25,6 +24,38 @@ _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 # atoms further off a linear body's line than this part of its radius of gyration are beside it: a
 # data file may have rounded places
 _BESIDE = 1e-2
+
+
+class Given(NamedTuple):
+    """What is known of some of this rank's bodies besides their atoms: from an infile, or from a
+    molecule template.
+
+    Attributes:
+        which: (n,) bool, of which of this rank's bodies; m of them, in their order.
+        ids: IDs of all such bodies, on any rank.
+        mass: (m,).
+        centre: (3, m) of mass, from the body's first atom.
+        inertia: (m, 3, 3), space frame.
+        momenta: (6, m) linear and angular, space frame.
+        warnings: lines for the log.
+    """
+
+    which: np.ndarray
+    ids: np.ndarray
+    mass: np.ndarray
+    centre: np.ndarray
+    inertia: np.ndarray
+    momenta: np.ndarray
+    warnings: list[str]
+
+
+def nothing(unfolded: Unfolded) -> Given:
+    """`Given` of no body."""
+    which = np.zeros(len(unfolded.members.ids), bool)
+    none = np.empty((6, 0))
+    return Given(
+        which, np.empty(0, np.int64), none[0], none[:3], np.empty((0, 3, 3)), none, warnings=[]
+    )
 
 
 class Recipe(NamedTuple):
@@ -261,16 +292,12 @@ def count(membership: Membership) -> int | None:
     """How many bodies there are, None if that cannot be told (yet); collective."""
     if membership.variable:
         return None  # the variable may need a run
-    communicator = membership.communicator
-    ids, problem = np.empty(0, np.int64), False
     try:
         ids = np.unique(membership.body_ids(membership.atoms()))
-        ids = ids[ids < POINTS]
     except RunError:
-        problem = True
-    if communicator.any(problem):
         return None
-    return communicator.count(sharers_of(communicator, ids).owned.sum()) or None
+    owned = sharers_of(membership.communicator, ids[ids < POINTS]).owned
+    return membership.communicator.count(owned.sum()) or None
 
 
 def _notes(bodies: Bodies, unfolded: Unfolded, particles: Particles | None, given: Given) -> Notes:
@@ -314,8 +341,8 @@ def _with_atoms(state: np.ndarray, kept: shapes.Kept, recipe: Recipe, chosen: in
     displace = [np.einsum("abn,na->bn", matrices(q), kept.r), members.tag]
     spin = directed = False
     if particles is not None:
-        directed = come and recipe.oriented
-        directed = communicator.any(directed or particles.quat.any() or particles.dipole.any())
+        has = particles.quat.any() or particles.dipole.any()
+        directed = communicator.any(has or (come and recipe.oriented))
         spin = directed or communicator.any(come or particles.moment.any())
         if recipe.oriented:
             displace.append(particles.in_bodies(q))

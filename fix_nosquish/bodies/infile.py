@@ -15,11 +15,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import RunError
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 from .bodies import Bodies
-from .given import Given
+from .build import Given
 from .membership import POINTS, Membership
 from .unfold import Unfolded
 
@@ -44,18 +43,16 @@ def read(path: str, counts: bool, unfolded: Unfolded) -> Given:
     if communicator.rank == 0:
         try:
             rows = _parse(path)
-        except OSError as error:
-            problem = f"cannot read the infile {path}: {error.strerror}"
-        except ValueError as error:
-            problem = f"cannot read the infile {path}: {error}"
+        except (OSError, ValueError) as error:
+            why = getattr(error, "strerror", error)
+            problem = f"cannot read the infile {path}: {why}"
     communicator.agree(problem)
     rows = communicator.share(rows)
     named = rows[:, 0].astype(np.int64) + _offset(counts, ids, communicator)
     missing = communicator.total(np.isin(named, ids[members.owned])) == 0
-    if missing.any():
-        raise RunError(
-            f"the infile {path} names body {named[missing][0]}, which is not there", everywhere=True
-        )
+    communicator.refuse(
+        missing, lambda k: f"the infile {path} names body {named[k]}, which is not there"
+    )
     rows = rows[np.argsort(named)][np.isin(np.sort(named), ids)]
     which = np.isin(ids, named)
     mass, image = rows[:, 1], rows[:, 17:20].T.astype(np.int64)

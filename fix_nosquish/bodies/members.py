@@ -126,14 +126,7 @@ def find_members(
     """
     lammps, communicator = membership.lammps, membership.communicator
     atoms = membership.atoms() if atoms is None else atoms
-    ids_of_atoms, problem = np.zeros(len(atoms), np.int64), None
-    try:
-        ids_of_atoms = membership.body_ids(atoms, former)
-    except RunError as error:
-        if error.everywhere:
-            raise
-        problem = str(error)
-    communicator.agree(problem)
+    ids_of_atoms = membership.body_ids(atoms, former)
     tag, mass = lammps.tags[atoms].astype(np.int64), lammps.masses[atoms]
     if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(

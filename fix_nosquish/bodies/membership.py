@@ -1,6 +1,6 @@
 """Which atoms form which body, as the fix line says it."""
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -42,8 +42,8 @@ class Membership:
         communicator: the `Communicator` of its ranks, or `ALONE`.
         command: the `Command`, which is the fix line.
         variable: name of the atom-style variable that tells bodies apart; "" if none does.
-        masks: bits of `lammps.groups`.  An atom is in a body if its groups have some bit of the
-            first mask and some of the second.  It is a point if they have some bit of the third.
+        masks: bits of `lammps.groups` by name.  An atom is in a body if its groups have some bit of
+            fix_group and some of body_groups.  It is a point if they have some bit of points.
 
     Raises:
         RunError: on all ranks, for a group or variable that is not there.
@@ -67,9 +67,12 @@ class Membership:
                 everywhere=True,
             )
         self._bits = [lammps.group_bit(group) for group in of_bodies]
-        points = sum(lammps.group_bit(group) for group in of_points)
-        masks = [lammps.group_bit(command.group), np.bitwise_or.reduce(self._bits), points]
-        self.masks: list[int] = np.array(masks, np.uint32).view(np.int32).tolist()
+        bits = {
+            "fix_group": lammps.group_bit(command.group),
+            "body_groups": np.bitwise_or.reduce(self._bits),
+            "points": sum(lammps.group_bit(group) for group in of_points),
+        }
+        self.masks = {name: np.uint32(some).view(np.int32).item() for name, some in bits.items()}
 
     def atoms(self) -> np.ndarray:
         """Indices of this rank's atoms that are in bodies, or points."""
@@ -77,12 +80,13 @@ class Membership:
 
     def _rigid_and_points(self) -> tuple[np.ndarray, np.ndarray]:
         """Which of this rank's atoms are in bodies, and which are points, (natoms,) bool each."""
-        one, other, points = (self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks)
+        one, other, points = (
+            self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
+        )
         return one & other, points
 
     def body_ids(self, atoms: np.ndarray, former: Former | None = None) -> np.ndarray:
-        """The ID of the body of each of these atoms, or of the point that it is; collective for
-        v_NAME.
+        """The ID of the body of each of these atoms, or of the point that it is; collective.
 
         Args:
             atoms: (m,) their indices.
@@ -90,17 +94,20 @@ class Membership:
         Returns:
             (m,) int64.
         Raises:
-            RunError: for an atom that is both, and where the body style's IDs are not there.
+            RunError: on all ranks, for an atom that is both, and where the body style's IDs are not
+                there.
         """
         rigid, points = (which[atoms] for which in self._rigid_and_points())
         tags = self.lammps.tags[atoms].astype(np.int64)
         ids = POINTS + tags
         ids[rigid] = self._ids_of_bodies(atoms[rigid], former)
-        if (rigid & points).any():
-            raise RunError(
-                f"atom {tags[rigid & points][0]} is in a rigid body, and in group "
+        self.communicator.refuse(
+            rigid & points,
+            lambda k: (
+                f"atom {tags[k]} is in a rigid body, and in group "
                 f"'{self.command.points}' of keyword points: leave it out of one of them"
-            )
+            ),
+        )
         return ids
 
     def _ids_of_bodies(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
@@ -121,21 +128,21 @@ class Membership:
         else:
             values = lammps.per_atom(arguments[0], np.int32)
             what = f"{arguments[0]}: define it with fix property/atom before the fix"
-        if values is None:
-            raise RunError(f"body style {style} needs {what}")
-        return values[atoms].astype(np.int64)
+        self.communicator.agree(None if values is not None else f"body style {style} needs {what}")
+        return cast(np.ndarray, values)[atoms].astype(np.int64)
 
     def _by_group(self, atoms: np.ndarray) -> np.ndarray:
         """As `body_ids`: a body is what is in a group of the fix line, and they count from 1."""
         groups = self.lammps.groups[atoms]
         inside = np.array([groups & bit != 0 for bit in self._bits])
-        several = np.flatnonzero(inside.sum(axis=0) > 1)
-        if len(several):
-            both = [g for g, i in zip(self.command.arguments, inside[:, several[0]]) if i]
-            raise RunError(
-                f"atom {self.lammps.tags[atoms[several[0]]]} is in more than one body: it is in "
-                f"the groups {' and '.join(both)}; use groups without common atoms"
-            )
+        names = np.array(self.command.arguments)
+        self.communicator.refuse(
+            inside.sum(axis=0) > 1,
+            lambda k: (
+                f"atom {self.lammps.tags[atoms[k]]} is in more than one body: it is in "
+                f"the groups {' and '.join(names[inside[:, k]])}; use groups without common atoms"
+            ),
+        )
         return 1 + np.argmax(inside, axis=0)
 
     def _by_variable(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
@@ -150,11 +157,13 @@ class Membership:
             ids, known = np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool)
         if self.communicator.any(not known.all()):
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
-            if not np.isfinite(values[~known]).all():
-                raise RunError(
+            self.communicator.refuse(
+                ~known & ~np.isfinite(values),
+                lambda k: (
                     f"variable {self.variable} is not finite for every atom of the group, "
                     "so it cannot tell bodies apart"
-                )
+                ),
+            )
             ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
         return ids
 

@@ -194,26 +194,17 @@ def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.nda
         (n, 3, 3) rotation matrices.
     """
     left, size, _ = np.linalg.svd(products)
-    line, left_out = left[:, :, 0], size[:, 1] <= _LINE * size[:, 0]
-    turn = turn.copy()
+    left_out = size[:, 1] <= _LINE * size[:, 0]
+    along = left[:, :, :1] @ left[:, :, :1].transpose(0, 2, 1)
+    across, turn = np.eye(3) - along, turn.copy()
     for told in others:
         told = told @ turn.transpose(0, 2, 1)
-        skew = told - told.transpose(0, 2, 1)
-        sine = (line * np.array([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]]).T).sum(axis=1)
-        cosine = np.einsum("naa->n", told) - np.einsum("na,nab,nb->n", line, told, line)
-        radius = np.hypot(sine, cosine)
-        which = left_out & (radius > _WEAK * np.linalg.norm(told, axis=(1, 2)))
-        about = line[which] * np.arctan2(sine, cosine)[which, None]
-        turn[which] = _about(about) @ turn[which]
+        size = np.linalg.norm(told, axis=(1, 2))[:, None, None]
+        about = across @ told @ across
+        which = left_out & (np.linalg.norm(about, axis=(1, 2)) > _WEAK * size[:, 0, 0])
+        turn[which] = best_turns((about + size * along)[which]) @ turn[which]
         left_out &= ~which
     return turn
-
-
-def _about(vectors: np.ndarray) -> np.ndarray:
-    """Rotation matrices (n, 3, 3) about these vectors (n, 3) by their lengths."""
-    angle = np.linalg.norm(vectors, axis=1)
-    sine = np.sinc(0.5 * angle / np.pi) * 0.5 * vectors.T
-    return matrices(np.array([np.cos(0.5 * angle), *sine])).transpose(2, 0, 1)
 
 
 def _say(

@@ -21,14 +21,14 @@ class Species(NamedTuple):
 
     Attributes:
         key: (s,) int64, what tells a species apart, ascending.
-        natoms: (s,) number of atoms of a body.
         first: (s,) the lowest ID of a body.
+        natoms: (s,) number of atoms of a body.
         counts: (s, 3) how many bodies have each of _SHAPES.
     """
 
     key: np.ndarray
-    natoms: np.ndarray
     first: np.ndarray
+    natoms: np.ndarray
     counts: np.ndarray
 
 
@@ -54,10 +54,10 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     other = (far > _DIFFERENT) & owned
     differ = communicator.total(np.bincount(species[other], minlength=len(found.key))).astype(int)
     # of each species the body that differs most
-    rows = _first_of_each(np.array([species, far, bodies.id], float)[:, other].T)
+    rows = _of_each(np.array([species, -far, bodies.id], float)[:, other].T)
     furthest = np.zeros((len(found.key), 2))
-    rows = _first_of_each(communicator.gather_to_all(rows))
-    furthest[rows[:, 0].astype(int)] = rows[:, 1:]
+    rows = _of_each(communicator.gather_to_all(rows))
+    furthest[rows[:, 0].astype(int)] = rows[:, 1:] * [-1.0, 1.0]
     mixed = np.count_nonzero(found.counts, axis=1) > 1
     said = np.flatnonzero((differ > 0) | mixed)
     said = said[np.argsort(-furthest[said, 0], kind="stable")]
@@ -67,10 +67,12 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     return lines
 
 
-def _first_of_each(rows: np.ndarray) -> np.ndarray:
-    """Of rows (n, k) with the same first number, the one whose second number is the largest."""
-    rows = rows[np.lexsort((-rows[:, 1], rows[:, 0]))]
-    return rows[np.unique(rows[:, 0], return_index=True)[1]]
+def _of_each(rows: np.ndarray) -> np.ndarray:
+    """Of rows (n, k) with the same first number, the one whose second number is the lowest, with
+    the sums of all that is behind the third."""
+    rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
+    first = np.unique(rows[:, 0], return_index=True)[1]
+    return np.hstack([rows[first, :3], np.add.reduceat(rows[:, 3:], first, axis=0)])
 
 
 def _deviations(
@@ -120,20 +122,10 @@ def _species(bodies: Bodies, communicator: Alone, key: np.ndarray, owned: np.nda
         owned: (n,) bool, which bodies to count here.
     """
     counts = _shapes(bodies)[:, None] == np.arange(len(_SHAPES))
-    rows = np.column_stack([key, bodies.natoms.astype(np.int64), bodies.id, counts])[owned]
-    rows = _merged(communicator.gather_to_all(_merged(rows)))
+    rows = np.column_stack([key, bodies.id, bodies.natoms.astype(np.int64), counts])[owned]
+    rows = _of_each(communicator.gather_to_all(_of_each(rows)))
     rows = rows[rows[:, 3:].sum(axis=1) > 1]
     return Species(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3:])
-
-
-def _merged(rows: np.ndarray) -> np.ndarray:
-    """Rows (key, natoms, ID, counts...) with the same key as one: the lowest ID, summed counts."""
-    _, first, species = np.unique(rows[:, 0], return_index=True, return_inverse=True)
-    merged = rows[first]
-    np.minimum.at(merged[:, 2], species, rows[:, 2])
-    merged[:, 3:] = 0
-    np.add.at(merged[:, 3:], species, rows[:, 3:])
-    return merged
 
 
 def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.ndarray]:

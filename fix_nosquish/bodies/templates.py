@@ -13,7 +13,7 @@ import numpy as np
 from ..host.hosts import Host
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
-from .given import Given
+from .build import Given
 from .members import Members
 from .unfold import Unfolded
 

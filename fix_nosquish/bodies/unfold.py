@@ -142,11 +142,9 @@ def _widest_gap(members: Members, parts: np.ndarray) -> np.ndarray:
         parts: (m,) the atoms' distances from the end of their body, 0 to 1 (further ones count
             as at 1).
     """
-    filled = np.zeros((_CELLS, len(members.ids)))
-    filled[np.clip((parts * _CELLS).astype(int), 0, _CELLS - 1), members.body] = 1.0
+    filled, cell = np.zeros((_CELLS, len(members.ids))), (parts * _CELLS).astype(int)
+    cell = cell.clip(0, _CELLS - 1)
+    filled[cell, members.body] = cell
     members.sharers.combine(filled, np.maximum)
-    widest = run = np.zeros(len(members.ids))
-    for row in filled > 0:
-        widest = np.where(row, np.maximum(widest, run), widest)
-        run = np.where(row, 0.0, run + 1.0)
-    return widest / _CELLS
+    last = np.maximum.accumulate(filled)  # the last cell with an atom so far; the first has one
+    return (np.diff(last, axis=0).max(axis=0) - 1.0).clip(0.0) / _CELLS

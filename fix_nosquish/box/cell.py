@@ -71,15 +71,10 @@ def spread_of(sums):
 
 @loop
 def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
-    """The virial of the forces on this rank's atoms about their bodies' centres.
-
-    A tilt moves what is further along its second axis along the first.  So of xy it is the force
-    along x and the place along y that count.
-    """
+    """The virial of the forces on this rank's atoms about their bodies' centres."""
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
-    tilted, spread = barostat.tilted, spread_of(barostat.sums)
     for k in range(COMPONENTS):
-        spread[k] = 0.0
+        spread_of(barostat.sums)[k] = 0.0
     for k in range(blocks.shape[0] - 1):
         take(layout, k, Q, Q + 4, Q)
         rotation_matrices(block)
@@ -87,14 +82,25 @@ def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
             for b in range(rounds[r + 1] - rounds[r]):
                 j = rounds[r] + b
                 i = at(layout.index[at(j)])
-                x, y, z = displaced(block, b, d, j)
-                spread[0] += x * atom_f[i, 0]
-                spread[1] += y * atom_f[i, 1]
-                spread[2] += z * atom_f[i, 2]
-                if tilted:
-                    spread[XY] += y * atom_f[i, 0]
-                    spread[XZ] += z * atom_f[i, 0]
-                    spread[YZ] += z * atom_f[i, 1]
+                force = atom_f[i, 0], atom_f[i, 1], atom_f[i, 2]
+                add_products(barostat, displaced(block, b, d, j), force)
+
+
+@inlined
+def add_products(barostat, place, force):
+    """Add the products of two vectors' components to the sums: xx, yy, zz, xy, xz, yz.
+
+    A tilt moves what is further along its second axis along the first.  So of xy it is the force
+    along x and the place along y that count.
+    """
+    (x, y, z), (fx, fy, fz) = place, force
+    spread = spread_of(barostat.sums)
+    spread[XX] += x * fx
+    spread[YY] += y * fy
+    spread[ZZ] += z * fz
+    spread[XY] += y * fx
+    spread[XZ] += z * fx
+    spread[YZ] += z * fy
 
 
 @inlined

@@ -83,7 +83,7 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
     """Set the box to the one that LAMMPS has now; atoms in another image than their body go with
     that image, and bodies stay where they are."""
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
     know(images, box, told_box)
@@ -97,7 +97,7 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
     Args:
         sign: 1.0, or -1.0 to subtract it again.
     """
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         i = layout.index[images.away[a]]
         n1, n2, n3 = images_of(box.inverse, images.shift, a)
         vx, vy, vz = image_velocity(box.rate, n1, n2, n3)

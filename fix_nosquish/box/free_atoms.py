@@ -8,17 +8,7 @@ from ..loops.compiled import F1, F2, I1, L1, I, call, inlined, loop
 from ..motion.block import at
 from ..motion.periodic import PeriodicBox
 from ..ranks.migration import IN_NO_BODY
-from .cell import (
-    XY,
-    XZ,
-    YZ,
-    ChangingBox,
-    is_due,
-    sheared,
-    spread_of,
-    three_of,
-    undone,
-)  # fmt: skip
+from .cell import ChangingBox, add_products, is_due, sheared, three_of, undone
 
 
 @loop
@@ -76,19 +66,6 @@ def virial_of_others(
                 x, y, z = vector(atom_x, i)
                 place = x - cx, y - cy, z - cz
             add_products(numbers, place, vector(atom_f, i))
-
-
-@inlined
-def add_products(numbers, place, force):
-    """Add the products of two vectors' components to the sums: xx, yy, zz, xy, xz, yz."""
-    (x, y, z), (fx, fy, fz) = place, force
-    spread = spread_of(numbers.sums)
-    spread[0] += x * fx
-    spread[1] += y * fy
-    spread[2] += z * fz
-    spread[XY] += y * fx
-    spread[XZ] += z * fx
-    spread[YZ] += z * fy
 
 
 @inlined

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -30,14 +30,15 @@ class OtherFix(NamedTuple):
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
     moves: bool  # it may change positions before the forces of a step, and integrates none
+    varies: bool  # it is a field that is not the same everywhere
 
     def has(self, groups: np.ndarray) -> np.ndarray:
         """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
         return groups & np.uint32(self.groupbit & 0xFFFFFFFF) != 0
 
 
-class Host(Protocol):
-    """The fix as its integrator sees it.
+class Host:
+    """The fix as its integrator sees it; the answers here are those of a LAMMPS that tells nothing.
 
     Attributes:
         fix_id, group: the fix's ID and its group; None if that is not known.
@@ -54,8 +55,6 @@ class Host(Protocol):
         next_output: the next step for which LAMMPS writes something; None if that is not known.
         begins: the next step that Python begins, by its method `begin_trajectory`; -1 for none.
         energy_step: the next step at whose end Python needs the potential energy; -1 for none.
-        energy: the potential energy of the last forces, the same on all ranks, as a step begins or
-            at the end of that one.
         last_step: the last step of the run.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
@@ -82,7 +81,6 @@ class Host(Protocol):
             yz), for LAMMPS; None where LAMMPS does not take them.
         rotor: whether the rotation is exact (1) or split (0) where the bodies that there are would
             choose otherwise, else -1; restart files keep it.
-        command: the words of LAMMPS's last command; none where they are not known.
     """
 
     fix_id: str | None
@@ -99,7 +97,6 @@ class Host(Protocol):
     next_output: int | None
     begins: int
     energy_step: int
-    energy: float
     last_step: int
     span: tuple | None
     changes_box: int
@@ -116,8 +113,18 @@ class Host(Protocol):
     orient_atom: np.ndarray | None
     pushes: int
     told: np.ndarray | None
-    command: Sequence[str]
     rotor: int
+
+    @property
+    def command(self) -> Sequence[str]:
+        """The words of LAMMPS's last command; none where they are not known."""
+        return ()
+
+    @property
+    def energy(self) -> float:
+        """The potential energy of the last forces, the same on all ranks, as a step begins or at
+        the end of that one."""
+        raise NotImplementedError
 
     def log(self, text: str) -> None:
         """Print lines on LAMMPS's screen and in its log; collective."""
@@ -141,6 +148,7 @@ class Host(Protocol):
             which of the template's molecules it is, its velocity, and how it was turned: a
             quaternion.
         """
+        return np.empty((0, 10))
 
     def molecule(self, number: int) -> np.ndarray | None:
         """A molecule of the template: its geometric centre, mass, centre of mass and tensor of
@@ -149,18 +157,17 @@ class Host(Protocol):
 
     def removed_freedom(self, fix_id: str, group: str) -> int:
         """Degrees of freedom that another fix takes from a group of atoms; collective."""
-
-    def varies(self, fix_id: str) -> bool:
-        """Whether another fix has numbers of its own for each atom, as a field of an atom-style
-        variable; not with a LAMMPS's own fix python/move, which knows no other fix."""
+        return 0
 
     def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
         """Which atoms another fix would move at the begin of a step if it found all of them
         elsewhere, (n,) bool, by trying: x, LAMMPS's places of this rank's atoms, (n, 3), is then as
         it was; collective."""
+        return np.zeros(len(x), bool)
 
     def pair_style(self, first: str) -> bool:
         """Whether a pair style whose name begins with this is in use, perhaps in a hybrid style."""
+        return False
 
     def gravity(self, fix_id: str) -> np.ndarray | None:
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
@@ -171,9 +178,11 @@ class Host(Protocol):
 
     def values(self) -> list[np.ndarray]:
         """What the words of `ask_for` are now: of each an array, (n,) or (), in this order."""
+        return []
 
     def advice(self, removed: int) -> Sequence[str]:
         """Lines for the log, on what to add to the input so that temp and press are right."""
+        return ()
 
     def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
         """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
@@ -181,6 +190,7 @@ class Host(Protocol):
     def cut_cluster(self) -> int:
         """The ID of an atom of `held` on this rank with which others are held that are not in that
         group, 0 if there is none; collective."""
+        return 0
 
     def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
         """Lend LAMMPS the body of each atom and the mass of each body; None, None ends that."""
@@ -203,26 +213,21 @@ class Host(Protocol):
 
     def atoms_moved(self) -> bool:
         """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
-
-    def keep_box(self) -> None:
-        """What follows the atoms is for the box as it is now."""
+        return False
 
     def now(self) -> int | None:
         """What holds now, bits of `schedule.When`; None if it is not known."""
 
     def follow_schedule(
-        self, lists: dict | None, *, velocities_every: int, table_every: int
+        self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0
     ) -> None:
-        """Follow the schedule from now on until `follow_no_schedule`, and do these lists of passes.
+        """Follow the schedule from now on, and do these lists of passes.
 
         Args:
-            lists: see `passes`; None if Python follows it, because the class has hooks of its own.
+            lists: see `passes`; None if Python follows it, in the integrator's hooks.
             velocities_every, table_every: every how many steps something may read the atoms'
                 velocities, or Python writes a table, at the step's end; 0 for never.
         """
-
-    def follow_no_schedule(self) -> None:
-        """Call the integrator's hooks again."""
 
     def go_back(self) -> None:
         """Move the bodies' atoms by what is in place of their velocities, and compute the forces

@@ -440,14 +440,15 @@ class Lammps:
         """
         if word[:2] != "v_":
             return float(word)
-        place = self._evaluate(self._named(word), None, _EQUAL)
-        value = c_double.from_address(place).value
-        self.lib.lammps_free(place)
-        return value
+        return self._taken(self._evaluate(self._named(word), None, _EQUAL))
 
     def scalar_of_fix(self, fix_id: str) -> float:
         """The value f_ID of a fix as it is now; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
+        return self._taken(place)
+
+    def _taken(self, place: int) -> float:
+        """A number that LAMMPS has made for us, whose place it gets back."""
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value

@@ -11,43 +11,36 @@ import numpy as np
 
 from ..errors import RunError
 from ..ranks.communicator import Alone, Communicator
-from ..ranks.lookup import fetch, find, look_up
-from ..ranks.migration import OF_BODY
+from ..ranks.lookup import find, look_up
+from ..ranks.migration import IN_NO_BODY
+from ..ranks.sharing import places
+from .hosts import Host
 from .lammps import Lammps
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks: dict[int, Any] = {}  # LAMMPS's address -> what its fix external calls
 
 
-class OwnFix:
-    """A `hosts.Host` for LAMMPS's own fix python/move.
+class OwnFix(Host):
+    """The host for LAMMPS's own fix python/move.
 
     Args:
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
     """
 
-    fix_id = group = next_output = span = forces_virial = set_box = flip_box = told_box = None
-    find_clusters, held, counts = None, 0, 0
-    stop = orient_atom = rate = None
-    begins = energy_step = -1
-    stream_group, rotor = 0, -1
-    calls_setup = follows = scalar_pressure = False
-    command = ()  # not known
+    fix_id = group = next_output = span = told = None
+    forces_virial = set_box = flip_box = told_box = find_clusters = stop = orient_atom = rate = None
+    phase = facts = vflag = changes = pushes = stream_group = held = counts = 0
+    begins = energy_step = rotor = -1
+    calls_setup = follows = has_virial = scalar_pressure = False
     ghost_velocity = True  # not known: velocities at the half step may be read
-    phase = facts = vflag = changes = pushes = 0
-    told = None
 
     def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
         self.lammps, self.communicator = lammps, communicator
-        self._virial_fix: str | None = None
         self._problem: BaseException | None = None
         self._bodies: Any = None
         self._builds = 0.0
         self._tags = self._origins = np.empty(0, np.int64)
-
-    @property
-    def has_virial(self) -> bool:
-        return self._virial_fix is not None
 
     def log(self, text: str) -> None:
         """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
@@ -55,27 +48,6 @@ class OwnFix:
             self.lammps.print(text)
         elif self.communicator.rank == 0:
             print(text, end="", flush=True)
-
-    def fixes(self) -> list | None:
-        return None
-
-    def shapes(self, natoms: int) -> np.ndarray | None:
-        return None
-
-    def inserted(self) -> np.ndarray:
-        return np.empty((0, 10))
-
-    def removed_freedom(self, fix_id: str, group: str) -> int:
-        return 0
-
-    def pair_style(self, first: str) -> bool:
-        return False  # not known
-
-    def gravity(self, fix_id: str) -> np.ndarray | None:
-        return None
-
-    def values(self) -> list[np.ndarray]:
-        return []
 
     def advice(self, removed: int) -> Sequence[str]:
         return (
@@ -86,70 +58,47 @@ class OwnFix:
             f"    fix {EXTERNAL} all external pf/callback 1 1",
         )
 
-    def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
-        """Of no use here, as the next three."""
-
-    lend_array = set_array_rows = keep_box = lambda self, *_, **__: None
-    follow_schedule = follow_no_schedule = lambda self, *_, **__: None  # Python follows it
-
-    def now(self) -> int | None:
-        """It is not known what is read at the end of a step."""
-        return None
-
     def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
         self._bodies = bodies
+        self._tags = self._origins = np.empty(0, np.int64)  # they were in other ones
 
     def point(self) -> None:
         lammps = self.lammps
         cells, empty = lammps.cells, np.empty(0)
-        for name in ("x", "v", "f", "torque", "omega", "angmom"):
-            values = lammps.per_atom(name, columns=3)
+        for name in ("x", "v", "f", "torque", "omega", "angmom", "mu"):
+            values = lammps.per_atom(name, columns=4 if name == "mu" else 3)
             if values is not None:
                 cells[f"atom_{name}"].set(values)
-        mu = lammps.per_atom("mu", columns=4)
-        if mu is not None:
-            cells["atom_mu"].set(mu)
         mass = lammps.per_atom("rmass")
         cells["atom_mass"].set(empty if mass is None else mass)
         cells["type_mass"].set(empty if mass is not None else lammps.type_masses)
         cells["type"].set(lammps.types)
         cells["atom_virial"].set(np.empty((0, 9)))
         cells["groups"].set(lammps.groups.view(np.int32))
-        origins, moved = self._find_origins()
-        strangers = np.flatnonzero((origins >= 0) & (origins >> 32 != self.communicator.rank))
-        rows = self._rows(strangers[:0])
-        if moved:
-            rows = fetch(self.communicator, origins[strangers], self._rows)
-        rows[:, 0] = origins[strangers].view(float)
-        origins[strangers] = -2 - np.arange(len(strangers))
-        cells["origins"].set(origins)
-        cells["arrived"].set(rows)
+        self._find_origins()
 
     def noted(self) -> None:
         self._tags = self.lammps.tags.astype(np.int64)
         self._origins = self.lammps.cells["origins"].array
 
-    def _rows(self, places: np.ndarray) -> np.ndarray:
-        """What another rank needs to know of the atoms at these places, but for their origin."""
-        bodies = self._bodies
-        of_bodies, displace = bodies.state[:, bodies.body[places]], bodies.displace[:, places]
-        return np.concatenate([np.empty((OF_BODY, len(places))), of_bodies, displace]).T.copy()
-
-    def _find_origins(self) -> tuple[np.ndarray, bool]:
-        """Where each atom was, and whether any has come to or gone from any rank; collective."""
+    def _find_origins(self) -> None:
+        """Find where each atom was, and what is known of those that came; collective."""
         communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
-        origins = np.full(len(tags), -1)
+        origins = np.full(len(tags), IN_NO_BODY)
         origins[stayed] = self._origins[before[stayed]]
         gone = self._origins >= 0
         gone[before[stayed]] = False
+        came = self._bodies.rows_of_atoms(places(self._origins[gone])).view(np.int64)
+        came[:, 0] = self._origins[gone]
         moved = communicator.any(gone.any() or not stayed.all())
-        if moved:
-            came = look_up(communicator, self._tags[gone], self._origins[gone], tags[~stayed])
-            origins[~stayed] = came
-        return origins, moved
+        came = look_up(communicator, self._tags[gone], came, tags[~stayed]) if moved else came
+        known = came[:, 0] != IN_NO_BODY
+        origins[np.flatnonzero(~stayed)[known]] = -2 - np.arange(known.sum())
+        self.lammps.cells["origins"].set(origins)
+        self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:
         if self._problem:
@@ -162,7 +111,7 @@ class OwnFix:
         self._builds = 0.0  # LAMMPS counts from zero in each run
         if not self.lammps.has("fix", EXTERNAL):
             return
-        self._virial_fix = EXTERNAL
+        self.has_virial = True
         method = weakref.WeakMethod(virial)  # the fix external may outlive the integrator
 
         def report() -> None:

@@ -74,7 +74,7 @@ class Barostat(Part):
     def warnings(self) -> Iterator[str]:
         """Lines on how often the box changes, and on fixes whose forces LAMMPS's virial lacks, of
         which the pressure takes what all forces do within bodies; collective."""
-        if self.ensemble.external.moves_centres and not self.ensemble.external.has_virial:
+        if self.ensemble.external.moves_centres and not self.ensemble.external.said.virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
                 "pressure without them. Give fix_modify external the words virial yes"

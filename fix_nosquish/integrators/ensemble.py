@@ -21,7 +21,6 @@ from ..host.command import Command, Line
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, record
 from ..run.integrator import Integrator
-from ..run.schedule import Phase
 from .momentum import Momentum
 from .thermostat import Part, Thermostat, key_of
 
@@ -233,12 +232,10 @@ class Ensemble(Integrator):
             "begin the run with 'pre yes', which takes others",
         )
 
-    @hook
-    def post_run(self) -> None:
+    def end_run(self) -> None:
         """As of `Integrator`; say if the total momentum was taken as constant and has changed."""
-        ran = self.phase != Phase.NEW
-        super().post_run()
-        if ran and self.thermostat:
+        super().end_run()
+        if self.thermostat:
             self.momentum.look_again()
 
     def energy(self) -> float:
@@ -253,7 +250,7 @@ class Ensemble(Integrator):
         energy is more at the end of the step than in its middle; with a piston, its energy and its
         work, too; or, where it does not `couple`, the temperature of the bodies; collective."""
         if self.couples:
-            end, middle = self.reports.kinetic_at_end()
+            end, middle = self.kinetic_at_end()
             scalar = self.lammps.mvv2e * self.energy() + end - middle
         else:
             scalar = super().compute_scalar()

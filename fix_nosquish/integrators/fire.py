@@ -184,25 +184,22 @@ def quench(mpi: Mpi, parameters: Quench, dt: F, sums: F1, quenches: Quenches, st
     parameters.back = parameters.keep = parameters.add = 0.0
     if restless == 0.0:  # others may move what pushes these bodies
         return 0
-    delay, keep, along = parameters.delaystep, 0.0, 0.0
+    keep, along = 0.0, 0.0
     if parameters.steps == 0 or vv == 0.0:  # at rest, while another fix's bodies moved
         parameters.step, parameters.alpha = dt, parameters.alpha0
         parameters.steps = parameters.in_a_row = 0
     elif power > 0.0:
         keep, along = 1.0 - parameters.alpha, parameters.alpha * sqrt(vv / aa)
         parameters.in_a_row += 1
-        if parameters.in_a_row > delay:
+        if parameters.in_a_row > parameters.delaystep:
             parameters.step = min(parameters.dtgrow * parameters.step, parameters.tmax * dt)
             parameters.alpha *= parameters.alphashrink
     else:
         parameters.in_a_row = 0
-        if parameters.steps + 1 >= delay:
-            parameters.alpha, shorter = (
-                parameters.alpha0,
-                parameters.dtshrink * parameters.step,
-            )
-            if shorter >= parameters.tmin * dt:
-                parameters.step = shorter
+        if parameters.steps + 1 >= parameters.delaystep:
+            parameters.alpha = parameters.alpha0
+            if parameters.dtshrink * parameters.step >= parameters.tmin * dt:
+                parameters.step *= parameters.dtshrink
         if parameters.halfstepback > 0.0:
             parameters.back = 0.5 * parameters.step
     parameters.steps += 1
@@ -302,5 +299,5 @@ class FIRE(Integrator):
     def own_values(self) -> tuple[float, ...]:
         """The largest force and the largest torque on a body, and the time step of the quench;
         collective."""
-        self.reports.made()
+        self.made()
         return *self.norms(), self.parameters.step

@@ -23,7 +23,6 @@ import numpy as np
 
 from ..errors import RunError, refuse
 from ..host.command import Line
-from ..host.hosts import hook
 from ..loops.compiled import F2, Cell, F, inlined, loop, record
 from ..motion.block import (
     IMAGE,
@@ -36,10 +35,9 @@ from ..motion.block import (
 )
 from ..motion.philox import minus_log, words
 from ..motion.step import make_pass, place_all
-from ..run import thermo
+from ..run import external, thermo
 from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
-from ..run.schedule import Phase
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
@@ -193,7 +191,7 @@ class HMC(NVE):
             f"pair style {style} has friction or noise, which no energy tests: leave it out, "
             "or use fix nosquish/nvt with thermostat langevin",
         )
-        problem = self.external.without_energy()
+        problem = external.without_energy(self)
         refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
         for mate in self.mates:
             refuse(
@@ -222,7 +220,7 @@ class HMC(NVE):
         self._warn_of_output()
         self.parameters.step = self.lammps.step
         self.do("draw")
-        self.reports.forget()
+        self.known.clear()
         self._before = self._total_energy()
 
     def _warn_of_output(self) -> None:
@@ -262,17 +260,16 @@ class HMC(NVE):
             self.host.go_back()
             self.do("gather")
             self.set_velocities()
-            self.reports.forget()
+            self.known.clear()
 
-    @hook
-    def post_run(self) -> None:
+    def end_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
-        if self.phase != Phase.NEW and self.lammps.step >= self.host.begins:
+        if self.lammps.step >= self.host.begins:
             self.host.log(
                 f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
                 "steps were not tested, and count as if they were accepted\n"
             )
-        super().post_run()
+        super().end_run()
 
     # ------------------------------------------------------------- what LAMMPS asks
 

@@ -65,7 +65,7 @@ class Momentum(Part):
 
     def _pushes(self, fix: Any) -> bool:
         """Whether another fix may change the bodies' total momentum; collective."""
-        if fix.style not in _UNIFORM or self.host.varies(fix.id):
+        if fix.style not in _UNIFORM or fix.varies:
             return self.ensemble.acts_on_bodies(fix)
         atoms, charge = self.ensemble.membership.atoms(), self.lammps.per_atom("q")
         inside = atoms[fix.has(self.lammps.groups[atoms])]

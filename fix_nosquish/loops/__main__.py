@@ -3,7 +3,8 @@
     python -m fix_nosquish.loops FOLDER
 
 writes to the folder a library for each level that NOSQUISH_LEVELS names, with spaces between;
-without it, for this machine's highest.  CXX is the compiler that links them.
+without it, for this machine's highest.  CXX is the compiler that links them,
+also for another machine's levels.
 """
 
 import importlib
@@ -36,16 +37,14 @@ def build(place, levels):
     """Write libraries of the package's loops for these levels to a folder."""
     names = modules()
     codes = own.codes(names, levels)
+    compiler = shlex.split(os.environ.get("CXX", "c++"))
     for level in levels:
-        compiler = os.environ.get("CXX", "c++")
-        if level not in machine_code.LEVELS:  # of another machine
-            compiler = f"{level}-linux-gnu-gcc"
         with tempfile.TemporaryDirectory() as folder:
             objects = [Path(folder, f"{name}.o") for name in names]
             for name, one in zip(names, objects, strict=True):
                 one.write_bytes(codes[name, level])
             target = Path(place, f"loops_{level}.so")
-            subprocess.run([*shlex.split(compiler), *LINK, *objects, "-o", target], check=True)
+            subprocess.run([*compiler, *LINK, *objects, "-o", target], check=True)
 
 
 if __name__ == "__main__":

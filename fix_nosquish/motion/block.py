@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import F2, F64, I1, I2, L1, LANES, I, inlined, prefetch, record
+from ..loops.compiled import F2, F64, I1, I2, LANES, I, inlined, prefetch, record
 
 # rows of `state`, and the first ones of a block: mass, principal moments, centre of mass, velocity,
 # quaternion, its momentum, force, torque; number of atoms, image flags, home, ID
@@ -71,12 +71,10 @@ class Images(NamedTuple):
 
     Attributes:
         away, shift: entries of index, and the vector (3,) from where the body has the atom.
-        aways: (1,) how many they are.
     """
 
     away: I1
     shift: F2
-    aways: L1
 
 
 @inlined

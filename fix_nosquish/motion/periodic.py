@@ -95,6 +95,8 @@ def find_images(layout, images, box, atom_x, off):
         images: the `Images`, with room for all atoms.
         off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
             and its entry of index.
+    Returns:
+        how many these are.
     """
     block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
     h, inverse, periodic = box.h, box.inverse, box.periodic
@@ -125,4 +127,4 @@ def find_images(layout, images, box, atom_x, off):
                 far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
                 if not far <= off[0]:
                     off[0], off[1] = far, j + b
-    images.aways[0] = count
+    return count

@@ -114,7 +114,7 @@ def write_atoms(layout, k, row, atoms):
 @inlined
 def move_to_images(layout, images, atom_x):
     """Move the atoms that LAMMPS has in another periodic image than their body there."""
-    for a in range(images.aways[0]):
+    for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
 
@@ -344,16 +344,16 @@ class Scheme:
         self.prepared = parts.prepared
         module, within = owner
 
-        def alone(name: str, does: Callable, until: int, places: bool) -> Loop:
+        def alone(name: str, does: Callable, until: int, named: bool, places: bool = False) -> Loop:
             made = module, f"{within}.{name}"
-            return make_pass(does, until, made, numbers, parts.named, places, rows)
+            return make_pass(does, until, made, numbers, named, places, rows)
 
         self.advance = _make_advance(parts, owner, numbers, rows)
-        self.lead = alone("lead", parts.lead, TORQUE + 3, False)
-        self.tail = alone("tail", parts.tail, TORQUE + 3, parts.tail_moves)
+        self.lead = alone("lead", parts.lead, TORQUE + 3, parts.named)
+        self.tail = alone("tail", parts.tail, TORQUE + 3, parts.named, parts.tail_moves)
         second, measured = parts.middle[-1], len(parts.middle) > 1
-        self.go_on = alone("go_on", second, P + 4, True) if measured else None
-        self.start = alone("start", starts, TORQUE + 3, False) if starts else None
+        self.go_on = alone("go_on", second, P + 4, parts.named, True) if measured else None
+        self.start = alone("start", starts, TORQUE + 3, True) if starts else None
 
 
 @inlined

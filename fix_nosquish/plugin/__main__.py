@@ -7,5 +7,5 @@ import shlex
 
 from . import PYTHON, plugin_folder, python
 
-print(f"export LAMMPS_PLUGIN_PATH={shlex.quote(plugin_folder())}")
+print(f"export LAMMPS_PLUGIN_PATH={shlex.quote(plugin_folder()[0])}")
 print(f"export {PYTHON}={shlex.quote(python())}")

@@ -33,8 +33,6 @@ class Box : public Part {
     return {lo[0], lo[1], lo[2], hi[0], hi[1], hi[2], domain->xy, domain->xz, domain->yz};
   }
 
-  Numbers operator()() const { return now(); }
-
   void keep() { kept = now(); }
   void tell() { told = now(); }
 

@@ -29,7 +29,7 @@ struct Arrays {
 struct FixFacts {
   const char *id, *style;
   int32_t groupbit, time_integrate, between, end_of_step, nevery, final_integrate, box_change, called, constrains;
-  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves;
+  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves, varies;
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -55,17 +55,15 @@ struct Bridge {
   int32_t outcome;     // set by Python: how making the instance went
   // set by Python: what the instance has besides its methods
   int32_t wants_virial, wants_virial_per_atom;    // it fills these in
-  int32_t writes_restart_file;
+  // its attributes of these names, see run/declaration.py: it keeps a file beside restart files, it asks where its atoms were, so
+  // many numbers go with one to another rank; and it is a rigid fix to those that ask for the bodies
+  int32_t flips, needs_energy, couples, restart_file, follows_atoms, carries, rigid_flag;
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
-  int32_t flips;            // it changes tilts, and takes other box vectors where these are large
-  int32_t needs_energy;     // it needs the potential energy at the end of steps that it names
-  int32_t couples;          // its scalar is an energy that went from the system
   int32_t restart_size;     // numbers that go to restart files, and these
   double *restart_state;
   const char *template_id;  // of the molecules that others insert, null for none
-  int32_t rigid;            // it is a rigid fix to those that ask for the bodies
-  int32_t follows_atoms;    // it asks where its atoms were
-  int32_t carries;          // numbers that go with an atom to another rank
+  const double *inserted;   // of each molecule that was inserted ten numbers, see host/hosts.py, until Python takes them
+  int32_t insertions;       // how many these are
   int32_t vector_size, array_columns, array_rows;    // of what thermo_style and others read; rows are -1 if not known from the start
   const int32_t *vector_extensive;
   int32_t *body;        // of each local atom, -1 for none; null while not known
@@ -78,6 +76,8 @@ struct Bridge {
   // steps: of the next output; first and last of the run; last of the run, whatever its keywords start and stop say
   const int64_t *next_output, *begin_step, *end_step, *last_step;
   int32_t vflag;        // what virial LAMMPS asks for in this step
+  int32_t ghost_velocity;     // ghost atoms have velocities in this run
+  int32_t scalar_pressure;    // of the long-range forces only the mean pressure of all axes is known in this run
   int64_t changes;      // how many times the fix has changed the bodies by itself
   // the schedule: see run/schedule.py
   int32_t phase;          // where in a run the bodies are
@@ -108,28 +108,23 @@ struct Bridge {
   // functions of the fix
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
-  int (*ghost_velocity)(void *fix);
-  int (*scalar_pressure)(void *fix);    // of the long-range forces only the mean pressure of all axes is known
   const char *(*command)(void *fix);    // the words of the last command
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
-  int (*varies)(void *fix, const char *other);    // another fix has numbers of its own for each atom
   void (*begin_step_of)(void *fix, const char *other);    // another fix does its initial_integrate
   int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style
   void (*set_array_rows)(void *fix, int n);
-  void (*keep)(void *fix);     // the passes are for the box as it is now
   void (*point)(void *fix);    // point the cells for LAMMPS's arrays at them
   int64_t (*now)(void *fix);    // bits of When
   double (*potential)(void *fix);    // the potential energy of the last forces, the same on all ranks
   void (*ask_for_energy)(void *fix, int64_t step);    // have LAMMPS tally it in this step
-  int (*go_back)(void *fix);    // move atoms by what is in place of their velocities, and compute forces; 0 if all is well
+  int (*go_back)(void *fix);    // move atoms by what is in place of their velocities, and compute forces; 1 if all is well
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   int64_t (*find_clusters)(void *fix);    // fill the cell clusters
   int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known
-  int64_t (*orient)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
-  int (*inserted)(void *fix, double *numbers);    // of each molecule that was inserted 10: see plugin/host.py; null: how many
+  int64_t (*orient_atom)(void *fix, int64_t atom, const double *quat);    // give a particle this orientation
   int (*molecule)(void *fix, int number, double *numbers);    // one of the template, 13: see templates.h; 0 if it is not known
   // methods of the instance, null where it has none
   int (*init)();

@@ -16,7 +16,6 @@ from ctypes import (
     PYFUNCTYPE,
     c_char_p,
     c_double,
-    c_int32,
     c_int64,
     c_void_p,
     py_object,
@@ -25,11 +24,11 @@ from ctypes import (
 from typing import Any
 
 import numpy as np
-from numpy.ctypeslib import as_array
 
 from .. import of_style
 from ..errors import RunError
 from ..host.command import Line
+from ..loops.compiled import array
 from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
 
@@ -75,7 +74,7 @@ def attach(address: int) -> None:
                 host.log(instance.story)
         if hasattr(instance, "virial"):
             bridge.wants_virial = 1
-            instance.virial = as_array(bridge.virial, shape=(6,))
+            instance.virial = array(bridge.virial, (6,), float)
         bridge.wants_virial_per_atom = hasattr(instance, "virial_per_atom")
         _announce(bridge, instance)
         for name, signature in HOOKS.items():
@@ -159,27 +158,20 @@ def _of_target(target: str, capsule: object) -> Any:
 def _announce(bridge: Bridge, instance: Any) -> None:
     """Note what LAMMPS must know of the instance from the start, such as its vector's size."""
 
-    def has(method: str) -> bool:
-        return callable(getattr(instance, method, None))
-
-    if has("write_restart_file"):
-        bridge.writes_restart_file = bool(getattr(instance, "restart_file", False))
     template = getattr(instance, "template", None)
     bridge.template_id = template and template.encode()
-    bridge.rigid = bool(getattr(instance, "rigid_flag", False))
-    for name in "follows_atoms", "flips", "needs_energy", "couples":
+    for name in "restart_file", "rigid_flag", "follows_atoms", "flips", "needs_energy", "couples":
         setattr(bridge, name, bool(getattr(instance, name, False)))
     bridge.carries = int(getattr(instance, "carries", 0))
     bridge.changes_box = int(getattr(instance, "box_every", 0))
     state = getattr(instance, "restart_state", None)
     if state is not None:
-        bridge.restart_size = len(state)
-        bridge.restart_state = state.ctypes.data_as(type(bridge.restart_state))
-    if has("compute_vector"):
-        extensive = tuple(map(bool, instance.vector_extensive))
-        bridge.vector_size = len(extensive)
-        bridge.vector_extensive = (c_int32 * len(extensive))(*extensive)
-    if has("compute_array"):
+        bridge.restart_size, bridge.restart_state = len(state), state.ctypes.data
+    if hasattr(instance, "compute_vector"):
+        bridge.extensive = np.array([*map(bool, instance.vector_extensive)], np.int32)
+        bridge.vector_size = len(bridge.extensive)
+        bridge.vector_extensive = bridge.extensive.ctypes.data
+    if hasattr(instance, "compute_array"):
         rows = getattr(instance, "array_rows", None)
         bridge.array_rows = -1 if rows is None else int(rows)
         bridge.array_columns = int(instance.array_columns)
@@ -217,9 +209,8 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
 def _virial_per_atom(bridge: Bridge) -> np.ndarray | None:
     """A view (natoms, 9) of the atoms' virial by the fix, zeroed; None where LAMMPS asks for none,
     and in hooks that have nothing to add to it."""
-    if bridge.natoms <= 0:
-        return None if bridge.natoms else np.empty((0, 9))
-    return as_array(bridge.virial_per_atom, shape=(bridge.natoms, 9))
+    asked = bridge.natoms >= 0
+    return array(bridge.virial_per_atom, (bridge.natoms, 9), float) if asked else None
 
 
 @CFUNCTYPE(None, c_void_p)

@@ -18,11 +18,11 @@ class ComputeOfBodies : public Compute {
     if (local_flag ? narg < 5 : narg != 4)
       error->all(FLERR, problem(local_flag ? "expected the ID of a fix and values" : "expected the ID of a fix, and nothing else"));
     bodies = arg[3];
-    for (int k = 4; k < narg; k++) {
-      if (!std::count(std::begin(VALUES), std::end(VALUES), std::string(arg[k])))
-        error->all(FLERR, problem("'" + std::string(arg[k]) + "' is no value of a body: expected some of " + all_values()));
-      words += std::string(arg[k]) + " ";
-    }
+    const std::vector<std::string> given(arg + 4, arg + std::max(4, narg));
+    for (const auto &word : given)
+      if (!std::count(VALUES.begin(), VALUES.end(), word))
+        error->all(FLERR, problem("'" + word + "' is no value of a body: expected some of " + utils::join_words(VALUES, ", ")));
+    words = utils::join_words(given, " ");
     size_local_cols = narg == 5 ? 0 : narg - 4;
     scalar_flag = extscalar = !local_flag;
   }
@@ -50,19 +50,12 @@ class ComputeOfBodies : public Compute {
   }
 
  private:
-  static constexpr const char *VALUES[] = {"id", "mol", "mass", "x", "y", "z", "xu", "yu", "zu", "vx", "vy", "vz", "fx", "fy", "fz",
+  inline static const std::vector<std::string> VALUES = {"id", "mol", "mass", "x", "y", "z", "xu", "yu", "zu", "vx", "vy", "vz", "fx", "fy", "fz",
       "ix", "iy", "iz", "tqx", "tqy", "tqz", "omegax", "omegay", "omegaz", "angmomx", "angmomy", "angmomz",
       "quatw", "quati", "quatj", "quatk", "inertiax", "inertiay", "inertiaz"};
   std::string bodies, words;
   int which;
   std::vector<double *> rows;
-
-  static std::string all_values()
-  {
-    std::string text;
-    for (const char *value : VALUES) text += std::string(text.empty() ? "" : ", ") + value;
-    return text;
-  }
 
   std::string problem(const std::string &text) const { return "Compute " + std::string(id) + " " + style + ": " + text; }
 

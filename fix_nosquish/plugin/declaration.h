@@ -23,8 +23,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   fill_bridge();
-  std::string line = arg[2];
-  for (int k = 3; k < narg; k++) line += std::string("\n") + arg[k];
+  const auto line = utils::join_words({arg + 2, arg + narg}, "\n");
   bridge.line = line.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(static_cast<Bridge *>(&bridge)));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
@@ -63,11 +62,8 @@ void FixPythonMove::fill_bridge()
 
   bridge.log = Lend<&Facts::log, &Self::facts>();
   bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
-  bridge.ghost_velocity = Lend<&Facts::ghost_velocity, &Self::facts>();
-  bridge.scalar_pressure = Lend<&Facts::scalar_pressure, &Self::facts>();
   bridge.command = Lend<&Facts::last_command, &Self::facts>();
   bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
-  bridge.varies = Lend<&Facts::varies, &Self::facts>();
   bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
   bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();
   bridge.gravity = Lend<&Facts::gravity, &Self::facts>();
@@ -77,15 +73,13 @@ void FixPythonMove::fill_bridge()
   bridge.potential = Lend<&PotentialEnergy::value, &Self::energy>();
   bridge.ask_for_energy = Lend<&PotentialEnergy::ask_for, &Self::energy>();
   bridge.go_back = Lend<&Self::go_back>();
-  bridge.keep = Lend<&Box::keep, &Self::box>();
   bridge.set_box = Lend<&Self::set_box>();
   bridge.flip_box = Lend<&Box::flip, &Self::box>();
   bridge.find_clusters = Lend<&Clusters::find, &Self::clusters>();
   bridge.set_array_rows = Lend<&Self::set_array_rows>();
   bridge.stop = Lend<&Halt::ask, &Self::halt>();
   bridge.particles = Lend<&Particles::read, &Self::particles>();
-  bridge.orient = Lend<&Particles::orient, &Self::particles>();
-  bridge.inserted = Lend<&Molecules::take, &Self::molecules>();
+  bridge.orient_atom = Lend<&Particles::orient, &Self::particles>();
   bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();
 }
 
@@ -97,7 +91,7 @@ void FixPythonMove::declare()
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
   centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
-  restart_file = bridge.writes_restart_file;
+  restart_file = bridge.restart_file;
   state.announce();
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
@@ -106,7 +100,7 @@ void FixPythonMove::declare()
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
   }
-  rigid_flag = bridge.rigid || bridge.follows_atoms;    // so that fix deform calls deform()
+  rigid_flag = bridge.rigid_flag || bridge.follows_atoms;    // so that fix deform calls deform()
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;

@@ -90,8 +90,7 @@ class External : public Part {
       refuse("fix " + id() + " (style " + there->style + ") has the ID of the fix that tells of external forces: give it another ID");
     char **all = arg;
     const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);
-    std::string words;
-    for (int k = 1; k < n; k++) words += std::string(all[k]) + " ";
+    const auto words = utils::join_words({all + 1, all + n}, " ");
     if (all == arg) return words;
     for (int k = 0; k < n; k++) delete[] all[k];
     memory->sfree(all);

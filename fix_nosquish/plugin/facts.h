@@ -14,7 +14,6 @@
 #include "library.h"
 #include "modify.h"
 
-#include <sstream>
 #include <string>
 
 namespace {
@@ -33,7 +32,7 @@ class Facts : public Part {
     const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE | PRE_REVERSE | POST_FORCE |
         POST_INTEGRATE_RESPA | PRE_FORCE_RESPA | POST_FORCE_RESPA;
     const int early_hooks = INITIAL_INTEGRATE | POST_INTEGRATE | INITIAL_INTEGRATE_RESPA | POST_INTEGRATE_RESPA;
-    const Fix *other = modify->fix[n];
+    Fix *other = modify->fix[n];
     auto hooks = [mask = modify->fmask[n]](int some) { return (mask & some) != 0; };
     *static_cast<FixFacts *>(facts) = !other || other == fix
         ? FixFacts()
@@ -41,7 +40,8 @@ class Facts : public Part {
                    hooks(FINAL_INTEGRATE), (other->box_change & ~Fix::BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
                    hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
                    other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,
-                   other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate};
+                   other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate,
+                   utils::strmatch(other->style, "^efield") && other->memory_usage() > 0.0};    // its variables' values
     return true;
   }
 
@@ -52,12 +52,6 @@ class Facts : public Part {
     Fix *found = modify->get_fix_by_id(other);
     const int number = group->find(group_id);
     return found && found->dof_flag && !found->time_integrate && number >= 0 ? found->dof(number) : 0;
-  }
-
-  bool varies(const char *other) const
-  {
-    Fix *found = modify->get_fix_by_id(other);
-    return found && found->memory_usage() > 0.0;
   }
 
   void begin_step_of(const char *other) const
@@ -73,8 +67,6 @@ class Facts : public Part {
     return reinterpret_cast<int64_t>(before ? modify->fix[at]->extract("gvec", dimension) : nullptr);
   }
 
-  bool ghost_velocity() const { return comm->ghost_velocity; }
-  bool scalar_pressure() const { return force->kspace && force->kspace->scalar_pressure_flag; }
   bool pair_style(const char *first) const { return force->pair_match(std::string("^") + first, 0, 1); }
 
   const char *last_command()
@@ -90,8 +82,7 @@ class Facts : public Part {
   void log(const char *text) const
   {
     if (comm->me) return;
-    std::istringstream lines(text);
-    for (std::string line; std::getline(lines, line);) {
+    for (const auto &line : utils::split_lines(text)) {
       if (line.rfind("WARNING", 0) == 0) {
         const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
         error->set_numwarn(count);

@@ -74,8 +74,6 @@ class Failures : public Part {
     return decltype(function())();
   }
 
-  bool are_kept() const { return kept != nullptr; }
-
   void throw_kept()
   {
     if (kept) std::rethrow_exception(std::exchange(kept, nullptr));

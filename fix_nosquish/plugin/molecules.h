@@ -8,8 +8,6 @@
 
 #include "atom.h"
 
-#include <algorithm>
-#include <utility>
 #include <vector>
 
 namespace {
@@ -34,20 +32,11 @@ class Molecules : public Part {
 
   void add(int before, tagint tag, int number, const double *velocity, const double *quat)
   {
+    inserted.resize(NUMBERS * bridge.insertions++);    // Python has taken the others
     inserted.insert(inserted.end(), {(double) tag, (double) (atom->nlocal - before), (double) number});
     inserted.insert(inserted.end(), velocity, velocity + 3);
     inserted.insert(inserted.end(), quat, quat + 4);
-  }
-
-  // How many there are; with a place for their numbers these are taken, and forgotten.
-
-  int take(double *numbers)
-  {
-    const int count = inserted.size() / NUMBERS;
-    if (!numbers) return count;
-    std::copy(inserted.begin(), inserted.end(), numbers);
-    inserted.clear();
-    return count;
+    bridge.inserted = inserted.data();
   }
 
  private:

@@ -41,13 +41,14 @@ void FixPythonMove::post_neighbor()
   const int64_t other = (int64_t) 1 << OTHER_BOX;
   bridge.facts = box.now() == box.kept ? bridge.facts & ~other : bridge.facts | other;
   if (!follow(bridge.at_neighbor)) call(bridge.post_neighbor);
+  box.keep();
   state.announce();
 }
 
 void FixPythonMove::initial_integrate(int vflag)
 {
   if (!bridge.initial_integrate) failures.end_run("the Python that holds its class has shut down");
-  flush_log();
+  if (logfile) fflush(logfile);
   v_init(vflag);
   stream_with_box();
   bridge.vflag = pressure.asked_by_others(vflag);
@@ -100,23 +101,21 @@ bool FixPythonMove::follow(const Action *action)
   return true;
 }
 
-// For Python: atoms move by what is in place of their velocities, and forces are those there. Returns whether LAMMPS has found an error.
+// For Python: atoms move by what is in place of their velocities, and forces are those there. Python gets false if LAMMPS has found
+// an error.
 
-int FixPythonMove::go_back()
+bool FixPythonMove::go_back()
 {
-  failures.kept_from_loops([this] {
-    back.move(exchange);
-    back.renew_forces();
-    push();
-    make_virial_per_atom();    // for the atoms that are here now
-    return 0;
-  });
-  return failures.are_kept();
+  back.move(exchange);
+  back.renew_forces();
+  push();
+  make_virial_per_atom();    // for the atoms that are here now
+  return true;
 }
 
 void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
 {
-  flush_log();
+  if (logfile) fflush(logfile);
   if (ilevel == 0) v_init(vflag);
   call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
 }
@@ -182,8 +181,10 @@ void FixPythonMove::init()
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.stream_group)
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
-  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `varies`
+  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `describe`
   box.begin_run();
+  bridge.ghost_velocity = comm->ghost_velocity;
+  bridge.scalar_pressure = force->kspace && force->kspace->scalar_pressure_flag;
   call(bridge.init);
   state.announce();
   exchange.refuse_stale_forces();

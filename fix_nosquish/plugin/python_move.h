@@ -126,11 +126,7 @@ class FixPythonMove : public Fix {
   void set_array_rows(int n) { size_array_rows = n; }
   int64_t now() const;
   bool follow(const Action *);
-  int go_back();
-  void flush_log() const
-  {
-    if (logfile) fflush(logfile);
-  }
+  bool go_back();
 
   // Do a list of passes. Returns what the first one that has found something wrong says, 0 if none has.
 

@@ -61,7 +61,10 @@ extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
 {
   using namespace nosquish;
   if (!compiled_for(pointer)) {
-    if (lammps_extract_setting(pointer, "world_rank") == 0)
+    if (lammps_extract_setting(pointer, "world_rank")) return;
+    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))
+      fprintf(stderr, "fix_nosquish: %s\n", obstacle);
+    else
       fprintf(stderr,
               "fix_nosquish: its plugin was compiled for LAMMPS %d, and this is %d or has other sizes of integers or another "
               "MPI, so it is not used. Install fix_nosquish again for this LAMMPS: see docs/install.md\n",

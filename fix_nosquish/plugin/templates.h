@@ -2,7 +2,7 @@
 
    LAMMPS installs no header of the class. Four of its methods are declared here, which work out what the template's file does not
    say. Where the class has the numbers differs between versions; how they follow one another does not, and their principal axes
-   tell where they are: they stand three times there, as vectors, as a quaternion, and by the tensor of inertia. */
+   tell where they are: they stand twice there, as vectors and as a quaternion. */
 
 #ifndef FIX_NOSQUISH_TEMPLATES_H
 #define FIX_NOSQUISH_TEMPLATES_H
@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -29,13 +30,17 @@ class Molecule {
 
 }    // namespace LAMMPS_NS
 
+namespace MathExtra {
+void q_to_exyz(double *quat, double *x, double *y, double *z);
+}
+
 namespace {
 namespace nosquish {
 
 class Templates {
  public:
   // as LAMMPS's class has them, one behind the other
-  enum { CENTER = 0, MASS = 3, COM = 4, TENSOR = 7, KNOWN = 13, MOMENT = 13, AXES = 16, QUAT = 25, ALL = 29 };
+  enum { CENTER = 0, MASS = 3, COM = 4, TENSOR = 7, KNOWN = 13, AXES = 16, QUAT = 25, ALL = 29 };
 
   // Write the geometric centre, mass, centre of mass and tensor of inertia (xx yy zz yz xz xy) of a template, KNOWN numbers;
   // no number for what it does not say and LAMMPS cannot work out. Returns whether they were found.
@@ -56,7 +61,7 @@ class Templates {
     const char *object = reinterpret_cast<const char *>(molecule);
     for (int at = 0; at + (int) sizeof(found) <= BYTES; at += sizeof(double)) {
       memcpy(found, object + at, sizeof(found));
-      if (!fit(found)) continue;
+      if (!same_axes(found + AXES, found + QUAT)) continue;
       std::copy_n(found, (int) KNOWN, numbers);
       if (lacking) drop_faint(numbers);
       return true;
@@ -68,31 +73,14 @@ class Templates {
   static constexpr double FAINT = 1e-150;    // a mass that no template has
   static constexpr int BYTES = 2048;         // they begin before half of this
 
-  // Whether the principal axes are those of the quaternion and of the tensor.
+  // Whether three axes are those of a quaternion, if it is one.
 
-  static bool fit(const double *d)
+  static bool same_axes(const double *axes, double *quat)
   {
-    for (int k = 0; k < ALL; k++)
-      if (!std::isfinite(d[k])) return false;
-    const double *t = d + TENSOR, *q = d + QUAT;
-    const double w = q[0], x = q[1], y = q[2], z = q[3];
-    const double of_quat[3][3] = {
-        {w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)},
-        {2 * (x * y - w * z), w * w - x * x + y * y - z * z, 2 * (y * z + w * x)},
-        {2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z}};
-    const double tensor[3][3] = {{t[0], t[5], t[4]}, {t[5], t[1], t[3]}, {t[4], t[3], t[2]}};
-    const double most = std::max({std::fabs(t[0]), std::fabs(t[1]), std::fabs(t[2])});
-    if (std::fabs(w * w + x * x + y * y + z * z - 1.0) > 1e-6) return false;
-    for (int k = 0; k < 3; k++) {
-      const double *axis = d + AXES + 3 * k;
-      for (int i = 0; i < 3; i++) {
-        if (std::fabs(axis[i] - of_quat[k][i]) > 1e-6) return false;
-        double turned = -d[MOMENT + k] * axis[i];
-        for (int j = 0; j < 3; j++) turned += tensor[i][j] * axis[j];
-        if (std::fabs(turned) > 1e-6 * most) return false;
-      }
-    }
-    return true;
+    double turned[9];
+    MathExtra::q_to_exyz(quat, turned, turned + 3, turned + 6);
+    auto same = [](double a, double b) { return std::fabs(a - b) < 1e-6; };    // false of no number
+    return same(std::inner_product(quat, quat + 4, quat, 0.0), 1.0) && std::equal(turned, turned + 9, axes, same);
   }
 
   // No number for what was worked out with masses that are none. With such a mass the centre is that of equal weights.

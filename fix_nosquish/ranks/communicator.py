@@ -29,7 +29,7 @@ class Alone:
 
     def __init__(self) -> None:
         self.messages = Memory("messages", mpi.MessageRows)
-        self.cells = mpi.alone(self.messages)
+        self.cells = mpi.cells_of(self.messages, {"ranks": 1})
 
     def agree(self, problem: str | None) -> None:
         """End the run if there is a problem (a message, or None for none).
@@ -37,8 +37,9 @@ class Alone:
         Raises:
             RunError: on all ranks, with the first rank's message, if any rank has a problem.
         """
-        if problem:
-            raise RunError(problem, everywhere=True)
+        first = self.least(self.rank if problem else self.size)
+        if first < self.size:
+            raise RunError(self.share(problem, first), everywhere=True)
 
     def refuse(self, wrong: np.ndarray, text: Callable[[int], str]) -> None:
         """End the run if something is wrong on any rank; collective.
@@ -71,7 +72,7 @@ class Alone:
 
     def any(self, flag: Any) -> bool:
         """Whether `flag` is true on any rank."""
-        return flag
+        return self.least(0 if flag else 1) == 0
 
     def least(self, number: int) -> int:
         """The smallest of the ranks' whole numbers."""
@@ -85,8 +86,8 @@ class Alone:
         """All ranks' rows, in the order of the ranks, on every rank."""
         return rows
 
-    def share(self, value: Any) -> Any:
-        """Rank 0's value, for all ranks."""
+    def share(self, value: Any, rank: int = 0) -> Any:
+        """This rank's value, for all ranks."""
         return value
 
     def rest(self) -> None:
@@ -128,26 +129,15 @@ class Communicator(Alone):
         self.size, self.rank = self.comm.size, self.comm.rank
         self._mpi, self._number = MPI, np.empty(1, np.int64)
 
-    def _reduce(self, number: int, operation: Any) -> int:
+    def least(self, number: int) -> int:
         self._number[0] = number
-        self.comm.Allreduce(self._mpi.IN_PLACE, self._number, operation)
+        self.comm.Allreduce(self._mpi.IN_PLACE, self._number, self._mpi.MIN)
         return int(self._number[0])
-
-    def agree(self, problem: str | None) -> None:
-        first = self._reduce(self.rank if problem else self.size, self._mpi.MIN)
-        if first < self.size:
-            raise RunError(self.comm.bcast(problem, root=first), everywhere=True)
 
     def total(self, values: Any) -> np.ndarray:
         result = np.array(values, float)
         self.comm.Allreduce(self._mpi.IN_PLACE, result)
         return result
-
-    def any(self, flag: Any) -> bool:
-        return bool(self._reduce(bool(flag), self._mpi.MAX))
-
-    def least(self, number: int) -> int:
-        return self._reduce(number, self._mpi.MIN)
 
     def rest(self) -> None:
         request, pause = self.comm.Ibarrier(), 1e-4
@@ -155,8 +145,8 @@ class Communicator(Alone):
             time.sleep(pause)
             pause = min(2 * pause, 0.02)
 
-    def share(self, value: Any) -> Any:
-        return self.comm.bcast(value)
+    def share(self, value: Any, rank: int = 0) -> Any:
+        return self.comm.bcast(value, rank)
 
     def gather(self, rows: np.ndarray) -> Any:
         parts = self.comm.gather(rows)

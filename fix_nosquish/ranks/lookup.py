@@ -1,8 +1,5 @@
 """What ranks ask each other of atoms, for messages and a LAMMPS that takes nothing along."""
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from ..loops.compiled import L1, I, loop
@@ -24,99 +21,55 @@ def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     return np.where(np.append(keys, -1)[found] == wanted, found, -1)
 
 
-class Messages:
-    """Messages to single ranks; all methods are collective.
+def exchange(
+    communicator: Alone, to: np.ndarray, rows: np.ndarray, sources: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Send rows to ranks; collective.
 
     Args:
-        communicator: the `Communicator`.
-    """
-
-    def __init__(self, communicator: Alone) -> None:
-        self._communicator = communicator
-
-    def deliver(
-        self, to: np.ndarray, numbers: np.ndarray, sources: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Send numbers to ranks.
-
-        Args:
-            to: (n,) the rank to which each row goes, in order.  numbers: (n, width) int64.
-            sources: the ranks that send something to this one, if all ranks know theirs.
-        Returns:
-            (ranks, counts, numbers): who sent something, how many rows each, and the rows.
-        """
-        (ranks, counts), width = np.unique(to, return_counts=True), numbers.shape[1]
-        deliver_parts.bind_to(
-            self._communicator.cells,
-            to=ranks,
-            many=counts * width,
-            parts=numbers.ravel(),
-            sources=ranks if sources is None else sources,
-            known=sources is not None,
-        )()
-        cells = self._communicator.messages.cells
-        senders, sent, got = (cells[name].array for name in ("senders", "sent", "numbers"))
-        sender_of_row = np.repeat(senders, sent // width)
-        in_order = got.reshape(-1, width)[np.argsort(sender_of_row, kind="stable")]
-        return *np.unique(sender_of_row, return_counts=True), in_order
-
-    def ask(
-        self, to: np.ndarray, questions: np.ndarray, answer: Callable[[np.ndarray], np.ndarray]
-    ) -> np.ndarray:
-        """Ask other ranks, and answer what they ask.
-
-        Args:
-            to: (m,) int64, the rank that is asked each question.  questions: (m,) int64.
-            answer: a function of the questions (k,) to this rank, which gives (k, width) numbers.
-        Returns:
-            (m, width) the answers to this rank's questions.
-        """
-        order = np.argsort(to, kind="stable")
-        asked = to[order]
-        askers, counts, wanted = self.deliver(asked, questions[order, None])
-        answers = np.ascontiguousarray(answer(wanted[:, 0]))
-        kind = answers.dtype
-        back = self.deliver(np.repeat(askers, counts), answers.view(np.int64), np.unique(asked))[2]
-        result = np.empty((len(to), answers.shape[1]), kind)
-        result[order] = back.view(kind).reshape(result.shape)
-        return result
-
-
-def look_up(communicator: Alone, keys: Any, values: Any, wanted: np.ndarray) -> np.ndarray:
-    """Ask all ranks for values, through a directory that is spread over them; collective.
-
-    Args:
-        keys: (n,) int64, each on one rank only.  values: (n,) int64.  wanted: (m,) keys.
+        to: (n,) the rank to which each row goes, in order.  rows: (n, width) int64.
+        sources: the ranks that send something to this one, if all ranks know theirs.
     Returns:
-        (m,) the values of these keys, -1 for a key that no rank has.
-    """
-    if communicator.size == 1:  # what this rank has it need not ask for
-        return np.full(len(wanted), -1)
-    messages, to = Messages(communicator), keys % communicator.size
-    order = np.argsort(to, kind="stable")
-    told = messages.deliver(to[order], np.stack([keys, values], axis=1)[order])[2]
-
-    def answer(asked: np.ndarray) -> np.ndarray:
-        return np.append(told[:, 1], -1)[find(told[:, 0], asked), None]
-
-    return messages.ask(wanted % communicator.size, wanted, answer)[:, 0]
-
-
-def fetch(
-    communicator: Alone, origins: np.ndarray, rows_of: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """Ask for what the ranks that lost atoms know of them; collective.
-
-    Args:
-        origins: (m,) int64, where each atom gained was before: another rank, and its place there.
-        rows_of: a function of (n,) places that gives (n, width) float64, what goes with these
-            atoms.
-    Returns:
-        (m, width) rows, in the order of origins.
+        the rank that each row comes from, (k,) in order, and the rows, (k, width).
     """
     if communicator.size == 1:
-        return rows_of(origins)
-    return Messages(communicator).ask(origins >> 32, places(origins), rows_of)
+        return to, rows
+    (ranks, counts), width = np.unique(to, return_counts=True), rows.shape[1]
+    deliver_parts.bind_to(
+        communicator.cells,
+        to=ranks,
+        many=counts * width,
+        parts=rows.ravel(),
+        sources=ranks if sources is None else sources,
+        known=sources is not None,
+    )()
+    cells = communicator.messages.cells
+    senders, sent, got = (cells[name].array for name in ("senders", "sent", "numbers"))
+    sender = np.repeat(senders, sent // width)
+    order = np.argsort(sender, kind="stable")
+    return sender[order], got.reshape(-1, width)[order]
+
+
+def look_up(
+    communicator: Alone, keys: np.ndarray, rows: np.ndarray, wanted: np.ndarray
+) -> np.ndarray:
+    """Ask all ranks for rows, through a directory that is spread over them; collective.
+
+    Args:
+        keys: (n,) int64, each on one rank only.  rows: (n, width) int64.  wanted: (m,) keys.
+    Returns:
+        (m, width) the rows of these keys, of -1 for a key that no rank has.
+    """
+    told, order = np.column_stack([keys, rows]), np.argsort(keys % communicator.size)
+    _, told = exchange(communicator, keys[order] % communicator.size, told[order])
+    order = np.argsort(wanted % communicator.size)
+    to = wanted[order] % communicator.size
+    askers, questions = exchange(communicator, to, wanted[order, None])
+    none = np.full((1, rows.shape[1]), -1)
+    answers = np.concatenate([told[:, 1:], none])[find(told[:, 0], questions[:, 0])]
+    result = np.empty((len(wanted), rows.shape[1]), np.int64)
+    result[order] = exchange(communicator, askers, answers, np.unique(to))[1]
+    return result
 
 
 def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
@@ -126,8 +79,6 @@ def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarra
         lost: (k,) places of atoms that this rank no longer has.
         gained: origins of atoms from other ranks.
     """
-    if communicator.size == 1:
-        return lost
     gained = np.sort(gained)
-    told = Messages(communicator).deliver(gained >> 32, places(gained)[:, None])[2]
-    return np.setdiff1d(lost, told[:, 0])
+    _, told = exchange(communicator, gained >> 32, places(gained)[:, None])
+    return np.setdiff1d(lost, told)

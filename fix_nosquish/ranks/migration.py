@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
-import numpy as np
-
 from ..loops.compiled import F1, F2, F64, I1, I2, L1, L2, I, inlined, loop
 from ..loops.memory import (
     LENGTH,
     PLACE,
     WIDTH,
+    append,
     floats_in,
     int_rows_in,
     ints_in,
@@ -21,7 +20,7 @@ from ..loops.memory import (
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import Mpi, add_up
-from .sharing import SHARING, find
+from .sharing import SHARING, find, sort
 
 IN_NO_BODY = -1  # an atom's origin
 # what goes with an atom to another rank: its origin, its body's column of state, its of displace
@@ -45,7 +44,11 @@ class BodyRows(NamedTuple):
         number, order: the new number of each of these bodies, and which has each new number.
         source: (atoms,) where in here each was.
         old_state, old_displace: those of before.
-        following, table, buckets, ends: what the functions here work with.
+        ids, column: (shared + arrived,) of the bodies that other ranks held too, and those that
+            came, row by row: the ID, and what `owner` has of it.
+        following: (2 * bodies,) the next round of each body and its lane there; or, if it is a
+            block by itself, its next entry of index and -1.
+        buckets, ends: what the functions here work with.
     """
 
     state: F2
@@ -67,8 +70,9 @@ class BodyRows(NamedTuple):
     source: L1
     old_state: F2
     old_displace: F2
+    ids: L1
+    column: L1
     following: L1
-    table: L1
     buckets: L1
     ends: L1
 
@@ -158,12 +162,6 @@ def locate(atoms, bodies, found):
 
 
 @inlined
-def rounds_of(atoms):
-    """How many rounds a body of so many atoms takes."""
-    return atoms if atoms <= LANES else (atoms + LANES - 1) // LANES
-
-
-@inlined
 def of_body(row, b, state, arrived, first):
     """An entry of body b's state: of those of this rank, or those that came with atoms."""
     return (
@@ -183,42 +181,28 @@ def bucket(b, atoms, state, arrived, first):
 
 
 @inlined
-def find_slot(table, key, state, arrived, first):
-    """Where in a hash table, whose size is a power of two, the body with this ID is or would be."""
-    last = table.size - 1
-    h = (np.int64(key) * 0x9E3779B1 >> 16) & last
-    while table[h] >= 0 and of_body(ID, table[h], state, arrived, first) != key:
-        h = (h + 1) & last
-    return h
-
-
-@inlined
 def find_owners(arrived, bodies, sharing):
     """Find the body of each atom that is here: rows `owner` and `first`."""
     state, body = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.body)
     place, shared = longs_in(bodies, BODIES.place), longs_in(sharing, SHARING.shared)
-    owner = new_longs(bodies, BODIES.owner, place.size)
-    first = new_longs(bodies, BODIES.first, arrived.shape[0])
-    size, m, strangers = 4, state.shape[1], 0
-    while size <= 2 * (shared.size + arrived.shape[0]):
-        size *= 2
-    table = new_longs(bodies, BODIES.table, size)
-    if arrived.shape[0]:
-        for k in range(size):
-            table[k] = -1
-        for k in range(shared.size):
-            table[find_slot(table, state[ID, shared[k]], state, arrived, first)] = shared[k]
-    for j in range(place.size):
-        if place[j] >= 0:
-            owner[j] = body[place[j]]
+    known, n = shared.size, shared.size + arrived.shape[0]
+    ids, order = new_longs(bodies, BODIES.ids, n), new_longs(bodies, BODIES.order, n)
+    column, owner = new_longs(bodies, BODIES.column, n), new_longs(bodies, BODIES.owner, place.size)
+    for i in range(n):
+        ids[i] = state[ID, shared[i]] if i < known else arrived[i - known, OF_BODY + ID]
+    sort(order, n, ids, ids)
+    resize(bodies, BODIES.first, 0, 1)
+    for k in range(n):
+        i = order[k]
+        if k > 0 and ids[i] == ids[order[k - 1]]:
+            column[i] = column[order[k - 1]]
+        elif i < known:
+            column[i] = shared[i]
         else:
-            row = -1 - place[j]
-            h = find_slot(table, arrived[row, OF_BODY + ID], state, arrived, first)
-            if table[h] < 0:
-                table[h], first[strangers] = m + strangers, row
-                strangers += 1
-            owner[j] = table[h]
-    resize(bodies, BODIES.first, strangers, 1)
+            column[i] = state.shape[1] + bodies[BODIES.first, LENGTH]
+            append(bodies, BODIES.first, i - known)
+    for j in range(place.size):
+        owner[j] = body[place[j]] if place[j] >= 0 else column[known - 1 - place[j]]
 
 
 @inlined
@@ -268,15 +252,19 @@ def make_blocks(bodies):
     resize(bodies, BODIES.blocks, total + 1, 3)
     resize(bodies, BODIES.rounds, bodies[BODIES.owner, LENGTH] + 1, 1)
     blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
+    following = new_longs(bodies, BODIES.following, 2 * total)
     while begin < total:
         while begin >= ends[stretch]:
             stretch += 1
         blocks[block, 0], blocks[block, 1], blocks[block, 2] = begin, turn, stretch % 2 == 0
-        end = begin + 1
+        end, count = begin + 1, (atoms[begin] + LANES - 1) // LANES
+        following[2 * begin], following[2 * begin + 1] = entry, -1
         if atoms[begin] <= LANES:
-            end = min(begin + LANES, ends[stretch])
+            end, count = min(begin + LANES, ends[stretch]), atoms[begin]
+            for b in range(begin, end):
+                following[2 * b], following[2 * b + 1] = turn, b - begin
         lanes = end - begin
-        for r in range(rounds_of(atoms[begin])):
+        for r in range(count):
             rounds[turn] = entry
             while lanes > 1 and atoms[begin + lanes - 1] <= r:
                 lanes -= 1
@@ -293,19 +281,12 @@ def make_blocks(bodies):
 @inlined
 def place_atoms(bodies):
     """Give each atom its entry of `index`, `source` and `body`."""
-    blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
+    rounds, following = ints_in(bodies, BODIES.rounds), longs_in(bodies, BODIES.following)
     here, owner = longs_in(bodies, BODIES.here), longs_in(bodies, BODIES.owner)
-    number, atoms, n = longs_in(bodies, BODIES.number), longs_in(bodies, BODIES.atoms), here.size
-    following = new_longs(bodies, BODIES.following, 2 * atoms.size)
+    number, n = longs_in(bodies, BODIES.number), here.size
     resize(bodies, BODIES.index, n, 1)
     index, source = ints_in(bodies, BODIES.index), new_longs(bodies, BODIES.source, n)
     body = new_longs(bodies, BODIES.body, n)
-    for k in range(blocks.shape[0] - 1):
-        for b in range(blocks[k, 0], blocks[k + 1, 0]):
-            if atoms[b] > LANES:  # its next entry
-                following[2 * b], following[2 * b + 1] = rounds[blocks[k, 1]], -1
-            else:  # its next round, its lane
-                following[2 * b], following[2 * b + 1] = blocks[k, 1], b - blocks[k, 0]
     for j in range(n):
         b = number[owner[j]]
         entry, lane = following[2 * b], following[2 * b + 1]
@@ -374,14 +355,14 @@ def arrange(mpi, sharing, arrived, bodies, kinds):
 
 
 @inlined
-def settle(layout, bodies, aways, box, atom_x, off):
+def settle(layout, bodies, box, atom_x, off):
     """Find which atoms are in other periodic images: see `periodic.find_images`."""
     resize(bodies, BODIES.away, layout.index.size, 1)
     resize(bodies, BODIES.shift, layout.index.size, 3)
     away, shift = ints_in(bodies, BODIES.away), floats_in(bodies, BODIES.shift)
-    find_images(layout, Images(away, shift, aways), box, atom_x, off)
-    resize(bodies, BODIES.away, aways[0], 1)
-    resize(bodies, BODIES.shift, aways[0], 3)
+    count = find_images(layout, Images(away, shift), box, atom_x, off)
+    resize(bodies, BODIES.away, count, 1)
+    resize(bodies, BODIES.shift, count, 3)
 
 
 @loop
@@ -391,7 +372,6 @@ def follow(
     atoms: Atoms,
     bodies: L2,
     kinds: Kinds,
-    aways: L1,
     block: F64,
     found: F1,
     box: PeriodicBox,
@@ -402,7 +382,7 @@ def follow(
 
     Args:
         sharing, bodies: tables of memories with `SharingRows` and `BodyRows`.
-        kinds, block: see `block.Layout`.  aways: see `block.Images`.
+        kinds, block: see `block.Layout`.
         found: see `Found`.  off: see `periodic.find_images`.
         what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
             where the atoms are now; SETTLE periodic images; FEWER: atoms may be gone.
@@ -432,7 +412,7 @@ def follow(
         blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
         take_into_box(state, box)
         layout = Layout(state, kinds, blocks, rounds, index, displace, block)
-        settle(layout, bodies, aways, box, atoms.atom_x, off)
+        settle(layout, bodies, box, atoms.atom_x, off)
         found[FOUND.off] = not off[0] <= box.near
         add_up(mpi, found[FOUND.off : FOUND.all_came], found[FOUND.all_off :])
         if found[FOUND.all_off] != 0.0:

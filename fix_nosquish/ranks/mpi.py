@@ -78,11 +78,6 @@ class Mpi(NamedTuple):
     messages: L2
 
 
-def alone(memory: Memory) -> dict[str, Cell]:
-    """The cells of the `Mpi` of one rank, which calls none of MPI's functions."""
-    return _cells(memory, {"ranks": 1})
-
-
 def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, Cell]:
     """The cells of an `Mpi`, by the names of its fields.
 
@@ -93,19 +88,26 @@ def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, C
         memory.put(name, [0])
     memory.put("status", np.zeros(-(-MPI._sizeof(MPI.Status) // 8)))
     memory.put("fortran_status", np.zeros(MPI.F_STATUS_SIZE))
-    values = {"rank": comm.rank, "ranks": comm.size, "communicator": comm.handle}
-    for name in "INT64_T", "DOUBLE", "SUM":
-        values[f"MPI_{name}"] = getattr(MPI, name).handle
-    values |= {"MPI_ANY_SOURCE": MPI.ANY_SOURCE, "MPI_F_SOURCE": MPI.F_SOURCE}
+    values = {
+        "MPI_INT64_T": MPI.INT64_T.handle,
+        "MPI_DOUBLE": MPI.DOUBLE.handle,
+        "MPI_SUM": MPI.SUM.handle,
+        "MPI_ANY_SOURCE": MPI.ANY_SOURCE,
+        "MPI_F_SOURCE": MPI.F_SOURCE,
+        "communicator": comm.handle,
+        "rank": comm.rank,
+        "ranks": comm.size,
+    }
     library = ctypes.CDLL(None)  # with what stands before it, as a tool that counts calls
     if not hasattr(library, "MPI_Init"):
         library = ctypes.CDLL(MPI.__file__)
     for name in set(Mpi._fields) - set(values) - {"messages"}:
         values[name] = place_of(getattr(library, name))
-    return _cells(memory, values)
+    return cells_of(memory, values)
 
 
-def _cells(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
+def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
+    """The cells of an `Mpi` with these numbers; what is not there is 0, as of one rank."""
     numbers = {name: ctypes.c_int64(values.get(name, 0)).value for name in Mpi._fields}
     cells = {name: Cell(I, number) for name, number in numbers.items()}
     return cells | {"messages": memory.cells["messages"]}

@@ -20,8 +20,7 @@ from .communicator import Alone
 from .mpi import MESSAGES, PART, Mpi, deliver, send, wait
 
 ADD, LEAST, GREATEST = range(3)  # how parts are combined
-
-_BITS = 32  # an atom's origin is rank << 32 | place
+END = -1  # of the ranks that hold a body, in an answer
 
 
 class SharingRows(NamedTuple):
@@ -40,7 +39,7 @@ class SharingRows(NamedTuple):
         partners, shares: (partners,) the ranks that share bodies, and how many with each.
         copies: (copies,) places of the bodies whose parts are sent, partner by partner.
         packed, received: (copies, rows) what is sent to the partners, and what they send.
-        holder, equal, order, spare, answers, parts: to work with; see `answer`.
+        order, holder, entry, body, answers, parts: to work with.
     """
 
     asked: L1
@@ -59,10 +58,10 @@ class SharingRows(NamedTuple):
     copies: L1
     packed: F2
     received: F2
-    holder: L1
-    equal: L1
     order: L1
-    spare: L1
+    holder: L1
+    entry: L1
+    body: L1
     answers: L1
     parts: L1
 
@@ -70,46 +69,49 @@ class SharingRows(NamedTuple):
 SHARING = rows(SharingRows)
 
 
-def origin(rank: int, places: Any) -> Any:
-    """The origins, int64, of atoms that have these places in a rank's list of bodies' atoms."""
-    return np.int64(rank << _BITS) | places
-
-
 def places(origins: Any) -> Any:
-    """The places in these origins."""
-    return origins & ((1 << _BITS) - 1)
+    """The places in a rank's list of bodies' atoms of these origins, rank << 32 | place."""
+    return origins & 0xFFFFFFFF
 
 
 # ---------------------------------------------------------------- who shares
 
 
 @inlined
-def sort(order, spare, n, high, low):
-    """Fill order with 0 to n - 1 so that high, and where it is equal low, does not fall.
+def sort(order, n, high, low):
+    """Fill order with 0 to n - 1 so that high, then low, then the numbers themselves rise.
 
-    It merges sorted runs.
+    It is Shell's method, which needs no other memory.
     """
     for i in range(n):
         order[i] = i
-    width = 1
-    while width < n:
-        for begin in range(0, n, 2 * width):
-            mid, end = min(begin + width, n), min(begin + 2 * width, n)
-            a, b = begin, mid
-            for k in range(begin, end):
-                first = a < mid
-                if first and b < end:
-                    i, j = order[a], order[b]
-                    first = high[i] < high[j] or (high[i] == high[j] and low[i] <= low[j])
-                if first:
-                    spare[k] = order[a]
-                    a += 1
-                else:
-                    spare[k] = order[b]
-                    b += 1
-        for k in range(n):
-            order[k] = spare[k]
-        width *= 2
+    gap = n
+    while gap > 1:
+        gap = max(gap * 5 // 11, 1)
+        for k in range(gap, n):
+            i = order[k]
+            while k >= gap:
+                j = order[k - gap]
+                if (high[j], low[j], j) <= (high[i], low[i], i):
+                    break
+                order[k] = j
+                k -= gap
+            order[k] = i
+
+
+@inlined
+def group(sharing, n, ranks, low, to, many):
+    """Fill `order` as `sort` does, by n ranks and low; rows `to` and `many` have which ranks these
+    are, and how often each is among them."""
+    order = new_longs(sharing, SHARING.order, n)
+    sort(order, n, ranks, low)
+    resize(sharing, to, 0, 1)
+    resize(sharing, many, 0, 1)
+    for k in range(n):
+        if k == 0 or ranks[order[k]] != ranks[order[k - 1]]:
+            append(sharing, to, ranks[order[k]])
+            append(sharing, many, 0)
+        longs_in(sharing, many)[sharing[many, LENGTH] - 1] += 1
 
 
 @inlined
@@ -119,127 +121,86 @@ def ask(sharing):
     Two holders agree on it.
     """
     asked, ids = longs_in(sharing, SHARING.asked), longs_in(sharing, SHARING.ids)
-    meet, n, meetings = longs_in(sharing, SHARING.meet), asked.size, 0
-    places, questions = (
-        new_longs(sharing, SHARING.places, n),
-        new_longs(sharing, SHARING.questions, n),
-    )
-    order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
-    meeting, many = new_longs(sharing, SHARING.meetings, n), new_longs(sharing, SHARING.many, n)
-    sort(order, spare, n, meet, ids)
+    meet, n = longs_in(sharing, SHARING.meet), asked.size
+    group(sharing, n, meet, ids, SHARING.meetings, SHARING.many)
+    places, order = new_longs(sharing, SHARING.places, n), longs_in(sharing, SHARING.order)
+    questions = new_longs(sharing, SHARING.questions, n)
     for k in range(n):
-        i = order[k]
-        places[k], questions[k] = asked[i], ids[i]
-        if meetings == 0 or meeting[meetings - 1] != meet[i]:
-            meeting[meetings], many[meetings] = meet[i], 0
-            meetings += 1
-        many[meetings - 1] += 1
-    resize(sharing, SHARING.meetings, meetings, 1)
-    resize(sharing, SHARING.many, meetings, 1)
+        places[k], questions[k] = asked[order[k]], ids[order[k]]
 
 
 @inlined
 def answer(sharing, messages):
     """Tell ranks that ask who holds bodies who else has asked.
 
-    For each asker `answers` has how many ranks hold each of its bodies, then which ranks, body by
-    body; `parts` has how many numbers that is.
+    For each asker `answers` has the ranks that hold each of its bodies, and END behind them, body
+    by body; `parts` has how many numbers that is.
     """
     askers, asked = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
     ids = longs_in(messages, MESSAGES.numbers)
-    n, begin, i = ids.size, 0, 0
-    order, spare = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.spare, n)
-    holder, equal = new_longs(sharing, SHARING.holder, n), new_longs(sharing, SHARING.equal, n)
+    n, i, parts = ids.size, 0, new_longs(sharing, SHARING.parts, askers.size)
+    order, holder = new_longs(sharing, SHARING.order, n), new_longs(sharing, SHARING.holder, n)
+    entry = new_longs(sharing, SHARING.entry, n)
     for r in range(askers.size):
         for _ in range(asked[r]):
             holder[i] = askers[r]
             i += 1
-    sort(order, spare, n, ids, holder)
-    while begin < n:
-        end = begin
-        while end < n and ids[order[end]] == ids[order[begin]]:
-            end += 1
-        for k in range(begin, end):
-            equal[order[k]], spare[order[k]] = begin, end - begin
-        begin = end
-    parts, end = new_longs(sharing, SHARING.parts, askers.size), 0
+    sort(order, n, ids, holder)
+    for k in range(n):
+        alike = k > 0 and ids[order[k]] == ids[order[k - 1]]
+        entry[order[k]] = entry[order[k - 1]] if alike else k
+    i = 0
     resize(sharing, SHARING.answers, 0, 1)
     for r in range(askers.size):
-        begin, end, before = end, end + asked[r], sharing[SHARING.answers, LENGTH]
-        for i in range(begin, end):
-            append(sharing, SHARING.answers, spare[i])
-        for i in range(begin, end):
-            for k in range(equal[i], equal[i] + spare[i]):
+        before = sharing[SHARING.answers, LENGTH]
+        for _ in range(asked[r]):
+            k = entry[i]
+            while k < n and ids[order[k]] == ids[i]:
                 append(sharing, SHARING.answers, holder[order[k]])
+                k += 1
+            append(sharing, SHARING.answers, END)
+            i += 1
         parts[r] = sharing[SHARING.answers, LENGTH] - before
 
 
 @inlined
 def connect(mpi, sharing):
-    """Find with whom this rank shares which bodies.
+    """Find with whom this rank shares which bodies, and how their parts lie in messages.
 
-    The messages' numbers have a part from each meeting, with what it was asked of the next many[r]
-    places: by how many ranks each of these bodies is held, then by which, body by body; the first
-    of them is its home from now on.  A part in `source` is the number of its partner at first.
+    The messages' numbers have for each of `places` the ranks that hold this body, and END behind
+    them; the first of them is its home from now on.  What is sent is in the order of the partners,
+    for each that of places.  What is received is in the same order.
     """
-    places, many = longs_in(sharing, SHARING.places), longs_in(sharing, SHARING.many)
-    answers, home = longs_in(mpi.messages, MESSAGES.numbers), longs_in(sharing, SHARING.home)
+    places, home = longs_in(sharing, SHARING.places), longs_in(sharing, SHARING.home)
+    answers = longs_in(mpi.messages, MESSAGES.numbers)
     shared = new_longs(sharing, SHARING.shared, places.size)
     first = new_longs(sharing, SHARING.first, places.size + 1)
     source = new_longs(sharing, SHARING.source, answers.size)
-    partners = new_longs(sharing, SHARING.partners, answers.size)
-    shares = new_longs(sharing, SHARING.shares, answers.size)
-    nshared = npartners = entries = end = place = 0
-    first[0] = 0
-    for r in range(many.size):
-        held, begin = end, end + many[r]
-        for i in range(place, place + many[r]):
-            home[places[i]] = answers[begin]
-            end = begin + answers[held]
-            if end > begin + 1:
-                for k in range(begin, end):
-                    source[entries] = -1
-                    if answers[k] != mpi.rank:
-                        p = 0
-                        while p < npartners and partners[p] != answers[k]:
-                            p += 1
-                        if p == npartners:
-                            partners[p], shares[p] = answers[k], 0
-                            npartners += 1
-                        source[entries] = p
-                        shares[p] += 1
-                    entries += 1
-                shared[nshared] = places[i]
-                nshared += 1
-                first[nshared] = entries
-            held, begin = held + 1, end
-        place += many[r]
+    holder = new_longs(sharing, SHARING.holder, answers.size)
+    entry = new_longs(sharing, SHARING.entry, answers.size)
+    body = new_longs(sharing, SHARING.body, answers.size)
+    nshared = entries = others = k = 0
+    for i in range(places.size):
+        home[places[i]] = answers[k]
+        if answers[k + 1] == END:  # it is whole here
+            k += 2
+            continue
+        shared[nshared], first[nshared] = places[i], entries
+        nshared += 1
+        while answers[k] != END:
+            if answers[k] != mpi.rank:
+                holder[others], entry[others], body[others] = answers[k], entries, places[i]
+                others += 1
+            source[entries] = -1
+            entries += 1
+            k += 1
+        k += 1
+    first[nshared] = entries
     resize(sharing, SHARING.shared, nshared, 1)
-    resize(sharing, SHARING.partners, npartners, 1)
-
-
-@inlined
-def lay_out(sharing):
-    """Find how parts lie in messages.
-
-    What is sent is in the order of the partners, for each that of places.  What is received is in
-    the same order.
-    """
-    shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
-    source, shares = longs_in(sharing, SHARING.source), longs_in(sharing, SHARING.shares)
-    n, end = sharing[SHARING.partners, LENGTH], 0
-    free = new_longs(sharing, SHARING.spare, n)  # the next free entry of each partner
-    for p in range(n):
-        free[p] = end
-        end += shares[p]
-    copies = new_longs(sharing, SHARING.copies, end)
-    for i in range(shared.size):
-        for k in range(first[i], first[i + 1]):
-            p = source[k]
-            if p >= 0:
-                source[k] = free[p]
-                copies[free[p]] = shared[i]
-                free[p] += 1
+    group(sharing, others, holder, entry, SHARING.partners, SHARING.shares)
+    copies, order = new_longs(sharing, SHARING.copies, others), longs_in(sharing, SHARING.order)
+    for k in range(others):
+        copies[k], source[entry[order[k]]] = body[order[k]], k
 
 
 @inlined
@@ -256,7 +217,6 @@ def find(mpi, sharing):
         askers, answers = longs_in(messages, MESSAGES.senders), longs_in(sharing, SHARING.answers)
         deliver(mpi, askers, longs_in(sharing, SHARING.parts), answers, meetings, True)
         connect(mpi, sharing)
-        lay_out(sharing)
 
 
 @loop

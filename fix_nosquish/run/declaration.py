@@ -1,6 +1,6 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -110,6 +110,11 @@ class Declaration:
     def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         """Lists of loops of its own, by name, bound to cells; see `passes`."""
         return {}
+
+    def own_values(self) -> Sequence[float]:
+        """Values of f_ID[i] behind those of all integrators, of which `vector_extensive` says
+        whether each counts the bodies; collective."""
+        return ()
 
     def own_warnings(self) -> Iterable[str]:
         """Lines for the log on what is probably not meant; collective."""

@@ -6,7 +6,6 @@ by their IDs, so that they need not follow a body to another rank.
 """
 
 import re
-import weakref
 from typing import TYPE_CHECKING, NamedTuple
 from zlib import crc32
 
@@ -34,7 +33,7 @@ def _wrong(problem: str) -> RunError:
     return RunError(f"fix_modify external: {problem}", everywhere=True)
 
 
-class _Said(NamedTuple):
+class Said(NamedTuple):
     """The words of fix_modify external.
 
     Attributes:
@@ -59,215 +58,111 @@ class _Given(NamedTuple):
     wrenches: np.ndarray
 
 
-_NOTHING_SAID = _Said(np.zeros(COLUMNS), {})
+_NOTHING_SAID = Said(np.zeros(COLUMNS), {})
 _NOTHING_GIVEN = _Given(np.empty(0, np.int64), np.empty((0, 6)))
 
 
 class External:
     """The external forces of an integrator's bodies.
 
-    Args:
-        integrator: the `Integrator`.
-
     Attributes:
         acts: whether there may be some in this run.
+        changed: whether there are others since it began.
+        said, given: where they come from.
         cells: of the loop `passes.push`: the IDs of all bodies, in order, and what acts on each.
     """
 
-    def __init__(self, integrator: "Integrator") -> None:
-        self._integrator: Integrator = weakref.proxy(
-            integrator
-        )  # no circle: it goes when LAMMPS lets go
-        self.acts = self._changed = False
-        self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
-        self._said, self._given = _NOTHING_SAID, _NOTHING_GIVEN
+    acts = changed = False
+    said, given = _NOTHING_SAID, _NOTHING_GIVEN
 
-    @property
-    def has_virial(self) -> bool:
-        """Whether LAMMPS counts their virial."""
-        return self._said.virial
+    def __init__(self) -> None:
+        self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
 
     @property
     def moves_centres(self) -> bool:
         """Whether there may be forces, not torques alone."""
-        said = self._said
+        said = self.said
         of_words = said.numbers[:3].any() or any(column < 3 for column in said.words)
-        return self.acts and bool(of_words or said.python or len(self._given.ids))
+        return self.acts and bool(of_words or said.python or len(self.given.ids))
 
-    def without_energy(self) -> str | None:
-        """What to say of forces whose energy LAMMPS does not count; None if it does."""
-        told = f"{self._integrator.host.fix_id}_external"
-        others = self._integrator.other_fixes
-        if not self.acts or any(fix.id == told and fix.energy_in_pe for fix in others):
-            return None
-        return (
-            "external forces have none in the potential energy: give it behind the word energy of "
-            "fix_modify external"
+
+def without_energy(integrator: "Integrator") -> str | None:
+    """What to say of external forces whose energy LAMMPS does not count; None if it does."""
+    told, others = f"{integrator.host.fix_id}_external", integrator.other_fixes
+    if not integrator.external.acts or any(f.id == told and f.energy_in_pe for f in others):
+        return None
+    return (
+        "external forces have none in the potential energy: give it behind the word energy of "
+        "fix_modify external"
+    )
+
+
+# ----------------------------------------------------------------- where they come from
+
+
+def modify_external(integrator: "Integrator", text: str) -> None:
+    """Read the words of fix_modify external, which replace those of before.
+
+    Raises:
+        RunError: naming the word, and what is expected; the words of before stay.
+    """
+    external = integrator.external
+    if integrator.lammps.running:
+        raise _wrong("a run is under way: give it between runs")
+    said = _read(text.split())
+    if said is _NOTHING_SAID:
+        external.given = _NOTHING_GIVEN
+    external.said, external.changed = said, True
+    integrator.host.ask_for([*said.words.values()], energy=said.energy, virial=said.virial)
+
+
+def give_forces(
+    integrator: "Integrator", ids: ArrayLike, force: ArrayLike, torque: ArrayLike
+) -> None:
+    """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
+    external, communicator = integrator.external, integrator.communicator
+    if not external.acts and integrator.lammps.running:
+        raise RunError(
+            "add_force was called in a run that began without external forces: call it before "
+            "the run, or have 'fix_modify ID external python' before it",
+            everywhere=True,
         )
-
-    # ------------------------------------------------------------- where they come from
-
-    def read(self, text: str) -> None:
-        """Read the words of fix_modify external, which replace those of before.
-
-        Raises:
-            RunError: naming the word, and what is expected; the words of before stay.
-        """
-        if self._integrator.lammps.running:
-            raise _wrong("a run is under way: give it between runs")
-        said = _read(text.split())
-        if said is _NOTHING_SAID:
-            self._given = _NOTHING_GIVEN
-        self._said, self._changed = said, True
-        self._integrator.host.ask_for(
-            [*said.words.values()], energy=said.energy, virial=said.virial
+    ids, problem = np.atleast_1d(ids), None
+    rows = np.empty((len(ids), 6))
+    try:
+        rows[:, :3], rows[:, 3:] = force, torque
+    except (TypeError, ValueError) as error:
+        problem = str(error)
+    known = _ids_of_all(integrator)
+    if not problem and not np.isfinite(rows).all():
+        problem = "a force or torque is not finite"
+    if not problem and len(unknown := np.setdiff1d(ids, known)):
+        problem = f"there is no body with ID {unknown[0]}"
+    if not problem and len(np.unique(ids)) < len(ids):
+        problem = "a body's ID stands twice"
+    if problem:
+        problem = (
+            f"{problem}: expected IDs of bodies, a force (n, 3) and a torque (n, 3), or (3,) "
+            "for the same on all of them"
         )
-
-    def give(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None:
-        """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
-        integrator = self._integrator
-        try:
-            communicator = integrator.communicator
-        except ReferenceError:  # nobody holds the integrator any more
-            raise RunError(
-                "add_force: the fix of these bodies is gone, by unfix or with its LAMMPS: take "
-                "those of a fix that there is, by rigid_bodies",
-                everywhere=True,
-            ) from None
-        if not self.acts and integrator.lammps.running:
-            raise RunError(
-                "add_force was called in a run that began without external forces: call it before "
-                "the run, or have 'fix_modify ID external python' before it",
-                everywhere=True,
-            )
-        ids, problem = np.atleast_1d(ids), None
-        rows = np.empty((len(ids), 6))
-        try:
-            rows[:, :3], rows[:, 3:] = force, torque
-        except (TypeError, ValueError) as error:
-            problem = str(error)
-        known = self._ids_of_all()
-        if not problem and not np.isfinite(rows).all():
-            problem = "a force or torque is not finite"
-        if not problem and len(unknown := np.setdiff1d(ids, known)):
-            problem = f"there is no body with ID {unknown[0]}"
-        if not problem and len(np.unique(ids)) < len(ids):
-            problem = "a body's ID stands twice"
-        if problem:
-            problem = (
-                f"{problem}: expected IDs of bodies, a force (n, 3) and a torque (n, 3), or (3,) "
-                "for the same on all of them"
-            )
-        communicator.agree(problem and f"add_force: {problem}")
-        ids = ids.astype(np.int64)
-        own = crc32(ids.tobytes() + rows.tobytes())
-        communicator.agree(
-            "add_force: this rank hands in other forces than rank 0: hand in the same on all ranks"
-            if communicator.share(own) != own
-            else None
-        )
-        stay = ~np.isin(self._given.ids, ids)
-        self._given = _Given(
-            np.concatenate([self._given.ids[stay], ids]),
-            np.concatenate([self._given.wrenches[stay], rows]),
-        )
-        self._changed |= not self.acts
-        integrator.host.pushes = self.acts
-
-    # ------------------------------------------------------------- a run
-
-    def begin(self) -> None:
-        """A run begins: find out whether there are external forces in it; collective.
-
-        Raises:
-            RunError: on all ranks, with run_style respa.
-        """
-        self._changed, said = False, self._said
-        self.acts = bool(
-            said.python or said.words or said.numbers[:ENERGY].any() or len(self._given.ids)
-        )
-        if self.acts and self._integrator.lammps.respa_dt:
-            raise RunError(
-                "external forces are not for run_style respa: use run_style verlet",
-                everywhere=True,
-            )
-        self.learn()
-
-    def refuse_change(self) -> None:
-        """End a run that is not set up, if it would not have the external forces that it is to."""
-        if self._changed:
-            raise RunError(
-                "external forces (fix_modify external, add_force) are new since the last run: "
-                "begin the run with 'pre yes'",
-                everywhere=True,
-            )
-
-    def learn(self) -> None:
-        """Know the bodies that there are now, and keep what acts on those of before; collective."""
-        self._integrator.host.pushes = self.acts
-        if not self.acts:
-            return
-        before, rows = (cell.array for cell in self.cells.values())
-        ids = self._ids_of_all()
-        _, here, there = np.intersect1d(ids, before, return_indices=True)
-        external = np.zeros((len(ids), 6))
-        external[here] = rows[there]
-        self.cells["pushed"].set(ids.astype(float))
-        self.cells["external"].set(external)
-        stay = np.isin(self._given.ids, ids)
-        self._given = _Given(self._given.ids[stay], self._given.wrenches[stay])
-
-    def _ids_of_all(self) -> np.ndarray:
-        """The IDs of all bodies, in order; collective."""
-        bodies = self._integrator.bodies
-        return np.sort(self._integrator.communicator.gather_to_all(bodies.id[bodies.listed]))
-
-    def find(self) -> None:
-        """The forces of a step are known: find what acts besides them; collective.
-
-        Raises:
-            RunError: on all ranks, for a word that stands for another number of numbers than there
-                are bodies, or for some that are not finite.
-        """
-        host, said = self._integrator.host, self._said
-        if not host.pushes:
-            return
-        ids, external = (cell.array for cell in self.cells.values())
-        external[:], energy = said.numbers[:ENERGY], said.numbers[ENERGY]
-        external[np.searchsorted(ids, self._given.ids)] += self._given.wrenches
-        for (column, word), value in zip(said.words.items(), host.values(), strict=True):
-            if value.ndim and len(value) != len(ids):
-                raise _wrong(
-                    f"{word} has {len(value)} values, and there are {len(ids)} bodies: give it a "
-                    "value for each body, in the order of f_ID[i][j]"
-                )
-            if not np.isfinite(value).all():
-                raise _wrong(f"{word} is not finite in step {self._integrator.lammps.step}")
-            if column == ENERGY:
-                energy = value.sum()
-            else:
-                external[:, column] += value
-        if host.told is not None:
-            host.told[0] = energy
-            host.told[1:] = self._virial(ids, external) if said.virial else 0.0
-        host.pushes = bool(said.words or said.virial)  # else nothing changes
-
-    def _virial(self, ids: np.ndarray, external: np.ndarray) -> list[float]:
-        """Of the forces on the bodies that are counted here, (6,); faces do not cut their places.
-
-        It is about the origin, as that of fix addforce, which matters if the forces have a sum.  A
-        barostat stretches the box about its centre, so there this is the point.
-        """
-        integrator, bodies = self._integrator, self._integrator.bodies
-        box, which = integrator.lammps.box, bodies.listed
-        x = (bodies.x + box.h @ bodies.image)[:, which]
-        if integrator.box_every:
-            x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
-        force = external[np.searchsorted(ids, bodies.id[which]), :3].T
-        return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]
+    communicator.agree(problem and f"add_force: {problem}")
+    ids = ids.astype(np.int64)
+    own = crc32(ids.tobytes() + rows.tobytes())
+    communicator.agree(
+        "add_force: this rank hands in other forces than rank 0: hand in the same on all ranks"
+        if communicator.share(own) != own
+        else None
+    )
+    stay = ~np.isin(external.given.ids, ids)
+    external.given = _Given(
+        np.concatenate([external.given.ids[stay], ids]),
+        np.concatenate([external.given.wrenches[stay], rows]),
+    )
+    external.changed |= not external.acts
+    integrator.host.pushes = external.acts
 
 
-def _read(words: list[str]) -> _Said:
+def _read(words: list[str]) -> Said:
     """What the words of fix_modify external say, `_NOTHING_SAID` for the word none.
 
     Raises:
@@ -302,4 +197,103 @@ def _read(words: list[str]) -> _Said:
         return _NOTHING_SAID
     if "none" in parts or not parts & {"force", "torque", "python"}:
         raise _wrong("expected at least one of force, torque and python, or none alone")
-    return _Said(numbers, named, "python" in parts, yes_or_no == "yes", "energy" in parts)
+    return Said(numbers, named, "python" in parts, yes_or_no == "yes", "energy" in parts)
+
+
+# ----------------------------------------------------------------- a run
+
+
+def begin(integrator: "Integrator") -> None:
+    """A run begins: find out whether there are external forces in it; collective.
+
+    Raises:
+        RunError: on all ranks, with run_style respa.
+    """
+    external, said = integrator.external, integrator.external.said
+    external.changed = False
+    external.acts = bool(
+        said.python or said.words or said.numbers[:ENERGY].any() or len(external.given.ids)
+    )
+    if external.acts and integrator.lammps.respa_dt:
+        raise RunError(
+            "external forces are not for run_style respa: use run_style verlet", everywhere=True
+        )
+    learn(integrator)
+
+
+def refuse_change(integrator: "Integrator") -> None:
+    """End a run that is not set up, if it would not have the external forces that it is to."""
+    if integrator.external.changed:
+        raise RunError(
+            "external forces (fix_modify external, add_force) are new since the last run: "
+            "begin the run with 'pre yes'",
+            everywhere=True,
+        )
+
+
+def learn(integrator: "Integrator") -> None:
+    """Know the bodies that there are now, and keep what acts on those of before; collective."""
+    external = integrator.external
+    integrator.host.pushes = external.acts
+    if not external.acts:
+        return
+    before, rows = (cell.array for cell in external.cells.values())
+    ids = _ids_of_all(integrator)
+    _, here, there = np.intersect1d(ids, before, return_indices=True)
+    wrenches = np.zeros((len(ids), 6))
+    wrenches[here] = rows[there]
+    external.cells["pushed"].set(ids.astype(float))
+    external.cells["external"].set(wrenches)
+    stay = np.isin(external.given.ids, ids)
+    external.given = _Given(external.given.ids[stay], external.given.wrenches[stay])
+
+
+def _ids_of_all(integrator: "Integrator") -> np.ndarray:
+    """The IDs of all bodies, in order; collective."""
+    bodies = integrator.bodies
+    return np.sort(integrator.communicator.gather_to_all(bodies.id[bodies.listed]))
+
+
+def push(integrator: "Integrator") -> None:
+    """The forces of a step are known: find what acts besides them; collective.
+
+    Raises:
+        RunError: on all ranks, for a word that stands for another number of numbers than there are
+            bodies, or for some that are not finite.
+    """
+    host, said, given = integrator.host, integrator.external.said, integrator.external.given
+    if not host.pushes:
+        return
+    ids, wrenches = (cell.array for cell in integrator.external.cells.values())
+    wrenches[:], energy = said.numbers[:ENERGY], said.numbers[ENERGY]
+    wrenches[np.searchsorted(ids, given.ids)] += given.wrenches
+    for (column, word), value in zip(said.words.items(), host.values(), strict=True):
+        if value.ndim and len(value) != len(ids):
+            raise _wrong(
+                f"{word} has {len(value)} values, and there are {len(ids)} bodies: give it a "
+                "value for each body, in the order of f_ID[i][j]"
+            )
+        if not np.isfinite(value).all():
+            raise _wrong(f"{word} is not finite in step {integrator.lammps.step}")
+        if column == ENERGY:
+            energy = value.sum()
+        else:
+            wrenches[:, column] += value
+    if host.told is not None:
+        host.told[0] = energy
+        host.told[1:] = _virial(integrator, ids, wrenches) if said.virial else 0.0
+    host.pushes = bool(said.words or said.virial)  # else nothing changes
+
+
+def _virial(integrator: "Integrator", ids: np.ndarray, wrenches: np.ndarray) -> list[float]:
+    """Of the forces on the bodies that are counted here, (6,); faces do not cut their places.
+
+    It is about the origin, as that of fix addforce, which matters if the forces have a sum.  A
+    barostat stretches the box about its centre, so there this is the point.
+    """
+    bodies, box = integrator.bodies, integrator.lammps.box
+    x = (bodies.x + box.h @ bodies.image)[:, bodies.listed]
+    if integrator.box_every:
+        x -= (box.lo + 0.5 * box.h.sum(axis=1))[:, None]
+    force = wrenches[np.searchsorted(ids, bodies.id[bodies.listed]), :3].T
+    return [(force[a] * x[b]).sum() for a, b in _COMPONENTS]

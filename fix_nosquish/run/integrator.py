@@ -4,34 +4,48 @@ from typing import Any, cast
 
 import numpy as np
 
+from ..bodies import extended
 from ..bodies.bodies import Bodies
-from ..bodies.build import Notes
+from ..bodies.build import Notes, count
 from ..bodies.membership import Membership
 from ..errors import RunError
+from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import Host, driven_by_plugin, hook
 from ..host.lammps import Lammps
 from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
+from ..motion.block import ROWS
 from ..ranks import lookup, migration, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import beginning, levels, making, passes, refusals, reports, rotation, schedule
-from . import velocities as velocities_of
-from .answers import Answers
+from . import (
+    answers,
+    beginning,
+    external,
+    levels,
+    log,
+    making,
+    passes,
+    refusals,
+    rotation,
+    schedule,
+    velocities,
+)
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
+from .output import BodyFile
 from .passes import Passes
 from .registry import Registered
 from .schedule import SEEN, Phase
-from .switches import Switches
+from .switches import Choice, mask
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
 HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
 
 
-class Integrator(Answers, Registered, Declaration):
+class Integrator(Registered, Declaration):
     """What LAMMPS's fix python/move drives; a derived class declares how bodies move.
 
     LAMMPS calls the hooks; `schedule` says what happens at each of them.  The documentation says
@@ -53,7 +67,6 @@ class Integrator(Answers, Registered, Declaration):
             plugin's fix; None with LAMMPS's own fix python/move.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
         parameters: what the operations take, a record: see `Declaration.numbers`.
-        mask: what of forces and torques acts as a run begins, (6, bodies) or (6, 1); None for all.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         other_fixes: the `OtherFixes` of the run.
         unchanged: the `refusals.Unchanged`.
@@ -63,10 +76,16 @@ class Integrator(Answers, Registered, Declaration):
         waiting: with `mid_step`, the time step of the half kick that is left to the next run's
             first step: 0.0 if none is, None if it is that step's own.
         external: the `External` forces.
+        file: the `BodyFile` of keyword output, None if there is none (yet).
+        said, warned: lines that the log has: the first ones on the bodies, and what is odd.
+        taken: what was `Taken` from velocities that other fixes changed in this run.
+        known: what was found out of the bodies, by name, and when: see `answers`.  It is cleared
+            where they change and no number says so.
+        gained_at_end: kinetic energy that the end of the last step gives, with `mid_step`.
         gravity: the acceleration by which bodies have weight, (3,); None for none.
         half_step_velocities: whether the atoms' velocities may be read in the middle of a step.
-        ran, lost, started, stepped: whether a run has begun; the bodies of the last one are gone;
-            numbers of the bodies' own have been set; a step was made since `waiting` was noted.
+        ran, started, stepped: whether a run has begun; numbers of the bodies' own have been set; a
+            step was made since `waiting` was noted.
     """
 
     virial: np.ndarray | None = None
@@ -74,10 +93,16 @@ class Integrator(Answers, Registered, Declaration):
     told_box: np.ndarray | None = None
     gravity: np.ndarray | None = None
     waiting: float | None = None
-    switches: Switches
-    mask: np.ndarray | None
+    file: BodyFile | None = None
+    rows_lent: np.ndarray
+    said: list[str]
+    warned: set[str]
+    known: dict[str, Any]
+    taken: velocities.Taken
+    gained_at_end: float
+    switches: list[Choice]
     first_step: int
-    streams = rigid_flag = exact = ran = lost = started = stepped = has_rotors = False
+    streams = rigid_flag = exact = ran = started = stepped = has_rotors = False
     follows_atoms = True
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
@@ -88,11 +113,12 @@ class Integrator(Answers, Registered, Declaration):
             Communicator(self.lammps.communicator) if several else ALONE
         )
         self.line, self.name = line, line.name
-        self.let_bodies_go()
-        self.notes = cast(Notes, None)  # until bodies are made, and until passes are bound
-        self.parameters = cast(Any, None)
+        # until bodies are made, and until passes are bound
+        self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
+        self.passes, self.parameters = cast(Passes, None), cast(Any, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
-        self.external, self.unchanged = External(self), refusals.Unchanged()
+        self.external, self.unchanged = External(), refusals.Unchanged()
+        self.said, self.warned, self.known = [], set(), {}
         own = None if driven_by_plugin() else OwnFix(self.lammps, self.communicator)
         self.host = cast(Host, own)  # the plugin sets it behind this
         self._define(line)
@@ -111,36 +137,27 @@ class Integrator(Answers, Registered, Declaration):
         rotation.refuse_other_rotor(self)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
-        self.reports = reports.Reports(self)
         self.oriented = self.communicator.any(self.lammps.orients)
         self.register()
         self.template = self.command.mol
         self.restart_file = bool(self.infile or self.template)
         refusals.refuse_missing_template(self)
         refusals.refuse_time_step(self)
-        self.dt, self.respa_dt = self.lammps.dt, self.lammps.respa_dt
+        self.take_time_step()
         if not driven_by_plugin():
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
-            beginning.look_at_box(self)
             making.make(self)
-            self.reports.say(False)
+            log.say(self, False)
         else:
-            self.array_rows = making.count_bodies(self)
+            # None if others may come
+            self.array_rows = None if self.template else count(self.membership)
             self.rigid_flag = self.lammps.radius is not None
-
-    def let_bodies_go(self) -> None:
-        """There are no bodies, until others are made."""
-        self.bodies, self.passes = cast(Bodies, None), cast(Passes, None)
 
     # ------------------------------------------------------------- what holds
 
     @property
     def phase(self) -> Phase:
         return Phase(self.host.phase) if self.host else Phase.NEW
-
-    @property
-    def is_over(self) -> bool:
-        return self.phase == Phase.OVER
 
     @property
     def counts_from_one(self) -> bool:
@@ -168,6 +185,11 @@ class Integrator(Answers, Registered, Declaration):
     def steps_made(self) -> bool:
         """Whether this run has made a step, in which a command rerun makes none."""
         return self.lammps.step != self.first_step and self.host.command[:1] != ["rerun"]
+
+    @property
+    def mask(self) -> np.ndarray | None:
+        """What of the bodies' forces and torques acts, (6, n) or (6, 1); None for all of it."""
+        return mask(self.switches, self.bodies)
 
     @property
     def has_own_hooks(self) -> bool:
@@ -209,10 +231,10 @@ class Integrator(Answers, Registered, Declaration):
 
     # ------------------------------------------------------------- a run begins
 
-    @hook
-    def init(self) -> None:
-        """A run begins: make the bodies of the atoms, leave the atoms rigid motion only."""
-        beginning.begin_run(self)
+    init = hook(beginning.init)
+    start_run = beginning.start_run
+    tell_start = beginning.tell_start
+    continue_run = beginning.continue_run
 
     def tell_count(self) -> None:
         """Tell LAMMPS how many bodies there are; collective."""
@@ -225,30 +247,13 @@ class Integrator(Answers, Registered, Declaration):
             self.push()
         schedule.follow(self, "setup")
 
-    def start_run(self) -> None:
-        """Begin to move, now that the first forces are known; collective."""
-        beginning.start_run(self)
-
-    def tell_start(self) -> None:
-        """Tell the user of the bodies as a run begins; collective."""
-        beginning.tell_start(self)
-
     def set_up(self) -> None:
         """The first step of a run begins, and LAMMPS has called no setup before it."""
         self.resumed()
         self.follow_atoms()
-        vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
         self.setup(0)
-        self.host.vflag = vflag
 
-    def continue_run(self) -> None:
-        """Begin a run that is not set up, with 'pre no'; collective."""
-        beginning.continue_run(self)
-
-    @hook
-    def min_setup(self, vflag: int) -> None:
-        """A minimisation begins: it would move the atoms one by one."""
-        raise refusals.minimisation()
+    min_setup = hook(refusals.min_setup)
 
     # ------------------------------------------------------------- the time step
 
@@ -281,34 +286,28 @@ class Integrator(Answers, Registered, Declaration):
 
     def take_late_velocities(self) -> None:
         """Take over velocities that other fixes may have changed at the end of the last step."""
-        velocities_of.take_late(self, self.lammps.step - 1)
-
-    @hook
-    def post_neighbor(self) -> None:
-        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks."""
-        self.follow_atoms()
+        velocities.take_late(self, self.lammps.step - 1)
 
     def follow_atoms(self) -> None:
-        """Be the same bodies, wherever LAMMPS has their atoms now; collective."""
+        """LAMMPS has re-neighboured: atoms have new places in its arrays, some on other ranks, and
+        the bodies are the same; collective."""
         self.unchanged.refuse_new_box(self, self.lammps.box.periodic)
         bodies = self.bodies
         self.host.point()
         if not bodies.follow(self.lammps):
             making.turn_over(self)
         self.host.noted()
-        self.host.keep_box()
-        if self.switches.choices and self.passes.mask:
-            self.passes.mask.set(self.switches.mask(bodies))
+        if self.switches:
+            bodies.cells["mask"].set(cast(np.ndarray, self.mask))
         self.unchanged.refuse_new_masses(self)
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
             self.host.set_bodies(body, bodies.mass)
 
-    @hook
-    def push(self) -> None:
-        """The forces of this step are known: find what else acts on the bodies; collective."""
-        self.external.find()
+    post_neighbor = hook(follow_atoms)
+
+    push = hook(external.push)
 
     @hook
     def final_integrate(self) -> None:
@@ -323,9 +322,7 @@ class Integrator(Answers, Registered, Declaration):
         """End the run if something has changed the box."""
         self.unchanged.refuse_new_box(self, True)
 
-    def write_table(self) -> None:
-        """Write the table of bodies, if it is due."""
-        self.reports.write()
+    write_table = answers.write_table
 
     def come_to_rest(self, forces: bool = True) -> None:
         """Have the bodies as a step that is looked at leaves them, with their forces, if wanted."""
@@ -352,28 +349,46 @@ class Integrator(Answers, Registered, Declaration):
         self.come_to_rest()
         if not self.host.facts & SEEN:
             self.set_velocities()
-        velocities_of.take_late(self, self.lammps.step)
-        self.reports.say_lost()
+        velocities.take_late(self, self.lammps.step)
+        velocities.say_lost(self)
         if self.streams:  # a body has one velocity between runs, wherever its atoms are
             self.bodies.settle(self.lammps)
-            velocities_of.set_plain(self)
-        self.reports.forget()
+            velocities.set_plain(self)
+        self.known.clear()
         if self.mid_step:
-            self.reports.end_run()
+            end, now = self.kinetic_at_end()
+            self.gained_at_end = end - now
 
-    @hook
-    def initial_integrate_respa(self, vflag: int, ilevel: int, iloop: int) -> None:
-        """A level of run_style respa begins a step."""
-        self.host.vflag, self.stepped = vflag, True
-        levels.begin_step(self, ilevel)
+    # with run_style respa
+    initial_integrate_respa = hook(levels.initial_integrate_respa)
+    final_integrate_respa = hook(levels.final_integrate_respa)
+    end_of_step = hook(levels.end_of_step)
 
-    @hook
-    def final_integrate_respa(self, ilevel: int, iloop: int) -> None:
-        """A level of run_style respa ends its step."""
-        levels.end_step(self, ilevel)
+    # ------------------------------------------------------------- what LAMMPS and others ask
 
-    @hook
-    def end_of_step(self) -> None:
-        """The step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
-        self.reports.forget()
-        schedule.follow(self, "end_levels")
+    vector_extensive: tuple[bool, ...] = True, True, False, False
+    array_columns = 15
+
+    @property
+    def carries(self) -> int:
+        """How many numbers go with an atom to another rank."""
+        of_body = ROWS + self.rows + self.kept + 3 * bool(self.command.moments)
+        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
+
+    @property
+    def story(self) -> str | None:
+        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
+        return rigid_fixes.story(cast(str, self.host.fix_id), self.command)  # native: it has one
+
+    made, table = answers.made, answers.table
+    kinetic_at_end, virial_of_all = answers.kinetic_at_end, answers.virial_of_all
+    dof = hook(answers.dof)
+    compute_scalar = hook(answers.compute_scalar)
+    compute_vector = hook(answers.compute_vector)
+    compute_array = hook(answers.compute_array)
+    rows_of_rank = hook(answers.rows_of_rank)
+    write_restart_file = hook(answers.write_restart_file)
+    zero_momentum = hook(velocities.zero_momentum)
+    zero_rotation = hook(velocities.zero_rotation)
+    modify_external = hook(external.modify_external)
+    give_forces = external.give_forces

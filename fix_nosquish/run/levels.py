@@ -1,4 +1,7 @@
-"""A step of run_style respa: each level's forces begin and end a step with its own time step."""
+"""A step of run_style respa: each level's forces begin and end a step with its own time step.
+
+The functions here are hooks of `Integrator`.
+"""
 
 from typing import TYPE_CHECKING
 
@@ -8,8 +11,9 @@ if TYPE_CHECKING:
     from .integrator import Integrator
 
 
-def begin_step(integrator: "Integrator", level: int) -> None:
+def initial_integrate_respa(integrator: "Integrator", vflag: int, level: int, loop: int) -> None:
     """A level begins a step; the innermost one, 0, moves the bodies."""
+    integrator.host.vflag, integrator.stepped = vflag, True
     outermost = level == len(integrator.respa_dt) - 1
     if outermost:
         schedule.follow(integrator, "begin")
@@ -21,7 +25,7 @@ def begin_step(integrator: "Integrator", level: int) -> None:
         schedule.follow(integrator, "move")
 
 
-def end_step(integrator: "Integrator", level: int) -> None:
+def final_integrate_respa(integrator: "Integrator", level: int, loop: int) -> None:
     """A level's new forces end its step."""
     if integrator.host.atoms_moved():
         integrator.follow_atoms()
@@ -29,6 +33,12 @@ def end_step(integrator: "Integrator", level: int) -> None:
         integrator.refuse_new_box()
     integrator.passes.level_dt.set(integrator.respa_dt[level])
     integrator.do("close")
-    integrator.reports.forget()
+    integrator.known.clear()
     if level == len(integrator.respa_dt) - 1 or integrator.half_step_velocities:
         integrator.set_velocities()
+
+
+def end_of_step(integrator: "Integrator") -> None:
+    """The step is over, and LAMMPS has added up the forces of its levels."""
+    integrator.known.clear()
+    schedule.follow(integrator, "end_levels")

@@ -1,11 +1,12 @@
 """What the log says of the bodies as a run begins: what they are, what is done, what is odd."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from .. import __version__
-from ..bodies.bodies import Bodies
+from ..bodies.bodies import Bodies, Start
 from ..bodies.build import Notes, least_moment
 from ..host.command import Command, Moments
 from ..host.lammps import Lammps
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 APART = "relax the bodies by fix nosquish/fire and a run, or move them apart"
 ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
+ALL = 1  # the bit of LAMMPS's group all
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
@@ -37,15 +39,33 @@ class _Counts(NamedTuple):
     shared: int
 
 
-def summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
-    """The lines for the log at the start of a run, and the degrees of freedom removed; collective.
+def say(integrator: "Integrator", virial: bool) -> None:
+    """Log what the bodies are, if that has changed, what was taken from velocities, and what is
+    probably not meant; collective. Args: virial: whether LAMMPS asks for it."""
+    host, notes = integrator.host, integrator.notes
+    lines, removed = _summary(integrator, virial)
+    odd = _warnings(integrator)
+    said, integrator.said = integrator.said, lines[:4]
+    if said[:3] != lines[:3]:
+        host.log("\n".join([*lines, *host.advice(removed), ""]))
+    elif said[3] != lines[3] and projected(notes.removed, notes.kinetic):
+        host.log(lines[3] + "\n")
+    warn(integrator, odd)
 
-    Args:
-        integrator: the `Integrator`.  virial: whether LAMMPS asks for it.
-    """
+
+def warn(integrator: "Integrator", lines: Sequence[str]) -> None:
+    """Log these lines, each of them once."""
+    new = [line for line in lines if line not in integrator.warned]
+    integrator.warned.update(new)
+    if new:
+        integrator.host.log(integrator.line.naming("\n".join([*new, ""])))
+
+
+def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
+    """The lines on the bodies and their passes, and the degrees of freedom removed; collective."""
     bodies, command, notes = integrator.bodies, integrator.command, integrator.notes
     communicator, lammps, found = integrator.communicator, integrator.lammps, _counted(integrator)
-    removed = removed_freedom(bodies, communicator, np.ones(len(bodies.tag), bool), lammps)
+    removed = removed_freedom(bodies, communicator, lammps, ALL)
     owned = freedom(bodies, lammps.dimension)[bodies.sharers.owned]
     own = communicator.total(np.array([owned.sum()]))[0]
     done, left = _passes(integrator, found, virial)
@@ -189,8 +209,8 @@ def _moments(moments: Moments, command: Command, lammps: Lammps) -> str:
     )
 
 
-def warnings(integrator: "Integrator") -> list[str]:
-    """Lines for the log on what is probably not meant; collective. Args: as `summary`."""
+def _warnings(integrator: "Integrator") -> list[str]:
+    """Lines on what is probably not meant; collective."""
     lines, group, notes = [], integrator.command.group, integrator.notes
     if integrator.host.group not in (None, group):
         lines.append(
@@ -210,8 +230,9 @@ def warnings(integrator: "Integrator") -> list[str]:
             "their translation; a thermostat warms it"
         )
     lines += [*notes.warnings, *integrator.own_warnings()]
-    dt = integrator.lammps.innermost_dt
-    turn, body = _fastest(integrator.bodies, integrator.communicator, dt)
+    bodies, dt = integrator.bodies, integrator.lammps.innermost_dt
+    turns = dt * np.linalg.norm(bodies.angular_velocity(), axis=0)
+    turn, body = _largest(turns, bodies, integrator.communicator)
     if turn > _FAST:
         lines.append(
             f"WARNING: {integrator.membership.name(body)} turns by {turn:.2g} rad in a step, "
@@ -222,44 +243,37 @@ def warnings(integrator: "Integrator") -> list[str]:
     return lines
 
 
-def forces_at_start(integrator: "Integrator") -> tuple[str, str, float]:
-    """What the forces of the start tell of atoms that overlap; collective.
-
-    Returns:
-        (cause, remedy, spacing): what to say of the body that is pushed furthest in the first step,
-        '' if that is as it should be; what to do; and the distance that atoms have from each other,
-        or the size of the largest body if that is more.
-    """
+def forces_at_start(integrator: "Integrator") -> Start:
+    """What the forces of the start tell of atoms that overlap, and the distance that atoms have, or
+    the size of the largest body if that is more; collective."""
     bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    force = np.sqrt((bodies.force**2).sum(axis=0))
+    force = np.linalg.norm(bodies.force, axis=0)
     push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * force / bodies.mass
-    size = np.sqrt(bodies.moments_of_atoms.max(axis=0) / bodies.mass)
-    k = [push.argmax()] if len(push) else []
-    rows = np.array([push[k], bodies.id[k], size.max(initial=0.0) * np.ones(len(k))]).T
-    pushes, ids, sizes = communicator.gather_to_all(rows).T
+    pushed, furthest = _largest(push, bodies, communicator)
+    size, _ = _largest(
+        np.sqrt(bodies.moments_of_atoms.max(axis=0) / bodies.mass), bodies, communicator
+    )
     atoms = max(1, communicator.count(len(lammps.groups)))
     space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / atoms
-    spacing = max(space ** (1 / dimension), sizes.max(initial=0.0))
-    many, of = communicator.total(np.array([(push[owned] > _PUSHED * spacing).sum(), owned.sum()]))
+    start = Start(lammps.step, spacing=max(space ** (1 / dimension), size))
+    above = push[owned] > _PUSHED * start.spacing
+    many, of = communicator.total(np.array([above.sum(), owned.sum()]))
     if not many:
-        return "", "", spacing
+        return start
     # forces on few bodies that are much too high speak for the start, on many for the step
     causes = ["atoms overlap at the start", "the time step is too long"]
     remedies = [APART, "use a shorter time step"]
     first, second = (0, 1) if many <= 0.1 * of else (1, 0)
-    furthest = integrator.membership.name(int(ids[pushes.argmax()]))
-    return (
-        f"{causes[first]}, or {causes[second]}: the force on {furthest} moves it by "
-        f"{pushes.max():.3g} in the first step",
-        f"{remedies[first]}, or {remedies[second]}",
-        spacing,
+    cause = (
+        f"{causes[first]}, or {causes[second]}: the force on "
+        f"{integrator.membership.name(furthest)} moves it by {pushed:.3g} in the first step"
     )
+    return start._replace(cause=cause, remedy=f"{remedies[first]}, or {remedies[second]}")
 
 
-def _fastest(bodies: Bodies, communicator: Alone, dt: float) -> tuple[float, int]:
-    """The angle by which the fastest body turns in a step, and its ID; collective."""
-    turns = dt * np.sqrt((bodies.angular_velocity() ** 2).sum(axis=0))
-    k = [turns.argmax()] if len(turns) else []
-    angles, ids = communicator.gather_to_all(np.array([turns[k], bodies.id[k]]).T).T
-    return max(zip(angles, ids.astype(int)), default=(0.0, 0))
+def _largest(values: np.ndarray, bodies: Bodies, communicator: Alone) -> tuple[float, int]:
+    """The largest of the bodies' values, (n,), on all ranks, and whose it is; collective."""
+    k = [values.argmax()] if len(values) else []
+    found, ids = communicator.gather_to_all(np.array([values[k], bodies.id[k]]).T).T
+    return max(zip(found, ids.astype(int)), default=(0.0, 0))

@@ -1,29 +1,23 @@
 """The bodies of a run: made of the atoms as it begins, and made and dropped in it."""
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
+from weakref import WeakMethod
 
 import numpy as np
 
 from ..bodies import infile, templates, turnover
 from ..bodies.bodies import Bodies
-from ..bodies.build import Recipe, build, count
-from ..bodies.given import nothing
+from ..bodies.build import Recipe, build, nothing
 from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare
 from ..errors import RunError
-from . import rotation
+from . import external, log, rotation, switches
 from .refusals import refuse_turnover
-from .switches import Switches
 
 if TYPE_CHECKING:
     from .integrator import Integrator
-
-
-def count_bodies(integrator: "Integrator") -> int | None:
-    """How many bodies the first run will have, None if others may come."""
-    return None if integrator.template else count(integrator.membership)
 
 
 def _recipe(integrator: "Integrator") -> Recipe:
@@ -46,7 +40,7 @@ def bodies_of_atoms(integrator: "Integrator") -> Bodies:
 
 def _former(integrator: "Integrator") -> Former | None:
     """What the atoms were in the bodies of the last run, None if there are none; collective."""
-    if integrator.lost:
+    if integrator.bodies is None and integrator.ran and not integrator.infile:
         raise RunError(
             "the bodies of the last run are gone, because this one could not begin: "
             "unfix this fix and define it again",
@@ -62,15 +56,13 @@ def make(integrator: "Integrator") -> None:
     """Make the bodies of a run of the atoms as they are; collective."""
     lammps, host, command = integrator.lammps, integrator.host, integrator.command
     before = integrator.bodies
-    ids = before.id if before else np.empty(0)
-    wrench = before.wrench.copy() if before else np.empty((6, 0))
+    ids, wrench = (before.id, before.wrench.copy()) if before else (np.empty(0), np.empty((6, 0)))
     former, recipe = _former(integrator), _recipe(integrator)
     host.carry(None, None)
-    integrator.let_bodies_go()  # there may be no room for both
-    integrator.lost = former is not None and recipe.keeps_shapes
+    integrator.bodies = integrator.passes = cast(Any, None)  # there may be no room for both
     bodies, notes, kept = build(recipe, former)
     integrator.bodies, integrator.notes = bodies, notes
-    integrator.lost = integrator.started = False
+    integrator.started = False
     if not np.isfinite(notes.kinetic):
         raise RunError(
             "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
@@ -84,7 +76,7 @@ def make(integrator: "Integrator") -> None:
     if np.array_equal(np.sort(ids), np.sort(bodies.id)):
         # commands like write_data compute no forces
         bodies.wrench[:, np.argsort(bodies.id)] = wrench[:, np.argsort(ids)]
-    bodies.external = integrator.external
+    bodies.taker = WeakMethod(integrator.give_forces)
     bodies.bind(integrator.membership)
     bodies.know_box(lammps.box)
     integrator.unchanged.note(integrator)
@@ -92,7 +84,7 @@ def make(integrator: "Integrator") -> None:
     host.point()
     bodies.note()
     host.noted()
-    integrator.switches = Switches(command, lammps.dimension, integrator.communicator, bodies)
+    integrator.switches = switches.choices(command, integrator.communicator, bodies)
     if kept.new:
         notes.warnings += compare(bodies, integrator.membership)
 
@@ -118,12 +110,11 @@ def turn_over(integrator: "Integrator") -> None:
     lines, given = turnover.turn_over(integrator.bodies, recipe)
     integrator.notes.given = np.union1d(integrator.notes.given, given)
     refuse_turnover(integrator)
-    integrator.reports.warn(lines)
+    log.warn(integrator, lines)
     rotation.choose(integrator)
     integrator.parameters.mrot = rotation.inner_steps(integrator)
-    integrator.mask = integrator.switches.mask(integrator.bodies)
-    integrator.external.learn()
+    external.learn(integrator)
     integrator.turned_over()
     integrator.unchanged.note(integrator)
     integrator.tell_count()
-    integrator.reports.forget()
+    integrator.known.clear()

@@ -1,6 +1,6 @@
 """The other fixes of a run: what they read and change, and which ones cannot stand beside ours."""
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from math import gcd
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -79,8 +79,8 @@ def _swaps(command: Sequence[str], step: int) -> list[Swaps]:
     return [Swaps(TEMPER, "temper", gcd(int(command[2]), step))]
 
 
-class OtherFixes:
-    """The fixes of a run that are not of this package, to iterate over.
+class OtherFixes(list[OtherFix]):
+    """The fixes of a run that are not of this package.
 
     Args:
         fixes: all fixes, of this package too; None if they are not known.
@@ -106,24 +106,21 @@ class OtherFixes:
         step: int = 0,
     ) -> None:
         unknown = fixes is None
-        self._fixes = fixes = [fix for fix in fixes or () if fix.id not in ours]
-        self.change_forces = unknown or any(fix.post_force for fix in fixes)
+        super().__init__(fix for fix in fixes or () if fix.id not in ours)
+        self.change_forces = unknown or any(fix.post_force for fix in self)
         ending: list[OtherFix | Swaps] = [
-            *(fix for fix in fixes if fix.end_of_step and fix.style not in _IDLE),
+            *(fix for fix in self if fix.end_of_step and fix.style not in _IDLE),
             *_swaps(command, step),
         ]
         self.late = [fix for fix in ending if not fix.style.startswith((*READERS, "dt/reset"))]
-        between = [fix for fix in fixes if fix.between]
+        between = [fix for fix in self if fix.between]
         self.half_step = unknown or not all(f.style.startswith(_BLIND_BETWEEN) for f in between)
-        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in fixes)
+        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in self)
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
-        changes = [fix for fix in fixes if fix.box_change]
+        changes = [fix for fix in self if fix.box_change]
         self.change_box = unknown or bool(changes)
-        self.movers = [fix for fix in fixes if fix.moves and not _stays(fix)]
+        self.movers = [fix for fix in self if fix.moves and not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
-
-    def __iter__(self) -> Iterator[OtherFix]:
-        return iter(self._fixes)
 
     def suspects(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""

@@ -105,9 +105,7 @@ def table(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     return rows[bodies.listed]
 
 
-def rows_of_rank(
-    bodies: Bodies, lammps: Lammps, communicator: Alone, words: list[str], groupbit: int
-) -> np.ndarray:
+def rows_of_rank(bodies: Bodies, lammps: Lammps, words: list[str], groupbit: int) -> np.ndarray:
     """What LAMMPS's compute rigid/local says of the bodies that are counted on this rank, (n,
     words); collective.
 
@@ -116,8 +114,8 @@ def rows_of_rank(
             is that has the smallest ID; "id" and "mol" are those of this atom.
     """
     listed = bodies.listed
-    rows, first = table(bodies, lammps), _first_atoms(bodies, lammps, communicator)[listed]
-    columns = {"id": first["tag"], "mol": first["molecule"], "mass": rows["mass"]}
+    rows, (tag, molecule, groups) = table(bodies, lammps), _first_atoms(bodies, lammps)[:, listed]
+    columns = {"id": tag, "mol": molecule, "mass": rows["mass"]}
     for names, values in (
         ("x y z", rows["x"]),
         ("xu yu zu", rows["x"] + rows["image"] @ lammps.box.h.T),
@@ -132,31 +130,20 @@ def rows_of_rank(
     ):
         columns |= dict(zip(names.split(), values.T, strict=True))
     wanted = np.array([columns[word] for word in words], float).reshape(len(words), -1).T
-    return np.ascontiguousarray(wanted[first["groups"] & groupbit != 0])
+    return np.ascontiguousarray(wanted[groups.astype(np.int64) & groupbit != 0])
 
 
-_ATOM = np.dtype(
-    [("body", np.int64), ("tag", np.int64), ("molecule", np.int64), ("groups", np.int64)]
-)
-
-
-def _first_atoms(bodies: Bodies, lammps: Lammps, communicator: Alone) -> np.ndarray:
-    """The atom with the smallest ID that each body has on any rank, (n,) of `_ATOM`; collective."""
-    order = np.lexsort((bodies.tag, bodies.body))
-    found, places = np.unique(bodies.body[order], return_index=True)
-    atoms = bodies.index[order[places]]
+def _first_atoms(bodies: Bodies, lammps: Lammps) -> np.ndarray:
+    """ID, molecule-ID and bits of groups of the atom with the smallest ID that each body has on any
+    rank, (3, n); collective."""
+    (lowest,) = bodies.sharers.lowest(bodies.body, bodies.tag)
+    first = bodies.tag == lowest[bodies.body]
     molecule = lammps.per_atom("molecule", lammps.tagint)
-    first = np.zeros(len(bodies), _ATOM)
-    first["body"], first["tag"] = bodies.id, np.iinfo(np.int64).max
-    first["tag"][found] = lammps.tags[atoms]
-    first["groups"][found] = lammps.groups[atoms]
-    if molecule is not None:
-        first["molecule"][found] = molecule[atoms]
-    shared = bodies.sharers.bodies
-    rows = np.sort(communicator.gather_to_all(first[shared]), order=("body", "tag"))
-    ids, places = np.unique(rows["body"], return_index=True)
-    first[shared] = rows[places[np.searchsorted(ids, first["body"][shared])]]
-    return first
+    if molecule is None:
+        molecule = np.zeros_like(lammps.tags)
+    known = lammps.tags, molecule, lammps.groups
+    of_first = [first * column[bodies.index] for column in known]
+    return bodies.sharers.total(bodies.body, *of_first)
 
 
 def global_array(rows: np.ndarray) -> np.ndarray:

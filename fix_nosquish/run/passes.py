@@ -21,6 +21,8 @@ of the name behind comes after the second pass over the bodies.
 When each of them is done, the `schedule` says.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ..bodies import extended
@@ -44,6 +46,9 @@ from ..motion.block import (
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
 
 
 @loop
@@ -69,13 +74,7 @@ def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
     A torque about an axis without moment, which a linear body and a point have, turns nothing.
     """
     for b in range(wrench.shape[1]):
-        low, high = 0, pushed.shape[0]
-        while low < high:
-            mid = (low + high) // 2
-            if pushed[mid] < state[ID, b]:
-                low = mid + 1
-            else:
-                high = mid
+        low = np.searchsorted(pushed, state[ID, b])
         if low == pushed.shape[0] or pushed[low] != state[ID, b]:
             continue
         x, y, z = external[low, 3], external[low, 4], external[low, 5]
@@ -93,25 +92,11 @@ def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
         wrench[5, b] += z
 
 
-def _follow_box(integrator, cells):
-    """The lists of loops behind a change of the box by another fix."""
-    if integrator.told_box is None:
-        return {}
-    told = cells | {"told_box": Cell(F1, integrator.told_box)}
-    follows = deform.stream if integrator.streams else deform.deform
-    return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
-
-
 class Passes:
     """The lists of loops of a run.
 
     Args:
-        integrator: the `Integrator`, with its loops.
-        bodies: the `Bodies`.  lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
-        mask: what of force and torque acts, (6, bodies) or (6, 1); None for all.
-        half_step_velocities: whether something reads the atoms' velocities between the halves of a
-            step.
-        own_cells: dictionary of cells that the integrator's own loop takes.
+        integrator: the `Integrator`, with what it has found out of the run.
 
     Attributes:
         lists: dictionary from the names above to lists of bound loops.
@@ -120,52 +105,49 @@ class Passes:
             forces act; the same without respa.
         begins: cell, whether the motion begins with what stands before it in the splitting; with
             respa each level begins by itself.
-        mask: cell.
     """
 
-    def __init__(
-        self, integrator, bodies, lammps, communicator, mask, half_step_velocities, own_cells
-    ):
+    def __init__(self, integrator: "Integrator") -> None:
+        bodies, lammps = integrator.bodies, integrator.lammps
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
-        self.mask = None if mask is None else Cell(F2, mask)
-        cells = bodies.cells | lammps.cells | own_cells
+        cells = self.cells = bodies.cells | lammps.cells | integrator.own_cells()
         cells |= {"dt": self.dt, "parameters": Cell(integrator.numbers, integrator.parameters)}
-        if self.mask is not None:
-            cells["mask"] = self.mask
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
-        self.cells = cells
+        half = cells | {"dt": self.level_dt}
         # the ranks send each other force and torque of bodies that they share, and add what comes
-        shared, added = [], []
-        if communicator.size > 1:
-            shared = [give.bind_to(cells, values=cells["wrench"])]
-            added = [combine.bind_to(cells, values=cells["wrench"], how=ADD)]
-        gather = self._gather(integrator, bodies, [*shared, *added])
-        kick_begins, kick_ends = self._kicks(integrator)
-        velocities, orient = self._velocities_and_orient(integrator, bodies)
-        after = velocities if half_step_velocities else []
+        several = integrator.communicator.size > 1
+        sends = [give.bind_to(cells, values=cells["wrench"])] if several else []
+        adds = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
+        torques = [extended.add_torques.bind_to(cells)] if bodies.spin else []
+        pushes = self._pushes(integrator)
+        gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
+        velocities, orient = self._velocities_and_orient(integrator)
+        after = velocities if integrator.half_step_velocities else []
+        prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         own_lists = integrator.own_lists(cells)
-        before, rest = self._before_and_behind(integrator, own_lists.pop("behind", []))
-        how = KEEPS if half_step_velocities else GATHERS
-        own = integrator.gravity is not None or integrator.external.acts
-        if mask is not None or bodies.spin or own:
-            whole = [*gather, *before, self._advance(integrator, True)]
-        elif communicator.size == 1:
-            whole = [*before, self._advance(integrator, True, ALL, how)]
+        behind = own_lists.pop("behind", [])
+        before, rest = prepares, []
+        if integrator.go_on:
+            before, rest = [], [*prepares, integrator.go_on.bind_to(cells), *behind]
+        how = KEEPS if integrator.half_step_velocities else GATHERS
+        if torques or pushes:
+            whole = [*gather, *before, self._advance(integrator)]
+        elif not several:
+            whole = [*before, self._advance(integrator, gathers=how)]
         else:  # messages are under way while the bodies that need none move
             some = step.gather.bind_to(cells, all_bodies=False)
-            undivided = self._advance(integrator, True, WHOLE, how)
-            divided = self._advance(integrator, True, DIVIDED, how)
-            whole = [some, *shared, *before, undivided, *added, divided]
-        close = [*gather, kick_ends, *orient]
+            undivided = self._advance(integrator, gathers=how, part=WHOLE)
+            divided = self._advance(integrator, gathers=how, part=DIVIDED)
+            whole = [some, *sends, *before, undivided, *adds, divided]
         of_bodies = [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
-            "begin": [*before, self._advance(integrator, False), *rest, *orient, *after],
-            "close": close,
+            "begin": [*before, self._advance(integrator, ends=False), *rest, *orient, *after],
+            "close": [*gather, integrator.tail.bind_to(half), *orient],
             "whole": [*whole, *rest, *orient, *after],
-            "kick": [*gather, kick_begins],
+            "kick": [*gather, integrator.lead.bind_to(half)],
             "velocities": velocities,
             "orient": orient,
             "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
@@ -173,52 +155,41 @@ class Passes:
         }
         if "cell" in own_lists:
             own_lists["cell"] += after
-        self.lists |= _follow_box(integrator, cells) | own_lists
+        self.lists |= self._follow_box(integrator) | own_lists
 
-    def _kicks(self, integrator):
-        """The kick that begins a level of run_style respa, and the one that ends a step."""
-        half = self.cells | {"dt": self.level_dt}
-        return integrator.lead.bind_to(half), integrator.tail.bind_to(half)
-
-    def _advance(self, integrator, ends, part=ALL, gathers=0):
+    def _advance(self, integrator, ends=True, part=ALL, gathers=0):
         """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
         how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
         return integrator.advance.bind_to(self.cells, **how)
 
-    def _before_and_behind(self, integrator, behind):
-        """Two lists of loops: before the bodies' motion, and behind it, with those of `behind`."""
-        prepares = [integrator.prepares.bind_to(self.cells)] if integrator.prepares else []
-        if not integrator.go_on:
-            return prepares, []
-        second = integrator.go_on.bind_to(self.cells)
-        return [], [*prepares, second, *behind]
-
-    def _gather(self, integrator, bodies, exchange):
-        """The list of loops for force and torque of each body; `exchange` has those for what other
-        ranks know of it."""
-        gather = [step.gather.bind_to(self.cells, all_bodies=True)]
-        if bodies.spin:
-            gather.append(extended.add_torques.bind_to(self.cells))
-        gather += exchange
+    def _pushes(self, integrator):
+        """What acts on the bodies besides the forces on their atoms, and what of all does not."""
+        pushes = []
         if integrator.gravity is not None:
-            gather.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
+            pushes.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
         if integrator.external.acts:
-            gather.append(push.bind_to(self.cells, **integrator.external.cells))
-        if self.mask is not None:
-            gather.append(switch_off.bind_to(self.cells))
-        return gather
+            pushes.append(push.bind_to(self.cells, **integrator.external.cells))
+        if integrator.mask is not None:
+            pushes.append(switch_off.bind_to(self.cells))
+        return pushes
 
-    def _velocities_and_orient(self, integrator, bodies):
+    def _velocities_and_orient(self, integrator):
         """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
-        velocities = [step.set_velocities.bind_to(self.cells)]
+        bodies, velocities = integrator.bodies, [step.set_velocities.bind_to(self.cells)]
         if integrator.streams:
             velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
         if bodies.spin:
             velocities.append(extended.set_spins.bind_to(self.cells))
-        if not bodies.oriented:
-            return velocities, []
         to = {"orient_atom": integrator.host.orient_atom, "quat": np.empty(4)}
-        return velocities, [extended.orient.bind_to(self.cells, **to)]
+        return velocities, [extended.orient.bind_to(self.cells, **to)] if bodies.oriented else []
+
+    def _follow_box(self, integrator):
+        """The lists of loops behind a change of the box by another fix."""
+        if integrator.told_box is None:
+            return {}
+        told = self.cells | {"told_box": Cell(F1, integrator.told_box)}
+        follows = deform.stream if integrator.streams else deform.deform
+        return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
 
     def do(self, name):
         """Do a list of passes. Returns: what the first that found something wrong says, or 0."""

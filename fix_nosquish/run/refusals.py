@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9  # of a total mass
 
 
-def minimisation() -> RunError:
-    """The error for a minimisation, which would move the atoms one by one."""
-    return RunError(
+def min_setup(integrator: "Integrator", vflag: int) -> None:
+    """A minimisation begins: it would move the atoms one by one."""
+    raise RunError(
         "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
         "instead, which keep their shapes",
         everywhere=True,

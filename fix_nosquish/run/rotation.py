@@ -14,16 +14,16 @@ def _can_be_exact(integrator: "Integrator") -> bool:
 
 def refuse_other_rotor(integrator: "Integrator") -> None:
     """Raise an error if the words ask for a rotation that the class does not have."""
-    rotor, problem = integrator.command.rotor, None
-    if rotor == "split" and not integrator.splits:
-        problem = (
+    command, name = integrator.command, integrator.name
+    if command.rotor == "split" and not integrator.splits:
+        raise command.wrong(
             "keywords mrot and order, and rotor split, are for integrators that split the "
-            "rotation, which {} does not"
+            f"rotation, which {name} does not"
         )
-    elif rotor == "exact" and not _can_be_exact(integrator):
-        problem = "keyword rotor exact is for the rotation of fix nosquish/nve, not that of {}"
-    if problem:
-        raise integrator.command.wrong(problem.format(integrator.name))
+    if command.rotor == "exact" and not _can_be_exact(integrator):
+        raise command.wrong(
+            f"keyword rotor exact is for the rotation of fix nosquish/nve, not that of {name}"
+        )
 
 
 def choose(integrator: "Integrator") -> None:

@@ -49,11 +49,8 @@ class When(IntFlag):
     OTHER_BOX = auto()  # the box is not the one that the passes know
 
 
-SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
-WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
-CALLED, SHOWN, VIRIAL, TABLE = When.CALLED, When.SHOWN, When.VIRIAL_ASKED, When.TABLE
-ENERGY, MOVES_BOX = When.ENERGY, When.MOVES_BOX
-PRESSURE, OTHER_BOX = When.PRESSURE, When.OTHER_BOX
+SEEN, LATE, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS, *_OF_A_STEP = When
+CALLED, SHOWN, VIRIAL, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX = _OF_A_STEP
 NEW, SET, HALF, WAITING, OVER = Phase
 ANY = tuple(Phase)
 BEGUN = tuple(phase for phase in Phase if phase != NEW)
@@ -144,8 +141,9 @@ ACTIONS = (
     # post_run
     A("post_run", BEGUN, call="end_run", then=OVER),
 )
+# of each hook the actions, with their numbers
 SCHEDULE = {
-    hook: tuple(action for action in ACTIONS if action.hook == hook)
+    hook: tuple((number, action) for number, action in enumerate(ACTIONS) if action.hook == hook)
     for hook in dict.fromkeys(action.hook for action in ACTIONS)
 }
 
@@ -157,12 +155,12 @@ def follow(integrator: "Integrator", hook: str) -> None:
     now = host.facts | SHOWN | TABLE if known is None else known  # else all that may be asked for
     if integrator.has_own_hooks:  # which find the bodies at the end of the step, not in its middle
         now |= SHOWN
-    for action in SCHEDULE[hook]:
+    for number, action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
         found = integrator.passes.do(action.passes) if action.passes else 0
         if found or (action.call and not action.passes):
-            integrator.act(ACTIONS.index(action), found)
+            integrator.act(number, found)
         if action.then is not None:
             host.phase = action.then
         host.facts = (host.facts | action.sets) & ~action.clears

@@ -13,7 +13,7 @@ from ..ranks.communicator import Alone
 _FORCE, _TORQUE = slice(0, 3), slice(3, 6)  # rows of a wrench
 
 
-class _Choice(NamedTuple):
+class Choice(NamedTuple):
     """Which components of force or torque act on bodies with IDs in a range."""
 
     lowest: int
@@ -22,74 +22,43 @@ class _Choice(NamedTuple):
     on: tuple[bool, ...]
 
 
-class Switches:
-    """The components switched off, for bodies chosen by number as in fix rigid; collective.
+def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choice]:
+    """What the keywords say, in their order; collective.
 
-    Bodies are numbered from 1 in the order of their IDs. No rank holds all IDs: the ID that has
-    a number is found by bisection. An open end is one for bodies that come later, too.
+    Bodies are numbered from 1 in the order of their IDs, as in fix rigid. An open end is one for
+    bodies that come later, too.
 
-    Args:
-        command: the `Command`.  dimension: 2 or 3.  communicator: the `Communicator` or `ALONE`.
-        bodies: the `Bodies`.
     Raises:
         RunError: for numbers without a body, and in two dimensions for what cannot be on.
-    Attributes:
-        choices: what the keywords say, in their order.
     """
-
-    def __init__(
-        self, command: Command, dimension: int, communicator: Alone, bodies: Bodies
-    ) -> None:
-        self._in_plane = dimension == 2
-        self.choices: list[_Choice] = []
-        asked = [(switch, _FORCE) for switch in command.force]
-        asked += [(switch, _TORQUE) for switch in command.torque]
-        if not asked:
-            return
-        ids = np.sort(bodies.id[bodies.listed])
-        count = communicator.count(len(ids))
-        ends = [[switch.first or 1, switch.last or count] for switch, _ in asked]
-        for (switch, rows), (first, last) in zip(asked, ends):
-            name, off = ("torque", "x and y are") if rows is _TORQUE else ("force", "z is")
-            if (switch.first or switch.last) and not 1 <= first <= last <= count:
-                raise RunError(
-                    f"keyword {name}: bodies {first} to {last} were asked for, and there are "
-                    f"bodies 1 to {count}",
-                    everywhere=True,
-                )
-            if self._in_plane and any(switch.on[:2] if rows is _TORQUE else switch.on[2:]):
-                raise RunError(
-                    f"keyword {name}: {off} off in two dimensions: say off", everywhere=True
-                )
-        found = _id_of_number(np.array(ends), communicator, ids)
-        for (switch, rows), (low, high) in zip(asked, found):
-            lowest = low if switch.first else -2 * POINTS
-            highest = high if switch.last else POINTS - 1
-            self.choices.append(_Choice(lowest, highest, rows, switch.on))
-
-    def mask(self, bodies: Bodies) -> np.ndarray | None:
-        """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""
-        if not self.choices:
-            plane = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]])
-            return plane if self._in_plane else None
-        mask, ids = np.ones((6, len(bodies))), bodies.id
-        for one in self.choices:
-            chosen = (one.lowest <= ids) & (ids <= one.highest)
-            mask[one.rows, chosen] = np.array(one.on, float)[:, None]
-        if self._in_plane:
-            mask[2:5] = 0.0
-        return mask
+    asked = [("force", _FORCE, switch) for switch in command.force]
+    asked += [("torque", _TORQUE, switch) for switch in command.torque]
+    found: list[Choice] = []
+    ids = np.sort(communicator.gather_to_all(bodies.id[bodies.listed])) if asked else np.empty(0)
+    for name, rows, switch in asked:
+        first, last = switch.first or 1, switch.last or len(ids)
+        if (switch.first or switch.last) and not 1 <= first <= last <= len(ids):
+            raise RunError(
+                f"keyword {name}: bodies {first} to {last} were asked for, and there are "
+                f"bodies 1 to {len(ids)}",
+                everywhere=True,
+            )
+        off, flat = ("x and y are", switch.on[:2]) if rows is _TORQUE else ("z is", switch.on[2:])
+        if bodies.planar and any(flat):
+            raise RunError(f"keyword {name}: {off} off in two dimensions: say off", everywhere=True)
+        lowest = ids[first - 1] if switch.first else -2 * POINTS
+        highest = ids[last - 1] if switch.last else POINTS - 1
+        found.append(Choice(lowest, highest, rows, switch.on))
+    return found
 
 
-def _id_of_number(numbers: np.ndarray, communicator: Alone, ids: np.ndarray) -> np.ndarray:
-    """The ID at each of these numbers when all ranks' IDs are in order; collective.
-
-    Args:
-        numbers: of any shape.  ids: this rank's, in order.
-    """
-    low, high = np.full(numbers.shape, -(2**62)), np.full(numbers.shape, 2**62)
-    while (low < high).any():
-        mid = (low + high) // 2
-        enough = communicator.total(np.searchsorted(ids, mid, "right")) >= numbers
-        low, high = np.where(enough, low, mid + 1), np.where(enough, mid, high)
-    return low
+def mask(choices: list[Choice], bodies: Bodies) -> np.ndarray | None:
+    """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""
+    in_plane = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if bodies.planar else None
+    if not choices:
+        return in_plane
+    mask, ids = np.ones((6, len(bodies))), bodies.id
+    for one in choices:
+        chosen = (one.lowest <= ids) & (ids <= one.highest)
+        mask[one.rows, chosen] = np.array(one.on, float)[:, None]
+    return mask if in_plane is None else mask * in_plane

@@ -39,18 +39,17 @@ def freedom(bodies: Bodies, dimension: int) -> np.ndarray:
     return result
 
 
-def removed_freedom(bodies: Bodies, communicator: Alone, inside: np.ndarray, lammps: Lammps) -> int:
+def removed_freedom(bodies: Bodies, communicator: Alone, lammps: Lammps, bit: int) -> int:
     """Degrees of freedom that rigidity takes from a group of atoms; collective.
 
     Args:
-        bodies: the `Bodies`.  communicator: the `Communicator` or `ALONE`.
-        inside: (m,) bool, which of the bodies' atoms on this rank are in the group.
-        lammps: the `Lammps`.
+        bit: of the group.
     Returns:
         the sum, over the bodies that are wholly in the group, of the degrees of freedom of
         their atoms (3, of a sphere 6; in two dimensions 2 and 3), less their own (as LAMMPS's fix
         rigid counts).
     """
+    inside = lammps.groups[bodies.index] & bit != 0
     degrees = np.full(len(inside), lammps.dimension)
     if bodies.spin:
         finite = bodies.displace[ORIENT:DIPOLE].any(axis=0) & bodies.oriented
@@ -66,12 +65,12 @@ def _of_whole(
     bodies: Bodies, inside: np.ndarray, *of_atoms: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which bodies are counted here and wholly in a group, (n,) bool, and sums over the atoms of
-    each, (len(of_atoms), n); collective. Args: inside: as for `removed_freedom`."""
+    each, (len(of_atoms), n); collective. Args: inside: (m,) bool, which atoms are in the group."""
     sums = bodies.sharers.total(bodies.body, inside, *of_atoms)
     return (sums[0] == bodies.natoms) & bodies.sharers.owned, sums[1:]
 
 
-def removed_freedom_to_scale(bodies: Bodies, communicator: Alone, bit: int, lammps: Lammps) -> int:
+def removed_freedom_to_scale(bodies: Bodies, communicator: Alone, lammps: Lammps, bit: int) -> int:
     """What to give for `removed_freedom` so that LAMMPS, which scales the velocities of all atoms
     of a group to a temperature, gives the bodies that temperature; collective.
 
@@ -80,7 +79,6 @@ def removed_freedom_to_scale(bodies: Bodies, communicator: Alone, bit: int, lamm
 
     Args:
         bodies: the `Bodies` of these velocities, whose atoms are points.  bit: of the group.
-        Else as for `removed_freedom`.
     """
     v, mass = lammps.v, lammps.masses
     of_group = np.flatnonzero(lammps.groups & bit)
@@ -90,7 +88,7 @@ def removed_freedom_to_scale(bodies: Bodies, communicator: Alone, bit: int, lamm
     lost = of_atoms[whole].sum() - 2.0 * bodies.kinetic()[:, whole].sum()
     sums = np.array([squares[of_group].sum(), lost, len(of_group)])
     kinetic, lost, atoms = communicator.total(sums)
-    removed = removed_freedom(bodies, communicator, inside, lammps)
+    removed = removed_freedom(bodies, communicator, lammps, bit)
     degrees = lammps.dimension * (atoms - 1)  # compute temp leaves out those of the momentum
     if not kinetic - lost > 0.0:
         return removed

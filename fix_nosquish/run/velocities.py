@@ -8,10 +8,23 @@ from ..bodies.membership import Membership
 from ..bodies.particles import particles_of
 from ..box import deform
 from ..motion import step
-from . import making
+from . import log, making
+from .other_fixes import TEMPER
+from .schedule import Phase
 
 if TYPE_CHECKING:
     from .integrator import Integrator
+
+
+class Taken:
+    """What was no rigid motion of the velocities that bodies took over in a run.
+
+    Attributes:
+        said: whether the log tells of it.
+        lost: its kinetic energy.  least: the least of it that is no rounding.
+    """
+
+    said, lost, least = False, 0.0, 0.0
 
 
 def set_plain(integrator: "Integrator") -> None:
@@ -24,7 +37,7 @@ def changed(integrator: "Integrator") -> bool:
     bodies, v = integrator.bodies, integrator.lammps.v
     expected = np.empty_like(v)
     step.set_velocities.bind_to(bodies.cells, atom_v=expected)()
-    if integrator.streams and not integrator.is_over:
+    if integrator.streams and integrator.phase != Phase.OVER:
         deform.speed_up.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
     index = bodies.index
     return integrator.communicator.any(not np.array_equal(expected[index], v[index]))
@@ -49,9 +62,44 @@ def take_late(integrator: "Integrator", at: int) -> None:
         deform.speed_up.bind_to(integrator.passes.cells, sign=-1.0)()
     energies = take(integrator)
     integrator.set_velocities()
-    integrator.reports.forget()
+    integrator.known.clear()
     before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
-    integrator.reports.say_taken_over(at, due, before, now)
+    taken = integrator.taken
+    taken.lost += before - now
+    taken.least = log.ROUNDING * before
+    if not taken.said:
+        taken.said = True
+        _say_taken_over(integrator, at, due, before, now)
+
+
+def _say_taken_over(
+    integrator: "Integrator", at: int, fixes: list[str], before: float, now: float
+) -> None:
+    """Log that bodies took over the velocities that these fixes gave atoms.
+
+    Args:
+        before, now: kinetic energy of these velocities, and of the bodies' motion.
+    """
+    names = " or ".join(fixes)
+    names = names if fixes[0] == TEMPER else f"fix {names}"
+    kept = " (not those of the infile)" if integrator.infile else ""
+    if integrator.keeps_bodies and not kept:
+        kept = " (not those with a mass, com or inertia of their molecule template)"
+    lost = f"; {before - now:.4g} of the kinetic energy {before:.8g} was none, and is lost"
+    lost = lost if log.projected(before - now, before) else ""
+    integrator.host.log(
+        f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
+        f"{names}): the bodies take them over, as rigid motion{kept}{lost}\n"
+    )
+
+
+def say_lost(integrator: "Integrator") -> None:
+    """Log, at the end of a run, how much kinetic energy was lost as velocities were taken over."""
+    if integrator.taken.lost > integrator.taken.least:
+        integrator.host.log(
+            f"In this run {integrator.taken.lost:.6g} of the kinetic energy that other fixes gave "
+            "was no rigid motion, and is lost\n"
+        )
 
 
 def take(integrator: "Integrator") -> np.ndarray:
@@ -72,7 +120,17 @@ def take(integrator: "Integrator") -> np.ndarray:
     return np.array([before[~given[bodies.body]].sum(), after.sum()])
 
 
-def zero(integrator: "Integrator", name: str) -> None:
+def zero_momentum(integrator: "Integrator") -> None:
+    """Stop the bodies' translation, between runs; collective."""
+    _zero(integrator, "v")
+
+
+def zero_rotation(integrator: "Integrator") -> None:
+    """Stop the bodies' rotation, between runs; collective."""
+    _zero(integrator, "p")
+
+
+def _zero(integrator: "Integrator", name: str) -> None:
     """Stop a motion of the bodies, v or p, that the next run will have: those of the last one, or
     those that it makes of the atoms; collective."""
     lammps = integrator.lammps
@@ -86,4 +144,4 @@ def zero(integrator: "Integrator", name: str) -> None:
     getattr(bodies, name)[:] = 0.0
     atom_v = lammps.v  # before a first run no cell points there
     step.set_velocities.bind_to(bodies.cells, atom_v=atom_v)()
-    integrator.reports.forget()
+    integrator.known.clear()

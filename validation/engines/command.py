@@ -21,9 +21,9 @@ def add(verbs: command_line.Verbs) -> None:
         "otherwise, so the limit is its own. Ctrl-C keeps each run that is complete, and the same "
         "command goes on from there. With the same length the output folder gathers schemes, "
         "steps and starts. The same command, started several times, shares the runs.",
-        epilog="OpenMM: pip install '.[engines]'. GROMACS: apt-get install gromacs. A scheme that "
-        "fails is a result. Exit status: 0, 1 if no run succeeds or an engine is not installed, "
-        "130 after Ctrl-C.",
+        epilog="OpenMM: pip install 'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A "
+        "scheme that fails is a result. Exit status: 0, 1 if no run succeeds or an engine is not "
+        "installed, 130 after Ctrl-C.",
     )
     command_line.short_or_full(parser, "300 ps of each point: two days of one core")
     text = "length of each point (default 300, --short 10)"

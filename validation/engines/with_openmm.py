@@ -83,4 +83,4 @@ def run(course: Course, folder: Path, silence: float, on_step) -> Samples:
     return Samples(step, potential / KJ, pressure * BAR, seconds)
 
 
-ENGINE = Engine("OpenMM", "pip install '.[engines]'", version, inputs, words, run)
+ENGINE = Engine("OpenMM", "pip install 'fix_nosquish[engines]'", version, inputs, words, run)

@@ -22,7 +22,7 @@ from fix_nosquish.errors import RunError
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.frames import matrices
 from fix_nosquish.motion.operations import EXACT
-from fix_nosquish.run import thermo
+from fix_nosquish.run import external, thermo
 
 STEPS = 3  # whose potential energies are needed
 
@@ -101,7 +101,7 @@ class Shadowed(NVE):
                 f"fix {others[0]} moves atoms, too, and the shadow energy is that of one fix's "
                 "steps: have one fix move all atoms, with keyword points"
             )
-        elif unknown := self.external.without_energy():
+        elif unknown := external.without_energy(self):
             problem = f"the shadow energy would drift: {unknown}"
         elif (found := self.other_fixes.without_energy()) is not None:
             fix, remedy = found

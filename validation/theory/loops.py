@@ -10,6 +10,9 @@ import itertools
 from collections.abc import Iterator
 
 import numpy as np
+
+# as LAMMPS imports it: by another name it would be compiled once more
+from fix_nosquish_validation.schemes.matubayasi_nakahara import MatubayasiNakahara
 from scipy.linalg import block_diag, null_space
 
 from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, P, Q, V, X
@@ -18,7 +21,6 @@ from fix_nosquish.loops.compiled import F2, Cell, F
 from fix_nosquish.motion import block, step
 from fix_nosquish.motion.operations import Parameters
 
-from ..schemes.matubayasi_nakahara import MatubayasiNakahara
 from .calculus import restricted
 from .reference import PERMUTE, _second, _third, multiply, to_space
 
