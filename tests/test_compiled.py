@@ -579,7 +579,7 @@ pair_coeff * *
 fix 1 all python/move "fix_nosquish.NVE all molecule"
 run 1
 """
-COMPILERS = {"numba", "llvmlite", "subprocess"}
+COMPILERS = {"numba", "llvmlite"}
 IMPORTED = f"""
 import sys
 from lammps import lammps
