@@ -472,6 +472,35 @@ def test_no_memory_on_one_rank(tmp_path):
 # ---------------------------------------------------------------- where the machine code is kept
 
 
+AGAIN = """
+import importlib, json, sys
+import numpy as np
+import loops
+if sys.argv[1:] == ["changed"]:
+    text = open(loops.__file__).read()
+    open(loops.__file__, "w").write(text.replace("0.5 * twice", "2.0 * twice"))
+else:
+    loops = importlib.reload(loops)
+try:
+    print(json.dumps(int(loops.total(np.arange(10), 1))))
+except Exception as error:
+    print(json.dumps(str(error)))
+"""
+
+
+def test_a_module_that_is_imported_again(tmp_path):
+    """Locks out loops that are kept twice, whose machine code then is never found."""
+    write(tmp_path)
+    assert answer(start(tmp_path, AGAIN)) == 46
+
+
+def test_a_module_that_changes_behind_its_import(tmp_path):
+    """Locks out machine code of another source than the one that was imported, or an error that
+    says nothing of it."""
+    write(tmp_path)
+    assert "the file of loops has changed since" in answer(start(tmp_path, AGAIN, ["changed"]))
+
+
 ANEW = """
 import gc
 import numpy as np

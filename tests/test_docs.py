@@ -356,18 +356,64 @@ def test_integrator_of_the_documentation(run_lammps):
             np.testing.assert_allclose(energies / energies[0], left, rtol=error)
 
 
-@pytest.mark.parametrize("name", ["annealed.AnnealedNVT", "andersen.AndersenNVT"])
-def test_thermostats_of_the_documentation(run_lammps, name):
-    """Locks out examples that do not run as they stand, that do not keep the temperature, or whose
-    energy is not counted."""
+def with_thermostat(name, words):
+    """An example of the documentation, as files and as an input script."""
     example, data = f"{name.partition('.')[0]}.py", ROOT / "inputs" / "water" / "data.water"
     given = {example: (DOCS / example).read_text(), "data.water": data.read_text()}
-    lines = FREE.replace("damped.Damped all molecule", f"{name} all molecule temp 1 1 1e-1 seed 7")
+    ours = f"{name} all molecule temp 1 1 1e-1 {words} seed 7"
+    return given, FREE.replace("damped.Damped all molecule", ours)
+
+
+@pytest.mark.parametrize(
+    "name, words", [("annealed.AnnealedNVT", ""), ("andersen.AndersenNVT", "part 0.7")]
+)
+def test_thermostats_of_the_documentation(run_lammps, name, words):
+    """Locks out examples that do not run as they stand, that do not keep the temperature, or whose
+    energy is not counted."""
+    given, lines = with_thermostat(name, words)
     lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] etotal econserve")
     for ranks in 2, 1:  # the first one compiles the loops
         thermo = run_lammps(lines, files=given, ranks=ranks, timeout=250).thermo
         assert thermo["f_1[3]"][0] > 1.5 and thermo["f_1[3]"][-1] == pytest.approx(1.0, rel=0.2)
         assert np.ptp(thermo["Econserve"]) < 0.01 * np.ptp(thermo["TotEng"])
+
+
+OWN = "andersen.AndersenNVT"
+
+
+def test_own_keywords_values_and_state(run_lammps):
+    """Locks out a keyword of one's own that does not arrive, a value of one's own that is not
+    behind the package's, and a state that ranks have differently or that a restart forgets."""
+    given, lines = with_thermostat(OWN, "part 1")
+    lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] f_1[5]")
+    whole = run_lammps(lines, files=given, timeout=250).thermo["f_1[5]"]
+    collisions = 200 * (1.0 - np.exp(-0.05))
+    assert whole[0] == 0 and whole[-1] == pytest.approx(collisions, abs=4.0 * collisions**0.5)
+    tail = lines.partition("read_data data.water\n")[2]
+    tail = tail.replace("velocity all", "# velocity").replace("mass *", "# mass *")
+    second = f"units lj\nread_restart half\n{tail.replace('run 200', 'run 80')}"
+    first = lines.replace("run 200", "run 120\nwrite_restart half")
+    for ranks in 1, 2:
+        run_lammps(first, files=given, ranks=ranks, timeout=250)
+        rest = run_lammps(second, files=given, ranks=ranks, timeout=250)
+        assert rest.thermo["f_1[5]"][-1] == whole[-1]
+
+
+@pytest.mark.parametrize(
+    "words, message",
+    [
+        ("", "keyword part is missing: give it the part of a velocity that a collision makes new"),
+        ("part x", "'x' was given where the part of a velocity that a collision makes new"),
+        ("part 1.5", "keyword part is 1.5, and must be above 0 and at most 1"),
+        ("part 1 thermostat csvr", "keyword thermostat is csvr, and this fix has andersen"),
+    ],
+)
+def test_wrong_own_keywords(run_lammps, words, message):
+    """Locks out a keyword of one's own that is not checked as the package's, and a message that
+    shows another line than the user's."""
+    given, lines = with_thermostat(OWN, words)
+    done = run_lammps(lines, files=given, check=False, timeout=250)
+    assert done.code and message in done.screen and f"{OWN} all molecule" in done.screen
 
 
 def rooms_used(file):

@@ -1,10 +1,11 @@
 """The words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from ..errors import RunError
@@ -32,10 +33,14 @@ class Line(NamedTuple):
     replaces: str | None = None
 
     @classmethod
-    def quoted(cls, text: str) -> "Line":
-        """The words of fix python/move from the class on: NVE water molecule ..."""
+    def quoted(cls, text: str, prefix: str = "fix_nosquish.") -> "Line":
+        """The words of fix python/move from the class on: NVE water molecule ...
+
+        Args:
+            prefix: the class's module, with a point.
+        """
         name, *words = text.split()
-        return cls(name, text, tuple(words))
+        return cls(name, text, tuple(words), prefix)
 
     @classmethod
     def native(cls, fix_id: str, group: str, style: str, words: Iterable[str]) -> "Line":
@@ -394,6 +399,7 @@ class Command:
         dilate: ID of the group of which atoms that are in no body move with the box; None for none
             such.
         compressibility: a word for a number, None for the default.
+        own: dictionary from keywords of the class's own to words for numbers.
     """
 
     line: Line
@@ -426,6 +432,7 @@ class Command:
     every: int | None = None
     dilate: str | None = None
     compressibility: str | None = None
+    own: dict[str, str] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
@@ -453,18 +460,24 @@ class Command:
         return self.line.wrong(what)
 
     @classmethod
-    def parse(cls, line: Line, own: Iterable[str] = ()) -> "Command":
+    def parse(
+        cls, line: Line, keywords: Iterable[str] = (), own: Mapping[str, str] = MappingProxyType({})
+    ) -> "Command":
         """Read a `Line`.
 
         Args:
-            line: the line.  own: which of `OWN_KEYWORDS` the class has.
+            line: the line.  keywords: which of `OWN_KEYWORDS` the class has.
+            own: as `Declaration.own_keywords`.
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
         words, entries = _Words(line), KEYWORDS | OWN_KEYWORDS
         group = words.take(f"the ID of a group and a body style ({STYLES})")
         style, arguments = _body_style(words)
-        known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *own)}
+        known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *keywords)}
+        known |= {
+            name: Keyword(f"{what}, {_NUMBER}", _Words.number, "own") for name, what in own.items()
+        }
         if line.replaces:
             known |= {name: OF_RIGID_FIXES[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
         values: dict[str, Any] = {}
@@ -486,10 +499,10 @@ class Command:
             )
         if "thermostat" in known:
             _check_thermostat(line, values, "barostat" in known)
-        if "steps" in known:
-            for name in "temp", "steps", "seed":
-                missing = f"keyword {name} is missing: give it {known[name].expected}"
-                _refuse(line, (name not in values, missing))
+        given = values.keys() | values.get("own", {}).keys()
+        for name in (*(("temp", "steps", "seed") if "steps" in known else ()), *own):
+            missing = f"keyword {name} is missing: give it {known[name].expected}"
+            _refuse(line, (name not in given, missing))
         if "dmax" in known:
             _check_quench(line, values)
         if "iso" in known:

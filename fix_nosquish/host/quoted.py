@@ -37,7 +37,7 @@ def door(module: str, names: Collection[str], find: Callable[[str], type]) -> Ca
         made = find(_class_in(text, names, module))
         from .command import Line
 
-        return lambda ptr: made(ptr, Line.quoted(text))
+        return lambda ptr: made(ptr, Line.quoted(text, f"{module}."))
 
     return of_line
 

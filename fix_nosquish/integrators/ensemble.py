@@ -65,7 +65,7 @@ class Ensemble(Integrator):
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
         line = Line.quoted(line) if isinstance(line, str) else line
-        command = Command.parse(line, self.keywords)
+        command = Command.parse(line, self.keywords, self.own_keywords)
         self.thermostat: Thermostat | None = self._made(self.thermostats, command, "thermostat")
         self.barostat: Part = self._made(self.barostats, command, "barostat") or Part(self)
         self.momentum = Momentum(self)
@@ -101,7 +101,9 @@ class Ensemble(Integrator):
         """What the word of a keyword stands for; None where there is nothing to choose."""
         if not choices:
             return None
-        word = getattr(command, keyword) if len(choices) > 1 else next(iter(choices))
+        word = getattr(command, keyword)
+        if len(choices) == 1 and word == getattr(Command, keyword):  # the default of another choice
+            (word,) = choices
         if word not in choices:
             known = " or ".join(choices)
             raise command.wrong(f"keyword {keyword} is {word}, and this fix has {known}")
@@ -122,7 +124,9 @@ class Ensemble(Integrator):
         """A number for what its own state is of."""
         command = self.command
         length = command.tchain if command.thermostat == "nh" else 0
-        words = command.thermostat, length, command.separate, *self.barostat.own_words()
+        thermostat = type(self.thermostat)
+        words = thermostat.__module__, thermostat.__qualname__, length, command.separate
+        words = *words, *self.barostat.own_words()
         return 1.0 + crc32(" ".join(map(str, (OWN, *words))).encode())
 
     def own_warnings(self) -> Iterator[str]:

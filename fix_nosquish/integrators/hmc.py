@@ -65,7 +65,7 @@ def copy_rows(state, row, until, to):
             state[to + r, b] = state[row + r, b]
 
 
-draw_momenta = make_pass(thermalise, P + 4, (__name__, "draw_momenta"), Bath)
+draw_momenta = make_pass("draw_momenta", thermalise, P + 4, (__name__, ""), Bath)
 
 
 @loop

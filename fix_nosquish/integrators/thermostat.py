@@ -44,6 +44,10 @@ BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the syste
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
+# what a part has from its ensemble
+OF_ENSEMBLE = "lammps", "command", "own_number", "host", "bodies", "communicator", "other_fixes"
+
+
 class Steps(NamedTuple):
     """The step, and those at which the run begins and ends, (1,) each."""
 
@@ -149,7 +153,7 @@ class Part:
         self.ensemble: Any = weakref.proxy(ensemble)
 
     def __getattr__(self, name: str) -> Any:
-        if name in ("lammps", "command", "host", "bodies", "communicator", "other_fixes"):
+        if name in OF_ENSEMBLE:
             return getattr(self.ensemble, name)
         raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
 

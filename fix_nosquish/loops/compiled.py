@@ -296,7 +296,8 @@ class Loop:
     def __init__(self, function, owner=None):
         update_wrapper(self, function)
         module, within = owner or (function.__module__, "")
-        name = f"{within}.{function.__name__}" if within else function.__qualname__
+        own_name = function.__name__ if owner else function.__qualname__
+        name = f"{within}.{own_name}" if within else own_name
         self.name = f"{module}.{name}"
         notes = annotations(function)
         self.returns = bool(notes.get("return"))
@@ -314,7 +315,9 @@ class Loop:
             self.kinds |= more
         self.machine_code: Any = None  # a function of ctypes, once it is loaded
         self.level, self.module = None, module
-        LOOPS.setdefault(module, []).append(self)
+        # a module that is imported once more has its loops once
+        others = [one for one in LOOPS.get(module, ()) if one.name != self.name]
+        LOOPS[module] = [*others, self]
 
     def take(self, address, owner, level):
         """Have the machine code at an address, for a level, in memory that the owner has."""

@@ -40,7 +40,13 @@ def codes(names, levels):
         _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
         compile_all(within, missing, levels)
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-    return {pair: read(one) for pair, one in places.items()}
+    found = {pair: read(one) for pair, one in places.items()}
+    if other := [name for (name, _), code in found.items() if code is None]:
+        raise RuntimeError(
+            f"the file of {other[0]} has changed since this process imported it: start the process "
+            "anew"
+        )
+    return found
 
 
 def compile_all(within, names, levels):

@@ -342,11 +342,9 @@ class Scheme:
         self.operations, self.numbers, self.work = operations, numbers, work
         parts = stages(splitting, operations)
         self.prepared = parts.prepared
-        module, within = owner
 
         def alone(name: str, does: Callable, until: int, named: bool, places: bool = False) -> Loop:
-            made = module, f"{within}.{name}"
-            return make_pass(does, until, made, numbers, named, places, rows)
+            return make_pass(name, does, until, owner, numbers, named, places, rows)
 
         self.advance = _make_advance(parts, owner, numbers, rows)
         self.lead = alone("lead", parts.lead, TORQUE + 3, parts.named)
@@ -428,6 +426,7 @@ def _make_advance(parts, owner, numbers, rows):
 
 
 def make_pass(
+    name: str,
     does: Callable,
     until: int,
     owner: tuple[str, str],
@@ -439,7 +438,7 @@ def make_pass(
     """A pass that does one thing with all bodies.
 
     Args:
-        does: what, as an `Operation` does it.
+        name: what it is called.  does: what it does, as an `Operation`.
         until: the row up to which it takes theirs: with force and torque these are known.
         owner: the module that the loop belongs to, and what its name stands behind.
         numbers: the record of its parameters.
@@ -463,4 +462,5 @@ def make_pass(
         if places:
             move_to_images(layout, images, atom_x)
 
+    go.__name__ = name
     return loop(go, owner)

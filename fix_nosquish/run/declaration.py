@@ -1,6 +1,7 @@
 """What an integrator says of its step; loops, memory and messages follow from it."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -36,7 +37,10 @@ class Declaration:
         method: what the log calls it.
         splits: whether it has use for the keywords mrot and order.  Keyword rotor exact is for
             those with an operation that says so.
-        keywords: those of its own, besides what `command.KEYWORDS` has for all.
+        keywords: which of `command.OWN_KEYWORDS` it has, besides what `command.KEYWORDS` has for
+            all.
+        own_keywords: others, each with a number behind it: from their names to what that is, for
+            messages. `own_number` has the number.
         respa: whether it can have the forces of the levels of run_style respa.
         thermostat: what keeps a temperature, so that no other fix may; None for nothing.
         quenches: whether it ends a run by itself.
@@ -77,6 +81,7 @@ class Declaration:
 
     method, splits, respa = "", False, True
     keywords: tuple[str, ...] = ()
+    own_keywords: Mapping[str, str] = MappingProxyType({})
     thermostat: object = None
     quenches = crosses = needs_energy = couples = False
     backwards, freedom_said = True, ""

@@ -133,7 +133,7 @@ class Integrator(Registered, Declaration):
             *(kind.__module__ for kind in type(self).__mro__),
             *self.modules,
         )
-        self.command = Command.parse(line, self.keywords)
+        self.command = Command.parse(line, self.keywords, self.own_keywords)
         rotation.refuse_other_rotor(self)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
@@ -154,6 +154,10 @@ class Integrator(Registered, Declaration):
             self.rigid_flag = self.lammps.radius is not None
 
     # ------------------------------------------------------------- what holds
+
+    def own_number(self, keyword: str) -> float:
+        """The number behind one of `own_keywords`, a variable's as it is now; collective."""
+        return self.lammps.number(self.command.own[keyword])
 
     @property
     def phase(self) -> Phase:
