@@ -260,7 +260,7 @@ def test_plugin_of_another_version(tmp_path, run_lammps):
     """Locks out a plugin whose fields are not those of its Python side, though as many bytes."""
     package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
     header = package / "plugin/bridge.h"
-    header.write_text(header.read_text().replace("int32_t flips;", "int32_t couples_not;"))
+    header.write_text(header.read_text().replace("int32_t flips,", "int32_t couples_not,"))
     start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"]
     text = SCRIPT.format(
         fix='python/move "fix_nosquish.NVE water molecule"',

@@ -116,14 +116,6 @@ def _library() -> ctypes.CDLL:
     return lib
 
 
-class _View(NamedTuple):
-    """A view of a per-atom array, and what it is a view of."""
-
-    address: int
-    shape: tuple[int, ...]
-    array: np.ndarray
-
-
 class Box:
     """The periodic box as LAMMPS has it; `periodic.PeriodicBox` is that of loops.
 
@@ -200,7 +192,6 @@ class Lammps:
         self.ranks = self.setting("world_size")
         self._box_then = b""
         self._box: Box
-        self._views: dict[str, _View] = {}  # of per-atom arrays, by name
         self.table, self.cells = cells(ARRAYS)
 
     def _global(self, name: str) -> int:
@@ -282,8 +273,8 @@ class Lammps:
         return self._box
 
     def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
-        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns), the same
-        as long as it holds; None if absent."""
+        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if
+        absent."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -293,10 +284,7 @@ class Lammps:
             return None
         if columns:  # LAMMPS has pointers to the rows, which lie behind one another
             address = c_void_p.from_address(address).value
-        known = self._views.get(name)
-        if not known or (known.address, known.shape) != (address, shape):
-            known = self._views[name] = _View(address, shape, array(address, shape, dtype))
-        return known.array
+        return array(address, shape, dtype)
 
     def _each_has(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray:
         """As `per_atom`, of an array that all atom styles have."""
@@ -514,7 +502,6 @@ class Lammps:
 
     def set_external_virial(self, fix: str, virial: np.ndarray) -> None:
         """Give a fix external the virial of all ranks (xx yy zz xy xz yz)."""
-        virial = np.ascontiguousarray(virial)
         self.lib.lammps_fix_external_set_virial_global(
             self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
         )

@@ -3,8 +3,8 @@
     python -m fix_nosquish.loops FOLDER
 
 writes to the folder a library for each level that NOSQUISH_LEVELS names, with spaces between;
-without it, for this machine's highest.  CXX is the compiler that links them,
-also for another machine's levels.
+without it, for this machine's highest.  CXX is the compiler that links them, for another kind of
+machine a cross-compiler.
 """
 
 import importlib

@@ -181,13 +181,18 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
     """A callback that calls the method of that name, and lets no exception into C++.
 
     The method takes texts as `str`. What it returns goes to the last argument of the callback, if
-    that is a place for numbers.
+    that is a place for numbers. As it is called, `virial_per_atom` of an instance that has this is
+    a zeroed view (natoms, 9); None where LAMMPS asks for none, and in hooks that have nothing to
+    add to it.
     """
+    per_atom = bridge.wants_virial_per_atom
     result = RESULTS.get(signature._argtypes_[-1]) if signature._argtypes_ else None
 
     def call(*arguments: Any) -> int:
         *taken, place = (*arguments, None) if result is None else arguments
         try:
+            if per_atom and bridge.natoms >= 0:
+                instance.virial_per_atom = array(bridge.virial_per_atom, (bridge.natoms, 9), float)
             taken = [os.fsdecode(one) if isinstance(one, bytes) else one for one in taken]
             given = getattr(instance, name)(*taken)
             if result:
@@ -195,22 +200,12 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
                     place[k] = result(number)
         except BaseException as problem:
             return failed(bridge, problem)
+        finally:
+            if per_atom:
+                instance.virial_per_atom = None
         return Outcome.DONE
 
-    def call_with_virial(*arguments: Any) -> int:
-        instance.virial_per_atom = _virial_per_atom(bridge)
-        outcome = call(*arguments)
-        instance.virial_per_atom = None
-        return outcome
-
-    return call_with_virial if bridge.wants_virial_per_atom else call
-
-
-def _virial_per_atom(bridge: Bridge) -> np.ndarray | None:
-    """A view (natoms, 9) of the atoms' virial by the fix, zeroed; None where LAMMPS asks for none,
-    and in hooks that have nothing to add to it."""
-    asked = bridge.natoms >= 0
-    return array(bridge.virial_per_atom, (bridge.natoms, 9), float) if asked else None
+    return call
 
 
 @CFUNCTYPE(None, c_void_p)

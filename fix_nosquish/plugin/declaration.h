@@ -12,7 +12,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 {
   const bool quoted = PYTHON_MOVE == arg[2];
   if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
-  if (quoted && narg > 4) facts.refuse("put the class and its words in quotes: \"" + std::string(arg[3]) + " " + arg[4] + " ...\"");
+  if (quoted && narg > 4) failures.refuse("put the class and its words in quotes: \"" + std::string(arg[3]) + " " + arg[4] + " ...\"");
 
   facts.refuse_accelerators();
   time_integrate = 1;
@@ -142,12 +142,12 @@ int FixPythonMove::modify_param(int narg, char **arg)
   }
   if (!bridge.follows_atoms || narg < 2) return 0;
   if (bridge.changes_box && (word == "temp" || word == "press")) {
-    facts.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
+    failures.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
                "the atoms that its box takes along");
     return 2;
   }
   if (word != "bodyforces") return 0;
-  if (value != "early" && value != "late") facts.refuse("bodyforces " + value + ": expected early or late");
+  if (value != "early" && value != "late") failures.refuse("bodyforces " + value + ": expected early or late");
   arrays.early = value == "early";
   int &mask = modify->fmask[modify->find_fix(id)];
   mask = arrays.early ? mask | POST_FORCE : mask & ~POST_FORCE;

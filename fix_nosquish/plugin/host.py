@@ -177,7 +177,7 @@ class Host(hosts.Host):
         self._carried, bridge = bodies, self._bridge
         bridge.arrays = lammps and _address(lammps.table)
         for name, cell in ("body_of", "body"), ("displace", "displace"), ("state", "state"):
-            setattr(bridge, name, bodies and bodies.cells[cell].address)
+            setattr(bridge, name, None if bodies is None else bodies.cells[cell].address)
 
     def point(self) -> None:
         self._point(self._bridge.fix)

@@ -48,7 +48,8 @@ struct Interpreter {
   // what is wrong with the Python that is in this process already, or nothing
   std::string unlike() const
   {
-    const auto there = version_here();
+    const std::string full = symbol<const char *()>("Py_GetVersion")();
+    const auto there = full.substr(0, full.find('.', full.find('.') + 1));
     if (version.empty() || there == version) return "";
     return "this LAMMPS has Python " + there + " inside, and " + executable + " is Python " + version +
         ": install fix_nosquish for a Python " + there;
@@ -58,13 +59,6 @@ struct Interpreter {
   {
     const auto name = symbol<wchar_t *(const char *, size_t *)>("Py_DecodeLocale")(executable.c_str(), nullptr);
     symbol<void(const wchar_t *)>("Py_SetProgramName")(name);
-  }
-
- private:
-  static std::string version_here()
-  {
-    const std::string full = symbol<const char *()>("Py_GetVersion")();
-    return full.substr(0, full.find('.', full.find('.') + 1));
   }
 };
 
@@ -76,6 +70,15 @@ bool python_is_there()    // it runs, or LAMMPS was built with its package PYTHO
 bool python_runs()
 {
   return python_is_there() && symbol<int()>("Py_IsInitialized")();
+}
+
+// Run a line of Python, whichever thread this is.
+
+void run_python(const std::string &line)
+{
+  auto state = symbol<int()>("PyGILState_Ensure")();
+  symbol<int(const char *)>("PyRun_SimpleString")(line.c_str());
+  symbol<void(int)>("PyGILState_Release")(state);
 }
 
 // LAMMPS's command python may be the first that needs Python. It then has the packages of the same virtual environment.
@@ -106,32 +109,19 @@ std::string start_python()
       return "the Python " + python.executable + " has no shared libpython" + instead;
     if (!dlopen(python.libpython.c_str(), RTLD_NOW | RTLD_GLOBAL)) return dlerror() + instead;
   }
-  auto initialize = symbol<void(int)>("Py_InitializeEx");
-  auto run = symbol<int(const char *)>("PyRun_SimpleString");
-  if (!initialize || !run || !symbol<void>("Py_SetProgramName"))
-    return "cannot start Python from " + python.libpython + instead;
   const auto unlike = python.unlike();
   if (!unlike.empty()) return unlike;
 
   python.name_program();
   // This thread keeps Python's lock: a LAMMPS with the package PYTHON ends Python as one that has it.
-  initialize(0);
+  symbol<void(int)>("Py_InitializeEx")(0);
   // Ctrl-C ends LAMMPS at once, as it does without Python. The module signal would change that when a class imports it.
-  run("import signal as s\n"
-      "if s.getsignal(s.SIGINT) is s.default_int_handler: s.signal(s.SIGINT, s.SIG_DFL)\n"
-      "del s");
+  run_python("import signal as s\n"
+             "if s.getsignal(s.SIGINT) is s.default_int_handler: s.signal(s.SIGINT, s.SIG_DFL)\n"
+             "del s");
   // Nothing ends this interpreter in a native lmp, so nothing may wait in its buffers.
-  run("__import__('sys').stdout.reconfigure(line_buffering=True)");
+  run_python("__import__('sys').stdout.reconfigure(line_buffering=True)");
   return "";
-}
-
-// Run a line of Python, whichever thread this is.
-
-void run_python(const std::string &line)
-{
-  auto state = symbol<int()>("PyGILState_Ensure")();
-  symbol<int(const char *)>("PyRun_SimpleString")(line.c_str());
-  symbol<void(int)>("PyGILState_Release")(state);
 }
 
 }    // namespace nosquish

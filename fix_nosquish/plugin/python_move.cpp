@@ -174,8 +174,8 @@ void FixPythonMove::init()
   halt.begin_again();
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
-    facts.refuse("its class has no methods for run_style respa");
-  if (respa && arrays.early) facts.refuse("bodyforces early is not for run_style respa: use run_style verlet");
+    failures.refuse("its class has no methods for run_style respa");
+  if (respa && arrays.early) failures.refuse("bodyforces early is not for run_style respa: use run_style verlet");
   facts.refuse_casts();
   if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
@@ -189,7 +189,7 @@ void FixPythonMove::init()
   state.announce();
   exchange.refuse_stale_forces();
   if (!dynamic && bridge.follows_atoms)
-    facts.warn("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are");
+    failures.warn("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are");
   dynamic = 1;
   if (bridge.changes_box) pressure.ask_from(update->ntimestep);
   if (bridge.needs_energy) energy.ask_for(update->ntimestep);
@@ -211,7 +211,7 @@ void FixPythonMove::write_restart(FILE *file)
 double FixPythonMove::compute_vector(int i)
 {
   if (i >= size_vector)    // thermo_style and others may have been written for another fix of this ID
-    facts.refuse("f_" + std::string(id) + "[" + std::to_string(i + 1) + "] was asked for, and this fix has " +
+    failures.refuse("f_" + std::string(id) + "[" + std::to_string(i + 1) + "] was asked for, and this fix has " +
                  std::to_string(size_vector) + " such values: thermo_style, or what else names it, was for a fix with other words. "
                  "Write it anew behind this fix");
   return ask<double>(bridge.compute_vector, i);
