@@ -129,8 +129,9 @@ def test_differences(tmp_path):
 def test_editable_install_is_compiled(tmp_path):
     """Locks out a plugin that is tested as it was before its source was changed,
     where both are in the checkout."""
-    source, made = tmp_path / "code.cpp", tmp_path / "code_plugin.so"
+    source, made = tmp_path / "code.cpp", tmp_path / "for_own" / "code_plugin.so"
     source.write_text("")
+    made.parent.mkdir()
     assert not installed.compiled(tmp_path)
     made.write_text("")
     os.utime(source, (1000, 1000))
