@@ -372,7 +372,7 @@ def test_a_name_used_twice():
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
     bad = getattr(__import__(name), name)
-    with pytest.raises(RunError, match=f"{name}.{name} makes an array or raises"):
+    with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
         bad(np.ones(3))
 
 

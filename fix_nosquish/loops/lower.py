@@ -203,7 +203,7 @@ def _simplify(module):
         the names of Python's functions that are left: those for errors that a second round may
         find impossible.
     """
-    _optimize(module, _target(machine_code.LEVELS[0]), vectorize=False)
+    _optimize(module, _target(), vectorize=False)
     left = [function.name for function in module.functions if function.is_declaration]
     return [name for name in left if not name.startswith("llvm.") and not hasattr(math, name)]
 
@@ -227,12 +227,16 @@ def _optimize(module, target, vectorize):
     builder.getModulePassManager().run(module, builder)
 
 
-def _target(level):
-    """LLVM's idea of a processor: what all of a level have in common."""
+def _target(level=""):
+    """LLVM's idea of a processor: what all of a level have in common.
+
+    Without a level it is none that there is. What LLVM takes to be good for one of them is done by
+    `_object`: done twice, it makes steps slower by some 6 %.
+    """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     triple, cpu = llvm.get_process_triple(), level
-    if level not in machine_code.ADDED:
+    if level and level not in machine_code.ADDED:
         triple, cpu = f"{level}{triple[triple.index('-') :]}", "generic"
     target = llvm.Target.from_triple(triple)
     return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")

@@ -66,8 +66,6 @@ def library(highest):
 def load(communicator, *names):
     """Make the loops of some modules ready; rank 0 reads or makes those of one's own; collective.
 
-    Without this a loop's first use does it, on each rank for itself.
-
     Args:
         communicator: the `Communicator` or `ALONE`.
         names: of the modules, as `__name__`; those without loops are left out.
@@ -75,34 +73,56 @@ def load(communicator, *names):
         RunError: on all ranks, if they cannot be compiled or loaded.
     """
     agreed = communicator.least(level())
-    others, lacking = [], False
+    others: list[str] = []
     with communicator.together(FAILED):
-        known = library(agreed)
-        for name in [name for name in names if name in LOOPS]:
-            functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
-            if all(functions):
-                for one, function in zip(LOOPS[name], functions, strict=True):
-                    one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
-            else:
-                others.append(name)
-                lacking |= any(one.level != agreed for one in LOOPS[name])
-    if communicator.any(lacking):
-        _load_others(communicator, others, agreed)
+        others = _take_ours([name for name in names if name in LOOPS], agreed)
+    if communicator.any(any(one.level != agreed for name in others for one in LOOPS[name])):
+        codes = None
+        with communicator.together(FAILED):
+            try:
+                if communicator.rank == 0:
+                    codes = _own_codes(others, agreed)
+            finally:
+                communicator.rest()  # while rank 0 compiles
+        codes = communicator.share(codes)
+        with communicator.together(FAILED):
+            _take_own(codes, agreed)
 
 
-def _load_others(communicator, names, agreed):
+def load_here(name):
+    """Make the loops of a module ready on this rank, at the first use of one without `load`.
+
+    Raises:
+        RuntimeError: if they cannot be compiled or loaded.
+    """
+    if others := _take_ours([name], level()):
+        _take_own(_own_codes(others, level()), level())
+
+
+def _take_ours(names, agreed):
+    """Take loops of the library. Returns: the names of the modules that it has not."""
+    known, others = library(agreed), []
+    for name in names:
+        functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
+        if not all(functions):
+            others.append(name)
+            continue
+        for one, function in zip(LOOPS[name], functions, strict=True):
+            one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
+    return others
+
+
+def _own_codes(names, agreed):
+    """The machine code of each module."""
     from . import own  # few need it
 
-    codes = None
-    with communicator.together(FAILED):
-        try:
-            if communicator.rank == 0:
-                codes = own.codes(names, [LEVELS[agreed]])
-        finally:
-            communicator.rest()  # while rank 0 compiles
-    codes = communicator.share(codes)
-    with communicator.together(FAILED):
-        for name in names:
-            engine = own.engine(codes[name, LEVELS[agreed]])
-            for one in LOOPS[name]:
-                one.take(engine.get_function_address(one.name), engine, agreed)
+    return {name: code for (name, _), code in own.codes(names, [LEVELS[agreed]]).items()}
+
+
+def _take_own(codes, agreed):
+    from . import own
+
+    for name, code in codes.items():
+        engine = own.engine(code)
+        for one in LOOPS[name]:
+            one.take(engine.get_function_address(one.name), engine, agreed)
