@@ -16,7 +16,6 @@ import pytest
 import test_own_fix
 from llvmlite import binding as llvm
 
-from fix_nosquish.errors import RunError
 from fix_nosquish.loops import compiled, machine_code, own
 from validation.running import startup
 
