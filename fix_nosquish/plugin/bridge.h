@@ -11,11 +11,8 @@
 // what a hook returns; 0 is left by a callback that itself broke, as on an interrupt
 enum Outcome { BROKEN = 0, DONE = 1, FAILED_ALIKE = 2, FAILED_HERE = 3 };
 
-// what holds in a step, a bit each: see run/schedule.py
-enum When {
-  SEEN, LATE, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS,
-  CALLED, SHOWN, VIRIAL_ASKED, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX
-};
+// what holds in a step, a bit each, as far as the plugin finds it or asks for it: see run/schedule.py, which has more
+enum When { CALLED, SHOWN, VIRIAL_ASKED, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX, LATE };
 
 // cells for LAMMPS's arrays, by the kinds and names that they have in loops; see arrays.h, clusters.h, pressure.h, exchange.h
 struct Arrays {

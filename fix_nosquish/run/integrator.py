@@ -70,8 +70,7 @@ class Integrator(Registered, Declaration):
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
         other_fixes: the `OtherFixes` of the run.
         unchanged: the `refusals.Unchanged`.
-        told_box: the host's, if another fix changes the box in this run and bodies move with it;
-            else None.
+        told_box: the host's, if bodies move with a box that another fix changes; else None.
         streams: whether it is with remap v that this happens.
         waiting: with `mid_step`, the time step of the half kick that is left to the next run's
             first step: 0.0 if none is, None if it is that step's own.
@@ -108,10 +107,9 @@ class Integrator(Registered, Declaration):
     def __init__(self, ptr: Any, line: Line | str) -> None:
         line = Line.quoted(line) if isinstance(line, str) else line
         self.lammps = Lammps(ptr)
-        several = self.lammps.ranks > 1
-        self.communicator: Communicator | Alone = (
-            Communicator(self.lammps.communicator) if several else ALONE
-        )
+        self.communicator: Communicator | Alone = ALONE
+        if self.lammps.ranks > 1:
+            self.communicator = Communicator(self.lammps.communicator)
         self.line, self.name = line, line.name
         # until bodies are made, and until passes are bound
         self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
@@ -255,7 +253,9 @@ class Integrator(Registered, Declaration):
         """The first step of a run begins, and LAMMPS has called no setup before it."""
         self.resumed()
         self.follow_atoms()
+        vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
         self.setup(0)
+        self.host.vflag = vflag
 
     min_setup = hook(refusals.min_setup)
 

@@ -27,18 +27,9 @@ class Phase(IntEnum):
 
 
 class When(IntFlag):
-    """What holds in a step.  The plugin has the same names in the same order (plugin/bridge.h)."""
+    """What holds in a step.  The plugin has the first of these in this order (plugin/bridge.h)."""
 
-    # in a whole run, or until an action says otherwise; the host keeps these
-    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
-    LATE = auto()  # other fixes may change velocities at the end of a step
-    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
-    LEVELS = auto()  # run_style respa
-    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
-    LOOKS = auto()  # Python has something to do where atoms are followed
-    RESETS = auto()  # the next step has another length
-    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
-    # in one step
+    # in one step; the host finds these
     CALLED = auto()  # Python begins it
     SHOWN = auto()  # something may read velocities at its end
     VIRIAL_ASKED = auto()  # LAMMPS wants its virial
@@ -47,10 +38,22 @@ class When(IntFlag):
     MOVES_BOX = auto()  # the box changes in it
     PRESSURE = auto()  # its forces are those before or behind a change of the box
     OTHER_BOX = auto()  # the box is not the one that the passes know
+    # in a whole run (see `beginning.plan`), or until an action says otherwise; the host keeps these
+    LATE = auto()  # other fixes may change velocities at the end of a step
+    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
+    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
+    LEVELS = auto()  # run_style respa
+    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
+    LOOKS = auto()  # Python has something to do where atoms are followed
+    RESETS = auto()  # the next step has another length
+    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
 
 
-SEEN, LATE, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS, *_OF_A_STEP = When
-CALLED, SHOWN, VIRIAL, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX = _OF_A_STEP
+SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
+WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
+CALLED, SHOWN, VIRIAL, TABLE = When.CALLED, When.SHOWN, When.VIRIAL_ASKED, When.TABLE
+ENERGY, MOVES_BOX = When.ENERGY, When.MOVES_BOX
+PRESSURE, OTHER_BOX = When.PRESSURE, When.OTHER_BOX
 NEW, SET, HALF, WAITING, OVER = Phase
 ANY = tuple(Phase)
 BEGUN = tuple(phase for phase in Phase if phase != NEW)
@@ -158,6 +161,8 @@ def follow(integrator: "Integrator", hook: str) -> None:
     for number, action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
+        if action.passes and action.passes not in integrator.passes.lists:
+            continue  # this run has no use for it
         found = integrator.passes.do(action.passes) if action.passes else 0
         if found or (action.call and not action.passes):
             integrator.act(number, found)
