@@ -23,6 +23,7 @@ from .mpi import Mpi, add_up
 from .sharing import SHARING, find, sort
 
 IN_NO_BODY = -1  # an atom's origin
+GONE_ON = -1  # of a row of `arrived`: its atom is not here any more
 # what goes with an atom to another rank: its origin, its body's column of state, its of displace
 OF_BODY = 1
 
@@ -182,7 +183,11 @@ def bucket(b, atoms, state, arrived, first):
 
 @inlined
 def find_owners(arrived, bodies, sharing):
-    """Find the body of each atom that is here: rows `owner` and `first`."""
+    """Find the body of each atom that is here: rows `owner` and `first`.
+
+    Atoms that came may have gone on, where a flip of the box sends atoms before LAMMPS does: what
+    they have left in `arrived` may be old, and counts for nothing.
+    """
     state, body = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.body)
     place, shared = longs_in(bodies, BODIES.place), longs_in(sharing, SHARING.shared)
     known, n = shared.size, shared.size + arrived.shape[0]
@@ -190,17 +195,24 @@ def find_owners(arrived, bodies, sharing):
     column, owner = new_longs(bodies, BODIES.column, n), new_longs(bodies, BODIES.owner, place.size)
     for i in range(n):
         ids[i] = state[ID, shared[i]] if i < known else arrived[i - known, OF_BODY + ID]
+        column[i] = 0 if i < known else GONE_ON
+    for j in range(place.size):
+        if place[j] < 0:
+            column[known - 1 - place[j]] = 0
     sort(order, n, ids, ids)
     resize(bodies, BODIES.first, 0, 1)
+    last = -1
     for k in range(n):
         i = order[k]
-        if k > 0 and ids[i] == ids[order[k - 1]]:
-            column[i] = column[order[k - 1]]
-        elif i < known:
-            column[i] = shared[i]
-        else:
-            column[i] = state.shape[1] + bodies[BODIES.first, LENGTH]
-            append(bodies, BODIES.first, i - known)
+        if column[i] != GONE_ON:
+            if last >= 0 and ids[i] == ids[last]:
+                column[i] = column[last]
+            elif i < known:
+                column[i] = shared[i]
+            else:
+                column[i] = state.shape[1] + bodies[BODIES.first, LENGTH]
+                append(bodies, BODIES.first, i - known)
+            last = i
     for j in range(place.size):
         owner[j] = body[place[j]] if place[j] >= 0 else column[known - 1 - place[j]]
 

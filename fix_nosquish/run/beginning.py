@@ -120,7 +120,7 @@ def init(integrator: "Integrator") -> None:
     integrator.first_step = lammps.step
     integrator.mid_step = type(integrator).mid_step and not lammps.respa_dt
     host.phase = Phase.NEW
-    integrator.taken = velocities.Taken()
+    integrator.taken_away = velocities.Taken()
     integrator.known.clear()
     host.set_bodies(None, None)  # the atoms are not those of the last run
     # nor are the groups: deleted ones leave their bits to others

@@ -77,7 +77,7 @@ class Integrator(Registered, Declaration):
         external: the `External` forces.
         file: the `BodyFile` of keyword output, None if there is none (yet).
         said, warned: lines that the log has: the first ones on the bodies, and what is odd.
-        taken: what was `Taken` from velocities that other fixes changed in this run.
+        taken_away: what was `Taken` from velocities that other fixes changed in this run.
         known: what was found out of the bodies, by name, and when: see `answers`.  It is cleared
             where they change and no number says so.
         gained_at_end: kinetic energy that the end of the last step gives, with `mid_step`.
@@ -97,7 +97,7 @@ class Integrator(Registered, Declaration):
     said: list[str]
     warned: set[str]
     known: dict[str, Any]
-    taken: velocities.Taken
+    taken_away: velocities.Taken
     gained_at_end: float
     switches: list[Choice]
     first_step: int

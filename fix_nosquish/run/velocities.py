@@ -64,7 +64,7 @@ def take_late(integrator: "Integrator", at: int) -> None:
     integrator.set_velocities()
     integrator.known.clear()
     before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
-    taken = integrator.taken
+    taken = integrator.taken_away
     taken.lost += before - now
     taken.least = log.ROUNDING * before
     if not taken.said:
@@ -95,9 +95,10 @@ def _say_taken_over(
 
 def say_lost(integrator: "Integrator") -> None:
     """Log, at the end of a run, how much kinetic energy was lost as velocities were taken over."""
-    if integrator.taken.lost > integrator.taken.least:
+    if integrator.taken_away.lost > integrator.taken_away.least:
         integrator.host.log(
-            f"In this run {integrator.taken.lost:.6g} of the kinetic energy that other fixes gave "
+            f"In this run {integrator.taken_away.lost:.6g} of the kinetic energy that other fixes "
+            "gave "
             "was no rigid motion, and is lost\n"
         )
 
