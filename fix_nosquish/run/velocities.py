@@ -98,8 +98,7 @@ def say_lost(integrator: "Integrator") -> None:
     if integrator.taken_away.lost > integrator.taken_away.least:
         integrator.host.log(
             f"In this run {integrator.taken_away.lost:.6g} of the kinetic energy that other fixes "
-            "gave "
-            "was no rigid motion, and is lost\n"
+            "gave was no rigid motion, and is lost\n"
         )
 
 
