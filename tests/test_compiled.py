@@ -145,7 +145,7 @@ if case == "early" and world.rank == 1:
 if case == "processors" and world.rank == 1:
     machine_code.level = lambda: 0
 if case == "processors":
-    machine_code.library = lambda level: None  # the package's, which may be for this machine only
+    machine_code.built = lambda level: None  # the package's, which may be for this machine only
 if case == "failure":
     def fail(*arguments):
         raise OSError("no memory")
@@ -679,7 +679,7 @@ import json
 from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
 
-names, library = modules(), machine_code.library(machine_code.level())
+names, library = modules(), machine_code.built(machine_code.level())
 loops = [one.name for name in names for one in machine_code.LOOPS[name]]
 print(json.dumps([len(loops), [name for name in loops if not hasattr(library, name)]]))
 """

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..loops import compiled
 from ..loops.compiled import L1, Cell, array, cells
 from ..motion.periodic import invert
@@ -164,17 +164,15 @@ class Lammps:
     def __init__(self, ptr: Any) -> None:
         self.handle = pointer(ptr)
         self.lib = _library()
-        if not self.setting("box_exist"):
-            raise RunError(
-                "the fix needs a simulation box: define it after read_data or create_box",
-                everywhere=True,
-            )
-        if self.setting("bigint") != 8:
-            raise RunError(
-                "a LAMMPS of -DLAMMPS_SMALLSMALL counts steps in 32 bits: build it with "
-                "-DLAMMPS_SMALLBIG, the default",
-                everywhere=True,
-            )
+        refuse(
+            not self.setting("box_exist"),
+            "the fix needs a simulation box: define it after read_data or create_box",
+        )
+        refuse(
+            self.setting("bigint") != 8,
+            "a LAMMPS of -DLAMMPS_SMALLSMALL counts steps in 32 bits: build it with "
+            "-DLAMMPS_SMALLBIG, the default",
+        )
         # these never move while LAMMPS lives
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)

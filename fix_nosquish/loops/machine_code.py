@@ -44,7 +44,7 @@ def level():
 
 
 @cache
-def library(highest):
+def built(highest):
     """The package's loops for a level, or for the next one below that there is.
 
     Returns:
@@ -101,7 +101,7 @@ def load_here(name):
 
 def _take_ours(names, agreed):
     """Take loops of the library. Returns: the names of the modules that it has not."""
-    known, others = library(agreed), []
+    known, others = built(agreed), []
     for name in names:
         functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
         if not all(functions):

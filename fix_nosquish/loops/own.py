@@ -16,7 +16,7 @@ from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-NUMBA = "numba>=0.66"  # see setup.py
+NUMBA = "numba>=0.66"  # as in pyproject.toml
 _hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from .. import of_style
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.command import Line
 from ..loops.compiled import array
 from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
@@ -118,11 +118,10 @@ def _construct(bridge: Bridge) -> Any:
 
 def _of_target(target: str, capsule: object) -> Any:
     """Import, look up and call "module.class words", as LAMMPS's own fix python/move does."""
-    if not target.strip():
-        raise RunError(
-            'the text behind python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
-            everywhere=True,
-        )
+    refuse(
+        not target.strip(),
+        'the text behind python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
+    )
     place, space, words = target.partition(" ")
     module_name, dot, name = place.rpartition(".")
     name += space + words

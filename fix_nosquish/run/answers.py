@@ -11,7 +11,7 @@ import numpy as np
 
 from ..bodies import infile
 from ..bodies.bodies import Bodies
-from ..errors import RunError
+from ..errors import refuse
 from . import making, output, thermo, velocities
 from .schedule import SEEN, Phase
 
@@ -36,11 +36,10 @@ def made(integrator: "Integrator", forces: bool = True) -> Bodies:
     Raises:
         RunError: on all ranks, before the first run.
     """
-    if integrator.bodies is None:
-        raise RunError(
-            "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
-            everywhere=True,
-        )
+    refuse(
+        integrator.bodies is None,
+        "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
+    )
     integrator.come_to_rest(forces)
     return integrator.bodies
 

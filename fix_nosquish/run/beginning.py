@@ -10,7 +10,7 @@ import numpy as np
 
 from ..bodies.membership import Membership
 from ..box import deform
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..loops import machine_code
 from . import external, log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
@@ -44,8 +44,8 @@ def _bind(integrator: "Integrator") -> None:
     integrator.gravity = refusals.weight(integrator)
     external.begin(integrator)
     cells["rate"].set(integrator.host.rate if integrator.streams else np.zeros(6))
-    if integrator.mask is not None:
-        cells["mask"].set(integrator.mask)
+    if (mask := integrator.mask) is not None:
+        cells["mask"].set(mask)
     integrator.parameters = integrator.numbers.new(
         ftm2v=integrator.lammps.ftm2v,
         mrot=rotation.inner_steps(integrator),
@@ -77,12 +77,11 @@ def _open_table(integrator: "Integrator") -> None:
             "give each a file of its own",
             everywhere=True,
         )
-    if integrator.respa_dt and not integrator.host.calls_setup:
-        raise RunError(
-            "keyword output needs the plugin's fix python/move under run_style respa: "
-            "this LAMMPS's own knows no end of a step",
-            everywhere=True,
-        )
+    refuse(
+        integrator.respa_dt and not integrator.host.calls_setup,
+        "keyword output needs the plugin's fix python/move under run_style respa: "
+        "this LAMMPS's own knows no end of a step",
+    )
     integrator.file = BodyFile(path, lammps.units, integrator.communicator)
 
 

@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.command import is_number
 from ..loops.compiled import F1, F2, Cell
 
@@ -121,12 +121,11 @@ def give_forces(
 ) -> None:
     """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
     external, communicator = integrator.external, integrator.communicator
-    if not external.acts and integrator.lammps.running:
-        raise RunError(
-            "add_force was called in a run that began without external forces: call it before "
-            "the run, or have 'fix_modify ID external python' before it",
-            everywhere=True,
-        )
+    refuse(
+        not external.acts and integrator.lammps.running,
+        "add_force was called in a run that began without external forces: call it before "
+        "the run, or have 'fix_modify ID external python' before it",
+    )
     ids, problem = np.atleast_1d(ids), None
     rows = np.empty((len(ids), 6))
     try:
@@ -214,21 +213,20 @@ def begin(integrator: "Integrator") -> None:
     external.acts = bool(
         said.python or said.words or said.numbers[:ENERGY].any() or len(external.given.ids)
     )
-    if external.acts and integrator.lammps.respa_dt:
-        raise RunError(
-            "external forces are not for run_style respa: use run_style verlet", everywhere=True
-        )
+    refuse(
+        external.acts and integrator.lammps.respa_dt,
+        "external forces are not for run_style respa: use run_style verlet",
+    )
     learn(integrator)
 
 
 def refuse_change(integrator: "Integrator") -> None:
     """End a run that is not set up, if it would not have the external forces that it is to."""
-    if integrator.external.changed:
-        raise RunError(
-            "external forces (fix_modify external, add_force) are new since the last run: "
-            "begin the run with 'pre yes'",
-            everywhere=True,
-        )
+    refuse(
+        integrator.external.changed,
+        "external forces (fix_modify external, add_force) are new since the last run: "
+        "begin the run with 'pre yes'",
+    )
 
 
 def learn(integrator: "Integrator") -> None:

@@ -12,7 +12,7 @@ from ..bodies.build import Recipe, build, nothing
 from ..bodies.membership import Former
 from ..bodies.shapes import Kept
 from ..bodies.species import compare
-from ..errors import RunError
+from ..errors import refuse
 from . import external, log, rotation, switches
 from .refusals import refuse_turnover
 
@@ -40,12 +40,11 @@ def bodies_of_atoms(integrator: "Integrator") -> Bodies:
 
 def _former(integrator: "Integrator") -> Former | None:
     """What the atoms were in the bodies of the last run, None if there are none; collective."""
-    if integrator.bodies is None and integrator.ran and not integrator.infile:
-        raise RunError(
-            "the bodies of the last run are gone, because this one could not begin: "
-            "unfix this fix and define it again",
-            everywhere=True,
-        )
+    refuse(
+        integrator.bodies is None and integrator.ran and not integrator.infile,
+        "the bodies of the last run are gone, because this one could not begin: "
+        "unfix this fix and define it again",
+    )
     if integrator.bodies is None:
         return None
     integrator.host.point()
@@ -63,12 +62,11 @@ def make(integrator: "Integrator") -> None:
     bodies, notes, kept = build(recipe, former)
     integrator.bodies, integrator.notes = bodies, notes
     integrator.started = False
-    if not np.isfinite(notes.kinetic):
-        raise RunError(
-            "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
-            "energy is not finite. Look at what has set them (velocity, read_data)",
-            everywhere=True,
-        )
+    refuse(
+        not np.isfinite(notes.kinetic),
+        "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
+        "energy is not finite. Look at what has set them (velocity, read_data)",
+    )
     rotation.choose(integrator)
     # a rerun is to tell of the atoms as they stand in the file, which has rounded places
     bodies.loose = command.reinit and "rerun" in host.command[:1]

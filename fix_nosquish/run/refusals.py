@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from . import log
 from .schedule import Phase
 
@@ -108,11 +108,10 @@ def refuse_streams(integrator: "Integrator") -> None:
             everywhere=True,
         )
     atoms, streams = integrator.membership.atoms(), integrator.host.stream_group & 0xFFFFFFFF
-    if integrator.communicator.any((integrator.lammps.groups[atoms] & streams == 0).any()):
-        raise RunError(
-            "fix deform has remap v for a group that lacks atoms of the bodies: give it group all",
-            everywhere=True,
-        )
+    refuse(
+        integrator.communicator.any((integrator.lammps.groups[atoms] & streams == 0).any()),
+        "fix deform has remap v for a group that lacks atoms of the bodies: give it group all",
+    )
 
 
 def refuse_turnover(integrator: "Integrator") -> None:
