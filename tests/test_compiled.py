@@ -479,7 +479,7 @@ import numpy as np
 import loops
 if sys.argv[1:] == ["changed"]:
     text = open(loops.__file__).read()
-    open(loops.__file__, "w").write(text.replace("0.5 * twice", "2.0 * twice"))
+    open(loops.__file__, "w").write(text.replace("0.5 * twice", "2.00 * twice"))
 else:
     loops = importlib.reload(loops)
 try:
