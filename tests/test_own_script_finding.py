@@ -565,7 +565,8 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
     atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
              "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
     found = finding.find(said, atoms)
     assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
@@ -583,7 +584,8 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
     atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
              "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
     found = finding.find(said, atoms)
     assert found.state.ensemble == "npt" and found.state.tilts

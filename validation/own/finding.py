@@ -176,6 +176,11 @@ def called(line: str) -> str:
     return texts(line)[4].split()[0] if style == "python/move" else style
 
 
+def moves(line: str) -> bool:
+    """Whether a fix moves atoms, as far as is known."""
+    return bool(kind_of(line) or words_of(line)) or style_of(line) == "python/move"
+
+
 def kind_of(line: str) -> str | None:
     """What a fix is to the atoms; None if it is none that ours can take the place of."""
     style, ours = style_of(line), words_of(line)
@@ -268,7 +273,7 @@ def find(
         found = _of_rigid(said, atoms, held[0], line, kind)
     else:
         found = _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
-    return replace(found, modified=_modified(said["commands"], found.ids))
+    return replace(found, modified=tuple(modifying(said["commands"], found.ids)))
 
 
 def computes(ids: Collection[str]) -> set[str]:
@@ -276,24 +281,12 @@ def computes(ids: Collection[str]) -> set[str]:
     return {f"{one}_{kind}" for one in ids for kind in ("temp", "press")}
 
 
-def modifies_compute(line: str, ids: Collection[str]) -> bool:
-    """Whether a command modifies one of these `computes`."""
-    word, *rest = texts(line)
-    return word == "compute_modify" and rest[0] in computes(ids)
-
-
-def _modified(commands: Sequence[str], ids: Collection[str]) -> tuple[str, ...]:
-    """What ``fix_modify`` says of fixes, and ``compute_modify`` of their computes, since each was
-    made the last time."""
-    found: list[str] = []
-    for line in commands:
-        words = texts(line)
-        if words[0] in ("fix", "unfix"):
-            own = {words[1]} | computes(words[1:2])
-            found = [one for one in found if texts(one)[1] not in own]
-        elif (words[0] == "fix_modify" and words[1] in ids) or modifies_compute(line, ids):
-            found.append(line)
-    return tuple(found)
+def modifying(commands: Sequence[str], ids: Collection[str]) -> list[str]:
+    """The commands ``fix_modify`` of fixes with these IDs, and ``compute_modify`` of their
+    computes."""
+    named = {"fix_modify": {*ids}, "compute_modify": computes(ids)}
+    split = ((line, texts(line)) for line in commands)
+    return [line for line, words in split if words[1:2] and words[1] in named.get(words[0], ())]
 
 
 def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
@@ -349,18 +342,6 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
         count = 2 if alone else 1 + FOLLOW.get(words[position], 1)
         yield tuple(words[position : position + count])
         position += count
-
-
-def without_output(line: str) -> tuple[str, list[str]]:
-    """A fix of ours that writes no file, and the words that are left out; other commands as they
-    are."""
-    ours = words_of(line)
-    every = [*_split(ours.keywords)] if ours else []
-    cut = [" ".join(one) for one in every if one[0] == "output"]
-    if not (ours and cut):
-        return line, []
-    kept = itertools.chain(*(one for one in every if one[0] != "output"))
-    return ours._replace(keywords=tuple(kept)).fix(texts(line)[1]), cut
 
 
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
@@ -459,30 +440,31 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     return found
 
 
-def _held_by_shake(atoms, body) -> tuple[str | None, str]:
+def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[str | None, str]:
     """The words of shake that hold the bodies; or None, and why."""
-    sizes = np.bincount(body)[1:]
+    sizes, words = np.bincount(body)[1:], []
     if len(sizes) == 0 or sizes.max() > FULL_TURN:
         return None, f"bodies of {sizes.max(initial=0)} atoms: shake holds up to 3 rigid"
     if sizes.min() < 2 or "bonds" not in atoms:
         return None, "without bonds in each body"
-    bonds = np.asarray(atoms["bonds"])
-    inside = (body[bonds[:, 1] - 1] > 0) & (body[bonds[:, 1] - 1] == body[bonds[:, 2] - 1])
-    number = np.bincount(body[bonds[inside, 1] - 1], minlength=len(sizes) + 1)[1:]
-    types = set(bonds[inside, 0])
-    if (number < sizes - 1).any() or types & set(bonds[~inside, 0]):
-        return None, "bodies have too few bonds, or bonds of types that others have, too"
-    words = "b " + " ".join(map(str, sorted(types)))
-    if sizes.max() == FULL_TURN:
-        angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-        ends = body[angles[:, 1:] - 1]
+    needed = {"bonds": sizes - 1, "angles": (sizes == FULL_TURN).astype(int)}
+    for name, least in needed.items():
+        rows = _rows(atoms, name)
+        ends = body[rows[:, 1:] - 1]
         within = (ends[:, 0] > 0) & (ends == ends[:, :1]).all(axis=1)
-        kinds = set(angles[within, 0])
         counted = np.bincount(ends[within, 0], minlength=len(sizes) + 1)[1:]
-        if (counted[sizes == FULL_TURN] < 1).any() or kinds & set(angles[~within, 0]):
-            return None, "bodies of three atoms have no angle, or one of a type that others have"
-        words += " a " + " ".join(map(str, sorted(kinds)))
-    return words, ""
+        types = np.unique(rows[within, 0])
+        if not least.any():
+            continue
+        if (counted < least).any() or np.isin(rows[~within, 0], types).any():
+            return None, f"bodies have too few {name}, or {name} of types that others have, too"
+        words += [name[0], *map(str, types)]
+    return " ".join(words), ""
+
+
+def _rows(atoms: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Bonds or angles, as rows of a type and atoms."""
+    return np.asarray(atoms.get(name, np.empty((0, {"bonds": 3, "angles": 4}[name]), int)))
 
 
 def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
@@ -517,7 +499,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     line, body = fixes[one], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
-        body = rigid_clusters(said, atoms, holder)
+        body = rigid_clusters(atoms, in_group(said, atoms, texts(holder)[2]))
         style = "molecule"
     elif kind in ("ours", "rigid"):
         raise Unclear("--group and --bodies are for scripts whose fixes do not say what is rigid")
@@ -557,8 +539,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    mask = in_group(said, atoms, texts(holder)[2]) if holder else body < 0
-    free = holder and held_atoms(atoms, mask, holder)[body == 0].any()
+    free = holder and held_atoms(atoms, in_group(said, atoms, texts(holder)[2]))[body == 0].any()
     return Found(
         tuple(ids),
         tuple(fixes[own] for own in ids),
@@ -595,51 +576,30 @@ def shake_words(line: str) -> str:
     return " ".join(words[:until])
 
 
-def held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
-    """Which bonds, and which angles, a fix shake holds."""
-    lists: dict[str, set[float]] = {"b": set(), "a": set(), "t": set(), "m": set()}
-    kind = ""
-    for word in shake_words(line).split():
-        if word in lists:
-            kind = word
-        elif kind:
-            low, _, high = word.partition("*")
-            lists[kind] |= {float(word)} if low == word else set(range(int(low), int(high) + 1))
-    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
-    i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
-    types, mass = np.asarray(atoms["type"]), np.asarray(atoms["mass"])
-    light = np.zeros(len(mass), bool)
-    for one in lists["m"]:
-        light |= np.abs(mass - one) <= 0.1  # LAMMPS's MASSDELTA
-    by_atom = light | np.isin(types, list(lists["t"]))
-    held = np.isin(bonds[:, 0], list(lists["b"])) | by_atom[i] | by_atom[j]
-    held &= mask[i] & mask[j]
-    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-    return held, np.isin(angles[:, 0], list(lists["a"]))
+def held_bonds(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """Which bonds shake holds whose atoms are in a mask."""
+    ends = _rows(atoms, "bonds")[:, 1:] - 1
+    return atoms["held_bonds"] & mask[ends].all(axis=1) if len(ends) else np.zeros(0, bool)
 
 
-def held_atoms(atoms, mask, line) -> np.ndarray:
-    """Which atoms are in a bond that a fix shake holds."""
-    held, _ = held_bonds(atoms, mask, line)
+def held_atoms(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """Which atoms are in a bond of `held_bonds`."""
     found = np.zeros(len(atoms["type"]), bool)
-    if len(held):
-        found[np.asarray(atoms["bonds"])[held, 1:].ravel() - 1] = True
+    found[_rows(atoms, "bonds")[held_bonds(atoms, mask), 1:] - 1] = True
     return found
 
 
-def rigid_clusters(said, atoms, line: str) -> np.ndarray:
-    """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
-    held; numbers from 1, 0 for other atoms."""
-    mask = in_group(said, atoms, texts(line)[2])
-    held, bent = held_bonds(atoms, mask, line)
-    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
+def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """The bodies that shake makes of atoms in a mask: whole molecules of two atoms, or of three
+    whose angle is held; numbers from 1, 0 for other atoms."""
+    bonds, angles = _rows(atoms, "bonds"), _rows(atoms, "angles")
     number = len(atoms["type"])
     part = clusters(bonds, number)
     sizes = np.bincount(part)
-    kept = np.bincount(part[bonds[:, 1] - 1], held, minlength=len(sizes))
+    kept = np.bincount(part[bonds[:, 1] - 1], held_bonds(atoms, mask), minlength=len(sizes))
     every = np.bincount(part[bonds[:, 1] - 1], minlength=len(sizes))
-    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-    stiff = np.bincount(part[angles[:, 2] - 1], bent, minlength=len(sizes)) > 0
+    bent = angles[atoms["held_angles"]] if len(angles) else angles
+    stiff = np.bincount(part[bent[:, 2] - 1], minlength=len(sizes)) > 0
     rigid = (every == kept) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
     chosen = rigid[part]
     if not chosen.any():

@@ -20,6 +20,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from ..own import recorder
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
@@ -63,6 +64,7 @@ class Job:
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
         motion: whether velocities, masses and topology are kept with the positions.
+        room: see ``Scene``; what the run writes goes into a room of its own.
     """
 
     directory: str
@@ -75,6 +77,14 @@ class Job:
     silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
+    room: str = ""
+
+    def environment(self, preloaded: str | None) -> dict[str, str]:
+        """Variables with which its ranks start, beside the usual ones."""
+        if not self.room:
+            return {}
+        rooms = Path(self.directory, "room").resolve(), self.room
+        return recorder.environment(Path(self.room).parents[1], *rooms, preloaded=preloaded)
 
 
 @dataclass
@@ -153,6 +163,7 @@ def job(
         silence=silence,
         origin=origin,
         motion=keeps == "motion",
+        room=scene.room,
     )
 
 
@@ -186,6 +197,7 @@ def run(
     interrupted = False
     words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
+    how |= job.environment(how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:
         try:
             with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:
