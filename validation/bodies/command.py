@@ -84,7 +84,7 @@ def run(arguments: Namespace) -> int:
     room = system.room(folder)
     done = subprocess.run([sys.executable, str(writer), str(out / "write.json")],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                          env={**os.environ, **recorder.environment(out, room)})  # fmt: skip
+                          env={**os.environ, **recorder.environment(room)})  # fmt: skip
     if done.returncode:
         raise SystemExit(f"{ask.name}: no data file: {done.stderr.strip().splitlines()[-1]}")
     lost = _give_coefficients(said["commands"], (Path(said["workplace"]), room), data)

@@ -287,7 +287,7 @@ def read(ask: dict, out: Path) -> None:
     said |= _system(lmp)
     _write_state(lmp, found.fixes)
     said["temperature"], said["potential"] = _thermo(lmp, said["commands"])
-    atoms = _atoms(lmp, found.fixes.values())
+    atoms: dict = _atoms(lmp, found.fixes.values())
     lmp.close()
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)

@@ -15,17 +15,21 @@ ROOMS = "VALIDATION_ROOMS"
 
 
 def environment(
-    out: Path | str, *rooms: Path | str, preloaded: str | None = None
+    room: Path | str, written: Path | None = None, preloaded: str | None = None
 ) -> dict[str, str]:
     """Variables of the environment with which to start ranks.
 
     Args:
-        out: the output folder, `ALIAS` in commands.
-        rooms: the one that is written to, and others that are read, too.
+        room: of a script, two folders below the output folder, which is `ALIAS` in commands; empty
+            for the harness's own scenes, which need no variables.
+        written: another room, to which all is written.
         preloaded: other libraries.
     """
+    if not room:
+        return {}
+    folders = Path(room).parents[1], written and written.resolve(), room
     loaded = " ".join(filter(None, (str(_library()), preloaded)))
-    return {"LD_PRELOAD": loaded, ROOMS: "\n".join(map(str, (out, *rooms)))}
+    return {"LD_PRELOAD": loaded, ROOMS: "\n".join(map(str, filter(None, folders)))}
 
 
 def _library() -> Path:

@@ -262,8 +262,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
-    loaded = os.environ.get("LD_PRELOAD")
-    how |= recorder.environment(folder.parent, room(folder), preloaded=loaded)
+    how |= recorder.environment(room(folder), preloaded=how.get("LD_PRELOAD"))
     with (
         open(folder / "output.txt", "w") as output,
         run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
@@ -295,7 +294,8 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
     commands: list[str] = said["commands"]
     left = {*finding.modifying(commands, gone)}
     box = next(i for i, line in enumerate(commands) if texts(line)[0] in BOXES)
-    before, behind = [], [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
+    before: list[tuple[int, str]] = []
+    behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
     for number, (line, once) in enumerate(zip(commands, said["at_once"])):
         word, *rest = texts(line)
         if once or word in OUTPUT or line in left or (word == "fix" and rest[0] in gone):

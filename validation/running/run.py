@@ -79,13 +79,6 @@ class Job:
     motion: bool = False
     room: str = ""
 
-    def environment(self, preloaded: str | None) -> dict[str, str]:
-        """Variables with which its ranks start, beside the usual ones."""
-        if not self.room:
-            return {}
-        rooms = Path(self.directory, "room").resolve(), self.room
-        return recorder.environment(Path(self.room).parents[1], *rooms, preloaded=preloaded)
-
 
 @dataclass
 class Result:
@@ -197,7 +190,7 @@ def run(
     interrupted = False
     words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
-    how |= job.environment(how.get("LD_PRELOAD"))
+    how |= recorder.environment(job.room, directory / "room", how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:
         try:
             with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:
