@@ -27,7 +27,6 @@ from PIL import Image, ImageColor
 from validation import __main__ as command
 from validation.report import report as overview_report
 from validation.report import sections as overview
-from validation.scenes import SCENES
 from validation.stability import figures as stability_figures
 from validation.stability import section as stability_section
 from validation.stability.criteria import CRITERIA
