@@ -7,7 +7,6 @@ from pathlib import Path
 from ..own import counted, schemes, shapes
 from ..own.system import Own
 from ..running import starts
-
 from ..scenes import SCENES, TEMPERATURE, Scene, peptide
 from ..scenes.integrators import OURS, SWEPT, Integrator
 from ..scenes.units import BOLTZMANN, UNITS
@@ -137,17 +136,16 @@ class Case:
         """What costs and drifts are told of."""
         return "ns" if self.scene.units in NS else f"1,000 {self.time}"
 
-    def written(self, integrator: Integrator) -> dict:
-        """``lines`` of an input script for an integrator, the ``place`` where they stand, and what
-        they cannot have beside them, ``lost``."""
+    def written(self, integrator: Integrator) -> tuple[list[str], str, list[str]]:
+        """Lines of an input script for an integrator, the place where they stand, and what is to be
+        said of commands that they cannot have beside them."""
         lines = integrator.commands(self.scene)
         if self.own is None:
-            return {"lines": lines, "place": "In the input script", "lost": []}
+            return lines, "In the place of what moves the atoms", []
         found = self.own.found
         gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
-        named = schemes.naming(gone, self.own.said["commands"], lines)
-        lost = [] if integrator.then else named
-        return {"lines": lines, "place": schemes.place(gone), "lost": lost}
+        lost = schemes.naming(gone, self.own.said["commands"], lines)
+        return lines, schemes.place(gone), [] if integrator.then else lost
 
 
 def of_scene(name: str, folder: Path) -> Case:
@@ -160,6 +158,7 @@ def of_scene(name: str, folder: Path) -> Case:
     lost = {"density": "its box does not change"}
     if name == "dimer":
         lost["rdf"] = "its box is not periodic"
+        lost["temperature"] = "two bodies at constant momenta do not share their energy evenly"
     other = [key for key, one in able.items() if one.kind == "constraints" and name == "peptide"]
     return Case(
         word=name,
@@ -216,7 +215,8 @@ def of_script(own: Own) -> Case:
 
 
 def _lost(own: Own) -> dict[str, str]:
-    lost, lacking = {}, counted.lacking(own)
+    lost: dict[str, str] = {}
+    lacking = counted.lacking(own)
     if lacking:
         why = COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
         lost |= dict.fromkeys((*ENERGIES, "energy_sd"), why)

@@ -30,6 +30,7 @@ class Measured(TypedDict):
         lines: of an input script; ``place`` and ``lost``: see `case.Case.written`.
         time: sampled from each start, in the scene's units.
         failed: why it is none, with the step that failed; ``failures``: how many starts did.
+        is_reference: whether means are held against it.  asked: whether it was asked for.
         alone: whether a long run of its own judges it.
         cost, cpu: s per ns of the clock, and of all cores.
         errors: measure to its ``Estimate``; one without an error bar has none, or None.
@@ -50,6 +51,7 @@ class Measured(TypedDict):
     failed: str | None
     failures: int
     is_reference: bool
+    asked: bool
     alone: bool
     cost: Spread | None
     cpu: Spread | None

@@ -31,8 +31,8 @@ def add(verbs: command_line.Verbs) -> None:
         "all (default: drift, temperature, energy, density and rdf, as far as there are any)"
     )
     command_line.targets(parser, text)
-    text = (
-        "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(SWEPT)
+    text = "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(
+        SWEPT
     )
     command_line.only_of(parser, lambda: (*SWEPT, "all"), text)
     text = "time steps in fs, or the script's units (default: of a script its own and up to 6 times"
@@ -49,6 +49,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    from .. import pages
     from ..own import shifted, system
     from ..pages import console
     from . import case as cases
@@ -68,7 +69,7 @@ def run(arguments: Namespace) -> int:
         wanted = cases.targets(case, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
-    only = arguments.only and ["all"] != arguments.only or None
+    only = (arguments.only and arguments.only != ["all"]) or None
     names = [one.name for one in command_line.chosen_of(case.integrators, only and arguments.only)]
     points, held = plan.points(case, arguments.only and names, arguments.steps)
     settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
@@ -77,5 +78,8 @@ def run(arguments: Namespace) -> int:
         prepared = measure.prepare(case, points, held, wanted, settings, meter)
     with console.Meter(screen, prepared.steps) as meter:
         summary = measure.compare(prepared, meter)
-    answered = report.report(screen, summary, out)
-    return command_line.status(summary["interrupted"], not answered)
+    summary |= report.answered(summary)
+    found = report.said(summary)
+    pages.write(found, summary, out)
+    pages.show(screen, found, summary, out)
+    return command_line.status(summary["interrupted"], not summary["advised"])

@@ -185,19 +185,25 @@ class Noise(NamedTuple):
 def pooled(starts: Starts, shared: bool, like: Starts | None = None) -> dict[Point, Estimate]:
     """Means over starts, with the noise that a single run hides.
 
+    What all runs from a start have in common, its chance, is alike in what they are held against.
+    Where they are held against none it may be that the start was not in equilibrium: then what the
+    starts' chances differ by may be left of it, too.
+
     Args:
-        shared: whether the starts' chance is taken off: of what is held against another run.
-        like: runs that tell that noise; None is these.
+        shared: whether they are held against another run.
+        like: runs that tell the noise; None is these.
     """
-    chance = _chance(_values(starts)) if shared else {}
     told = starts if like is None else like
-    noise = Noise.of(told, _chance(_values(told)) if shared else {})
+    known = _chance(_values(told))
+    noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
+    settles = 0.0 if shared else max(known.values(), default=0.0) - min(known.values(), default=0.0)
     made = {}
     for point, found in starts.items():
         mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
         error, own = combined(*(one.times(1 / len(found))[1:] for one in found.values()))
         few = noise.wider > 1 and (own is None or noise.freedom < own)
-        made[point] = Estimate(mean, noise.wider * error, noise.freedom if few else own)
+        wide = math.hypot(noise.wider * error, settles)
+        made[point] = Estimate(mean, wide, noise.freedom if few else own)
     return made
 
 

@@ -229,11 +229,14 @@ def row(
     integrator = case.integrators[point.scheme]
     cost, cpu = ({} if fails else one for one in (runs.cost, runs.cpu))
     failures = runs.failed.get(point, [])
+    lines, place, lost = case.written(integrator)
     return {
         "integrator": integrator.name,
         "label": integrator.label,
         "ours": integrator.kind == "ours" and OURS in integrator.name,
-        **case.written(integrator),
+        "lines": lines,
+        "place": place,
+        "lost": lost,
         "dt": point.dt,
         "starts": len(runs.found.get(point, ())) + len(failures),
         "time": time,
@@ -326,7 +329,9 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
             continue
         error = Estimate.of(plan.row["errors"][name])
         # the noise of a slope goes as the length to -3/2
-        noise = plan.row["by_itself"][name]["error"] * plan.times ** (-1.5 if name == "drift" else -0.5)
+        noise = plan.row["by_itself"][name]["error"] * plan.times ** (
+            -1.5 if name == "drift" else -0.5
+        )
         left, spread = most - margin(noise), math.hypot(error.error, noise)
         room = min(room, left / most)
         if left <= 0 or not spread > 0:
@@ -359,9 +364,7 @@ def run_longer(
     own = told.get(point, {})
     if not best.again:
         own |= {
-            name: Estimate.of(found)
-            for name, found in best.row["signed"].items()
-            if name in MEANS
+            name: Estimate.of(found) for name, found in best.row["signed"].items() if name in MEANS
         }
     made = row(prepared, point, runs, lengths.time, own, own)
     return done, made | {"alone": True}

@@ -1,13 +1,14 @@
 """What is run: points, how long, and the runs' jobs.
 
-Short runs of all points, from two starts: the scene's own, and the end of the reference's first run.
-What the runs of a point differ by tells how much noise there is that a single run hides.
+Short runs of all points, from two starts: the scene's own, and one that a run of the reference
+makes.  What the runs of a point differ by tells how much noise there is that a single run hides.
 """
 
 import math
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from ..experiment import Point, Trajectory
 from ..running import machine, rounds, run, starts
@@ -39,8 +40,7 @@ class Settings:
     silence: float = 120.0
 
 
-@dataclass(frozen=True)
-class Machine:
+class Machine(NamedTuple):
     """What a run costs here: s of a step and until the first step, and the number of atoms."""
 
     step: float

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ..breaks import report as breaks
-from ..compare import report as compare
 from ..engines import report as engines
 from ..ensembles import report as ensembles
 from ..long import report as long
@@ -17,7 +16,6 @@ from ..paper import report as paper
 from ..published import report as published
 from ..sampling import report as sampling
 from ..stability import section as stability
-from ..sweep import section as sweep
 from ..theory import report as theory
 
 # what summaries call a scheme: what the page calls it
@@ -35,7 +33,6 @@ class Part:
 
 
 PARTS = (
-    Part("sweep", "What to use", "sweep", sweep.say),
     Part("stability", "What breaks where", "stability", stability.say),
     Part("breaks", "What breaks others", "breaks", breaks.say),
     Part("theory", "Whether the theory holds", "theory", theory.say),
@@ -59,6 +56,5 @@ PARTS = (
         sampling.say,
     ),
     Part("engines", "Averages in other engines", "engines --full", engines.say),
-    Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),
 )
