@@ -11,10 +11,11 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import case as cases
-from validation.compare import choice, measure
-from validation.compare.measure import Numbers, Series
+from validation.compare import choice, errors
+from validation.compare.errors import Numbers, Series
 from validation.experiment import Point
 from validation.scenes.integrators import OURS
+from validation.statistics import measures
 
 STEPS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
 SAMPLES, BINS, EVERY = 400, 40, 12
@@ -91,8 +92,8 @@ class World:
             "Density": 1 + mean("density"),
         }
         made = Series(thermo, SimpleNamespace(count=1), range(1), point.dt)
-        estimates = {one.key: one.of(made) for one in measure.observables(CASE)}
-        kinds = [measure.measures.mean(mean("temperature")) for _ in range(2)]
+        estimates = {one.key: one.of(made) for one in errors.observables(CASE)}
+        kinds = [measures.mean(mean("temperature")) for _ in range(2)]
         curve = np.sqrt(2) * np.sin(np.linspace(0, 6 * np.pi, BINS, endpoint=False))
         off = self.series(20, (BINS,)).mean(axis=0) * noise["rdf"]
         off += noise["rdf"] * settling.mean() * np.roll(curve, 3)
@@ -107,9 +108,9 @@ class World:
     def verdicts(self):
         """Of each target (point, verdict, whether the error is within it)."""
         found = {point: {start: self.run(point, start) for start in (1, 2)} for point in POINTS}
-        told = measure.errors(CASE, found, HELD)
+        told = errors.errors(CASE, found, HELD)
         for point, own in told.items():
             for name, most in TARGETS.items():
-                errors = {name: choice.size(own[name])} if name in own else {}
-                met = choice.meets({"failed": None, "errors": errors}, {name: most})
+                known = {name: choice.size(own[name])} if name in own else {}
+                met = choice.meets({"failed": None, "errors": known}, {name: most})
                 yield name, point, met, self.error(name, point) <= most

@@ -78,8 +78,8 @@ STEPS = {  # fs, of the built-in scenes
 }
 BODIES = {"water": 512}
 DIFFERS = (
-    "shake and rattle leave the H-X-H angles of CH3 and NH3 free, so they move another model, whose "
-    "averages are not held against those of rigid groups"
+    "shake and rattle leave the H-X-H angles of CH3 and NH3 free, so they move another model, "
+    "whose averages are not held against those of rigid groups"
 )
 
 

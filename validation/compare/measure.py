@@ -116,7 +116,7 @@ def prepare(
 
 
 def compare(prepared: Prepared, meter: run.Meter) -> dict:
-    """Run what is not there yet, and measure: all as plain data; after a Ctrl-C what is complete."""
+    """Run what is not there yet, and measure: plain data; after a Ctrl-C of what is complete."""
     case = prepared.case
     summary = _summary(prepared)
     short = plan.trajectories(case, prepared.every, prepared.lengths, prepared.settings)
