@@ -125,6 +125,8 @@ def said(summary: dict) -> Said:
         notes=NOTES,
         failures=_failures(summary),
         commands=summary.get("commands", ()),
+        defeats=_defeats(points),
+        kept=_kept(points),
     )
 
 
@@ -149,6 +151,26 @@ def _whole(points):
         return every, []
     told = f"A step of water takes {min(water):.2f} to {max(water):.2f} times as long as one with "
     return f"{told}the fastest of LAMMPS's rigid fixes.", [every]
+
+
+def _defeats(points):
+    """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
+    return [
+        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with the "
+        "fastest of LAMMPS's rigid fixes"
+        for point in points
+        if (ratio := _fastest(point)) and ratio["min"] > 1
+    ]
+
+
+def _kept(points):
+    """For the table of releases."""
+    kept = {}
+    for point in points:
+        own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
+        for row in own:
+            kept[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
+    return kept
 
 
 def _busy(points):
