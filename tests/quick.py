@@ -108,7 +108,7 @@ QUICK = {
         test_stability.py::test_verdicts
         test_stability.py::test_tiles
         test_sweep_choice.py::test_choice_is_that_of_a_search
-        test_overview.py::test_tables_sort""",
+        test_report.py::test_terminal_files_and_page""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table
         test_docs.py::test_tutorial""",

@@ -195,15 +195,17 @@ def _busy(points):
 def _best(points):
     """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
     columns = [*WHERE, Column("own", "ours", "µs/step")]
-    columns += [Column(name, f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL]
-    columns += [Column("whole", "ours / the fastest rigid fix", "whole step")]
+    columns += [
+        Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL
+    ]
+    columns += [Column("whole_ratio", "ours / the fastest rigid fix", "whole step")]
     rows = []
     for point in points:
         found = {row["name"]: row for row in point["integrators"]}
         if found.get(OURS, {}).get("modify"):
-            ratios = {name: found.get(name, {}).get("modify_ratio") for name in USUAL}
-            row = {**point, "own": found[OURS]["modify"], **ratios, "whole": _fastest(point)}
-            rows.append(row)
+            ratios = {f"{name}_ratio": found.get(name, {}).get("modify_ratio") for name in USUAL}
+            row = point | ratios | {"whole_ratio": _fastest(point)}
+            rows.append(row | {"own": found[OURS]["modify"]})
     return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
 
 
