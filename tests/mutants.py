@@ -1,23 +1,23 @@
 """Break the code, one fault at a time, and see that a test fails.
 
-    python tests/mutants.py [--results FILE] [WORD ...]
+    python tests/mutants.py RESULTS [WORD ...]
 
 ``mutants.toml`` has the faults: of each the file, a text that stands there once and what replaces
-it, what a user would have of it, and tests of which one has to fail.  Words choose those in whose
-file, fault or tests one of them stands.  It tells of each
+it, what a user would have of it, and tests of which one has to fail; ``checked`` are those of which
+this was seen.  Words choose those in whose file, fault or tests one of them stands.  It tells of
+each
 
     killed       a test fails
     SURVIVES     all pass: a test is missing, or it is no fault
     GONE         the text, or a test, is there no more: bring the list up to date
 
-and ends with 1 if one is not killed.  With --results a command that was stopped goes on where it
-was.  It takes 10 to 60 s for each, for what the change leads to is compiled anew.
+and ends with 1 if one is not killed.  The file RESULTS keeps that, so a command that was stopped
+goes on where it was.  Each takes 10 to 60 s, for loops that the change leads to are compiled anew.
 
 All is done in a copy of the checkout, whose plugin has to be compiled (pip install -e .).  It needs
 Python 3.11.
 """
 
-import argparse
 import json
 import os
 import shutil
@@ -70,12 +70,9 @@ def outcome(mutant, place, environment):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=os.devnull, help="keeps what was found")
-    parser.add_argument("words", nargs="*")
-    options = parser.parse_args()
-    options.results.touch()
-    found = dict(map(json.loads, options.results.read_text().splitlines()))
+    results, words = Path(sys.argv[1]), sys.argv[2:]
+    results.touch()
+    found = dict(map(json.loads, results.read_text().splitlines()))
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "checkout")
         environment = copy_checkout(place)
@@ -83,11 +80,11 @@ def main():
         for number, mutant in enumerate(mutants, 1):
             name = f"{mutant['file']}: {mutant['fault']}"
             about = " ".join((name, *mutant["tests"]))
-            if options.words and not any(word in about for word in options.words):
+            if words and not any(word in about for word in words):
                 continue
             if name not in found:
                 found[name] = outcome(mutant, place, environment)
-                with options.results.open("a") as file:
+                with results.open("a") as file:
                     file.write(json.dumps((name, found[name])) + "\n")
             word, why = found[name]
             print(f"{number:3}/{len(mutants)} {word:8} {name}  {why}", flush=True)
