@@ -60,10 +60,20 @@ def test_seed(run):
 
 @pytest.mark.parametrize("value, same", [("no", True), ("yes", False)])
 def test_separate(run, value, same):
-    """Locks out one factor for translation and rotation, or two, against the keyword's word."""
+    """Locks out one factor for translation and rotation, or two, against the keyword's word, and
+    noise that the two share."""
     needs = f"temp 1 1 0.02 seed 5 thermostat csvr separate {value}"
-    table = run(fix("nvt", needs=needs), before=FREE, columns="f_1[1] f_1[2]").thermo
+    how = {"before": FREE, "columns": "f_1[1] f_1[2]", "every": 20}
+    table = run(fix("nvt", needs=needs), 4000, **how).thermo
     assert bool(np.ptp(table["f_1[2]"] / table["f_1[1]"]) < 1e-9) is same
+    assert (np.corrcoef(table["f_1[1]"], table["f_1[2]"])[0, 1] > 0.5) == same
+
+
+def test_tchain(run):
+    """Locks out chains of one length."""
+    line = fix("nvt", "tchain {}", "temp 1 1 0.1 thermostat nh")
+    one, three = (run(line.replace("{}", n), 50) for n in "13")
+    assert np.abs(one.v - three.v).max() > 1e-2
 
 
 PULLED = "1.5 1.5 2.5"
@@ -180,9 +190,9 @@ ACTS = {
     "temp": "test_nvt.py::test_ramp",
     "thermostat": "test_nvt.py::test_time_of_rescaling",
     "seed": "test_words.py::test_seed",
-    "tchain": "test_nvt.py::test_time_of_rescaling",
+    "tchain": "test_words.py::test_tchain",
     "separate": "test_words.py::test_separate",
-    "moments": "test_moments.py::test_velocities_of_atoms",
+    "moments": "test_moments.py::test_moments_decide_the_step",
     **dict.fromkeys(STRETCHED, "test_words.py::test_pressure"),
     "couple": "test_words.py::test_couple",
     "every": "test_npt.py::test_how_often_the_box_changes",
