@@ -71,7 +71,7 @@ def test_effective_energy(run_lammps, name, every):
     words = fix(name, CELL.replace("every 5", f"every {every}"))
     words += thermo("etotal econserve vol", 20)
     script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
-    rows = run_lammps(script, files=system.files, ranks=2).thermo
+    rows = run_lammps(script, files=system.files).thermo
     assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
     assert rows["Econserve"].std() < 1e-3 * rows["TotEng"].std()
 

@@ -47,7 +47,7 @@ def test_effective_energy(run_lammps, name, cell):
     cell = cell.replace("2e-1 every 5 compressibility 8", "4e-1 every 1 compressibility 4")
     words = fix(THERMOSTATS[name], cell) + thermo("etotal econserve vol", 20)
     script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
-    rows = run_lammps(script, files=system.files, ranks=2).thermo
+    rows = run_lammps(script, files=system.files).thermo
     assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
     assert rows["Econserve"].std() < 0.01 * rows["TotEng"].std()
 

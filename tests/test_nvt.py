@@ -22,7 +22,7 @@ THERMOSTATS = {
     "separate": "seed 771 thermostat csvr separate yes",
     "chains": "thermostat nh separate yes tchain 5",
 }
-FREE = "pair_style zero 2.5\npair_coeff * *\n"  # no forces
+FREE = "pair_style zero 0.5\npair_coeff * *\n"  # no forces
 SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1.0 1.0\n"  # no jump at the cutoff
 DUMP = "write_dump all custom {} id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
 

@@ -62,7 +62,8 @@ def frame(gas=24, seed=1):
     lines += [f"{k + 1} 1 {one} {other}" for k, (one, other) in enumerate(bonds)]
     setup = (
         "units lj\natom_style bond\nspecial_bonds lj/coul 1 1 1\nread_data data.frame\n"
-        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n{FREE}"
+        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n"
+        f"{FREE}"
         f"comm_modify cutoff 3.2\nneighbor 0.5 bin\nvelocity all create {KT} 77\ntimestep 0.015\n"
     )
     return setup, {"data.frame": "\n".join(lines) + "\n"}, stiff, power
