@@ -125,6 +125,8 @@ def said(summary: dict) -> Said:
         notes=NOTES,
         failures=_failures(summary),
         commands=summary.get("commands", ()),
+        defeats=_defeats(points),
+        kept=_kept(points),
     )
 
 
@@ -151,6 +153,26 @@ def _whole(points):
     return f"{told}the fastest of LAMMPS's rigid fixes.", [every]
 
 
+def _defeats(points):
+    """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
+    return [
+        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with the "
+        "fastest of LAMMPS's rigid fixes"
+        for point in points
+        if (ratio := _fastest(point)) and ratio["min"] > 1
+    ]
+
+
+def _kept(points):
+    """For the table of releases."""
+    kept = {}
+    for point in points:
+        own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
+        for row in own:
+            kept[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
+    return kept
+
+
 def _busy(points):
     """A warning if a rank had less than a core."""
     shares = {
@@ -173,15 +195,17 @@ def _busy(points):
 def _best(points):
     """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
     columns = [*WHERE, Column("own", "ours", "µs/step")]
-    columns += [Column(name, f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL]
-    columns += [Column("whole", "ours / the fastest rigid fix", "whole step")]
+    columns += [
+        Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL
+    ]
+    columns += [Column("whole_ratio", "ours / the fastest rigid fix", "whole step")]
     rows = []
     for point in points:
         found = {row["name"]: row for row in point["integrators"]}
         if found.get(OURS, {}).get("modify"):
-            ratios = {name: found.get(name, {}).get("modify_ratio") for name in USUAL}
-            row = {**point, "own": found[OURS]["modify"], **ratios, "whole": _fastest(point)}
-            rows.append(row)
+            ratios = {f"{name}_ratio": found.get(name, {}).get("modify_ratio") for name in USUAL}
+            row = point | ratios | {"whole_ratio": _fastest(point)}
+            rows.append(row | {"own": found[OURS]["modify"]})
     return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
 
 
