@@ -10,13 +10,11 @@ from dataclasses import dataclass
 from ..bench import report as bench
 from ..breaks import report as breaks
 from ..compare import report as compare
-from ..engines import report as engines
-from ..ensembles import report as ensembles
 from ..long import report as long
 from ..pages.said import Said
 from ..paper import report as paper
 from ..published import report as published
-from ..sampling import report as sampling
+from ..sample import report as sample
 from ..scaling import report as scaling
 from ..stability import section as stability
 from ..sweep import section as sweep
@@ -49,19 +47,7 @@ PARTS = (
         "published",
         published.say,
     ),
-    Part(
-        "ensembles*",
-        "What thermostats and barostats with long steps sample",
-        "ensembles --full",
-        ensembles.say,
-    ),
-    Part(
-        "sampling-*",
-        "What averages cost with long steps",
-        "sampling --full",
-        sampling.say,
-    ),
-    Part("engines", "Averages in other engines", "engines --full", engines.say),
+    Part("sample-*", "What averages cost with their error", "sample --full", sample.say),
     Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),
     Part("scaling", "What ranks send each other", "scaling", scaling.say),
