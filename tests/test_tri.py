@@ -8,7 +8,7 @@ from scipy import stats
 from systems import mixture
 from test_mtk import fix as of_mtk
 from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+from test_nvt import DUMP, FREE, SMOOTH, thermo
 
 AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
 CELL = "tri 12e-2 12e-2 2e-1 every 5"
@@ -62,7 +62,8 @@ def frame(gas=24, seed=1):
     lines += [f"{k + 1} 1 {one} {other}" for k, (one, other) in enumerate(bonds)]
     setup = (
         "units lj\natom_style bond\nspecial_bonds lj/coul 1 1 1\nread_data data.frame\n"
-        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n{FREE}"
+        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n"
+        f"{FREE}"
         f"comm_modify cutoff 3.2\nneighbor 0.5 bin\nvelocity all create {KT} 77\ntimestep 0.015\n"
     )
     return setup, {"data.frame": "\n".join(lines) + "\n"}, stiff, power
@@ -224,29 +225,6 @@ run 130
     pair = "a pair\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
     rows = run_lammps(script, files={"pair.mol": pair}, ranks=3).thermo
     assert rows["Atoms"][-1] == 400 and abs(rows["Xy"][-1]) < 0.6 * rows["Lx"][-1]
-
-
-@pytest.mark.parametrize("name", FIXES)
-def test_ranks(run_lammps, tmp_path, name):
-    """Locks out tilts that differ between ranks, and a virial that counts a rank twice."""
-    system = mixture(side=3, spacing=2.9, tilt=0.3)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{FIXES[name]}run 100\n{DUMP.format('end')}"
-    runs = [(script, ranks) for ranks in (1, 2, 4, 8)]
-    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
-
-
-@pytest.mark.parametrize("name", ["NPH", "mtk nh", "crescale langevin"])
-def test_continued(run_lammps, tmp_path, name):
-    """Locks out rates of the tilts that a second run or a restart forgets."""
-    system = mixture(side=3, spacing=2.9, tilt=0.3)
-    start, end = f"{system.setup}\n{SMOOTH}timestep 0.004\n", DUMP.format("end")
-    words = FIXES[name]
-    runs = [
-        (f"{start}{words}run 100\n{end}", 1),
-        (f"{start}{words}run 53\nwrite_restart middle\nrun 47\n{end}", 2),
-        (f"read_restart middle\n{SMOOTH}{AFTER}timestep 0.004\n{words}run 47\n{end}", 4),
-    ]
-    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
 
 
 # ------------------------------------------------------------------ what is refused
