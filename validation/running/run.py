@@ -65,6 +65,8 @@ class Job:
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
         motion: whether velocities, masses and topology are kept with the positions.
         room: see ``Scene``; what the run writes goes into a room of its own.
+        worker: file of the harness that does it, by its place there; empty for LAMMPS's.
+        given: what another worker is given, plain data.
     """
 
     directory: str
@@ -78,6 +80,8 @@ class Job:
     origin: str | None = None
     motion: bool = False
     room: str = ""
+    worker: str = ""
+    given: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -188,7 +192,8 @@ def run(
     path = directory / "job.json"
     whole.write(path, asdict(job))
     interrupted = False
-    words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
+    worker = WORKER.parents[1] / job.worker if job.worker else WORKER
+    words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
     how |= recorder.environment(job.room, directory / "room", how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:
