@@ -12,7 +12,6 @@ import tempfile
 import time
 from pathlib import Path
 
-from ..own import recorder
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics import measures
@@ -89,7 +88,6 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
     own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
     cores = os.sched_getaffinity(0)
     environment = {"OMP_NUM_THREADS": "1", **os.environ, **own}
-    environment |= recorder.environment(scene.room, place / "room")
     how: dict = {"stdout": subprocess.DEVNULL, "cwd": scene.folder, "env": environment}
     if ranks == 1:
         os.sched_setaffinity(0, {min(cores)})  # which the process inherits
