@@ -48,14 +48,14 @@ class Words(NamedTuple):
     bodies: tuple[str, ...]
     keywords: tuple[str, ...]
 
-    def fix(self, one: str) -> str:
+    def fix(self, fix_id: str) -> str:
         """The command with this ID: native, but of a class without fix style."""
         words = (*self.bodies, *self.keywords)
         if self.name in NATIVE:
             told = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
-            return f"fix {one} {self.group} nosquish/{self.name.lower()} {told}"
+            return f"fix {fix_id} {self.group} nosquish/{self.name.lower()} {told}"
         told = " ".join((target(self.name), self.group, *words))
-        return f'fix {one} {self.group} python/move "{told}"'
+        return f'fix {fix_id} {self.group} python/move "{told}"'
 
 
 class Unclear(SystemExit):
@@ -164,12 +164,6 @@ def words_of(line: str) -> Words | None:
     return Words(name, group, tuple(words[:count]), tuple(words[count:]))
 
 
-def native(line: str) -> str:
-    """A fix of this package in the words of its fix style; other commands as they are."""
-    ours = words_of(line)
-    return ours.fix(texts(line)[1]) if ours else line
-
-
 def called(line: str) -> str:
     """What a fix does, in a word: its style, or its class in quotes."""
     style = style_of(line)
@@ -197,12 +191,12 @@ def holders(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]
     """IDs of the fixes that keep atoms rigid; of those that are wanted, if any are."""
     if wanted:
         return list(wanted) if set(wanted) <= fixes.keys() else []
-    return [one for one, line in fixes.items() if kind_of(line) not in (None, "plain")]
+    return [fix_id for fix_id, line in fixes.items() if kind_of(line) not in (None, "plain")]
 
 
 def told(fixes: Mapping[str, str]) -> str:
     """The fixes in words."""
-    said = (f"{one} ({style_of(line)} on {texts(line)[2]})" for one, line in fixes.items())
+    said = (f"{fix_id} ({style_of(line)} on {texts(line)[2]})" for fix_id, line in fixes.items())
     return ", ".join(said) or "no fix"
 
 
@@ -248,23 +242,23 @@ def find(
         Unclear: it cannot be told, or is none that another integrator can take the place of.
     """
     fixes: dict[str, str] = said["fixes"]
-    if absent := [one for one in wanted if one not in fixes]:
+    if absent := [fix_id for fix_id in wanted if fix_id not in fixes]:
         raise Unclear(f"there is no fix {absent[0]} at that run; it has {told(fixes)}")
     known = holders(fixes, wanted)
     if not known:
         known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
-    kinds = {one: kind_of(fixes[one]) for one in known}
-    strange = [one for one, kind in kinds.items() if kind is None]
+    kinds = {fix_id: kind_of(fixes[fix_id]) for fix_id in known}
+    strange = [fix_id for fix_id, kind in kinds.items() if kind is None]
     if strange:
         raise Unclear(
             f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
             "integrator can take: name one of these styles by --fix: nosquish/*, rigid*, "
             f"shake, rattle, {', '.join(PLAIN)}"
         )
-    held = [one for one in known if kinds[one] != "plain"] or known
+    held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
     if len(held) > 1:
         raise Unclear(
-            f"{len(held)} fixes could be meant: {told({one: fixes[one] for one in held})}. Say "
+            f"{len(held)} fixes could be meant: {told({fix_id: fixes[fix_id] for fix_id in held})}. Say "
             f"whose place the others take: --fix ID, with one of {', '.join(held)}. The others "
             "stay as they are"
         )
@@ -278,7 +272,7 @@ def find(
 
 def computes(ids: Collection[str]) -> set[str]:
     """IDs of computes that fixes with these IDs make for themselves."""
-    return {f"{one}_{kind}" for one in ids for kind in ("temp", "press")}
+    return {f"{fix_id}_{kind}" for fix_id in ids for kind in ("temp", "press")}
 
 
 def modifying(commands: Sequence[str], ids: Collection[str]) -> list[str]:
@@ -314,10 +308,10 @@ def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.nd
 
 def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) -> dict[str, str]:
     """The script's other fixes that keep a temperature of the bodies: their styles by ID."""
-    kept = ((one, line) for one, line in said["fixes"].items() if one not in found.ids)
+    kept = ((fix_id, line) for fix_id, line in said["fixes"].items() if fix_id not in found.ids)
     return {
-        one: style_of(line)
-        for one, line in kept
+        fix_id: style_of(line)
+        for fix_id, line in kept
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
         and (acted_on(said, atoms, line) & (found.body > 0)).any()
     }
@@ -330,8 +324,8 @@ def _points(keywords: Sequence[str]) -> str:
 
 def _movers(said, atoms, fixes, mask) -> list[str]:
     """IDs of fixes that move some of these atoms as points."""
-    own = [one for one, line in fixes.items() if kind_of(line) == "plain"]
-    return [one for one in own if (acted_on(said, atoms, fixes[one]) & mask).any()]
+    own = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
+    return [fix_id for fix_id in own if (acted_on(said, atoms, fixes[fix_id]) & mask).any()]
 
 
 def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -387,7 +381,7 @@ def body_words(words: Sequence[str]) -> int:
     return 2 + int(words[1]) if counted else 1
 
 
-def _of_rigid(said, atoms, one, line, kind) -> Found:
+def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
     words, ours = texts(line), words_of(line)
     if ours:
         _, group, bodies, keywords = ours
@@ -399,7 +393,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
     body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     return Found(
-        (one,),
+        (fix_id,),
         (line,),
         called(line),
         kind,
@@ -494,9 +488,9 @@ def bonded_pairs(bonds: np.ndarray, body: np.ndarray) -> np.ndarray:
     return np.array(counts)
 
 
-def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
+def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     """Of atoms that are held by shake, or not at all."""
-    line, body = fixes[one], None
+    line, body = fixes[fix_id], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
         body = rigid_clusters(atoms, in_group(said, atoms, texts(holder)[2]))
@@ -524,7 +518,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     if len(movers) != 1:
         raise Unclear(
             f"{len(movers) or 'no'} fixes of the styles {', '.join(PLAIN)} move the rigid atoms: "
-            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {one}"
+            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {fix_id}"
         )
     mover = fixes[movers[0]]
     words = texts(mover)

