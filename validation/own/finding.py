@@ -258,7 +258,7 @@ def find(
     held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
     if len(held) > 1:
         raise Unclear(
-            f"{len(held)} fixes could be meant: {told({fix_id: fixes[fix_id] for fix_id in held})}. Say "
+            f"{len(held)} fixes could be meant: {told({name: fixes[name] for name in held})}. Say "
             f"whose place the others take: --fix ID, with one of {', '.join(held)}. The others "
             "stay as they are"
         )

@@ -149,17 +149,15 @@ class Script:
 
     def _note(self, word: str, rest: Sequence[str], line: str, at_once: bool) -> None:
         """Keep a command, and drop those that it makes undone."""
-        if word in ("fix", "unfix", "compute", "uncompute") and rest:
-            made = word.removeprefix("un")
-            gone = {rest[0]} | (finding.computes(rest[:1]) if made == "fix" else set())
+        made = word.removeprefix("un")
+        if made in ("fix", "compute") and rest:
             self.commands = [
                 (earlier, once)
                 for earlier, once in self.commands
-                if not earlier.startswith((made, "compute_modify"))
-                or script.texts(earlier)[1] not in gone
+                if not _undone(earlier, made, rest[0])
             ]
-            if made == "fix":
-                self.fixes.pop(rest[0], None)
+        if made == "fix" and rest:
+            self.fixes.pop(rest[0], None)
         if word == "fix" and rest:
             self.fixes[rest[0]] = line
         if word == "variable" and rest[1:2] == ["getenv"]:
@@ -223,6 +221,14 @@ class Script:
         some = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
         more = f" (The harness has left out: {some})" if some else ""
         return f"the script failed {where}: {text.strip()}{more}"
+
+
+def _undone(line: str, made: str, name: str) -> bool:
+    """Whether a command goes with the fix or compute of this name."""
+    if made == "fix" and finding.modifying([line], [name]):
+        return True
+    kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
+    return line.startswith(made) and script.texts(line)[:2] in [[kind, name] for kind in kinds]
 
 
 def _script(ask: dict, folder: Path) -> Script:

@@ -110,6 +110,7 @@ int Input::execute_command()
     within = false;
     return unknown;
   }
+  rest.clear();
   char line[256];
   while (me == 0 && infile && fgets(line, sizeof line, infile)) rest += line;
   return 1;    // LAMMPS raises an error
