@@ -217,7 +217,7 @@ class Script:
         text, _, last = f"{failure}".partition("Last input line:")
         where = f"at '{self.where}'" if RECORDER.recorder_within() else f"behind '{self.where}'"
         if last.strip():
-            where = f"at '{last.strip().splitlines()[0]}'"
+            where = f"at '{last.strip().splitlines()[0].strip()}'"
         some = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
         more = f" (The harness has left out: {some})" if some else ""
         return f"the script failed {where}: {text.strip()}{more}"

