@@ -156,9 +156,10 @@ def take(
                 "None of ours: atoms that shake holds cannot share a box with our barostat."
             )
         scene, late = _scene(ask, folder, said, atoms, found)
+        how: dict = {"ranks": ranks, "silence": silence}
         if found.kind in ("constraints", "plain"):
-            scene = _at_rest(scene, those, folder, ranks, silence)
-        late += _otherwise(scene, those, said, len(found.body), folder, ranks, silence)
+            scene = _at_rest(scene, those, folder, how)
+        late += _otherwise(scene, those, said, len(found.body), folder, how)
         scene = replace(scene, origin=_files_of(said, folder))
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
@@ -381,7 +382,20 @@ def _keep(array: np.ndarray, path: Path) -> None:
     part.replace(path)
 
 
-def _at_rest(scene, those, folder, ranks, silence) -> Scene:
+def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
+    """What the first of these integrators that can begin leaves of ``run 0``, and why others
+    cannot."""
+    why: list[str] = []
+    for integrator in those:
+        job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
+        result = run.once(job, failures=True)
+        if not result.error:
+            return result, why
+        why.append(f"{integrator.label} cannot begin: {result.error}")
+    return None, why
+
+
+def _at_rest(scene, those, folder, how) -> Scene:
     """The scene with velocities of rigid bodies: what all integrators make of the script's.
 
     Raises:
@@ -392,45 +406,34 @@ def _at_rest(scene, those, folder, ranks, silence) -> Scene:
         return scene
     state, made = folder / "bodies.dump", folder / "bodies" / "state.dump"
     if not state.exists():
-        how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
-        more, why = starts.to_dump(made, 1), []
-        for integrator in rigid:
-            result = run.run(run.job(scene, integrator, made.parent, [0], more=more, **how))
-            if not result.error:
-                made.replace(state)
-                break
-            why.append(f"{integrator.label} cannot begin: {result.error}")
-        else:
+        result, why = _begun(scene, rigid, made.parent, how, starts.to_dump(made, 1))
+        if result is None:
             raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
+        made.replace(state)
     begun = starts.read(f"{ALIAS}/script/{state.name}", 0, scene.dimension, box=True)
     return replace(scene, setup=(*scene.setup, begun))
 
 
-def _otherwise(scene, those, said, atoms, folder, ranks, silence) -> list[str]:
+def _otherwise(scene, those, said, atoms, folder, how) -> list[str]:
     """What is to be said where the start is another system than the script has behind earlier runs:
-    these may have changed what is no motion of atoms, as charges, bonds, coefficients.
+    these may have changed coefficients that the script's commands set.
 
     Args:
         atoms: how many there are.
     """
     if not said["skipped"] or said["potential"] is None:
         return []
-    place = folder / "beginning"
-    how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
     more = (*run.thermo(), *scene.output)
-    for integrator in those:
-        job = run.job(scene, integrator, place, [0], more=more, **how)
-        result = run.once(job, failures=True)
-        if result.error or not len(result.thermo.get("PotEng", ())):
-            continue
-        here, there = float(result.thermo["PotEng"][0]), said["potential"]
-        scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
-        if abs(here - there) <= SAME * scale:
-            return []
-        return [
-            f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
-            "an earlier run changes more than the motion of atoms, as charges, bonds or "
-            "coefficients, or its variables count steps. So this is another system. Run the script "
-            "so far, keep it by write_data, and give one that reads that file."
-        ]
-    return []
+    result, _ = _begun(scene, those, folder / "beginning", how, more)
+    if result is None or not len(result.thermo.get("PotEng", ())):
+        return []
+    here, there = float(result.thermo["PotEng"][0]), said["potential"]
+    scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
+    if abs(here - there) <= SAME * scale:
+        return []
+    return [
+        f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
+        "an earlier run changes more than a restart file has, as coefficients of fix adapt, or its "
+        "variables count steps. So this is another system. Run the script so far, keep it by "
+        "write_data, and give one that reads that file."
+    ]
