@@ -11,8 +11,7 @@ QUICK = {
         test_rotor.py::test_reference_matrices
         test_rotor.py::test_equals_the_paper
         test_rotor.py::test_each_rotation_to_four_ulp
-        test_rotor.py::test_kinds_side_by_side
-        test_rotor.py::test_reversible""",
+        test_rotor.py::test_kinds_side_by_side""",
     "units": """
         test_units.py::test_motion_is_that_of_rigid_nve[lj]
         test_units.py::test_motion_is_that_of_rigid_nve[real]
