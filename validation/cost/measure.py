@@ -6,7 +6,7 @@ The summary also has what earlier calls have left in the folder, of the same pac
 
 import os
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -23,6 +23,14 @@ from .plan import Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
+# forces of the water whose messages are counted: a mesh would send its own, and take its time
+WITHOUT_MESH = (
+    "kspace_style none",
+    "pair_style lj/charmm/coul/charmm 8.0 10.0",
+    "pair_modify mix arithmetic",
+    "pair_coeff 1 1 0.1521 3.1505742268338603",
+    "pair_coeff 2 2 0.046 0.4000135244450124",
+)
 SENT = "messages", "bytes", "collectives", "collective_bytes"
 GROUPS = {"start": "starts", "messages": "counts"}  # of the summary; of other parts ``points``
 
@@ -112,6 +120,8 @@ def _scene(point: Point, call: Call) -> list[dict]:
     else:
         scene = starts.of_size(SCENES[point.scene], point.bodies, call.out / "starts").on_mesh(MESH)
         integrators = [BENCHMARKED[name] for name in point.integrators]
+        if point.part == "messages":
+            scene = replace(scene, setup=(*scene.setup, *WITHOUT_MESH))
     folder = call.out / "runs" / point.name
     record: dict = {"scene": point.part, "title": scene.subject or scene.title}
     record |= {"bodies": point.bodies, "ranks": point.ranks, "dt": scene.dt, "units": scene.units}
