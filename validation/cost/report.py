@@ -2,8 +2,7 @@
 
 from functools import partial
 
-from ..pages import Cell, Column, Figure, Said, Table, digits, ranks_of
-from ..pages.tables import FREE
+from ..pages import Column, Figure, Said, Table, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
 from . import figures
 from .criteria import TITLES, fastest, place
@@ -54,6 +53,8 @@ STARTS = {
     "first": "ours, first use",
     "first_added": "ours, first use, more than LAMMPS alone",
 }
+FASTEST = "the fastest of LAMMPS's rigid fixes"
+FREE = 90.0  # percent of a core that a rank must have had
 USUAL = "rigid/nve", "rigid/nve/small", "shake"
 NOTES = {
     "Modify": "Time in the fixes: row Modify of LAMMPS's timing table, average over ranks. Median "
@@ -118,26 +119,25 @@ def said(summary: dict) -> Said:
 
 def _whole(points):
     """What is said of the time of a whole step: an answer, and further lines."""
-    ratios = {place(point): ratio["median"] for point in points if (ratio := fastest(point))}
+    ratios = sorted(
+        (ratio["median"], place(point)) for point in points if (ratio := fastest(point))
+    )
     if not ratios:
         return "", []
-    least, most = min(ratios, key=ratios.__getitem__), max(ratios, key=ratios.__getitem__)
-    every = (
-        f"A whole step with ours takes {ratios[least]:.2f} ({least}) to {ratios[most]:.2f} ({most})"
-        " times as long as one with the fastest of LAMMPS's rigid fixes."
-    )
-    water = [ratio for where, ratio in ratios.items() if where.startswith("water")]
+    (low, least), (high, most) = ratios[0], ratios[-1]
+    ends = f"{low:.2f} ({least})" + f" to {high:.2f} ({most})" * (len(ratios) > 1)
+    every = f"A whole step with ours takes {ends} times as long as one with {FASTEST}."
+    water = [ratio for ratio, where in ratios if where.startswith("water")]
     if not water:
         return every, []
-    told = f"A step of water takes {min(water):.2f} to {max(water):.2f} times as long as one with "
-    return f"{told}the fastest of LAMMPS's rigid fixes.", [every]
+    told = f"A step of water takes {water[0]:.2f} to {water[-1]:.2f} times as long as one with "
+    return f"{told}{FASTEST}.", [every]
 
 
 def _defeats(points):
     """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
     return [
-        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with the "
-        "fastest of LAMMPS's rigid fixes"
+        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with {FASTEST}"
         for point in points
         if (ratio := fastest(point)) and ratio["min"] > 1
     ]
@@ -155,20 +155,18 @@ def _kept(points):
 
 def _busy(points):
     """A warning if a rank had less than a core."""
-    shares = {
-        place(point): min(
-            (row["cpu"] for row in point["integrators"] if row.get("cpu")), default=FREE
-        )
+    shares = [
+        (row["cpu"], place(point))
         for point in points
-    }
-    late = [where for where, share in shares.items() if share < FREE]
-    if not late:
+        for row in point["integrators"]
+        if row.get("cpu") is not None
+    ]
+    least, where = min(shares, default=(FREE, ""))
+    if least >= FREE:
         return []
-    worst = min(late, key=lambda where: shares[where])
     return [
-        f"The machine was busy in {len(late)} of {len(shares)} rows: a rank had as little as "
-        f"{shares[worst]:.0f} % of a core ({worst}). Times are too long there, and only ratios "
-        "with a narrow range can be trusted."
+        f"The machine was busy: a rank had as little as {least:.0f} % of a core ({where}). Times "
+        "are too long then, and only ratios with a narrow range can be trusted."
     ]
 
 
@@ -224,8 +222,7 @@ def _started(summary):
 
 def _seconds(spread):
     """Median with minimum and maximum."""
-    median, low, high = (digits(spread[part]) for part in ("median", "min", "max"))
-    return Cell(f"{median} [{low}–{high}]", spread["median"])
+    return Column("spread", "").cell({"spread": spread})
 
 
 def _messages(summary):
@@ -244,8 +241,8 @@ def _handed(summary):
     lines = []
     most, rows = _most([row for row in summary.get("counts", []) if not row["error"]])
     each = "; ".join(
-        f"{row['integrator']} {row['messages']:.1f} messages of {row['bytes']:,.0f} bytes and "
-        f"{row['collectives']:.2f} collective calls of {row['collective_bytes']:,.0f} bytes"
+        f"{row['integrator']} {row['messages'] + row['collectives']:.1f} messages and collective "
+        f"calls of {row['bytes'] + row['collective_bytes']:,.0f} bytes"
         for row in rows
     )
     if rows:
