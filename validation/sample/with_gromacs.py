@@ -5,19 +5,27 @@ forces and no tables of one's own, so these forces are others than the scene's: 
 reaction field of infinite permittivity, where the force is zero, and its slope is not.
 """
 
+import os
 import re
 import shutil
+import signal
 import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from .engine import BAR, KJ, NM, Course, Engine, Samples, wait
-from .water import Water
+from ..running import run
+from . import shifted
+from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample
+from .schemes import Scheme
+from .shifted import Water
 
 GMX = "gmx"
-RUN, ENERGIES = "run", "energies.xvg"
-SAID = "Potential\nPressure\n\n"  # what gmx energy is asked for
+ENERGIES = "energies.xvg"
+# signals by which a process ends itself, as where atoms are beyond all bounds
+OWN = signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS
 LIST_STEPS, TOLERANCE = 10, 1e-4  # steps between pair lists; kJ/mol/ps an atom, of lists too short
 LOGGED = 100  # times that the log tells the step, about
 SETTINGS = """\
@@ -89,7 +97,7 @@ def version() -> str | None:
     return found and found.group(1)
 
 
-def settings(course: Course, water: Water) -> str:
+def settings(course: Course) -> str:
     """The text of an mdp file."""
     sd = course.thermostat == "sd"
     return SETTINGS.format(
@@ -102,9 +110,9 @@ def settings(course: Course, water: Water) -> str:
         log=max(1, course.steps // LOGGED // course.every) * course.every,
         list_steps=LIST_STEPS,
         tolerance=TOLERANCE,
-        coulomb=water.coulomb.outer * NM,
-        inner=water.dispersion.inner * NM,
-        outer=water.dispersion.outer * NM,
+        coulomb=shifted.COULOMB.outer * NM,
+        inner=shifted.DISPERSION.inner * NM,
+        outer=shifted.DISPERSION.outer * NM,
         time=1 / course.friction,
         temperature=course.temperature,
         seed=course.seed,
@@ -114,14 +122,14 @@ def settings(course: Course, water: Water) -> str:
 def topology(water: Water) -> str:
     """The text of a top file."""
     return TOPOLOGY.format(
-        oxygen=water.mass[0],
-        hydrogen=water.mass[1],
-        size=water.size * NM,
-        depth=water.depth * KJ,
-        negative=water.charge[0],
-        positive=water.charge[1],
-        bond=water.bond * NM,
-        across=water.across * NM,
+        oxygen=shifted.MASS[0],
+        hydrogen=shifted.MASS[1],
+        size=shifted.SIZE * NM,
+        depth=shifted.DEPTH * KJ,
+        negative=shifted.CHARGE[0],
+        positive=shifted.CHARGE[1],
+        bond=shifted.BOND * NM,
+        across=shifted.ACROSS * NM,
         molecules=water.molecules,
     )
 
@@ -136,47 +144,69 @@ def start(water: Water) -> str:
     return "\n".join([*lines, " ".join(f"{one:.10f}" for one in water.box * NM), ""])
 
 
-def inputs(course: Course, water: Water) -> dict[str, str]:
+def given(course: Course, water: Water) -> dict:
+    """See `Engine`: the files that GROMACS reads."""
+    texts = settings(course), topology(water), start(water)
+    return {"files": dict(zip(("run.mdp", "topol.top", "start.gro"), texts))}
+
+
+def words(given: dict) -> list[str]:
     """See `Engine`."""
-    made = settings(course, water), topology(water), start(water)
-    return dict(zip(("run.mdp", "topol.top", "start.gro"), made))
+    return given["files"]["run.mdp"].splitlines()
 
 
-def words(course: Course, water: Water) -> list[str]:
+def samples(given: dict, folder: Path) -> Iterator[Sample]:
     """See `Engine`."""
-    return settings(course, water).splitlines()
-
-
-def run(course: Course, folder: Path, silence: float, on_step) -> Samples:
-    """See `Engine`."""
-    prepare = [
-        GMX,
-        "grompp",
-        "-f",
-        "run.mdp",
-        "-p",
-        "topol.top",
-        "-c",
-        "start.gro",
-        "-o",
-        "run.tpr",
-    ]
-    wait(prepare, folder)
+    for name, text in given["files"].items():
+        (folder / name).write_text(text)
+    _gmx(folder, "grompp", "-f", "run.mdp", "-p", "topol.top", "-c", "start.gro", "-o", "run.tpr")
+    # who watches the run looks at this log
+    log = folder / "log.lammps"
     one_core = "-ntmpi", "1", "-ntomp", "1", "-pin", "off", "-nb", "cpu"
-    words = [GMX, "mdrun", "-deffnm", RUN, *one_core]
-    seconds = wait(words, folder, silence, on_step, f"{RUN}.log")
-    with open(folder / "said.txt", "w+") as said:
-        said.write(SAID)
-        said.seek(0)
-        words = [GMX, "energy", "-f", f"{RUN}.edr", "-o", ENERGIES, "-dp", "-xvg", "none"]
-        wait(words, folder, stdin=said)
-    return samples((folder / ENERGIES).read_text(), course.dt, seconds)
+    _gmx(folder, "mdrun", "-deffnm", "run", "-g", log.name, *one_core)
+    log.replace(folder / "run.log")
+    energy = "energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"
+    _gmx(folder, *energy, typed="Potential\nPressure\n\n")
+    yield from read((folder / ENERGIES).read_text(), given["dt"])
 
 
-def samples(text: str, dt: float, seconds: float) -> Samples:
+def read(text: str, dt: float) -> Iterator[Sample]:
     """From the text of an xvg file without a head: ps, kJ/mol, bar."""
-    time, potential, pressure = np.loadtxt(text.splitlines(), ndmin=2, unpack=True)
-    return Samples(np.rint(time * 1e3 / dt), potential / KJ, pressure * BAR, seconds)
+    for time, potential, pressure in np.loadtxt(text.splitlines(), ndmin=2):
+        yield Sample(round(time * 1e3 / dt), potential / KJ, pressure * BAR)
 
 
-ENGINE = Engine("GROMACS", "apt-get install gromacs", version, inputs, words, run)
+def _gmx(folder: Path, *words: str, typed: str = "") -> None:
+    """Do a command of GROMACS, which ends with this process, too.
+
+    Raises:
+        Failed: it ended without success.
+        ChildProcessError: somebody has ended it.
+    """
+    tied = sys.executable, "-IS", str(run.TIED), str(os.getpid())
+    how: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+    done = subprocess.run([*tied, GMX, *words], cwd=folder, input=typed, **how)
+    print(done.stdout, flush=True)
+    status = done.returncode
+    by = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"
+    if status < 0 and -status not in OWN:
+        raise ChildProcessError(f"gmx {words[0]} was ended by {by}")
+    if status:
+        found = re.search(r"Fatal error:\n(.+?)\n\n", done.stdout, re.S)
+        raise Failed(
+            found.group(1) if found else f"gmx {words[0]} ended without a message, by {by}"
+        )
+
+
+ENGINE = Engine("GROMACS", "apt-get install gromacs", version, given, words, samples)
+_STEPS = (1.0, 2.0, 4.0, 6.0)
+SCHEMES = [
+    Scheme(
+        name, label, (thermostat,), kind="engine", engine=ENGINE, friction=5.0, steps=_STEPS,
+        reach=6.0, held=held,
+    )
+    for name, label, thermostat, held in (
+        ("gromacs-sd", "GROMACS sd 5/ps", "sd", 0),
+        ("gromacs-v-rescale", "GROMACS v-rescale 0.2 ps", "v-rescale", 3),
+    )
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""``sampling``: its words, and what they run."""
+"""``sample``: its words, and what they run."""
 
 import argparse
 from collections.abc import Collection
@@ -13,16 +13,19 @@ def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
-        "sampling",
+        "sample",
         run,
-        help="which error averages have after which run time, of thermostats with long steps",
-        description="Run a scene at constant temperature with this package's thermostats and with "
-        "LAMMPS's, at 0.5 to 14 fs. Hold averages against the limit of small steps that they "
-        "share, and tell what an independent sample costs. From both, draw the total error, of "
-        "bias and noise, against the time that is spent. Ctrl-C keeps each run that is complete, "
-        "and the same command goes on from there. With the same lengths the output folder gathers "
-        "schemes and steps. The same command, started once for each core, shares the runs.",
-        epilog="A scheme that fails is a result. Exit status: 0, 1 if no run succeeds, 130 after "
+        help="what averages cost with their error, of thermostats, barostats and other engines",
+        description="Run a scene at constant temperature, or at constant pressure, with this "
+        "package's thermostats and barostats, with LAMMPS's, and with those of other engines, at "
+        "0.5 to 14 fs. Hold averages against the limit of small steps that they share, and tell "
+        "what an independent sample costs. From both, draw the total error, of bias and noise, "
+        "against the time that is spent. Ctrl-C keeps each run that is complete, and the same "
+        "command goes on from there. With the same lengths the output folder gathers schemes and "
+        "steps. The same command, started once for each core, shares the runs.",
+        epilog="Other engines run where --only names their schemes. OpenMM: pip install "
+        "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
+        "result. Exit status: 0, 1 if no run succeeds or an engine is not installed, 130 after "
         "Ctrl-C.",
     )
     scene = command_line.scene_or_script(scenes)
@@ -37,17 +40,19 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
     text = "independent starts; each tells its own error"
     command_line.number(parser, "--starts", 1, "N", text)
+    text = "folder of another command for the same scene, whose limit of small steps is taken"
+    parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
     command_line.silence(parser, 120.0)
-    command_line.out(parser, "results/sampling-SCENE", short=True)
+    command_line.out(parser, "results/sample-SCENE", short=True)
     command_line.own(parser)
     command_line.launch(parser)
 
 
 def scenes() -> Collection[str]:
     """Names of the scenes."""
-    from .plan import CASES  # heavy: not for --help
+    from .scenes import SCENES  # heavy: not for --help
 
-    return CASES
+    return SCENES
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -55,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     if not arguments.scenes:
         command_line.need_scenes()
     names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
-    if len(names) > 1 and any(command_line.is_script(one, scenes) for one in names):
+    if len(names) > 1 and any(command_line.is_script(name, scenes) for name in names):
         arguments.parser.error("a script of your own is run alone")
     statuses = []
     for name in names:
@@ -67,27 +72,32 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     """Run and measure a scene or a script; the exit status."""
-    from ..ensembles.lengths import Lengths  # heavy: not for --help
-    from ..own import system
+    from ..own import system  # heavy: not for --help
     from ..pages import console
-    from . import criteria, measure, plan, report
+    from . import criteria, engine, measure, report
+    from .plan import TIMES, Lengths
+    from .runs import Runs
+    from .scenes import SCENES, of_script
 
     short = not arguments.full
     if command_line.is_script(name, scenes):
         ask, out = system.begin(arguments, name, short)
-        case = plan.of_script(system.take(ask, out, 1, arguments.silence))
+        plan = of_script(system.take(ask, out, 1, arguments.silence))
     else:
         out = _folder(arguments, name, short, several)
-        case = plan.CASES[name](out)
+        plan = SCENES[name](out)
     only = arguments.only and [
-        one.name for one in command_line.chosen_of(case.schemes, arguments.only)
+        scheme.name for scheme in command_line.chosen_of(plan.schemes, arguments.only)
     ]
-    lengths = Lengths(arguments.ps or plan.TIMES[short], arguments.starts)
-    points = case.points(only, arguments.dt, short)
+    points = plan.points(only, arguments.dt, short)
+    engine.versions(plan.schemes[point.scheme].engine for point in points)
+    known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
+    lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
+    runs = Runs(plan, lengths, out / "runs" / lengths.folder, arguments.silence)
     screen = console.console()
-    with console.Meter(screen, case.total(points, lengths)) as meter:
-        summary = measure.sampling(case, points, lengths, out, meter, arguments.silence)
-    summary["checks"] = [one.plain() for one in criteria.checks(summary)]
+    with console.Meter(screen, runs.steps(points)) as meter:
+        summary = measure.sample(runs, points, known, meter)
+    summary["checks"] = [check.plain() for check in criteria.checks(summary)]
     report.write(summary, out)
     report.show(screen, summary, out)
     failed = all(row["error"] for row in summary["rows"])

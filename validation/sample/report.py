@@ -1,10 +1,9 @@
-"""From the points of ``sampling`` to files and the terminal."""
+"""From the points of ``sample`` to files and the terminal."""
 
 from pathlib import Path
 
 from rich.console import Console
 
-from ..ensembles.lengths import beside_tables
 from ..pages import points
 from ..pages.points import Part
 from ..pages.said import Figure, Said, of_checks
@@ -12,8 +11,16 @@ from ..pages.tables import Column
 from ..statistics.estimate import Estimate
 from .criteria import BOUNDS, TITLES
 from .figures import bias, precision
-from .measure import BY_KEY, CONFIGURATIONS, OBSERVABLES
+from .measure import NESTED
+from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES
+from .plan import LEAST
 
+MEANS = (
+    Column("means density", "density", "g/cm³", "estimate"),
+    Column("means compressibility", "κ of V's sd", "1e-5/atm", "estimate"),
+    Column("means two_pressures", "κ of two P", "1e-5/atm", "estimate"),  # of committed results
+    Column("deviation", "two states", "sd", "estimate"),
+)
 BIASES = (
     *(Column(f"biases {one.key}", one.title, one.unit, "estimate") for one in OBSERVABLES),
     Column("rdf", "g(r)", "rms", "estimate"),
@@ -27,6 +34,7 @@ COSTS = (
     *REMEMBERS,
     Column("sample", "sample of the slowest", "s", "estimate"),
 )
+CLOCK = Column("clock", "clock", "s/ps")
 WORKS = (
     *(
         Column(f"seconds {key}", f"time of {BY_KEY[key].title} to ±{most:g}", "s", "interval")
@@ -37,7 +45,6 @@ WORKS = (
         for key in CONFIGURATIONS
     ),
 )
-NESTED = "biases", "remembers", "less", "faster", "seconds"
 
 
 def flat(row: dict) -> dict:
@@ -56,7 +63,8 @@ def parts(summary: dict) -> list[Part]:
     rows = [flat(row) for row in summary["rows"]]
     every = {
         "Bias, from the limit of small steps": BIASES,
-        "What an independent sample costs": (*COSTS, *less),
+        "Means": MEANS,
+        "What an independent sample costs": (*COSTS, *less, CLOCK),
         "Time to a total error": WORKS,
     }
     made = []
@@ -69,6 +77,8 @@ def parts(summary: dict) -> list[Part]:
 def limits(summary: dict) -> list[str]:
     """The limits of small steps, and whether the points agree with a common one."""
     told = [of_limit(BY_KEY[key].title, one) for key, one in summary["limits"].items()]
+    for engine, own in summary.get("others", {}).items():
+        told += [of_limit(f"{engine}, {BY_KEY[key].title}", one) for key, one in own.items()]
     return told or [
         "No limit of small steps: it takes a scheme with two short steps, or one without error."
     ]
@@ -87,7 +97,15 @@ def of_limit(name: str, one: dict) -> str:
 
 
 def _told(summary):
-    return beside_tables(summary, TITLES, limits(summary))
+    failed = summary.get("lost", {}).items()  # a former summary does not tell
+    lost = (f"No average has start {number}, which failed: {why}." for number, why in failed)
+    short = ""
+    if summary["settings"]["time"] < LEAST:
+        short = (
+            f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell "
+            "their own errors."
+        )
+    return {"titles": TITLES, "limits": [*limits(summary), *lost], "too_short": short}
 
 
 def write(summary: dict, out: Path) -> None:
@@ -100,7 +118,7 @@ def write(summary: dict, out: Path) -> None:
     table = points.frame(rows, (one for part in made for one in part.columns))
     table["slowest"] = [row["slowest"] for row in rows]
     drawn = precision, bias
-    points.write(summary, out, table, "sampling.html", drawn, made, **_told(summary))
+    points.write(summary, out, table, "sample.html", drawn, made, **_told(summary))
 
 
 def show(console: Console, summary: dict, out: Path) -> None:

@@ -1,18 +1,25 @@
-"""The figures of ``sampling``."""
+"""The figures of ``sample``."""
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..ensembles.figures import BESIDE
-from ..ensembles.figures import STYLES as SHARED
-from ..pages.figures import INK, PALE, THIRD, Drawn, panels
+from ..pages.figures import INK, OTHERS, OURS, PALE, THIRD, Drawn, panels
 from ..statistics.estimate import SURE, Estimate
 from ..statistics.precision import Worth
 from .criteria import BOUNDS
-from .measure import BY_KEY, CONFIGURATIONS
+from .observables import BY_KEY, CONFIGURATIONS
 
-STYLES = SHARED | {  # of schemes: colour, marker; others have a colour of their place
+BESIDE = 0.06  # fs between marks of schemes, so that none hides another
+STYLES = {  # of schemes: colour, marker; others have a colour of their place
+    "langevin-5": (OURS, "o"),
+    "langevin-20": ("#2fa37c", "D"),
+    "langevin-20-equal": ("#5ab4d6", "d"),
+    "csvr": ("#8a8f2a", "s"),
+    "nh": ("#c3b84c", "X"),
+    "rigid/nvt/small": (OTHERS, "s"),
+    "rigid+langevin": ("#2f4b7c", "^"),
+    "shake+langevin": ("#7a5195", "v"),
     "langevin-5-equal": ("#1b6ca8", "p"),
     "langevin-5-scaled": ("#1b6ca8", "p"),
     "langevin-20-scaled": ("#5ab4d6", "d"),
