@@ -20,14 +20,10 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
-from validation.ensembles.lengths import Lengths, One
-from validation.ensembles.plan import SCHEMES
-from validation.ensembles.runs import Runs
 from validation.own import finding, schemes, script, shapes, system
 from validation.own.files import STATES
 from validation.running import machine, run, startup
 from validation.running.store import Store
-from validation.scenes import SCENES
 
 
 def test_lines_words_and_branches_are_lammpss():
@@ -350,17 +346,6 @@ def test_a_failure_of_the_machine_is_no_result(tmp_path):
     for text, result in kept.items():
         (tmp_path / "error.txt").write_text(text)
         assert run.is_there(job, failures=True) is result, text
-
-
-def test_a_start_has_no_longer_step_than_the_script(tmp_path):
-    """Locks out a start of `sampling` that breaks, of a script whose step is a short one."""
-    scene, starter = SCENES["water"], SCHEMES["langevin-5"]
-    for dt, steps in ((0.5, 40), (4.0, 10)):
-        runs = Runs(replace(scene, dt=dt), starter, Lengths(0.02), tmp_path, 9.0, lambda *_: [])
-        job = runs.start(1)
-        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
-        one = One("x", "x", starter, dt, 1)
-        assert any(f'state.dump" {steps} x' in line for line in runs.job(one).commands)
 
 
 def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):

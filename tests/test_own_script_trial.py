@@ -22,7 +22,7 @@ from validation.own import counted, shapes, shifted
 from validation.pages import console
 from validation.running import rounds, run
 from validation.running.store import Store
-from validation.sampling import plan as sampling_plan
+from validation.sample import scenes as sample_scenes
 from validation.scenes.integrators import Integrator
 from validation.scenes.units import UNITS
 from validation.statistics import measures, structure
@@ -763,14 +763,14 @@ def test_each_units_drift_is_told_of_a_time_that_runs_have():
 def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
     shares its limit with one that does not."""
-    case = sampling_plan.of_script(taken("spce"))
+    case = sample_scenes.of_script(taken("spce"))
     held = {name: scheme.held for name, scheme in case.schemes.items()}
     random = {"nosquish", "rigid/small+langevin"}
     assert random < set(held) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(held)
     assert held == {name: 0 if name in random else 3 for name in held}
     path = scripts.spce(tmp_path)
     path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
-    case = sampling_plan.of_script(take(path, tmp_path / "out"))
+    case = sample_scenes.of_script(take(path, tmp_path / "out"))
     assert {scheme.held for scheme in case.schemes.values()} == {0}
 
 

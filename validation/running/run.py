@@ -63,6 +63,8 @@ class Job:
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
         motion: whether velocities, masses and topology are kept with the positions.
+        worker: file of the harness that does it, by its place there; empty for LAMMPS's.
+        given: what another worker is given, plain data.
     """
 
     directory: str
@@ -75,6 +77,8 @@ class Job:
     silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
+    worker: str = ""
+    given: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -184,7 +188,8 @@ def run(
     path = directory / "job.json"
     whole.write(path, asdict(job))
     interrupted = False
-    words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
+    worker = WORKER.parents[1] / job.worker if job.worker else WORKER
+    words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
     with open(directory / "output.txt", "w") as output:
         try:
