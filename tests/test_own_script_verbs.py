@@ -442,7 +442,7 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     "words",
     [
         "sweep water", "stability gradient", "compare water", "sampling water", "cost water",
-        "ensembles", "long", "paper", "published", "theory",
+        "ensembles", "claims long-run", "claims",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -462,7 +462,7 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
     "words",
     [
         "sweep water", "stability gradient", "compare water", "sampling water", "cost water",
-        "ensembles", "long", "paper", "published", "theory", "breaks", "report",
+        "ensembles", "claims long-run", "claims", "breaks", "report",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -495,13 +495,13 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = "theory published report ensembles paper engines sweep cost sampling stability"
+SCENES_ONLY = "claims report ensembles engines sweep cost sampling stability"
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        *("theory", "published", "report", "ensembles", "paper", "engines"),
+        *("claims", "claims theory", "report", "ensembles", "engines"),
         *("sweep", "cost", "sampling", "stability"),
         *("compare water", "cost start", "sweep water", "sampling water", "advise water"),
         *("stability needles", "advise nothing"),

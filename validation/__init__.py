@@ -18,21 +18,17 @@ to numbers), ``figures``, ``report`` (files, terminal, and what it says to the p
 long one is in ``section``) and ``command`` (its words, and its entry):
 
     compare       the same start with every integrator: accuracy and cost
-    long          one free body for very many steps
     cost          what a step, a start, memory and messages cost; goals, passes
-    paper         the paper's test problems again
-    published     the energy's spread in water beside published numbers
+    claims        does what the paper and we say hold? lists of statements, a file each
     ensembles     what long steps sample at constant temperature and pressure
     sampling      what averages cost with long steps: bias, noise, time to an error
     engines       the same water in OpenMM and GROMACS: bias of averages
-    theory        what the paper proves, each a number between bounds
     sweep         error against run time, every integrator with every step
     advise        the fastest point of a sweep that meets a target
     check         before a long run of a user's script: bodies, step, fixes
     bodies        rigid parts of molecules, into a data file
     stability     what breaks where, case by case; criteria has every bound
     breaks        what users report of LAMMPS's rigid fixes, beside ours
-    examples      LAMMPS's examples with -sf nosquish, beside its own rigid fixes
     report        all results on one page
 
 A new scene is an entry in ``scenes/__init__.py``, a new integrator one in

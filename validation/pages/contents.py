@@ -240,7 +240,7 @@ def _of_check(one: Mapping) -> dict:
     """A row of a table of checks."""
     number = Cell(measured(one), one["value"])
     why = "; ".join(text for text in (one["source"], one["note"]) if text)
-    return {**one, "value": number, "bound": bound(one), "why": why}
+    return {**one, "value": number, "bound": bound(one), "why": why, "error": None}
 
 
 def ranks_of(number: int) -> str:
