@@ -23,8 +23,8 @@ from validation import RESULTS, __main__, pages
 from validation.claims import long_run, measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
 from validation.claims.top import free_top
-from validation.ensembles import plan as smooth
 from validation.running import machine, run
+from validation.sample.scenes import SCENES as SAMPLED
 from validation.scenes import INPUTS, SCENES
 from validation.scenes import peptide as paper_peptide
 from validation.scenes.data_file import data_file
@@ -721,7 +721,9 @@ print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
 """
 
 
-@pytest.mark.parametrize("scene", [published.scene(), smooth.scene()], ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    "scene", [published.scene(), SAMPLED["water"](None).scene], ids=lambda one: one.name
+)
 def test_forces_are_the_slope_of_the_energy(run_lammps, scene):
     """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate
     whatever the time step."""

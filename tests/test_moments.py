@@ -124,19 +124,3 @@ def test_moments_of_another_step(run_lammps, name):
         jumps[chosen] = abs(rows["Econserve"][after] - rows["Econserve"][before])
         assert jumps[chosen] < rows["Econserve"][: before + 1].std()
     assert jumps["moments equal 3"] < 1e-9 < jumps["moments step"]
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("moments equal 0", "keyword moments: equal is 0, and must be above zero"),
-        ("moments scale -1", "keyword moments: scale is -1, and must be above zero"),
-        ("moments 6", "'6' was given where equal VALUE"),
-        ("moments equal", "the fix line ends where equal VALUE"),
-        ("moments step 6", "unknown keyword '6'"),
-    ],
-)
-def test_bad_words(refused, words, says):
-    """Locks out moments that are no numbers above zero."""
-    system = mixture(side=2)
-    refused(f"{system.setup}\n{fix('seed 1 ' + words)}run 0\n", says, system.files)

@@ -163,60 +163,6 @@ def test_pressures_that_are_printed(run_lammps, ranks, every):
     np.testing.assert_allclose(rows["Press"], rows["v_p"], rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("lines", "says"),
-    [
-        (
-            "fix 2 all deform 10 x scale 1.1",
-            "Must not have multiple fixes change box parameter x",
-        ),
-        ("group loose molecule 1\ngroup stiff subtract all loose", "atoms are in no body"),
-        ("change_box all boundary p p f", "there is no pressure along z, which is not periodic"),
-        ("run_style respa 2 2 pair 2", "use run_style verlet"),
-        ("", "Cannot change box ortho/triclinic with certain fixes defined"),
-        (
-            "group loose molecule 1\ngroup stiff subtract all loose\n"
-            'fix 2 loose python/move "fix_nosquish.NVE loose molecule"',
-            "would not follow the box that this fix changes",
-        ),
-    ],
-)
-def test_refused(refused, lines, says):
-    """Locks out a box that two fixes change, and atoms that would not move with it."""
-    system = mixture(side=2)
-    line = fix("seed 5").replace("NPT all", "NPT stiff" if "stiff" in lines else "NPT all")
-    behind = "" if lines else "change_box all triclinic\n"
-    script = f"{system.setup}\n{lines}\n{line}{behind}run 20\n"
-    refused(script, says, system.files)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("", "the pressure is missing"),
-        ("thermostat nh " + CELL, "keyword seed is missing: this barostat draws"),
-        ("iso 1 1", "the fix line ends where PSTART, PSTOP and PDAMP"),
-        ("iso 1 1 1", "keyword compressibility is missing: with units lj it has no default"),
-        ("iso 1 1 1 x 1 1 1", "only one kind can stand"),
-        ("iso 1 1 1 couple xy", "keyword couple is for aniso"),
-        ("x 1 1 1 y 1 1 2 compressibility 1", "PDAMP is 1 for one axis and 2 for another"),
-        ("x 1 1 1 y 2 2 1 couple xy compressibility 1", "y goes from 2 to 2, and an axis coupled"),
-        ("x 1 1 1 couple xy compressibility 1", "keyword couple xy: give each of these axes"),
-        ("z 1 1 1 couple xy compressibility 1", "keyword couple xy: give each of these axes"),
-        ("x 1 1 1 x 1 1 1 compressibility 1", "keyword x stands twice"),
-        ("iso 1 1 0 compressibility 1", "PDAMP is 0, and must be above zero"),
-        ("iso 1 1 1 compressibility 0", "keyword compressibility is 0, and must be above zero"),
-        ("aniso 1 1 1 couple yx", "'yx' was given where one of none, xyz"),
-        ("iso 1 1 1 compressibility 1 force * off on on", "for a box that does not change"),
-    ],
-)
-def test_bad_words(refused, words, says):
-    """Locks out words that are taken and mean nothing, or something else."""
-    system = mixture(side=2)
-    line = fix("" if "nh" in words else "seed 5", words)
-    refused(f"{system.setup}\n{line}run 0\n", says, system.files)
-
-
 def test_equal_numbers_in_other_words(run_lammps):
     """Locks out axes that are refused because 1000 and 1e3 are not the same word."""
     system = mixture(side=2)
@@ -304,10 +250,3 @@ def test_how_often_the_box_changes(run_lammps):
     short = fix("seed 5", "iso 1 1 2e-3 compressibility 1")
     done = run_lammps(f"{system.setup}\ntimestep 2e-4\n{short}run 0\n", files=system.files)
     assert "changes 10 times in PDAMP" in done.log and "a PDAMP of at least 0.004" in done.log
-
-
-def test_compute_that_is_gone(refused):
-    """Locks out a crash where a script takes away the compute that the barostat has added."""
-    system = mixture(side=3, spacing=2.9)
-    script = f"{system.setup}\n{fix('seed 5')}run 5\nuncompute 1_virial\nrun 5\n"
-    refused(script, "compute 1_virial is gone", system.files)

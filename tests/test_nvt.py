@@ -661,68 +661,6 @@ def test_noise_of_two_fixes(run_lammps, tmp_path):
 # ------------------------------------------------------------------ what is refused
 
 
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("temp 2 2 1", "keyword seed is missing"),
-        ("seed 5", "keyword temp is missing"),
-        ("temp 2 2", "the fix line ends where TSTART, TSTOP and TDAMP"),
-        ("temp 0 2 1 seed 5", "TSTART is 0, and must be above zero"),
-        ("temp 2 -1 1 seed 5", "TSTOP is -1, and must be above zero"),
-        ("temp 2 2 0 seed 5", "TDAMP is 0, and must be above zero"),
-        ("temp 2 2 x seed 5", "'x' was given where"),
-        ("temp 2 2 v_none seed 5", "there is no variable 'none'"),
-        ("temp 2 2 1 seed 0", "'0' was given where a whole number"),
-        ("temp 2 2 1 seed 2147483648", "from 1 to 2147483647 is expected"),
-        (
-            "temp 2 2 1 thermostat berendsen",
-            "'berendsen' was given where one of langevin, csvr, nh",
-        ),
-        ("temp 2 2 1 thermostat nh seed 5", "keyword seed is of no use"),
-        ("temp 2 2 1 tchain 5 seed 5", "keyword tchain is of no use"),
-        ("temp 2 2 1 thermostat nh tchain 4294967296", "'4294967296' was given where"),
-        ("temp 2 2 1 seed 5 separate yes", "keyword separate is for thermostats csvr and nh"),
-    ],
-)
-def test_bad_words(refused, words, says):
-    """Locks out words that are taken and mean nothing, or something else."""
-    system = mixture(side=2)
-    line = f'fix 1 all python/move "fix_nosquish.NVT all molecule {words}"\nrun 0\n'
-    refused(f"{system.setup}\n{line}", says, system.files)
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("other", "says"),
-    [
-        ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) keeps a temperature of atom"),
-        ("fix 2 all temp/csvr 2 2 1 5", "fix 2 (style temp/csvr) keeps a temperature of atom"),
-        ("velocity all set 0 0 0\npair_style zero 2.5\npair_coeff * *", "the bodies are at rest"),
-        ("torque * off off on", "keyword torque has one component off and another one on"),
-        ("pre no", "the step counter has gone back"),
-    ],
-)
-def test_refused(refused, other, says, ranks):
-    """Locks out two thermostats on the same atoms, the scaling of velocities that are zero, half of
-    a rotation without a thermostat, and noise that repeats."""
-    system, words, end = mixture(side=2), THERMOSTATS["csvr"], "run 5\n"
-    if other.startswith("torque"):
-        words, other = f"{words} {other}", ""
-    if other == "pre no":
-        other = ""
-        end = "thermo_style custom step\nrun 5\nreset_timestep 0\nrun 5 pre no\n"
-    script = f"{system.setup}\n{other}\n{fix(words)}{end}"
-    refused(script, says, system.files, ranks=ranks)
-
-
-def test_nve_has_no_temperature(run_lammps):
-    """Locks out keywords of NVT that NVE takes and ignores."""
-    system = mixture(side=2)
-    line = 'fix 1 all python/move "fix_nosquish.NVE all molecule temp 2 2 1"\n'
-    done = run_lammps(f"{system.setup}\n{line}", files=system.files, check=False)
-    assert "keeps no temperature, fix_nosquish.NVT and fix_nosquish.NPT do" in done.screen
-
-
 # ------------------------------------------------------------------ atoms as points
 
 
@@ -801,24 +739,6 @@ def test_points_are_no_rows(run_lammps):
     done = run_lammps(script + "print 'none $(f_1[23][1])'\n", files=system.files, check=False)
     assert re.search(r"^rows [-0-9.e]+ end", done.screen, re.MULTILINE)
     assert "out-of-range" in done.screen
-
-
-@pytest.mark.parametrize(
-    ("lines", "says"),
-    [
-        (
-            "group loose molecule 1 2\ngroup stiff union all",
-            "is in a rigid body, and in group 'loose'",
-        ),
-        ("group stiff union all", "there is no group 'loose'"),
-        (f"{POINTS}fix 2 loose nve", "is also integrated by fix 2 (style nve)"),
-    ],
-)
-def test_points_refused(refused, lines, says):
-    """Locks out an atom that is moved twice."""
-    system = mixture(side=2)
-    words = with_points(THERMOSTATS["langevin"]).replace(POINTS, "")
-    refused(f"{system.setup}\n{lines}\n{words}run 0\n", says, system.files)
 
 
 DIPOLES = """

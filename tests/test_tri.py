@@ -230,50 +230,6 @@ run 130
 # ------------------------------------------------------------------ what is refused
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("before", "words", "says"),
-    [
-        ("change_box all ortho", "tri 1 1 1", "this one is orthogonal"),
-        ("change_box all ortho", "xy 1 1 1", "this one is orthogonal"),
-        ("change_box all boundary f p p", "tri 1 1 1", "no pressure along x, which is not"),
-        ("change_box all boundary f p p", "xz 1 1 1", "and no tilt xz"),
-    ],
-)
-def test_boxes_without_tilt(refused, before, words, says, ranks):
-    """Locks out tilts of a box that has none, and of one that has an end."""
-    system = mixture(side=2, tilt=0.0 if "ortho" in before else 0.1)
-    before = "" if "ortho" in before else f"{before}\n"
-    line = f'fix 1 all python/move "fix_nosquish.NPH all molecule {words}"\n'
-    script = f"{system.setup}\n{before}{line}run 0\n"
-    refused(script, says, system.files, ranks=ranks)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("tri 1 1 1 iso 1 1 1", "only one kind can stand"),
-        ("tri 1 1 1 xy 1 1 1", "only one kind can stand"),
-        ("xy 1 1 1 yz 1 1 1", "give xz, too"),
-        ("tri 1 1 1 dilate none", "there is no group none"),
-        ("iso 1 1 1 dilate", "the fix line ends where the ID of a group, whose atoms"),
-    ],
-)
-def test_bad_words(refused, words, says):
-    """Locks out words that are taken and mean nothing, or something else."""
-    system = mixture(side=2, tilt=0.1)
-    group = "group some molecule > 2\n" if "dilate" in words else "group some union all\n"
-    line = f'fix 1 all python/move "fix_nosquish.NPH some molecule {words}"\n'
-    refused(f"{system.setup}\n{group}{line}run 0\n", says, system.files)
-
-
-def test_tilts_in_two_dimensions(refused):
-    """Locks out tilts with an axis that is not there."""
-    system = mixture("planar pair row single", side=2, dimension=2, tilt=0.1)
-    line = 'fix 1 all python/move "fix_nosquish.NPH all molecule xz 1 1 1"\n'
-    refused(f"{system.setup}\n{line}run 0\n", "the box has no length along z", system.files)
-
-
 # ------------------------------------------------------------------ atoms in no body
 
 

@@ -47,7 +47,8 @@ def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     import numpy as np  # heavy: not for --help
 
-    from ..own import system
+    from ..own import recorder, system
+    from ..own.recorder import ALIAS
     from . import lines, making, parts
 
     ask, out = system.begin(arguments, arguments.scene)
@@ -70,21 +71,23 @@ def run(arguments: Namespace) -> int:
     data = out / f"{ask.name}.data"
     styles = out / "styles" if making.from_restart(said) else None
     plain = {
-        "folder": str(folder / "inputs"),
+        "folder": said["workplace"],
         "commands": system.without_fixes(said),
         "arrays": str(out / "bodies.npz"),
         "kind": arguments.kind,
-        "data": os.path.relpath(data, folder / "inputs"),
+        "data": f"{ALIAS}/{data.name}",
         "log": str(out / "write.log"),
-        "styles": styles and os.path.relpath(styles, folder / "inputs"),
+        "styles": styles and str(styles),
     }
     (out / "write.json").write_text(json.dumps(plain))
     writer = Path(__file__).with_name("writer.py")
+    room = system.room(folder)
     done = subprocess.run([sys.executable, str(writer), str(out / "write.json")],
-                          stdin=subprocess.DEVNULL, capture_output=True, text=True)  # fmt: skip
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                          env={**os.environ, **recorder.environment(room)})  # fmt: skip
     if done.returncode:
         raise SystemExit(f"{ask.name}: no data file: {done.stderr.strip().splitlines()[-1]}")
-    lost = _give_coefficients(said["commands"], folder / "inputs", data)
+    lost = _give_coefficients(said["commands"], (Path(said["workplace"]), room), data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
     restart = making.NOTHING
@@ -114,16 +117,24 @@ def coefficients(text: str) -> str:
     return "\n".join(re.findall(section, text, re.M))
 
 
-def _give_coefficients(commands: Sequence[str], inputs: Path, data: Path) -> str:
+def _give_coefficients(commands: Sequence[str], folders: Sequence[Path], data: Path) -> str:
     """Put coefficients of the script's data file into the new one; the files whose own cannot be
-    there."""
+    there.
+
+    Args:
+        folders: in which, or below which, the data file is.
+    """
     reads = [words for words in map(texts, commands) if words[0] == "read_data"]
     found = {}
     for _, name, *words in reads:
         if "nocoeff" in words:
             continue
         opened = gzip.open if name.endswith(".gz") else open
-        with opened(inputs / name, "rt", errors="replace") as file:
+        here, room = folders
+        plain, last = os.path.normpath(here / name), Path(name).name
+        files = [Path(f"{room}{plain}"), Path(plain), *room.rglob(last), *here.rglob(last)]
+        path = next(one for one in files if one.is_file())
+        with opened(path, "rt", errors="replace") as file:
             found[name] = coefficients(file.read())
     having = [name for name, sections in found.items() if sections]
     more_types = any(re.fullmatch(r"extra/\w+/types", word) for words in reads for word in words)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..own import finding, schemes
 from ..own.finding import State, Words
-from ..own.script import texts, words
+from ..own.script import line_of, texts
 from . import making
 from .making import NOTHING, Beside
 
@@ -130,7 +130,7 @@ def moves(
     held = [one for one, line in known.items() if finding.kind_of(line) == "constraints"]
     bound = np.zeros(len(body), bool)
     for one in held:
-        acting[one] = finding.held_atoms(atoms, acting[one], known[one])
+        acting[one] = finding.held_atoms(atoms, acting[one])
         bound |= acting[one]
     gone = {one: line for one, line in known.items() if (acting[one] & inside).any()}
     movers = [one for one in gone if one not in held]
@@ -199,12 +199,12 @@ def _again(said: Mapping, one: str, line: str, names: Names) -> list[str]:
 def _holds(said: Mapping, atoms: Mapping[str, np.ndarray], line: str, free: np.ndarray) -> bool:
     """Whether a fix shake holds bonds between atoms that are in no body."""
     mask = finding.in_group(said, atoms, texts(line)[2]) & free
-    return bool(finding.held_atoms(atoms, mask, line).any())
+    return bool(finding.held_atoms(atoms, mask).any())
 
 
 def _with_group(line: str, one: str, group: str) -> str:
     """A fix with another ID and group."""
-    return " ".join((f"fix {one} {group}", *(word.quoted for word in words(line)[3:])))
+    return line_of(("fix", one, group, *texts(line)[3:]))
 
 
 def _of_points(line: str, own: str, group: str, state: State) -> str:
@@ -218,7 +218,7 @@ def _of_points(line: str, own: str, group: str, state: State) -> str:
 def _cut(said, atoms, one, line, inside) -> Iterator[str]:
     """What is to be said of bonds that shake holds between bodies and other atoms."""
     mask = finding.in_group(said, atoms, texts(line)[2])
-    held, _ = finding.held_bonds(atoms, mask, line)
+    held = finding.held_bonds(atoms, mask)
     ends = inside[np.asarray(atoms["bonds"])[held, 1:] - 1]
     number = int((ends[:, 0] != ends[:, 1]).sum())
     if number:

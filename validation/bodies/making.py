@@ -7,12 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..own import finding, schemes
-from ..own.script import CHANGES, texts
+from ..own import finding
+from ..own.script import texts
 
-BOXES = frozenset(("read_data", "read_restart", "create_box"))
-# delete_bonds stays: a data file has the bonds that it turned off
-MAKES = BOXES | CHANGES - {"delete_bonds"} | {"displace_atoms"}
+# a data file has their work; delete_bonds stays: a data file has the bonds that it turned off
+MAKES = frozenset(
+    (
+        *("read_data", "read_restart", "create_box", "set", "create_atoms", "delete_atoms"),
+        *("create_bonds", "change_box", "replicate", "read_dump", "reset_atoms"),
+        *("reset_atom_ids", "displace_atoms"),
+    )
+)
 RANGES = 40  # of atom IDs: a group of more is not printed
 KINDS = "pair", "bond", "angle", "dihedral", "improper"
 
@@ -47,8 +52,7 @@ NOTHING = Beside()
 def gone(said: Mapping) -> list[str]:
     """The script's commands whose work is in a data file of its atoms, in order, each once."""
     kept = {line for line in said["fixes"].values() if _stored(line)}
-    some = (line for line in said["commands"] if line not in said["states"])
-    return list(dict.fromkeys(schemes.plain(one) for one in some if _makes(one) or one in kept))
+    return list(dict.fromkeys(one for one in said["commands"] if _makes(one) or one in kept))
 
 
 def _makes(line: str) -> bool:
@@ -155,7 +159,7 @@ def styles(said: Mapping, coefficients: str) -> tuple[list[str], list[str], str]
         if name in own and kind != "pair":
             continue  # it forgot the coefficients, so the script says them
         if name in own:
-            first.append(schemes.plain(own[name]))
+            first.append(own[name])
         elif kind == "pair" or style.startswith("hybrid"):
             lost.append(f"{name} {style}")
         else:

