@@ -442,7 +442,7 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     "words",
     [
         "sweep water", "stability gradient", "compare water", "sample water", "cost water",
-        "long", "paper", "published", "theory",
+        "claims long-run", "claims",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -462,7 +462,7 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
     "words",
     [
         "sweep water", "stability gradient", "compare water", "sample water", "cost water",
-        "long", "paper", "published", "theory", "breaks", "report",
+        "claims long-run", "claims", "breaks", "report",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -495,13 +495,13 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = "theory published report paper sweep cost sample stability"
+SCENES_ONLY = "claims report sweep cost sample stability"
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        *("theory", "published", "report", "paper"),
+        *("claims", "claims theory", "report"),
         *("sweep", "cost", "sample", "stability"),
         *("compare water", "cost start", "sweep water", "sample water", "advise water"),
         *("stability needles", "advise nothing"),

@@ -485,21 +485,16 @@ def theory_symplectic():
 
 
 def theory_conserved():
-    return _theory("conserved", "mrot")
-
-
-def theory_recursion():
-    return _theory("recursion")
+    return _theory("conserved")
 
 
 def theory_rotors():
-    """Error and cost of the free rotation, by how far a body turns in a step."""
+    """Error of the free rotation, by how far a body turns in a step."""
     found = summary("theory")["data"]["rotors"]
-    head = ["rotation", "time of a step", *(f"{plain(angle)} rad" for angle in found["angles"])]
+    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
     lines = []
     for name, errors in found["error"].items():
-        cost = found["cost"][name]["median"]
-        lines.append([name, f"{cost:.2f}", *(significant(error, 2) for error in errors)])
+        lines.append([name, *(significant(error, 2) for error in errors)])
     return markdown(head, lines)
 
 
@@ -552,15 +547,15 @@ def paper_liquid():
 
 
 def paper_peptide():
-    return _paper("peptide", "helix", "force field")
+    return _paper("peptide")
 
 
 def paper_gear():
     return _paper("gear")
 
 
-def paper_scaling():
-    return _paper("scaling", "rigidity")
+def paper_rigidity():
+    return _paper("rigidity")
 
 
 def examples():
@@ -587,22 +582,6 @@ def _outcome(row):
         ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
         return f"LAMMPS's own fix ends ({ours}): {code(note)}"
     return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
-
-
-def paper_zero():
-    """The peptide's measure over several energies, which have no common zero."""
-    body = [
-        [
-            row["convention"].replace("|", ""),
-            margin(row["value"], 1.96 * row["error"]),
-            f"{row['dt_for_it']:.1f}",
-            f"{row['size_for_it']:,.0f}",
-        ]
-        for row in summary("paper")["conventions"]
-        if row["name"] == "peptide-nosquish"
-    ]
-    head = "average measure", "NO_SQUISH", "step for 1e-5, fs", "bodies for 1e-5"
-    return markdown(head, body)
 
 
 # ---- where results come from
@@ -645,12 +624,6 @@ def apart(column):
     return significant(statistics.stdev(found), 2)
 
 
-def largest(what):
-    """The largest number of the theory's statements that begin so."""
-    found = [float(row["value"]) for row in rows("theory") if row["what"].startswith(what)]
-    return significant(max(found), 1)
-
-
 # ---- pages and the README
 
 
@@ -660,7 +633,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, scene, holding, apart, largest, said, summary, significant, table)
+        for function in (made, scene, holding, apart, said, summary, significant, table)
     }
     return environment.from_string(text).render(**names, **others)
 
@@ -767,15 +740,13 @@ TABLES = [
     theory_reversal,
     theory_symplectic,
     theory_conserved,
-    theory_recursion,
     theory_rotors,
     own_scripts,
     paper_dimer,
     paper_liquid,
     paper_peptide,
     paper_gear,
-    paper_scaling,
-    paper_zero,
+    paper_rigidity,
     examples,
     readme_table,
 ]
