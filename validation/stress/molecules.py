@@ -1,6 +1,8 @@
 """Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
 ``real``: Angstrom, fs, kcal/mol."""
 
+import bisect
+import functools
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +16,7 @@ from ..statistics import measures, motion
 from . import criteria
 from .measure import (
     COMPARED,
-    EXTREME,
+    EXACT,
     LESS,
     LINE,
     SLOW,
@@ -25,7 +27,6 @@ from .measure import (
     mean_of_starts,
     of_parts,
 )
-from .tops import kept
 
 # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
 ALLOWED = criteria.CRITERIA["stable, few"].bound
@@ -85,30 +86,27 @@ def halved(
 ) -> Number:
     """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
     a step of half the limit after it; if that is bad then the limit is below it."""
-    tried: dict[int, str | None] = {}
 
-    def bad_at(k):
-        if k not in tried:
-            label, until = f"{dts[k]:g} fs", min(time, MOST * dts[k])
-            (off,), error = changes(stand, scene, label, dts[k : k + 1], until, allowed, **how)
-            why = error or f"energy off by {off:.2g} of the kinetic energy"
-            tried[k] = None if off < allowed else why
-        return tried[k]
+    @functools.cache
+    def why(k: int) -> str | None:
+        """Why a step is bad; None if it is good."""
+        until = min(time, MOST * dts[k])
+        label = f"{dts[k]:g} fs"
+        (off,), error = changes(stand, scene, label, dts[k : k + 1], until, allowed, **how)
+        told = error or f"energy off by {off:.2g} of the kinetic energy"
+        return None if off < allowed else told
 
     bad, more = len(dts), ""
     while True:
-        good = -1
-        while bad - good > 1:
-            k = (good + bad) // 2
-            good, bad = (good, k) if bad_at(k) else (k, bad)
-        half = int(np.searchsorted(dts, dts[max(good, 0)] / 2, side="right")) - 1
+        bad = bisect.bisect_left(range(bad), True, key=lambda k: why(k) is not None)
+        half = int(np.searchsorted(dts, dts[max(bad - 1, 0)] / 2, side="right")) - 1
         if half < 0:
             break
-        if not bad_at(half):
+        if why(half) is None:
             more += f", good at {dts[half]:g} fs"
             break
-        bad, more = half, f", but again at {dts[good]:g} fs"
-    return _between(dts, bad, tried.get(bad), more)
+        bad, more = half, f", but again at {dts[bad - 1]:g} fs"
+    return _between(dts, bad, why(bad) if bad < len(dts) else None, more)
 
 
 def _between(dts, first, error, more, name=" fs"):
@@ -202,13 +200,13 @@ def water(stand: Stand) -> Scene:
 @Case.of(
     "water-dt",
     f"{BODIES} TIP3P molecules at 295 K.",
-    (0.2 * FS_PER_PS, 0.5),
-    (5 * FS_PER_PS, 0.25),
+    [0.2 * FS_PER_PS, 0.5],
+    [5 * FS_PER_PS, 0.25],
     criterion=LONGEST.format("Δt", OF_MANY, "0.2 ps", UP_TO),
     bars=ONE,
     few=HEAVY,
 )
-def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
+def water_dt(stand: Stand, length: list[float]) -> Number:
     """Of the length the time, and between two steps tried."""
     steps = np.arange(0.5, 12.1, length[1])
     return halved(stand, water(stand), steps, length[0], OF_MANY, ranks=stand.ranks)
@@ -217,13 +215,13 @@ def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
 @Case.of(
     "peptide-dt",
     "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-    (0.1 * FS_PER_PS, 1.0),
-    (5 * FS_PER_PS, 0.5),
+    [0.1 * FS_PER_PS, 1.0],
+    [5 * FS_PER_PS, 0.5],
     criterion=LONGEST.format("Δt", OF_MANY, "0.1 ps", UP_TO),
     bars=ONE,
     few=HEAVY,
 )
-def peptide_dt(stand: Stand, length: tuple[float, float]) -> Number:
+def peptide_dt(stand: Stand, length: list[float]) -> Number:
     """As `water_dt`."""
     scene, steps = coarse(paper_peptide.scene()), np.arange(0.5, 8.1, length[1])
     return halved(stand, scene, steps, length[0], OF_MANY, ranks=stand.ranks)
@@ -308,7 +306,7 @@ def water_cold(stand: Stand, time: float) -> Number:
     50_000_000,
     criterion="largest of: change of the mean energy from the first tenth to the last, in parts of "
     "the kinetic energy; relative changes of momenta and of distances; each over its bound",
-    bars=EXTREME,
+    bars=EXACT,
     tenth=SLOW,
 )
 def long_dimer(stand: Stand, steps: int) -> Number:
@@ -327,7 +325,10 @@ def long_dimer(stand: Stand, steps: int) -> Number:
     shape = max(np.abs(d / d[0] - 1).max() for d in pairs)
     keys = "energy", "momentum", "angular momentum", "|q|, by the distances"
     told = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
-    return of_parts({"long run": heat, **kept(stand, steps, max(lost), shape)}, ", ".join(told))
+    momenta = criteria.in_a_step(max(lost), steps)
+    asked = stand.integrator.tolerance or criteria.rounding(steps)
+    parts = {"long run": heat, "rounding": momenta, "shape": shape / asked}
+    return of_parts(parts, ", ".join(told))
 
 
 DIMERS = tuple(dimer_dt(mass) for mass in (1.0, 0.1, 0.01))

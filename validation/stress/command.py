@@ -1,8 +1,7 @@
-"""``stability``: its words, and what they run."""
+"""``stress``: its words, and what they run."""
 
 from argparse import Namespace
 from collections.abc import Collection
-from pathlib import Path
 
 from .. import command_line
 
@@ -11,14 +10,14 @@ def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
     parser = command_line.verb(
         verbs,
-        "stability",
+        "stress",
         run,
-        help="where integrators break: time step, heat, cold, odd bodies, contact, ranks, "
-        "long runs",
+        help="what breaks, where: time step, heat, cold, odd bodies, ranks, what users report",
         description="Run cases that some integrator does not bear with fix_nosquish's schemes and "
-        "LAMMPS's own fixes, each judged by a number against a bound. After a Ctrl-C the same "
-        "command goes on; cases run at other times with the same code and lengths are shown too. "
-        "The same command in several processes at once shares the cases among them.",
+        "LAMMPS's own fixes, each judged by a number against a bound; or a script of yours with "
+        "longer steps, in parts and on other ranks. After a Ctrl-C the same command goes on; cases "
+        "that the output folder has from other times are shown too. The same command in several "
+        "processes at once shares the cases among them.",
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )
@@ -38,13 +37,8 @@ def add(verbs: command_line.Verbs) -> None:
         "are as many as the case may have)"
     )
     parser.add_argument("--starts", type=int, metavar="N", help=text)
-    text = (
-        "rows of the atlas in DIR stand in for those that are not in the output folder: they are "
-        "judged by the bounds of today and not run again"
-    )
-    parser.add_argument("--take", type=Path, metavar="DIR", help=text)
     command_line.silence(parser, 300.0)
-    command_line.out(parser, "results/stability", short=True)
+    command_line.out(parser, "results/stress", short=True)
     command_line.own(parser)
     command_line.launch(parser)
 
@@ -63,12 +57,12 @@ def _names() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    scripts = [one for one in arguments.cases if command_line.is_script(one, _cases)]
+    scripts = [word for word in arguments.cases if command_line.is_script(word, _cases)]
     if scripts:
         if len(arguments.cases) > 1:
             arguments.parser.error("a script of your own is tried alone")
         why = "is for the cases, not for a script"
-        command_line.refuse(arguments, ("starts", "take", "full"), why)
+        command_line.refuse(arguments, ("starts", "full"), why)
         return _script(arguments, scripts[0])
     from ..pages import console
     from . import measure, report  # heavy: not for --help
@@ -82,14 +76,14 @@ def run(arguments: Namespace) -> int:
     command_line.chosen_of({name: name for name in _names()}, arguments.only)
     names, full = command_line.chosen(CASES, arguments.cases), arguments.full
     out = command_line.folder(arguments, not full)
-    known = {key: getattr(arguments, key) for key in ("silence", "only", "starts", "take")}
-    with console.Meter(
-        screen, len(measure.plan(CASES, names, full, known["only"])), "rows"
-    ) as meter:
-        summary = measure.stability(CASES, names, out, full, meter=meter, **known)
+    rows = measure.plan(CASES, names, full, arguments.only)
+    how = {key: getattr(arguments, key) for key in ("silence", "only", "starts")}
+    with console.Meter(screen, len(rows), "rows") as meter:
+        summary = measure.stress(CASES, names, out, full, meter=meter, **how)
     report.write(summary, out)
     report.show(screen, summary, out)
-    return command_line.status(summary["interrupted"], summary["summary"][0]["holds"] is False)
+    bad = measure.conclusions(summary["cases"])[0]["holds"] is False
+    return command_line.status(summary["interrupted"], bad)
 
 
 def _script(arguments: Namespace, path: str) -> int:
@@ -97,7 +91,7 @@ def _script(arguments: Namespace, path: str) -> int:
     from ..own import system  # heavy: not for --help
     from ..pages import console
     from ..running import store
-    from . import stress  # heavy: not for --help
+    from . import report, script
 
     ask, out = system.begin(arguments, path)
     with store.alone(out):
@@ -105,11 +99,11 @@ def _script(arguments: Namespace, path: str) -> int:
         system.refuse_ramps(own)
         some = command_line.chosen_of(own.integrators, arguments.only)
         screen = console.console()
-        with console.Meter(screen, len(some) * (len(stress.LONGER) + 4), "runs") as meter:
-            summary = stress.stress(own, some, out, arguments.silence, meter)
-    stress.write(summary, out)
-    stress.show(screen, summary, out)
-    ours = {one.label for one in some if one.kind == "ours"}
-    lost = [one for one in summary["checks"] if one["verdict"] == "does not hold"]
-    bad = any(one["subject"] in ours and one["part"] != "step" for one in lost)
+        with console.Meter(screen, len(some) * script.TOTAL) as meter:
+            summary = script.stress(own, some, out, arguments.silence, meter)
+    report.write_script(summary, out)
+    report.show_script(screen, summary, out)
+    ours = {integrator.label for integrator in some if integrator.kind == "ours"}
+    lost = [check for check in summary["checks"] if check["verdict"] == "does not hold"]
+    bad = any(check["subject"] in ours and check["part"] != "step" for check in lost)
     return command_line.status(summary["interrupted"], bad)

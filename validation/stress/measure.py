@@ -1,24 +1,24 @@
-"""Where integrators break: cases with a number each, run with fix_nosquish's schemes and with
-LAMMPS's rigid and constraint fixes.
+"""What breaks, where: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's
+rigid and constraint fixes.
 
-A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stability`
-runs cases with integrators, row by row.  A row keeps what was measured, from each start; it is
-judged against the bounds of ``criteria`` whenever it is shown.  Several processes may run with the
-same output folder: one alone has a case, and what it saves has the others' rows in it.
+A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stress` runs
+cases with integrators, row by row.  A row keeps what was measured, from each start; it is judged
+against the bounds of ``criteria`` whenever it is shown.  Several processes may run with the same
+output folder: one alone has a case, and the summary of each has the rows of all.
 """
 
-import json
 import shlex
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .. import NAME
-from ..running import machine, run, store, whole
+from ..running import machine, run, whole
 from ..running.run import Meter, Result
+from ..running.store import Store
 from ..scenes import SCENES, Scene
 from ..scenes.integrators import INTEGRATORS, SWEPT, Integrator
 from ..statistics import measures
@@ -29,7 +29,6 @@ from .criteria import Criterion
 
 BROKEN = {"blow-up", "cannot run"}
 SURVIVED = {"pass", "fail", "cannot tell"}
-LOST = {"fail", "blow-up"}
 _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 
 # in the order of the table's columns
@@ -39,12 +38,14 @@ _RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
 _HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
 COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
 COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)}
+ALL = tuple(COMPARED)
 # without those that are much like another
-FEW = tuple(name for name in COMPARED if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
+FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
+EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
 LESS = " (reference 12 and Gear: a tenth of that)"
 # why a number has the error bar that it has, or none
 LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
-EXTREME = (
+EXACT = (
     "none: the largest of all deviations in runs that give the same each time, of which no mean is "
     "taken"
 )
@@ -52,14 +53,21 @@ EXTREME = (
 
 @dataclass(frozen=True)
 class Number:
-    """What a case measures."""
+    """What a case measures.
 
-    value: float  # in the case's unit
-    error: float = 0.0  # its standard error, or how finely it was looked for
-    note: str = ""  # what else there is to say, as which part of the case the number is of
-    freedom: float | None = None  # degrees of freedom of the error; None for many
-    # of a case with several criteria, the number of each, by name; ``value`` is then the largest of
-    # them, each over its bound
+    Attributes:
+        value: in the case's unit.
+        error: its standard error, or how finely it was looked for.
+        note: what else there is to say, as which part of the case the number is of.
+        freedom: degrees of freedom of the error; None for many.
+        parts: of a case with several criteria, the number of each, by name; ``value`` is then the
+            largest of them, each over its bound.
+    """
+
+    value: float
+    error: float = 0.0
+    note: str = ""
+    freedom: float | None = None
     parts: dict[str, float] | None = None
 
     @classmethod
@@ -74,7 +82,7 @@ def of_parts(parts: Mapping[str, float], note: str) -> Number:
     return Number(_largest(parts), note=note, parts=parts)
 
 
-def _largest(parts):
+def _largest(parts: Mapping[str, float]) -> float:
     return float(max(value / criteria.CRITERIA[name].bound for name, value in parts.items()))
 
 
@@ -85,25 +93,25 @@ def the_one(numbers: Sequence[Number]) -> Number:
 
 def mean_of_starts(numbers: Sequence[Number]) -> Number:
     """Their mean, with the error that their scatter tells and how finely each was looked for."""
-    mean = measures.of_few([one.value for one in numbers])
-    looked = float(np.mean([one.error for one in numbers])), None
-    return Number.of(Estimate(mean.value, *measures.combined(mean[1:], looked)), _told(numbers))
+    mean = measures.of_few([number.value for number in numbers])
+    looked = float(np.mean([number.error for number in numbers])), None
+    return Number.of(Estimate(mean.value, *measures.combined(mean[1:], looked)), _notes(numbers))
 
 
 def lowest_of_starts(numbers: Sequence[Number]) -> Number:
     """The lowest, with how finely it was looked for."""
-    return replace(min(numbers, key=lambda one: one.value), note=_told(numbers))
+    return replace(min(numbers, key=lambda number: number.value), note=_notes(numbers))
 
 
 def drift_of_starts(numbers: Sequence[Number]) -> Number:
     """|mean| of rates that may have either sign; the errors are those of the lines."""
-    error = measures.combined(*((one.error / len(numbers), one.freedom) for one in numbers))
-    mean = abs(np.mean([one.value for one in numbers]))
-    return Number.of(Estimate(mean, *error), _told(numbers))
+    parts = ((number.error / len(numbers), number.freedom) for number in numbers)
+    mean = abs(np.mean([number.value for number in numbers]))
+    return Number.of(Estimate(mean, *measures.combined(*parts)), _notes(numbers))
 
 
-def _told(numbers):
-    notes = [one.note for one in numbers if one.note]
+def _notes(numbers: Sequence[Number]) -> str:
+    notes = [number.note for number in numbers if number.note]
     return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
 
 
@@ -117,23 +125,40 @@ class CannotRun(Exception):
 
 @dataclass(frozen=True)
 class Case:
-    """A situation that some integrator does not bear."""
+    """A situation that some integrator does not bear.
 
-    name: str  # on the command line and of its folder
-    physics: str  # what happens, in a sentence
-    criterion: str  # the number, in words
-    bars: str  # what the number's error is, or why there is none
+    Attributes:
+        name: on the command line and of its folder.
+        physics: what happens, in a sentence.
+        criterion: the number, in words.
+        bars: what the number's error is, or why there is none.
+        measure: the number, of a stand and a length.
+        short, full: lengths; what they count is the function's own.
+        compared: names of the integrators that it is run with; and ``few`` with --short.
+        tenth: names of those with a tenth of the length with --full.
+        starts: how many at least and at most, between which a row gets more until its verdict is
+            sure.
+        together: of the starts' numbers, the row's.
+        every: whether all starts have to hold, of which there are to be `ENOUGH_STARTS` to say so.
+        bounds: criteria by name, other than those that name the case.
+        part: `EXTREME` or `REPORTED`.
+    """
+
+    name: str
+    physics: str
+    criterion: str
+    bars: str
     measure: Callable[["Stand", Any], Number]
-    short: Any  # lengths; what they count is the function's own
+    short: Any
     full: Any
-    few: tuple[str, ...] = FEW  # names of the integrators with --short
-    tenth: tuple[str, ...] = ()  # names of those with a tenth of the length with --full
-    # how many at least and at most, between which a row gets more until its verdict is sure
+    compared: tuple[str, ...] = ALL
+    few: tuple[str, ...] = FEW
+    tenth: tuple[str, ...] = ()
     starts: tuple[int, int] = (1, 1)
-    together: Callable[[Sequence[Number]], Number] = the_one  # of the starts, the row's
-    # whether all starts have to hold, of which there are to be `ENOUGH_STARTS` to say so
+    together: Callable[[Sequence[Number]], Number] = the_one
     every: bool = False
-    bounds: dict[str, Criterion] | None = None  # by name, other than those that name the case
+    bounds: dict[str, Criterion] | None = None
+    part: str = EXTREME
 
     @classmethod
     def of(cls, name: str, physics: str, short: Any, full: Any, **more) -> Callable:
@@ -146,50 +171,26 @@ class Case:
         return criteria.of_case(self.name) if self.bounds is None else self.bounds
 
     @property
-    def judged(self) -> list[Criterion]:
-        """The criteria that give the verdict."""
-        return [one for one in self.criteria.values() if not one.inner]
-
-    @property
-    def _bound(self):
+    def bound(self) -> Criterion:
         """Of the number: its criterion's, or that each part is below its own."""
-        return self.judged[0] if len(self.judged) == 1 else criteria.EACH
+        judges = [criterion for criterion in self.criteria.values() if not criterion.inner]
+        return judges[0] if len(judges) == 1 else criteria.EACH
 
     @property
     def inner(self) -> dict[str, float]:
         """Bounds that what is measured follows from."""
-        found = {key: one.bound for key, one in self.criteria.items() if one.inner}
+        found = {name: some.bound for name, some in self.criteria.items() if some.inner}
         return found | {"rounding": criteria.rounding(1)}
 
-    @property
-    def low(self) -> float | None:
-        """The bound from below, or None."""
-        return self._bound.within()[0]
-
-    @property
-    def high(self) -> float | None:
-        """The bound from above, or None."""
-        return self._bound.within()[1]
-
-    @property
-    def unit(self) -> str:
-        """Of the number; empty for a ratio."""
-        return self._bound.unit
-
-    @property
-    def bound(self) -> str:
-        """The bound as text."""
-        return f"≥ {self.low:g}" if self.high is None else f"≤ {self.high:g}"
-
     def length(self, full: bool, integrator: str | None = None) -> Any:
-        """Of a full atlas or of a short one, with an integrator's name."""
+        """Of a full run or of a short one, with an integrator's name."""
         if not full:
             return self.short
         return self.full // 10 if integrator in self.tenth else self.full
 
     def integrators(self, full: bool) -> list[str]:
         """Names of the integrators that it is run with."""
-        return [name for name in COMPARED if full or name in self.few]
+        return [name for name in self.compared if full or name in self.few]
 
     def number(self, numbers: Sequence[Number]) -> Number:
         """The row's `Number`, of its starts'; of one with parts by the bounds of today."""
@@ -208,27 +209,35 @@ class Case:
         """pass, fail, or cannot tell where the interval of the starts' number reaches over the
         bound, or there are too few that hold.  Each of the `looks` is a chance to be sure by
         chance: so intervals are wider, of 95 % for all looks together."""
-        one = self.number(numbers)
+        found = self.number(numbers)
         confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
-        wider = margin(1.0, one.freedom, confidence) / margin(1.0, one.freedom)
-        number = one.value, one.error * wider, *self._bound.within()
-        holds = Check(self.name, "", self.criterion, *number, freedom=one.freedom).holds
+        wider = margin(1.0, found.freedom, confidence) / margin(1.0, found.freedom)
+        number = found.value, found.error * wider, *self.bound.within()
+        holds = Check(self.name, "", self.criterion, *number, freedom=found.freedom).holds
         few = self.every and len(numbers) < criteria.ENOUGH_STARTS
         return _WORDS[None if holds and few else holds]
 
 
 @dataclass
 class Stand:
-    """Where a case is run with one integrator."""
+    """Where a case is run with one integrator.
+
+    Attributes:
+        folder: of this case with this integrator; the case's own files may stand in its parent.
+        silence: s without a sign of life after which a run is given up.
+        ranks: of scenes that are worth more than one.
+        start: which of the starts, from 0, of a case that has several.
+        seconds: that steps have taken.
+    """
 
     case: Case
     integrator: Integrator
-    folder: Path  # of this case with this integrator; the case's own files may stand in its parent
-    silence: float  # s without a sign of life after which a run is given up
+    folder: Path
+    silence: float
     meter: Meter
-    ranks: int = 1  # of scenes that are worth more than one
-    start: int = 0  # which of the starts, from 0, of a case that has several
-    seconds: float = field(default=0.0)  # that steps have taken
+    ranks: int = 1
+    start: int = 0
+    seconds: float = 0.0
 
     def run(self, scene: Scene, label: str, runs: list[int], **how) -> tuple[Result, Path]:
         """As `attempt`, but a `BlowUp`, too, if it broke later or its energy is not finite."""
@@ -265,7 +274,8 @@ class Stand:
             the result, which may have broken after its first line of output, and its folder.
 
         Raises:
-            CannotRun, BlowUp: if it is refused, or broke, before the first step.
+            CannotRun: the integrator does not hold such bodies.
+            BlowUp: it was refused, or broke, before the first step.
             KeyboardInterrupt: after a Ctrl-C.
         """
         integrator = by or self.integrator
@@ -273,49 +283,28 @@ class Stand:
             why = "there is no cluster of bonds and angles that holds these bodies"
             raise CannotRun(f"{integrator.label}: {why}")
         folder = (self.folder / run.folder_name(label)).resolve()
-        more = [line.format(folder=folder) for line in more]
+        lines = [line.replace("{folder}", str(folder)) for line in more]
         origin = machine.origin(scene, integrator, *files)
-        how = {"silence": self.silence, "keeps": "nothing", "origin": origin, "more": more, **how}
+        how = {"silence": self.silence, "keeps": "nothing", "origin": origin, "more": lines, **how}
         job = run.job(scene, integrator, folder, runs, **how)
-        total = sum(runs) + sum(int(line.split()[1]) for line in more if line.startswith("run "))
-
-        def at(step):
-            self.meter.at(min(1.0, step / max(1, total)))
-
-        result = run.once(job, at, failures=True)
-        self.seconds += sum(one.seconds for one in result.timings)
+        total = sum(runs) + sum(int(line.split()[1]) for line in lines if line.startswith("run "))
+        share = 1 / max(1, total)
+        result = run.once(job, lambda step: self.meter.at(min(1.0, step * share)), failures=True)
+        self.seconds += sum(timing.seconds for timing in result.timings)
         if result.interrupted:
             raise KeyboardInterrupt
         if result.error and "Step" not in result.thermo:
-            raise (CannotRun if "ERROR" in result.error else BlowUp)(result.error)
+            raise BlowUp(result.error)
         return result, folder
 
 
 class Rows:
-    """All rows of an output folder, by names of case and integrator; rows of another atlas in the
-    folder ``take`` stand in for those that are not there."""
+    """All rows of an output folder, by names of case and integrator."""
 
-    def __init__(
-        self, cases: Mapping[str, Case], out: Path, full: bool, take: Path | None = None
-    ) -> None:
+    def __init__(self, cases: Mapping[str, Case], out: Path, full: bool) -> None:
         self.cases, self.out, self.full = cases, out, full
-        self.store = store.Store(out / "rows", "stability.cases")
+        self.store = Store(out / "rows", "stress.cases")
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
-        self.taken = self._of(take) if take else {}
-
-    def _of(self, folder):
-        """Rows of another atlas's summary, without those of other lengths or inner bounds."""
-        found, summary = {}, whole.read(folder / "summary.json")
-        if summary is None:
-            raise SystemExit(f"{folder} has no summary.json of the verb stability")
-        for told in summary["cases"]:
-            if (case := self.cases.get(told["name"])) is None:
-                continue
-            for row in told["rows"]:
-                length = json.loads(json.dumps(case.length(self.full, row["integrator"])))
-                if row["inner"] == case.inner and row["length"] == length:
-                    found[case.name, row["integrator"]] = row
-        return found
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:
         """A row's name in the store and its origin: code, length and inner bounds."""
@@ -324,32 +313,53 @@ class Rows:
         return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
 
     def kept(self, case: str, integrator: str) -> dict | None:
-        """The row that is in this folder, or None."""
+        """The row that was measured with this code, or None."""
         found = self.store.kept(*self.place(case, integrator))
         return found and found["record"]
 
-    def all(self) -> dict[tuple[str, str], dict]:
-        """Those that are here or stand in, and have the least number of starts."""
-        both = ((case, name) for case in self.cases for name in COMPARED)
-        rows = {key: self.kept(*key) or self.taken.get(key) for key in both}
-        return {
-            (case, name): row
-            for (case, name), row in rows.items()
-            if row and (row["ended"] or len(row["numbers"]) >= self.cases[case].starts[0])
-        }
+    def keep(self, case: str, row: dict) -> None:
+        """Keep a row, as far as it is known."""
+        place = self.place(case, row["integrator"])
+        self.store.keep(*place, row, _enough(self.cases[case], row))
 
-    def save(self, summary: dict, row: dict | None = None, case: str = "") -> None:
-        """Keep a row, if one is given, and write the summary of all that there are, other
-        processes' too."""
-        with self.store.locked("summary"):
-            if row:
-                place = self.place(case, row["integrator"])
-                self.store.keep(*place, row, _enough(self.cases[case], row))
-            _fill(summary, self.cases, self.all())
-            whole.write(self.out / "summary.json", summary)
+    def summary(self) -> dict:
+        """What all rows of the folder say, other processes' too.  A row that this code has not
+        measured is that of the folder's summary.json, if there it has the same length and inner
+        bounds: each row says with what it was measured."""
+        told = whole.read(self.out / "summary.json") or {"cases": []}
+        before = {(case["name"], row["integrator"]): row
+                  for case in told["cases"] for row in case["rows"]}  # fmt: skip
+        found = []
+        for case in self.cases.values():
+            rows = [self.kept(case.name, name) or before.get((case.name, name)) for name in ALL]
+            shown = [judged(case, row) for row in rows if row and self._is_of(case, row)]
+            if shown:
+                found.append(_plain(case, self.full) | {"rows": shown})
+        named = [case["name"] for case in found if len(found) < len(self.cases)]
+        words = ["stress", *named, "--full" if self.full else "--short"]
+        command = shlex.join(["python", "-m", NAME, *words])
+        return {"full": self.full, "cases": found, "command": command}
+
+    def _is_of(self, case: Case, row: dict) -> bool:
+        """Whether a row has this length, these inner bounds, and the least number of starts."""
+        if not (row["ended"] or len(row["numbers"]) >= case.starts[0]):
+            return False
+        same = row["length"], row["inner"]
+        return same == (case.length(self.full, row["integrator"]), case.inner)
 
 
-def stability(
+def _plain(case: Case, full: bool) -> dict:
+    """A case without its rows, as plain data."""
+    low, high = case.bound.within()
+    sign, value = ("≥", low) if high is None else ("≤", high)
+    words = {key: getattr(case, key) for key in ("name", "part", "physics", "criterion", "bars")}
+    bounds = [{"quantity": some.quantity, "text": some.text()} for some in case.criteria.values()]
+    numbers = {"bound": f"{sign} {value:g}", "low": low, "high": high, "unit": case.bound.unit}
+    runs = {"length": case.length(full), "integrators": case.integrators(full)}
+    return words | numbers | runs | {"criteria": bounds}
+
+
+def stress(
     cases: Mapping[str, Case],
     names: Collection[str],
     out: Path,
@@ -358,7 +368,6 @@ def stability(
     meter: Meter,
     only: Collection[str] | None = None,
     starts: int | None = None,
-    take: Path | None = None,
 ) -> dict:
     """Run what is not there yet; another process may run other cases into the same folder
     meanwhile.
@@ -369,36 +378,35 @@ def stability(
         silence: s without a sign of life after which a run is given up.
         only: names of integrators; None for all that the cases name.
         starts: how many at least, of cases that have several; None for as many as each needs.
-        take: see `Rows`; what is taken is judged anew and not run.
 
     Returns:
-        plain data: ``cases``, each with its ``rows``; ``summary``, see `told`; circumstances.
+        plain data: ``cases``, each with its ``rows``; circumstances.
     """
-    summary = machine.circumstances() | {"interrupted": False, "full": full, "cases": []}
-    rows = Rows(cases, out, full, take)
+    interrupted, circumstances = False, machine.circumstances()
+    rows = Rows(cases, out, full)
     try:
         for case in rows.store.shared(names):
             for _, name in plan(cases, [case], full, only):
                 meter.begin(f"{case}, {COMPARED[name].label}", 1)
-                known, ended = rows.kept(case, name), None
-                if known or (case, name) not in rows.taken:
-                    stand = Stand(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
-                    for row in grown(stand, name, full, known, starts):
-                        rows.save(summary, row, case)
-                        ended = row["ended"] and row["ended"][1]
+                stand = Stand(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
+                ended = None
+                for row in grown(stand, name, full, rows.kept(case, name), starts):
+                    rows.keep(case, row)
+                    ended = row["ended"] and row["ended"][1]
                 meter.end(ended)
     except KeyboardInterrupt:
-        summary["interrupted"] = True
-    rows.save(summary)
-    return summary
+        interrupted = True
+    return circumstances | {"interrupted": interrupted} | rows.summary()
 
 
 def plan(
     cases: Mapping[str, Case], names: Iterable[str], full: bool, only: Collection[str] | None = None
 ) -> list[tuple[str, str]]:
     """(case, integrator), names, in the order in which they run."""
-    wanted = {name: only or cases[name].integrators(full) for name in names}
-    return [(name, one) for name, those in wanted.items() for one in COMPARED if one in those]
+    planned = (
+        (case, name) for case in names for name in cases[case].integrators(full or bool(only))
+    )
+    return [(case, name) for case, name in planned if not only or name in only]
 
 
 def grown(
@@ -411,7 +419,7 @@ def grown(
     stand.ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
     stand.folder /= run.folder_name(name)
     stand.folder.mkdir(parents=True, exist_ok=True)
-    words = ["stability", case.name, "--only", name, "--full" if full else "--short"]
+    words = ["stress", case.name, "--only", name, "--full" if full else "--short"]
     row = row or {
         "integrator": name,
         "label": stand.integrator.label,
@@ -431,7 +439,7 @@ def grown(
         yield row
 
 
-def _enough(case, row, starts=None):
+def _enough(case: Case, row: dict, starts: int | None = None) -> bool:
     """Whether a row needs no more starts: what is asked for, or at one of the looks a verdict that
     is sure."""
     count, (least, most) = len(row["numbers"]), case.starts
@@ -439,10 +447,10 @@ def _enough(case, row, starts=None):
         return True
     if starts:
         return count >= max(least, starts)
-    return count in case.looks and verdict(case, row) != "cannot tell"
+    return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
 
 
-def _measured(stand, length, before):
+def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
     """What one start more adds to a row."""
     try:
         with np.errstate(all="ignore"):  # what breaks, overflows: the number tells
@@ -460,68 +468,40 @@ def _measured(stand, length, before):
         return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
 
 
-def _numbers(row):
-    return [Number(**one) for one in row["numbers"]]
-
-
-def verdict(case: Case, row: dict) -> str:
-    """A row's verdict, by the bounds of today."""
-    return row["ended"][0] if row["ended"] else case.verdict(_numbers(row))
-
-
 def judged(case: Case, row: dict) -> dict:
     """A row with its number, verdict and note, by the bounds of today."""
-    number = None if row["ended"] else case.number(_numbers(row))
-    note = number.note if number else row["ended"][1]
-    found = {key: number and getattr(number, key) for key in ("value", "error", "freedom")}
-    return row | found | {"verdict": verdict(case, row), "note": note}
+    if row["ended"]:
+        verdict, note = row["ended"]
+        found = {"value": None, "error": None, "freedom": None, "note": note}
+        return row | found | {"verdict": verdict}
+    numbers = [Number(**plain) for plain in row["numbers"]]
+    number = asdict(case.number(numbers))
+    found = {key: number[key] for key in ("value", "error", "freedom", "note")}
+    return row | found | {"verdict": case.verdict(numbers)}
 
 
-def _fill(summary, cases, rows):
-    """Put the rows into the summary, and what they say."""
-    full, summary["cases"] = summary["full"], []
-    for case in cases.values():
-        mine = [judged(case, rows[case.name, one]) for one in COMPARED if (case.name, one) in rows]
-        if not mine:
-            continue
-        shown = ("name", "physics", "criterion", "bound", "low", "high", "unit", "bars")
-        found = {key: getattr(case, key) for key in shown}
-        found |= {"length": case.length(full), "integrators": case.integrators(full)}
-        bounds = [{"quantity": one.quantity, "text": one.text()} for one in case.criteria.values()]
-        summary["cases"].append(found | {"criteria": bounds, "rows": mine})
-    summary["summary"] = told(summary["cases"])
-    named = [case["name"] for case in summary["cases"]]
-    words = [*(named if len(named) < len(cases) else []), "--full" if full else "--short"]
-    summary["command"] = shlex.join(["python", "-m", NAME, "stability", *words])
-
-
-def told(cases: Sequence[dict]) -> list[dict]:
+def conclusions(cases: Sequence[dict]) -> list[dict]:
     """What all rows together say: dictionaries of ``what``, ``holds`` (None: cannot tell, as ours
-    has not run) and ``where``, names of cases; of these, plain data, count ``rows`` and
-    ``integrators``, the names of those that each is to be run with."""
-    found, ours, theirs, lost = {}, {}, {}, {}
+    has not run) and ``where``, names of cases."""
+    ours: dict[str, str] = {}
+    theirs: dict[str, set[str]] = {}
     for case in cases:
-        name, rows = case["name"], case["rows"]
-        found[name] = {row["integrator"]: row["verdict"] for row in rows}
-        kinds = ("rigid", "constraints")
-        theirs[name] = {row["verdict"] for row in rows if row["kind"] in kinds}
-        if "nosquish" in found[name]:
-            ours[name] = found[name]["nosquish"]
-        if set(case["integrators"]) <= set(found[name]):
-            lost[name] = {one for one, verdict in found[name].items() if verdict in LOST}
-
-    def line(what, where, unknown=()):
-        holds = not where and (None if unknown else True)
-        return {"what": what, "holds": holds, "where": where or list(unknown)}
-
-    unknown = [name for name in found if name not in ours]
-    worse = [name for name, one in ours.items() if one in BROKEN and theirs[name] & SURVIVED]
-    behind = [name for name, one in ours.items() if one != "pass" and "pass" in theirs[name]]
-    blunt = [name for name, by in lost.items() if not by]
-    old = [name for name, by in lost.items() if by == {"gear"}]
+        name = case["name"]
+        theirs[name] = {row["verdict"] for row in case["rows"] if row["kind"] != "ours"}
+        for row in case["rows"]:
+            if row["integrator"] == "nosquish":
+                ours[name] = row["verdict"]
+    unknown = [name for name in theirs if name not in ours]
+    found = {
+        "Ours has no blow-up that any LAMMPS fix survives": [
+            name for name, verdict in ours.items() if verdict in BROKEN and theirs[name] & SURVIVED
+        ],
+        "Ours passes what any LAMMPS fix passes": [
+            name for name, verdict in ours.items() if verdict != "pass" and "pass" in theirs[name]
+        ],
+    }
     return [
-        line("Ours has no blow-up that any LAMMPS fix survives", worse, unknown),
-        line("Ours passes what any LAMMPS fix passes", behind, unknown),
-        line("Each case has an integrator that fails or breaks", blunt),
-        line("Each case has one that fails or breaks beside Gear", blunt + old),
-    ]
+        {"what": what, "holds": False if where else None if unknown else True,
+         "where": where or unknown}
+        for what, where in found.items()
+    ]  # fmt: skip
