@@ -146,10 +146,6 @@ def take(
         except Unclear as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
         those, reference, more = schemes.schemes(found, said["units"])
-        if not any(one.kind == "ours" for one in those):
-            more.append(
-                "None of ours: atoms that shake holds cannot share a box with our barostat."
-            )
         scene, late = _scene(ask, folder, said, atoms, found)
         if found.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, ranks, silence)
