@@ -102,7 +102,7 @@ QUICK = {
         test_store.py::test_origin_is_all_that_counts
         test_store.py::test_what_only_shows_drops_nothing
         test_data_file.py::test_lammps_reads_what_was_meant
-        test_bench.py::test_ratios_are_of_one_round
+        test_cost.py::test_ratios_are_of_one_round
         test_theory.py::test_exact_top_obeys_the_equations_of_motion
         test_theory.py::test_the_theory_holds[symplectic]
         test_stability.py::test_verdicts

@@ -79,7 +79,7 @@ def test_commands_are_found():
         "stability butter",
         "stability --only butter",
         "theory butter",
-        "bench butter",
+        "cost butter",
         "compare butter",
     ],
 )
@@ -97,9 +97,9 @@ def test_names_of_a_scripts_integrators_are_taken_wherever_they_stand():
     """Locks out labels of a script's table that are refused because no scene has them, and a
     scene's unknown name that passes for one."""
     for words in 'my.in --only "shake 1e-4 + nvt"', '--only "shake 1e-4 + nvt" --ranks 1 my.in':
-        assert refused(f"compare {words}") is refused(f"bench {words}") is None
+        assert refused(f"compare {words}") is refused(f"cost {words}") is None
     assert refused("advise my.in --only rigid/nvt") is None
-    assert refused("compare --only butter --ranks 1 water") and refused("bench --only shake yours")
+    assert refused("compare --only butter --ranks 1 water") and refused("cost --only shake yours")
 
 
 @pytest.mark.parametrize(

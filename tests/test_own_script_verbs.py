@@ -52,7 +52,7 @@ def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
     assert "unrecognized arguments" in told and "--dt FS,FS" in told
 
 
-@pytest.mark.parametrize("verb", ["compare", "bench", "check", "stability"])
+@pytest.mark.parametrize("verb", ["compare", "cost", "check", "stability"])
 def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
     """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
     with other options they would do the same runs in the same places."""
@@ -103,7 +103,7 @@ def test_what_breaks_on_a_script(tmp_path):
 
 
 @pytest.mark.timeout(600)
-def test_compare_and_bench_of_a_script(tmp_path, capsys):
+def test_compare_and_cost_of_a_script(tmp_path, capsys):
     """Locks out a verb that ends with a script: both write their page and numbers."""
     path = str(scripts.polymer(tmp_path))
     out = tmp_path / "compare"
@@ -117,9 +117,9 @@ def test_compare_and_bench_of_a_script(tmp_path, capsys):
     assert judged == {"rigid/nvt/small": False, "nosquish": True}
     page = (out / "report.html").read_text()
     assert "ε" in page and "pair_modify shift yes" in page
-    out = tmp_path / "bench"
+    out = tmp_path / "cost"
     words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02", *words[-3:]]
-    assert main(["bench", path, "--short", "--out", str(out), *words]) == 0
+    assert main(["cost", path, "--short", "--out", str(out), *words]) == 0
     (point,) = json.loads((out / "summary.json").read_text())["points"]
     assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
 
@@ -441,8 +441,8 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
 @pytest.mark.parametrize(
     "words",
     [
-        "sweep water", "stability gradient", "compare water", "sampling water", "bench water",
-        "ensembles", "long", "paper", "published", "scaling", "theory",
+        "sweep water", "stability gradient", "compare water", "sampling water", "cost water",
+        "ensembles", "long", "paper", "published", "theory",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -461,8 +461,8 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
 @pytest.mark.parametrize(
     "words",
     [
-        "sweep water", "stability gradient", "compare water", "sampling water", "bench water",
-        "ensembles", "long", "paper", "published", "scaling", "theory", "breaks", "report",
+        "sweep water", "stability gradient", "compare water", "sampling water", "cost water",
+        "ensembles", "long", "paper", "published", "theory", "breaks", "report",
         "check my.in", "bodies my.in", "advise my.in",
     ],
 )  # fmt: skip
@@ -495,17 +495,15 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = (
-    "theory published scaling report ensembles paper engines sweep bench sampling stability"
-)
+SCENES_ONLY = "theory published report ensembles paper engines sweep cost sampling stability"
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        *("theory", "published", "scaling", "report", "ensembles", "paper", "engines"),
-        *("sweep", "bench", "sampling", "stability"),
-        *("compare water", "bench start", "sweep water", "sampling water", "advise water"),
+        *("theory", "published", "report", "ensembles", "paper", "engines"),
+        *("sweep", "cost", "sampling", "stability"),
+        *("compare water", "cost start", "sweep water", "sampling water", "advise water"),
         *("stability needles", "advise nothing"),
     ],
 )
@@ -536,7 +534,7 @@ def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
         ("sweep dimer --target drift=1", "--target is for a script"),
         ("compare water --group all", "--group is for a script"),
         ("stability needles -var a 1", "-var is for a script"),
-        ("bench water --run 2", "--run is for a script"),
+        ("cost water --run 2", "--run is for a script"),
         ("sweep in.own --short", "--short is for scenes"),
         ("stability in.own --starts 0", "--starts is for the cases"),
     ],

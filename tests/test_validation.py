@@ -29,14 +29,12 @@ from matplotlib.figure import Figure
 from rich.console import Console
 
 from validation import RESULTS
-from validation.bench import report as bench_report
 from validation.compare import figures, report
 from validation.compare import measure as compare
 from validation.pages import figures as page_figures
 from validation.pages import report as skeleton
 from validation.pages import tables
 from validation.running import lammps_log, run
-from validation.scaling import report as scaling_report
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
@@ -216,9 +214,7 @@ def test_figures_of_an_earlier_command(tmp_path):
 @pytest.mark.parametrize(
     "verb, write",
     [
-        ("bench", lambda summary, out: bench_report.write(summary, [], out)),
         ("compare-water", lambda summary, out: report.write(summary, {}, out)),
-        ("scaling", scaling_report.write),
     ],
 )
 def test_tables_of_committed_summaries(verb, write, tmp_path):

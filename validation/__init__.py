@@ -19,8 +19,7 @@ long one is in ``section``) and ``command`` (its words, and its entry):
 
     compare       the same start with every integrator: accuracy and cost
     long          one free body for very many steps
-    bench         what a step, a start and memory cost; goals, passes
-    scaling       what ranks send each other, counted, and a model
+    cost          what a step, a start, memory and messages cost; goals, passes
     paper         the paper's test problems again
     published     the energy's spread in water beside published numbers
     ensembles     what long steps sample at constant temperature and pressure

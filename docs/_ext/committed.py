@@ -271,7 +271,7 @@ def breaks():
     )
 
 
-# ---- cost: bench, scaling
+# ---- cost
 
 RIVALS = "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
 SCENES = {
@@ -286,7 +286,7 @@ SCENES = {
 def _bench():
     """From scene, bodies and ranks to its rows by integrator."""
     found = defaultdict(dict)
-    for row in rows("bench"):
+    for row in rows("cost"):
         if row["status"] == "ok":
             found[row["scene"], int(row["bodies"]), int(row["ranks"])][row["integrator"]] = row
     return found
@@ -324,7 +324,7 @@ def _goals():
     """The benchmark's goals; starts were measured by themselves, after the rest."""
     measured = {
         (row["where"], row["what"]): row
-        for verb in ("bench", "start")
+        for verb in ("cost", "cost-start")
         for row in rows(verb, "goals")
         if row["median"]
     }
@@ -342,7 +342,7 @@ def goals():
 
 def passes():
     body = []
-    for row in rows("bench", "passes"):
+    for row in rows("cost", "passes"):
         ends = (float(row[f"cost {word} (µs/step)"]) for word in ("median", "min", "max"))
         median, low, high = (sign(f"{value:.0f}") for value in ends)
         body.append([row["pass"], row["when"], row["scene"], median, f"{low} to {high}"])
@@ -351,7 +351,7 @@ def passes():
 
 def starts():
     body = []
-    for row in summary("start")["starts"]:
+    for row in summary("cost-start")["starts"]:
         first, later = (row[word]["wall"]["median"] for word in ("first", "later_added"))
         body.append([row["ranks"], f"{first:.1f}", f"{later:.2f}"])
     return markdown(["ranks", "first use, s", "later starts, s more than LAMMPS alone"], body)
@@ -368,7 +368,7 @@ def messages():
             f"{float(row['collectives']):.1f}",
             f"{float(row['collective_bytes']):,.0f}",
         ]
-        for row in rows("scaling", "counts")
+        for row in rows("cost-messages", "counts")
         if int(row["ranks"]) > 1
     ]
     head = "cut in", "ranks", "fix", "messages", "bytes"
@@ -377,7 +377,7 @@ def messages():
 
 def model():
     found = defaultdict(dict)
-    for row in rows("scaling", "model"):
+    for row in rows("cost-messages", "model"):
         if row["link"].startswith("between nodes"):
             fix = code(row["integrator"].replace("nosquish", OURS))
             found[row["decomposition"], fix][int(row["ranks"])] = 1e6 * float(row["seconds"])

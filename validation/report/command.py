@@ -15,8 +15,8 @@ def add(verbs: command_line.Verbs) -> None:
         help="all results on one page, to mail",
         description="Gather what the other verbs have left into one self-contained HTML page: what "
         "is best for which scene, what breaks where, what it costs. It takes sweep, stability, "
-        "breaks, bench, theory, paper, published, ensembles, sampling, engines, compare, long and "
-        "scaling. Results that are not in the folder are taken from those committed in "
+        "breaks, theory, paper, published, ensembles, sampling, engines, compare and "
+        "long. Results that are not in the folder are taken from those committed in "
         "validation/results.",
         epilog="Exit status: 0 if the page is written, 130 after a Ctrl-C in the runs of --short, "
         "which writes the page of what there is.",

@@ -7,7 +7,6 @@ of the summaries.
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from ..bench import report as bench
 from ..breaks import report as breaks
 from ..compare import report as compare
 from ..engines import report as engines
@@ -17,7 +16,6 @@ from ..pages.said import Said
 from ..paper import report as paper
 from ..published import report as published
 from ..sampling import report as sampling
-from ..scaling import report as scaling
 from ..stability import section as stability
 from ..sweep import section as sweep
 from ..theory import report as theory
@@ -40,7 +38,6 @@ PARTS = (
     Part("sweep", "What to use", "sweep", sweep.say),
     Part("stability", "What breaks where", "stability", stability.say),
     Part("breaks", "What breaks others", "breaks", breaks.say),
-    Part("bench", "What it costs", "bench", bench.say),
     Part("theory", "Whether the theory holds", "theory", theory.say),
     Part("paper", "The paper's test problems again", "paper --full", paper.say),
     Part(
@@ -64,5 +61,4 @@ PARTS = (
     Part("engines", "Averages in other engines", "engines --full", engines.say),
     Part("compare-*", "The same start with all fixes", "compare water", compare.say),
     Part("long-run", "A free body for very many steps", "long", long.say),
-    Part("scaling", "What ranks send each other", "scaling", scaling.say),
 )
