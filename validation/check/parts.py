@@ -106,9 +106,10 @@ def alike(
     atoms: Atoms, body: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
 ) -> tuple[np.ndarray, float]:
     """Places of all atoms when each body has the mean shape of its kind; and the largest distance
-    that an atom moved.  Bodies of the same types, in order of ID, are a kind."""
+    that an atom moved.  Bodies of the same types are a kind; of a type, atoms stand for each other
+    in order of ID."""
     moved = np.zeros_like(atoms["x"], dtype=float)
-    order = np.argsort(body, kind="stable")
+    order = np.lexsort((atoms["type"], body))  # stable
     kinds: dict[tuple, list[np.ndarray]] = {}
     for own in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
         if body[own[0]]:

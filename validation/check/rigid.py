@@ -25,6 +25,15 @@ OTHERS = "own_others"  # atoms in no body that the bodies' fix does not move
 STYLE = f"custom v_{BODY}"
 CHAINS = "nvt", "npt"  # fixes whose thermostats are chains
 PLACES = "x y z ix iy iz"
+FAR = 0.5  # Å: parts of a kind in which atoms differ by more have no mean shape
+ALIKE = (
+    "read_dump gives all parts of a kind their mean shape: for this an atom moves by {:.3g} Å at "
+    "most. Without that line each part keeps its own shape."
+)
+DIFFER = (
+    f"Each part keeps its own shape: parts of a kind differ by more than {FAR:g} Å, in shape or in "
+    "the order of their atoms."
+)
 
 
 def written(
@@ -62,19 +71,19 @@ def written(
     for file, text in files.items():
         file.write_text(text)
     of_bodies, shapes = (_named(file, Path(ask.script).parent) for file in files)
+    read = f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native"
     lines = [
         f"variable {BODY} atomfile {of_bodies}",
         f"variable own_inside atom v_{BODY}>0",
         f"group {GROUP} variable own_inside",
-        f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native",
+        *([read] if moved <= FAR else []),
         *_moving(found, said, known),
     ]
     gone = dict(zip(found.ids, found.lines))
     told = [
         f"{schemes.place(gone)}:",
         *(f"    {line}" for line in lines),
-        "read_dump gives all parts of a kind their mean shape: for this an atom moves by "
-        f"{moved:.3g} Å at most. Without that line each part keeps its own shape.",
+        ALIKE.format(moved) if moved <= FAR else DIFFER,
         *schemes.naming(gone, said["commands"], lines),
     ]
     if found.dropped:
