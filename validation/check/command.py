@@ -35,6 +35,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    from .. import pages
     from ..own import system
     from ..pages import console
     from ..running import store
@@ -52,7 +53,8 @@ def run(arguments: Namespace) -> int:
         screen = console.console()
         with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:
             summary = measure.check(own, out, arguments.ranks, arguments.silence, meter)
-    report.write(summary, out)
-    report.show(screen, summary, out)
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
     lost = any(found["verdict"] == "does not hold" for found in summary["checks"])
     return command_line.status(summary["interrupted"], lost)

@@ -2,6 +2,8 @@
 
 from argparse import Namespace
 from collections.abc import Collection
+from pathlib import Path
+from typing import Any
 
 from .. import command_line
 
@@ -57,13 +59,7 @@ def _names() -> Collection[str]:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    scripts = [word for word in arguments.cases if command_line.is_script(word, _cases)]
-    if scripts:
-        if len(arguments.cases) > 1:
-            arguments.parser.error("a script of your own is tried alone")
-        why = "is for the cases, not for a script"
-        command_line.refuse(arguments, ("starts", "full"), why)
-        return _script(arguments, scripts[0])
+    from .. import pages
     from ..pages import console
     from . import measure, report  # heavy: not for --help
     from .cases import CASES
@@ -72,38 +68,44 @@ def run(arguments: Namespace) -> int:
     if arguments.list:
         report.list_cases(screen, CASES)
         return 0
-    command_line.need_scenes()
-    command_line.chosen_of({name: name for name in _names()}, arguments.only)
-    names, full = command_line.chosen(CASES, arguments.cases), arguments.full
-    out = command_line.folder(arguments, not full)
-    rows = measure.plan(CASES, names, full, arguments.only)
-    how = {key: getattr(arguments, key) for key in ("silence", "only", "starts")}
-    with console.Meter(screen, len(rows), "rows") as meter:
-        summary = measure.stress(CASES, names, out, full, meter=meter, **how)
-    report.write(summary, out)
-    report.show(screen, summary, out)
-    bad = measure.conclusions(summary["cases"])[0]["holds"] is False
+    scripts = [word for word in arguments.cases if command_line.is_script(word, _cases)]
+    if scripts:
+        summary, out, bad = _script(arguments, scripts[0], screen)
+    else:
+        command_line.need_scenes()
+        command_line.chosen_of({name: name for name in _names()}, arguments.only)
+        names, full = command_line.chosen(CASES, arguments.cases), arguments.full
+        out = command_line.folder(arguments, not full)
+        rows = measure.plan(CASES, names, full, arguments.only)
+        how = {key: getattr(arguments, key) for key in ("silence", "only", "starts")}
+        with console.Meter(screen, len(rows), "rows") as meter:
+            summary = measure.stress(CASES, names, out, full, meter=meter, **how)
+        bad = measure.conclusions(summary["cases"])[0]["holds"] is False
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
     return command_line.status(summary["interrupted"], bad)
 
 
-def _script(arguments: Namespace, path: str) -> int:
-    """What breaks on a script of one's own; the exit status."""
+def _script(arguments: Namespace, path: str, screen: Any) -> tuple[dict, Path, bool]:
+    """Try a user's script: the summary, its folder, and whether ours breaks other than by a longer
+    step."""
     from ..own import system  # heavy: not for --help
     from ..pages import console
     from ..running import store
-    from . import report, script
+    from . import script
 
+    if len(arguments.cases) > 1:
+        arguments.parser.error("a script of your own is tried alone")
+    command_line.refuse(arguments, ("starts", "full"), "is for the cases, not for a script")
     ask, out = system.begin(arguments, path)
     with store.alone(out):
         own = system.take(ask, out, 1, arguments.silence)
         system.refuse_ramps(own)
         some = command_line.chosen_of(own.integrators, arguments.only)
-        screen = console.console()
         with console.Meter(screen, len(some) * script.TOTAL) as meter:
             summary = script.stress(own, some, out, arguments.silence, meter)
-    report.write_script(summary, out)
-    report.show_script(screen, summary, out)
     ours = {integrator.label for integrator in some if integrator.kind == "ours"}
     lost = [check for check in summary["checks"] if check["verdict"] == "does not hold"]
     bad = any(check["subject"] in ours and check["part"] != "step" for check in lost)
-    return command_line.status(summary["interrupted"], bad)
+    return summary, out, bad

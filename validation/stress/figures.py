@@ -1,47 +1,68 @@
-"""The figure of the stability atlas."""
+"""The figure of `stress`."""
+
+from collections.abc import Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from ..pages.figures import INK, Drawn
+from ..pages.figures import INK, message
 from ..statistics.estimate import SURE, Estimate
-from .measure import COMPARED
+from .measure import ALL
 
 # colours that differ in lightness too, and a sign each
 LOOKS = {
-    "pass": ("#3b7dbf", "", "blue"),
-    "fail": ("#e69f00", "✗", "yellow"),
-    "blow-up": ("#1a1a1a", "✸", "red"),
-    "cannot tell": ("#c9b8d6", "?", "magenta"),
-    "cannot run": ("#f2f2f2", "–", "bright_black"),
+    "pass": ("#a9c8e8", ""),
+    "fail": ("#e69f00", "✗"),
+    "blow-up": ("#1a1a1a", "✸"),
+    "cannot tell": ("#d9cde2", "?"),
+    "cannot run": ("#f2f2f2", "–"),
 }
-SHADES = 6.0  # decades from the bound at which a colour is full
 NARROW = {"fix_nosquish.NVE": "ours\n(NVE)"}
 READ = (
     f"Each case's number against its bound (at the left): a longest step with its {SURE} margin; "
     "else number and margin together, which is what is judged, with < where the number is below "
-    "its margin; the paler the nearer to the bound. ✗ fails, ? cannot tell, ✸ breaks (not finite, "
-    "atoms lost, crash or hang), – cannot be run; empty: not run. Where each number's error comes "
-    "from, or why it has none, is told case by case."
+    "its margin. ✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or hang), – "
+    "cannot be run; empty: not run. Where each number's error comes from, or why it has none, is "
+    "told case by case."
 )
 
 
-def columns(summary: dict) -> dict[str, str]:
-    """Names and labels of the integrators that have rows."""
-    found = {row["integrator"]: row["label"] for case in summary["cases"] for row in case["rows"]}
-    return {name: found[name] for name in COMPARED if name in found}
-
-
-def by_integrator(case: dict) -> dict[str, dict]:
-    """A case's rows."""
-    return {row["integrator"]: row for row in case["rows"]}
-
-
-def signed(row: dict, text: str) -> str:
-    """The sign of a row's verdict, and a text."""
-    return f"{LOOKS[row['verdict']][1]} {text}".strip()
+def matrix(cases: Sequence[dict]) -> Figure | None:
+    """Cases by integrators, coloured by verdict, each with its number."""
+    found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    shown = [name for name in ALL if name in found]
+    if not shown:
+        return None
+    size = max(7.0, 2.6 + 0.92 * len(shown)), 2.0 + 0.42 * len(cases)
+    figure, axis = plt.subplots(figsize=size, layout="constrained")
+    image = np.ones((len(cases), len(shown), 3))
+    for y, case in enumerate(cases):
+        for row in case["rows"]:
+            x, (colour, sign) = shown.index(row["integrator"]), LOOKS[row["verdict"]]
+            image[y, x] = to_rgb(colour)
+            ink = "white" if image[y, x].mean() < 0.5 else INK
+            text = f"{sign} {tile(case, row)}".strip()
+            axis.text(x, y, text, ha="center", va="center", color=ink, fontsize=8.5)
+    axis.imshow(image, aspect="auto")
+    names = [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases]
+    axis.set_xticks(range(len(shown)), [narrow(found[name]) for name in shown])
+    axis.set_yticks(range(len(cases)), names)
+    axis.xaxis.tick_top()
+    axis.tick_params(length=0)
+    axis.spines[:].set_visible(False)
+    for edge in np.arange(max(image.shape[:2])) + 0.5:
+        axis.axvline(edge, color="white", lw=2)
+        axis.axhline(edge, color="white", lw=2)
+    axis.set(xlim=(-0.5, len(shown) - 0.5), ylim=(len(cases) - 0.5, -0.5))
+    patches = [Patch(facecolor=colour, edgecolor=INK, lw=0.5, label=f"{name} {sign}".strip())
+               for name, (colour, sign) in LOOKS.items()]  # fmt: skip
+    place = {"loc": "upper left", "bbox_to_anchor": (0, -0.01), "ncols": len(LOOKS)}
+    axis.legend(handles=patches, frameon=False, **place)
+    message(figure, "Which integrator bears what")
+    return figure
 
 
 def narrow(label: str) -> str:
@@ -50,68 +71,17 @@ def narrow(label: str) -> str:
     return NARROW.get(label, short)
 
 
-def matrix(summary: dict) -> Drawn:
-    """Cases by integrators, coloured by verdict, each with its number."""
-    shown, cases = columns(summary), summary["cases"]
-    if not cases:
-        return None
-    size = max(7.0, 2.6 + 0.92 * len(shown)), 2.0 + 0.42 * len(cases)
-    figure, axis = plt.subplots(figsize=size, layout="constrained")
-    image = np.ones((len(cases), len(shown), 3))
-    for y, case in enumerate(cases):
-        rows = by_integrator(case)
-        for x, name in enumerate(shown):
-            if name in rows:
-                image[y, x], ink, text = _tile(case, rows[name])
-                axis.text(x, y, text, ha="center", va="center", color=ink, fontsize=8.5)
-    axis.imshow(image, aspect="auto")
-    names = [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases]
-    axis.set_xticks(range(len(shown)), [narrow(label) for label in shown.values()])
-    axis.set_yticks(range(len(cases)), names)
-    axis.xaxis.tick_top()
-    axis.set_xticks(np.arange(len(shown) - 1) + 0.5, minor=True)
-    axis.set_yticks(np.arange(len(cases) - 1) + 0.5, minor=True)
-    axis.grid(which="minor", color="white", lw=2)
-    axis.tick_params(which="both", length=0)
-    axis.spines[:].set_visible(False)
-    for label in axis.get_xticklabels():
-        label.set_fontweight("bold" if label.get_text().startswith("ours") else "normal")
-    patches = [
-        Patch(facecolor=colour, edgecolor=INK, lw=0.5, label=f"{name} {sign}".strip())
-        for name, (colour, sign, _) in LOOKS.items()
-    ]
-    axis.legend(
-        handles=patches,
-        loc="upper left",
-        bbox_to_anchor=(0, -0.01),
-        ncols=len(LOOKS),
-        frameon=False,
-    )
-    return figure, READ
-
-
-def _brief(x):
-    """A positive number in few characters."""
-    if x == 0 or 0.01 <= x < 99.5:
-        return f"{x:.2g}"
-    digit, exponent = f"{x:.0e}".split("e")
-    return f"{digit}e{int(exponent)}".replace("-", "−")
-
-
-def _tile(case, row):
-    """Colour of a tile, of its text, and the text."""
-    colour, sign, _ = LOOKS[row["verdict"]]
-    full, value, unsure = np.array(to_rgb(colour)), row["value"], Estimate.of(row).margin
+def tile(case: dict, row: dict) -> str:
+    """What a tile says of a number: what is judged, the number and its margin, or its margin beside
+    it; so no tile looks better than another because noise came out small."""
+    value, margin = row["value"], Estimate.of(row).margin
     if value is None:
-        return full, "white" if full.mean() < 0.5 else INK, sign
-    if case["high"] is None:  # a time step is not far off in decades
-        judged, times = value - unsure, SHADES
-        text = f"{value:.3g}±{unsure:.1g}" if unsure else f"{value:.3g}"
-    else:
-        judged, times = abs(value) + unsure, 1.0
-        text = ("<" if value < unsure else "") + _brief(judged)
-    bound = case["low"] if case["high"] is None else case["high"]
-    decades = times * abs(np.log10(judged / bound)) if judged > 0 else np.inf
-    strength = 0.45 + 0.55 * min(1.0, decades / SHADES)
-    shade = 1 - strength * (1 - full) if row["verdict"] in ("pass", "fail") else full
-    return shade, "white" if shade @ (0.299, 0.587, 0.114) < 0.55 else INK, signed(row, text)
+        return ""
+    if case["high"] is None:
+        return f"{value:.3g}±{margin:.1g}" if margin else f"{value:.3g}"
+    judged = abs(value) + margin
+    below = "<" if value < margin else ""
+    if judged == 0 or 0.01 <= judged < 99.5:
+        return f"{below}{judged:.2g}"
+    digit, exponent = f"{judged:.0e}".split("e")
+    return f"{below}{digit}e{int(exponent)}".replace("-", "−")
