@@ -34,11 +34,6 @@ def add(verbs: command_line.Verbs) -> None:
     command_line.short_or_full(parser, full)
     text = "integrators, as the table of --list names them (default: all that a case is run with)"
     command_line.only_of(parser, _names, text)
-    text = (
-        "at least N starts where a case has several (default: until the verdict is sure, or there "
-        "are as many as the case may have)"
-    )
-    parser.add_argument("--starts", type=int, metavar="N", help=text)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/stress", short=True)
     command_line.own(parser)
@@ -77,10 +72,11 @@ def run(arguments: Namespace) -> int:
         names, full = command_line.chosen(CASES, arguments.cases), arguments.full
         out = command_line.folder(arguments, not full)
         rows = measure.plan(CASES, names, full, arguments.only)
-        how = {key: getattr(arguments, key) for key in ("silence", "only", "starts")}
+        silence, only = arguments.silence, arguments.only
         with console.Meter(screen, len(rows), "rows") as meter:
-            summary = measure.stress(CASES, names, out, full, meter=meter, **how)
-        bad = measure.conclusions(summary["cases"])[0]["holds"] is False
+            summary = measure.stress(CASES, names, out, full, silence, meter, only)
+        breaks, _ = measure.worse(summary["cases"]).values()
+        bad = bool(breaks)
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
@@ -97,7 +93,7 @@ def _script(arguments: Namespace, path: str, screen: Any) -> tuple[dict, Path, b
 
     if len(arguments.cases) > 1:
         arguments.parser.error("a script of your own is tried alone")
-    command_line.refuse(arguments, ("starts", "full"), "is for the cases, not for a script")
+    command_line.refuse(arguments, ("full",), "is for the cases, not for a script")
     ask, out = system.begin(arguments, path)
     with store.alone(out):
         own = system.take(ask, out, 1, arguments.silence)

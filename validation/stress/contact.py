@@ -1,10 +1,8 @@
-"""Bodies that act on each other, or that something acts on, hard: walls, springs, gradients,
-unequal masses, fast flight, far places, ranks.
+"""Bodies that collide or that a field turns, far from the origin, on many ranks.
 
 Reduced units; most bodies are bent triatomics, which fix shake can hold too.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +11,7 @@ from ..scenes import bodies
 from ..scenes.units import NS_OF_REDUCED
 from ..statistics import motion
 from . import molecules
-from .measure import EXACT, Case, Number, Stand, lowest_of_starts, of_parts
+from .measure import EXACT, Case, Number, Stand, of_parts
 
 REPULSIVE = (
     "pair_style lj/cut 1.122462048309373",
@@ -32,11 +30,7 @@ BOX = 10.0
 FAR = 1e6  # box lengths
 ROUNDING = 1e-15  # σ, of positions in a box of 8 σ
 DT = 0.004
-FLIGHTS = 0.5, 2.0, 4.0  # in a step, where the skin is 0.4 and a rank's part of the box 5 wide
-RESONANT = np.arange(0.9, 1.605, 0.01)  # ωΔt
-ALONG = np.array([0.8, 0.0, 0.6])
 WHOLE = bodies.MASSES.sum()
-ARMS = bodies.BENT - bodies.MASSES @ bodies.BENT / WHOLE  # of the atoms, about the centre
 
 
 def _liquid(stand, name, count, box, *, seed, corner=0.0, least=0.0, more=()):
@@ -78,17 +72,9 @@ def _end(stand, scene, label, steps, every=None, **how):
     return result, motion.frames(folder)[2][-1]
 
 
-def _apart(ends: Mapping, first):
-    """How far each end is from the first one, at most."""
-    return {name: np.linalg.norm(end - ends[first], axis=1).max() for name, end in ends.items()}
-
-
-def _springs(pairs, stiffness, rest):
-    """LAMMPS commands for springs between two atoms each, by their IDs."""
-    for k, (first, second) in enumerate(pairs):
-        yield from (f"group a{k} id {first}", f"group b{k} id {second}")
-        yield f"fix s{k} a{k} spring couple b{k} {stiffness} 0 0 0 {rest}"
-        yield f"fix_modify s{k} energy yes"
+def _apart(end, other):
+    """How far an atom is from where it is at another end, at most."""
+    return np.linalg.norm(end - other, axis=1).max()
 
 
 @Case.of(
@@ -121,27 +107,6 @@ def gradient(stand: Stand, steps: int) -> Number:
 
 
 @Case.of(
-    "beyond-skin",
-    "Bodies that collide while all fly along by 0.5 to 4 σ in a step, on two ranks; the neighbour "
-    "skin is 0.4 σ.",
-    50,
-    500,
-    criterion="largest distance from the same bodies without that flight",
-    bars=EXACT,
-)
-def beyond_skin(stand: Stand, steps: int) -> Number:
-    """Compared in the frame that flies with them."""
-    liquid, ends = _liquid(stand, "flight", 4, BOX, seed=8), {}
-    for flight in (0.0, *FLIGHTS):
-        velocity = flight / DT * ALONG
-        _, x = _end(stand, bodies.drifting(liquid, velocity), f"{flight:g}", steps, ranks=2)
-        ends[flight] = x - steps * DT * velocity
-    apart = _apart(ends, 0.0)
-    told = ", ".join(f"{flight:g} σ a step: {apart[flight]:.1e}" for flight in FLIGHTS)
-    return Number(max(apart.values()), note=told)
-
-
-@Case.of(
     "far-away",
     "Bodies that collide, 1e6 box lengths from the origin.",
     100,
@@ -152,13 +117,13 @@ def beyond_skin(stand: Stand, steps: int) -> Number:
 )
 def far_away(stand: Stand, steps: int) -> Number:
     """The same bodies in a box at the origin and in one far off."""
-    ends, pressures = {}, []
+    ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
         scene = _liquid(stand, name, 4, BOX, seed=4, corner=corner)
         result, x = _end(stand, scene, name, steps, every=1)
-        ends[name] = x - corner
+        ends.append(x - corner)
         pressures.append(result.thermo["Press"])
-    distance, pressure = _apart(ends, "near")["far"], np.abs(pressures[1] / pressures[0] - 1).max()
+    distance, pressure = _apart(*ends), np.abs(pressures[1] / pressures[0] - 1).max()
     note = f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself"
     return of_parts({"far place": distance, "far pressure": pressure}, note)
 
@@ -180,55 +145,12 @@ def ranks(stand: Stand, steps: int) -> Number:
     scene = _liquid(stand, "dense", 4, 0.64 * BOX, seed=8, least=0.9, more=DENSE)
     shift = f"displace_atoms all random {ROUNDING} {ROUNDING} {ROUNDING} 4928"
     moved = replace(scene, setup=(*scene.setup, shift))
-    runs = {"1": (scene, 1), "1, moved": (moved, 1), **{f"{n}": (scene, n) for n in RANKS}}
-    ends = {
-        name: _end(stand, start, name, steps, ranks=count)[1]
-        for name, (start, count) in runs.items()
-    }
-    apart = _apart(ends, "1")
-    rounding, most = apart["1, moved"], max(apart[str(count)] for count in RANKS)
-    told = ", ".join(f"{count} ranks: {apart[str(count)]:.1e}" for count in RANKS)
-    return Number(most / rounding, note=f"{told} σ; one rank, moved: {rounding:.1e} σ")
+    one = _end(stand, scene, "1", steps)[1]
+    rounding = _apart(_end(stand, moved, "1, moved", steps)[1], one)
+    apart = {n: _apart(_end(stand, scene, f"{n}", steps, ranks=n)[1], one) for n in RANKS}
+    told = ", ".join(f"{count} ranks: {far:.1e}" for count, far in apart.items())
+    note = f"{told} σ; one rank, moved: {rounding:.1e} σ"
+    return Number(max(apart.values()) / rounding, note=note)
 
 
-@Case.of(
-    "resonance",
-    "Rigid bodies that collide, each with a loose atom on a stiff spring, the stiffest bond of the "
-    "scene, of frequency ω.",
-    50,
-    1000,
-    criterion=molecules.LONGEST.format(
-        "ωΔt, from 0.9 by 0.01,", molecules.ALLOWED, "50 periods", "1,000"
-    )
-    + ", the lowest of all starts",
-    bars=molecules.GRID,
-    starts=molecules.STARTS,
-    together=lowest_of_starts,
-    every=True,
-)
-def resonance(stand: Stand, periods: float) -> Number:
-    """The spring is across the arm of its atom."""
-    stiffness, rest, count, loose, arm = 5000.0, 1.0, 6, 1.0, ARMS[1]
-    # across, so that the spring turns the body
-    outward = np.array([arm[1], -arm[0], 0.0]) / np.linalg.norm(arm)
-    moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
-    lever = np.cross(arm, outward) @ axes
-    omega = np.sqrt(stiffness * (1 / loose + 1 / WHOLE + (lever**2 / moments).sum()))
-    setup = [*REPULSIVE, "neighbor 0.4 bin", f"group held molecule <= {count}"]
-    pairs = [(3 * k + 2, 3 * count + k + 1) for k in range(count)]
-    setup += ["group loose subtract all held", *_springs(pairs, stiffness, rest)]
-    rng, found, atoms = np.random.default_rng(12 + stand.start), [], []
-    for k in range(count):
-        turn, place = bodies.turned(k), 3.2 * np.array([k % 2, k // 2 % 2, k // 4]) + 1.6
-        how = {key: rng.normal(size=3) for key in ("velocity", "spin")}
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, **how))
-        there, velocity = place + turn.apply(arm + rest * outward), rng.normal(size=3)
-        atoms.append(bodies.body(np.zeros((1, 3)), [loose], place=there, velocity=velocity))
-    found, more = found + atoms, {"group": "held", "others": ("fix others loose nve",)}
-    name = f"loose-{12 + stand.start}"
-    scene = _scene(stand, name, found, setup, 6.4, 0.0, 1 / omega, **more)
-    time = periods * 2 * np.pi / omega
-    return molecules.limit(stand, scene, RESONANT / omega, time, 1 / omega, name="")
-
-
-CASES = gradient, beyond_skin, far_away, ranks, resonance
+CASES = gradient, far_away, ranks

@@ -20,7 +20,7 @@ from ..running import machine, run, whole
 from ..running.run import Meter, Result
 from ..running.store import Store
 from ..scenes import SCENES, Scene
-from ..scenes.integrators import INTEGRATORS, SWEPT, Integrator
+from ..scenes.integrators import INTEGRATORS, OURS, SWEPT, Integrator
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import CONFIDENCE, Estimate, margin
@@ -98,11 +98,6 @@ def mean_of_starts(numbers: Sequence[Number]) -> Number:
     return Number.of(Estimate(mean.value, *measures.combined(mean[1:], looked)), _notes(numbers))
 
 
-def lowest_of_starts(numbers: Sequence[Number]) -> Number:
-    """The lowest, with how finely it was looked for."""
-    return replace(min(numbers, key=lambda number: number.value), note=_notes(numbers))
-
-
 def drift_of_starts(numbers: Sequence[Number]) -> Number:
     """|mean| of rates that may have either sign; the errors are those of the lines."""
     parts = ((number.error / len(numbers), number.freedom) for number in numbers)
@@ -140,7 +135,6 @@ class Case:
         starts: how many at least and at most, between which a row gets more until its verdict is
             sure.
         together: of the starts' numbers, the row's.
-        every: whether all starts have to hold, of which there are to be `ENOUGH_STARTS` to say so.
         bounds: criteria by name, other than those that name the case.
         part: `EXTREME` or `REPORTED`.
     """
@@ -157,7 +151,6 @@ class Case:
     tenth: tuple[str, ...] = ()
     starts: tuple[int, int] = (1, 1)
     together: Callable[[Sequence[Number]], Number] = the_one
-    every: bool = False
     bounds: dict[str, Criterion] | None = None
     part: str = EXTREME
 
@@ -208,15 +201,13 @@ class Case:
 
     def verdict(self, numbers: Sequence[Number]) -> str:
         """pass, fail, or cannot tell where the interval of the starts' number reaches over the
-        bound, or there are too few that hold.  Each of the `looks` is a chance to be sure by
+        bound.  Each of the `looks` is a chance to be sure by
         chance: so intervals are wider, of 95 % for all looks together."""
         found = self.number(numbers)
         confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
         wider = margin(1.0, found.freedom, confidence) / margin(1.0, found.freedom)
         number = found.value, found.error * wider, *self.bound.within()
-        holds = Check(self.name, "", self.criterion, *number, freedom=found.freedom).holds
-        few = self.every and len(numbers) < criteria.ENOUGH_STARTS
-        return _WORDS[None if holds and few else holds]
+        return _WORDS[Check("", "", "", *number, freedom=found.freedom).holds]
 
 
 @dataclass
@@ -368,7 +359,6 @@ def stress(
     silence: float,
     meter: Meter,
     only: Collection[str] | None = None,
-    starts: int | None = None,
 ) -> dict:
     """Run what is not there yet; another process may run other cases into the same folder
     meanwhile.
@@ -378,7 +368,6 @@ def stress(
         full: whether with full lengths.
         silence: s without a sign of life after which a run is given up.
         only: names of integrators; None for all that the cases name.
-        starts: how many at least, of cases that have several; None for as many as each needs.
 
     Returns:
         plain data: ``cases``, each with its ``rows``; circumstances.
@@ -391,7 +380,7 @@ def stress(
                 meter.begin(f"{case}, {COMPARED[name].label}", 1)
                 stand = Stand(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
                 ended = None
-                for row in grown(stand, name, full, rows.kept(case, name), starts):
+                for row in grown(stand, name, full, rows.kept(case, name)):
                     rows.keep(case, row)
                     ended = row["ended"] and row["ended"][1]
                 meter.end(ended)
@@ -410,9 +399,7 @@ def plan(
     return [(case, name) for case, name in planned if not only or name in only]
 
 
-def grown(
-    stand: Stand, name: str, full: bool, row: dict | None = None, starts: int | None = None
-) -> Iterator[dict]:
+def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
     """Run a case with an integrator, of that name in `COMPARED`; its row, as far as it is known, as
     plain data without verdict, after each start that it did not have yet.  The stand is in the
     case's folder, and gets one there."""
@@ -433,21 +420,18 @@ def grown(
         "versions": machine.versions() | {"package": machine.package_hash()[:12]},
         "command": shlex.join(["python", "-m", NAME, *words]),
     }
-    while not _enough(case, row, starts):
+    while not _enough(case, row):
         stand.start, before = len(row["numbers"]), stand.seconds
         row = row | {"date": machine.now()} | _measured(stand, length, row["numbers"])
         row["seconds"] += stand.seconds - before
         yield row
 
 
-def _enough(case: Case, row: dict, starts: int | None = None) -> bool:
-    """Whether a row needs no more starts: what is asked for, or at one of the looks a verdict that
-    is sure."""
-    count, (least, most) = len(row["numbers"]), case.starts
-    if row["ended"] or count >= most:
+def _enough(case: Case, row: dict) -> bool:
+    """Whether a row needs no more starts: at one of the looks its verdict is sure."""
+    count = len(row["numbers"])
+    if row["ended"] or count >= case.starts[1]:
         return True
-    if starts:
-        return count >= max(least, starts)
     return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
 
 
@@ -481,28 +465,18 @@ def judged(case: Case, row: dict) -> dict:
     return row | found | {"verdict": case.verdict(numbers)}
 
 
-def conclusions(cases: Sequence[dict]) -> list[dict]:
-    """What all rows together say: dictionaries of ``what``, ``holds`` (None: cannot tell, as ours
-    has not run) and ``where``, names of cases."""
-    ours: dict[str, str] = {}
-    theirs: dict[str, set[str]] = {}
-    for case in cases:
-        name = case["name"]
-        theirs[name] = {row["verdict"] for row in case["rows"] if row["kind"] != "ours"}
-        for row in case["rows"]:
-            if row["integrator"] == "nosquish":
-                ours[name] = row["verdict"]
-    unknown = [name for name in theirs if name not in ours]
-    found = {
-        "Ours has no blow-up that any LAMMPS fix survives": [
-            name for name, verdict in ours.items() if verdict in BROKEN and theirs[name] & SURVIVED
-        ],
-        "Ours passes what any LAMMPS fix passes": [
-            name for name, verdict in ours.items() if verdict != "pass" and "pass" in theirs[name]
-        ],
+def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
+    """Where ours is worse than LAMMPS's fixes: names of cases by what happens."""
+    found: dict[str, list[str]] = {
+        "Ours breaks where a LAMMPS fix does not": [],
+        "Ours does not pass what a LAMMPS fix passes": [],
     }
-    return [
-        {"what": what, "holds": False if where else None if unknown else True,
-         "where": where or unknown}
-        for what, where in found.items()
-    ]  # fmt: skip
+    breaks, behind = found.values()
+    for case in cases:
+        theirs = {row["verdict"] for row in case["rows"] if row["kind"] != "ours"}
+        for row in (row for row in case["rows"] if row["integrator"] == OURS):
+            if row["verdict"] in BROKEN and theirs & SURVIVED:
+                breaks.append(case["name"])
+            if row["verdict"] != "pass" and "pass" in theirs:
+                behind.append(case["name"])
+    return found

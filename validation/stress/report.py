@@ -1,8 +1,6 @@
 """What `stress` says of its summary: of cases, or of a user's script."""
 
-import re
-import textwrap
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from functools import partial
 
@@ -11,12 +9,15 @@ from rich.console import Console
 from ..pages import Cell, Column, Figure, Said, Table, show_table
 from ..scenes.integrators import OURS
 from ..statistics.estimate import Estimate
-from . import figures
 from .criteria import CRITERIA
-from .measure import ALL, COMPARED, EXTREME, REPORTED, Case, conclusions
+from .figures import READ, matrix
+from .measure import ALL, EXTREME, REPORTED, Case, worse
 from .script import TITLES
 
-LOST = ("fail", "blow-up")
+TABLES = {
+    EXTREME: "Extreme cases",
+    REPORTED: "What users report as broken, in Lennard-Jones units: small is good",
+}
 KEYS = (
     *("case", "integrator", "label", "value", "margin", "error is", "unit", "bound"),
     *("verdict", "note", "measured with", "date", "command"),
@@ -27,14 +28,13 @@ def said(summary: dict) -> Said:
     """What breaks, where."""
     if "checks" in summary:
         return _of_script(summary)
-    cases, full = summary["cases"], summary["full"]
-    lines = [f"{line['what']}: {_word(line)}." for line in conclusions(cases)]
-    partial_ = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
-    if partial_:
-        lines.append(f"Not all integrators have run yet in {', '.join(partial_)}.")
-    extreme, reported = (
-        [case for case in cases if case["part"] == part] for part in (EXTREME, REPORTED)
-    )
+    cases = summary["cases"]
+    every = [(case, row) for case in cases for row in case["rows"]]
+    extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
+    lines = [f"{what}: {', '.join(names) or 'nowhere'}." for what, names in worse(cases).items()]
+    waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
+    if waiting:
+        lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
     return Said(
         "What breaks, where",
         "Which integrator breaks where: at long steps, in heat and cold, with odd bodies, on many "
@@ -42,19 +42,17 @@ def said(summary: dict) -> Said:
         _answer(cases),
         lines=lines,
         tables=[
-            _longest(extreme),
-            _standing(extreme),
-            _cases(extreme, full),
-            _reported(reported),
+            _table(TABLES[EXTREME], extreme),
+            _table(TABLES[REPORTED], reported),
             _bounds(),
             _changes(),
-            Table("", [Column(key, key, kind="text") for key in KEYS], _rows(cases), "table"),
+            Table("", [Column(key, key, kind="text") for key in KEYS], _lines(every), "table"),
         ],
-        figures=[Figure("matrix", partial(figures.matrix, extreme), figures.READ)],
+        figures=[Figure("matrix", partial(matrix, extreme), READ)],
+        notes={case["name"]: f"{case['criterion']}. Error: {case['bars']}." for case in cases},
         failures=[
             f"{case['name']}, {row['label']}: {row['note']}"
-            for case in cases
-            for row in case["rows"]
+            for case, row in every
             if row["verdict"] == "blow-up"
         ],
     )
@@ -77,13 +75,6 @@ def _of_script(summary: dict) -> Said:
     )
 
 
-def _word(line: Mapping) -> str:
-    """Whether a conclusion holds, and where not."""
-    where = f" ({', '.join(line['where'])})" if line["where"] else ""
-    words = {True: "yes", False: f"no{where}", None: f"cannot tell, ours has no row yet{where}"}
-    return words[line["holds"]]
-
-
 def _answer(cases: Iterable[dict]) -> str:
     """How many cases ours passes, and the one of LAMMPS's fixes that passes most."""
     rows = [row for case in cases for row in case["rows"]]
@@ -104,14 +95,13 @@ def _labels(cases: Iterable[dict]) -> dict[str, str]:
     return {name: found[name] for name in ALL if name in found}
 
 
-def _rows(cases: Iterable[dict]) -> list[dict]:
-    """The rows of table.csv."""
+def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
+    """The lines of table.csv."""
     return [
         {**row, "case": case["name"], "margin": Estimate.of(row).margin or None}
         | {"error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
         | {"measured with": _package(row)}
-        for case in cases
-        for row in case["rows"]
+        for case, row in every
     ]
 
 
@@ -135,88 +125,15 @@ def _found(row: Mapping | None) -> Cell:
     return Cell(text, row["value"], row["verdict"])
 
 
-def _longest(cases: Iterable[dict]) -> Table:
-    """The longest stable step of each integrator."""
-    limits = [case for case in cases if case["unit"] == "fs"]
-    names = [f"{case['name']} ({case['bound']})" for case in limits]
-    bars = defaultdict(list)
-    for case in limits:
-        bars[case["bars"]].append(case["name"])
-    note = "; ".join(f"± of {', '.join(some)}: {told}" for told, some in bars.items())
-    return _by_integrator("Longest stable step, fs", names, limits, note=note)
-
-
-def _by_integrator(title: str, heads: Iterable[str], cases: list[dict], **more) -> Table:
-    found = [{row["integrator"]: row for row in case["rows"]} for case in cases]
-    rows = [
-        [label, *(_found(rows.get(name)) for rows in found)]
-        for name, label in _labels(cases).items()
-    ]
-    return Table.of(title, ["integrator", *heads], rows, **more)
-
-
-def _standing(cases: Iterable[dict]) -> Table:
-    """Which integrator passes how many cases, and which ones it does not."""
-    found: dict[str, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
-    for case in cases:
-        for row in case["rows"]:
-            verdict = "fail" if row["verdict"] in LOST else row["verdict"]
-            found[row["integrator"]][verdict].append(case["name"])
-    rows = []
-    for name, label in _labels(cases).items():
-        lost = (found[name][key] for key in ("fail", "cannot tell", "cannot run"))
-        counted = (f"{len(some)}: {', '.join(some)}" if some else "0" for some in lost)
-        rows.append([label, len(found[name]["pass"]), *counted])
-    heads = "integrator, passes, fails or breaks, cannot tell, cannot run"
-    return Table.of("Who passes", heads, rows)
-
-
-def _cases(cases: Iterable[dict], full: bool) -> Table:
-    """A line for each case: what happens, and who does not bear it."""
-    rows = []
-    for case in cases:
-        ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
-        others = [row for row in case["rows"] if row is not ours]
-        bad = [row for row in others if row["verdict"] not in ("pass", "cannot run")]
-        number = f"{of_length(case['criterion'], full)} {case['bound']} {case['unit']}".strip()
-        what = case["name"], of_length(case["physics"], full), number
-        rows.append([*what, _found(ours), "; ".join(_result(row, case) for row in bad) or "–"])
-    head = "case, what happens, number and bound, ours, who else does not pass"
-    return Table.of("The cases", re.split(", ", head), rows)
-
-
-def _result(row: Mapping, case: Mapping) -> str:
-    """Who came to what in a case."""
-    if row["value"] is None:
-        why = re.sub(r"ERROR( on proc \d+)?: (Fix \S+ python/move: )?", "", row["note"])
-        short = textwrap.shorten(why, 80, placeholder=" …")
-        return f"{row['label']} breaks: {short}"
-    doubt = " (cannot tell)" if row["verdict"] == "cannot tell" else ""
-    return f"{row['label']} {_found(row).text} {case['unit']}".strip() + doubt
-
-
-def of_length(text: str, full: bool) -> str:
-    """A case's text with the lengths of this run alone: they write ``0.2 ps (--full: 5 ps)``, and
-    ``: 1e6 turns with --full``."""
-    text = re.sub(r"(\S+ \S+) \(--full: ([^)]*)\)", r"\2" if full else r"\1", text)
-    if full:
-        return re.sub(r",? with --full", "", text)
-    return re.sub(r"[:;] [^:;]*? with --full( \([^)]*\))?", "", text)
-
-
-def _reported(cases: list[dict]) -> Table:
-    """What users report, with a column for each fix."""
-    labels = _labels(cases)
-    rows = []
+def _table(title: str, cases: list[dict]) -> Table:
+    """Cases by integrators, each with its number."""
+    labels, rows = _labels(cases), []
     for case in cases:
         found = {row["integrator"]: row for row in case["rows"]}
-        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
-        rows.append(
-            [case["name"], what, case["bound"], *(_found(found.get(name)) for name in labels)]
-        )
-    heads = ["case", "what happens: number", "bound", *labels.values()]
-    title = "What users report as broken, in Lennard-Jones units: small is good"
-    return Table.of(title, heads, rows)
+        bound = f"{case['bound']} {case['unit']}".strip()
+        numbers = (_found(found.get(name)) for name in labels)
+        rows.append([case["name"], case["physics"], bound, *numbers])
+    return Table.of(title, ["case", "what happens", "bound", *labels.values()], rows)
 
 
 def _bounds() -> Table:
@@ -243,5 +160,5 @@ def list_cases(console: Console, cases: Mapping[str, Case]) -> None:
             for case in cases.values()]  # fmt: skip
     show_table(console, Table.of("Cases", "case, physics, number, bound, error", rows))
     show_table(console, _bounds())
-    names = ", ".join(f'"{name}"' if " " in name else name for name in COMPARED)
+    names = ", ".join(f'"{name}"' if " " in name else name for name in ALL)
     console.print(f"integrators: {names}", soft_wrap=True)

@@ -7,7 +7,7 @@ way to run a box, so the tests hold ours against the same numbers in their own w
 
 import itertools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
@@ -117,11 +117,6 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
 # ---- what several cases, and tests, need
 
 
-def columns(result: Result, *names: str) -> np.ndarray:
-    """Columns of the thermo table, (steps, names)."""
-    return np.stack([result.thermo[name] for name in names], axis=-1)
-
-
 def sums() -> str:
     """Lines that define compute sums: `SUMS` of all atoms."""
     formulas = [f.format(x=x, y=y, z=z) for f in SUMS.values() for x, y, z in ("xyz", "yzx", "zxy")]
@@ -133,27 +128,7 @@ def sums() -> str:
 def vector(result: Result, name: str) -> np.ndarray:
     """A printed vector of SUMS, (steps, 3)."""
     first = 3 * list(SUMS).index(name)
-    return columns(result, *(f"c_sums[{first + k}]" for k in (1, 2, 3)))
-
-
-def moved_images(system: System, count: Sequence[int]) -> System:
-    """The same system with all image flags moved; a flag that LAMMPS's ten bits do not hold wraps
-    in its hands."""
-    head, atoms, tail = system.files["data.bodies"].replace("Velocities", "Atoms").split("Atoms", 2)
-    lines = atoms.splitlines()
-    for k, line in enumerate(lines):
-        words = line.split()
-        if len(words) == 9:
-            flags = (str(int(word) + n) for word, n in zip(words[6:], count))
-            lines[k] = " ".join((*words[:6], *flags))
-    data = head + "Atoms" + "\n".join(lines) + "\nVelocities" + tail
-    return system._replace(files={"data.bodies": data})
-
-
-def restarted(system: System, file: str) -> System:
-    """The system in a script that goes on from this restart file."""
-    text = f"read_restart {file}\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all"
-    return system._replace(setup=text, files={})
+    return np.stack([result.thermo[f"c_sums[{first + k}]"] for k in (1, 2, 3)], axis=-1)
 
 
 def _lattice(kinds, side, place, h, seed):
@@ -194,28 +169,15 @@ def _tops_in_two_runs(simulate):
     return _worst(system, simulate(system, 50, dt=2, after="run 50"), simulate(system, 100, dt=2))
 
 
-@case("tops-restart", 1e-9)
-def tops_restarted(simulate: Simulate, ranks: int = 1) -> Number:
-    """Symmetric tops, 100 steps in one run, or with a restart file in the middle: largest
-    distance"""
-    system, file = tops(), f"half.{ranks}"
-    whole = simulate(system, 100, dt=2)
-    simulate(system, 50, dt=2, after=f"write_restart {file}")
-    return _worst(system, simulate(restarted(system, file), 50, dt=2, ranks=ranks), whole)
-
-
-def _rod(length):
-    """A rod of this length in a box of 10, and a pair of atoms."""
-    k = np.arange(12)
-    place = np.stack([8.0 + length / 11 * k, 3 + 0.1 * np.cos(k), 3 + 0.1 * np.sin(k)]).T
-    pair = "pair", np.array([[5.0, 7, 7], [6, 7, 7]]), np.array([1, 2])
-    return boxes.assemble([("rod", place, np.ones(12, int)), pair], 10 * np.eye(3))
-
-
 def _wrapped(simulate, length):
-    near = _rod(length)
-    far = simulate(moved_images(near, (511, 0, 0)), 50)
-    return apart(far, simulate(near, 50), near.h)
+    """A rod of this length and a pair of atoms, with image counters near 0 and near 511."""
+    k, h, ends = np.arange(12), 10 * np.eye(3), []
+    rod = np.stack([8.0 + length / 11 * k, 3 + 0.1 * np.cos(k), 3 + 0.1 * np.sin(k)]).T
+    pair = np.array([[5.0, 7, 7], [6, 7, 7]])
+    for moved in np.array([[0, 0, 0], [5110, 0, 0]]):
+        bodies = ("rod", rod + moved, np.ones(12, int)), ("pair", pair + moved, np.array([1, 2]))
+        ends.append(simulate(boxes.assemble(list(bodies), h), 50))
+    return apart(ends[0], ends[1], h)
 
 
 @case("images-quarter", 1e-10)
@@ -288,18 +250,6 @@ def momenta(simulate: Simulate, ranks: int = 1, steps: int = 10000) -> list[floa
 def _angular_momentum(simulate):
     """No box, 10,000 steps: relative change of the total angular momentum"""
     return momenta(simulate)[1]
-
-
-@case("fix-momentum", 1e-10)
-def _momentum_comes_back(simulate):
-    """fix momentum: the centre of mass's velocity in the ten steps after, over that before"""
-    names = "vx", "vy", "vz"
-    lines = [f"variable {name} equal vcm(all,{name[1]})" for name in names]
-    first, last = "velocity all set 0.5 0.3 -0.2 sum yes", "fix 5 all momentum 10 linear 1 1 1"
-    how = {"before": FREE + "\n".join([first, *lines, last]), "every": 1}
-    found = simulate(mixture("solid planar"), 19, columns="v_vx v_vy v_vz", **how)
-    speeds = np.abs(columns(found, *(f"v_{name}" for name in names)))
-    return speeds[10:].max() / speeds[:10].max()
 
 
 def _temperatures(simulate, steps, before, every):
