@@ -11,8 +11,7 @@ QUICK = {
         test_rotor.py::test_reference_matrices
         test_rotor.py::test_equals_the_paper
         test_rotor.py::test_each_rotation_to_four_ulp
-        test_rotor.py::test_kinds_side_by_side
-        test_rotor.py::test_reversible""",
+        test_rotor.py::test_kinds_side_by_side""",
     "units": """
         test_units.py::test_motion_is_that_of_rigid_nve[lj]
         test_units.py::test_motion_is_that_of_rigid_nve[real]
@@ -108,7 +107,7 @@ QUICK = {
         test_stability.py::test_verdicts
         test_stability.py::test_tiles
         test_sweep_choice.py::test_choice_is_that_of_a_search
-        test_overview.py::test_tables_sort""",
+        test_report.py::test_terminal_files_and_page""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table
         test_docs.py::test_tutorial""",

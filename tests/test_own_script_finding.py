@@ -469,7 +469,7 @@ def test_lines_for_bodies_say_what_they_cannot(tmp_path, capsys):
     said = {"commands": ["bond_style zero"]}
     atoms = {"bonds": np.array([[1, 1, 2], [1, 2, 3]])}
     assert bodies._torn(said, atoms, np.array([1, 1, 0]))
-    atoms |= {"type": [1, 1, 1], "mass": [1.0] * 3, "mask": np.ones(3, int)}
+    atoms |= {"type": [1, 1, 1], "mask": np.ones(3, int), "held_bonds": np.ones(2, bool)}
     said |= {"groups": ["all"]}
     shake = "fix 1 all shake 1e-4 100 0 b 1"
     (told,) = bodies._cut(said, atoms, "1", shake, np.array([True, True, False]))
@@ -565,7 +565,8 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
     atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
              "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
     found = finding.find(said, atoms)
     assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
@@ -583,7 +584,8 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
     atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
              "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]])}  # fmt: skip
+             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
     found = finding.find(said, atoms)
     assert found.state.ensemble == "npt" and found.state.tilts
@@ -623,15 +625,12 @@ def test_native_styles_are_ours():
     quoted = f'fix 1 all python/move "fix_nosquish.NVT water {words}"'
     wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
     assert finding.words_of(native) == finding.words_of(quoted) == wanted
-    assert finding.native(quoted) == finding.native(native) == native
     for one in quoted, native:
         assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
     spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
-    assert finding.native(spaced) == spaced
+    assert finding.words_of(spaced).fix("1") == spaced
     # which has no fix style
     old = 'fix 1 a python/move "fix_nosquish_validation.schemes.gear.Gear a molecule"'
-    assert finding.native('fix 1 a python/move "fix_nosquish.Gear a molecule"') == old  # before
+    assert finding.words_of('fix 1 a python/move "fix_nosquish.Gear a molecule"').fix("1") == old
     others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
-    for one in (old, *others, "fix 1 a python/move", "fix 1 a nosquish/nve"):
-        assert finding.native(one) == one
     assert not any(map(finding.words_of, others))

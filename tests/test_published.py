@@ -11,10 +11,10 @@ import pytest
 from conftest import BIN, Silent, read_thermo
 
 from validation import INPUTS, __main__
-from validation.ensembles import plan
 from validation.published import measure as published
 from validation.running import run
 from validation.running.trajectory import Series
+from validation.sample.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS
 
 
@@ -165,7 +165,9 @@ print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
 """
 
 
-@pytest.mark.parametrize("scene", [published.scene(), plan.scene()], ids=lambda one: one.name)
+@pytest.mark.parametrize(
+    "scene", [published.scene(), SCENES["water"](None).scene], ids=lambda one: one.name
+)
 def test_forces_are_the_slope_of_the_energy(run_lammps, scene):
     """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate
     whatever the time step."""

@@ -28,10 +28,8 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     theory        what the paper proves, each a number between bounds
     sweep         error against run time, every integrator with every step
     advise        the fastest point of a sweep that meets a target
-    check         before a long run of a user's script: bodies, step, fixes
-    bodies        rigid parts of molecules, into a data file
-    stability     what breaks where, case by case; criteria has every bound
-    breaks        what users report of LAMMPS's rigid fixes, beside ours
+    check         before a long run of a user's script: bodies, step, fixes; rigid parts
+    stress        what breaks, where: cases, a user's script; criteria has every bound
     examples      LAMMPS's examples with -sf nosquish, beside its own rigid fixes
     report        all results on one page
 

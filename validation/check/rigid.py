@@ -136,7 +136,7 @@ def _torn(found: Found, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
     for line in found.lines:
         if finding.kind_of(line) == "constraints":
             mask = finding.in_group(said, atoms, texts(line)[2])
-            loose |= finding.held_bonds(atoms, mask, line)[0]
+            loose |= finding.held_bonds(atoms, mask)
     if number := int((loose & (first != second)).sum()):
         yield (
             f"{number:,} bonds between bodies and other atoms have no force, or shake held them: "

@@ -186,6 +186,8 @@ class Said:
         notes: what terms and columns mean, and how it was measured.
         failures: what ended with an error, each with its name.
         commands: what makes these results again; none: the summary's own.
+        defeats: where ours is worse than another, each with its numbers; the page of all has them.
+        kept: numbers as text, by name, which the table of releases keeps.
     """
 
     title: str
@@ -200,6 +202,8 @@ class Said:
     notes: Mapping[str, str] = field(default_factory=dict)
     failures: Sequence[str] = ()
     commands: Sequence[str] = ()
+    defeats: Sequence[str] = ()
+    kept: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def all_tables(self) -> list[Table]:
@@ -236,7 +240,8 @@ def _of_check(one: Mapping) -> dict:
     """A row of a table of checks."""
     number = Cell(measured(one), one["value"])
     why = "; ".join(text for text in (one["source"], one["note"]) if text)
-    return {**one, "value": number, "bound": bound(one), "why": why}
+    words = {key: one[key] for key in ("subject", "what", "verdict")}
+    return words | {"value": number, "bound": bound(one), "why": why}
 
 
 def ranks_of(number: int) -> str:

@@ -88,11 +88,17 @@ def style_of(verdict: str) -> str:
     return next((style for style, words in STYLES.items() if verdict in words), "")
 
 
-def page(path: Path, title: str, sections: Sequence[Section], **head) -> None:
+def page(
+    path: Path,
+    title: str,
+    sections: Sequence[Section],
+    template: str = "page.html",
+    **head,
+) -> None:
     """Write a page of sections.
 
     Args:
-        head: what stands before the sections: ``html`` (safe), ``common`` circumstances.
+        template: ``page.html``, or another one of `TEMPLATES` that fills its head from ``head``.
     """
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES),
@@ -100,6 +106,7 @@ def page(path: Path, title: str, sections: Sequence[Section], **head) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}
     environment.globals |= {
         "style_of": style_of,
         "package": machine.package,
@@ -107,7 +114,7 @@ def page(path: Path, title: str, sections: Sequence[Section], **head) -> None:
         "folded": FOLDED,
         "picture": _picture,
     }
-    made = environment.get_template("page.html").render(title=title, sections=sections, **head)
+    made = environment.get_template(template).render(title=title, sections=sections, **head)
     path.write_text(made)
 
 

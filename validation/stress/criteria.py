@@ -1,8 +1,8 @@
-"""The criteria of the stability atlas: every bound, what it is derived from, and each change of it.
+"""The criteria of `stress`: every bound, what it is derived from, and each change of it.
 
 A bound is set from physics or from what a user needs, not from any result.  It is stated here
-alone.  To change one, change `bound` and add a `Change` with its date and reason: the atlas'
-report and the page show them all.
+alone.  To change one, change `bound` and add a `Change` with its date and reason: the
+report shows them all.
 """
 
 from dataclasses import dataclass

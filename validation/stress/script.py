@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+from ..compare.errors import failure
 from ..experiment import Done, Point, Trajectory, perform
 from ..own import shapes
 from ..own.system import Own
@@ -16,7 +17,6 @@ from ..running.store import Store
 from ..scenes.integrators import Integrator
 from ..statistics import measures
 from ..statistics.check import Check
-from ..trial.trial import failure
 
 LONGER = 2.0, 4.0, 8.0  # times the script's step
 STEPS = 400  # of a run with a longer step
@@ -76,8 +76,8 @@ def stress(
     every = [
         _trajectory(own, integrator, what, out, silence) for integrator in some for what in PLAN
     ]
-    store, judge = Store(out, "stress.script"), partial(failure, own)
-    done = perform(every, store, meter, judge=judge)
+    judge = partial(failure, temperature=shapes.temperature(own), boltzmann=own.said["boltzmann"])
+    done = perform(every, Store(out, "stress.script"), meter, judge=judge)
     checks = [check.plain() for integrator in some for check in _checks(own, integrator, done)]
     return summary | {"checks": checks, "interrupted": done.interrupted}
 
