@@ -70,15 +70,19 @@ def _starts(
 ) -> tuple[list[dict], bool]:
     """A row for each integrator: what it makes of the start, and of some steps; and whether a
     Ctrl-C ended it."""
-    folders = {name: out / "runs" / run.folder_name(name) for name in own.integrators}
+    integrators, runs = own.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
     every = [
-        Trajectory(name, one.label, partial(_job, own, one, folders[name], STEPS, **how))
-        for name, one in own.integrators.items()
+        Trajectory(
+            one.name,
+            one.label,
+            partial(_job, own, one, runs / run.folder_name(one.name), STEPS, **how),
+        )
+        for one in integrators
     ]
     done = perform(every, Store(out, "check.measure"), meter)
-    ended = (one for name, one in own.integrators.items() if name in done.jobs)
-    rows = [_row(own, one, run.collect(folders[one.name])) for one in ended]
+    ended = {one.name: one for one in integrators if one.name in done.jobs}
+    rows = [_row(own, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()]
     return rows, done.interrupted
 
 
