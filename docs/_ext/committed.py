@@ -232,13 +232,20 @@ def published(verb="published", part="spread"):
     return markdown(head, body)
 
 
-# ---- what breaks where: stability, breaks
+# ---- what breaks, where: stress
+
+
+def _of(part):
+    """The cases of a part, and their rows of the table."""
+    found = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in found}
+    return found, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
     found = defaultdict(lambda: defaultdict(list))
-    for row in rows("stability"):
+    for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
         found[row["label"]][verdict].append(row["case"])
     body = []
@@ -250,9 +257,10 @@ def standing():
 
 
 def cases():
-    ours = {row["case"]: row for row in rows("stability") if row["label"] == OURS}
+    found, lines = _of("extreme")
+    ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in summary("stability")["cases"]:
+    for case in found:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -267,15 +275,16 @@ def cases():
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
-def breaks():
-    table = rows("breaks")
-    fixes = list(dict.fromkeys(row["integrator"] for row in table))
-    lines = defaultdict(list)
-    for row in table:
-        lines[row["what"]].append(significant(row["value"], 2) if row["value"] else "ends")
-    return markdown(
-        ["case", *map(code, fixes)], [[what, *numbers] for what, numbers in lines.items()]
-    )
+def reported():
+    """What users report: each case's number with ours and with LAMMPS's fixes."""
+    found, table = _of("reported")
+    fixes = list(dict.fromkeys(row["label"] for row in table))
+    body = []
+    for case in found:
+        numbers = (row["value"] for row in table if row["case"] == case["name"])
+        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
+        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+    return markdown(["case", *map(code, fixes)], body)
 
 
 # ---- tables as the verbs have them
@@ -643,11 +652,11 @@ def readme_table():
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
     water = {row["integrator"]: row for row in rows("compare-water")}
     free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
-    broken = {(row["case"], row["integrator"]): row["value"] for row in rows("breaks")}
+    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
-    for row in rows("stability"):
+    extreme, lines = _of("extreme")
+    for row in lines:
         verdicts[row["label"]][row["verdict"]] += 1
-    cases = len(summary("stability")["cases"])
     ratios = {
         (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
             row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
@@ -678,7 +687,7 @@ def readme_table():
         "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
-        f"{cases} cases of the stability atlas: passed, failed": judged,
+        f"{len(extreme)} extreme cases: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
@@ -723,7 +732,7 @@ TABLES = [
     published,
     standing,
     cases,
-    breaks,
+    reported,
     ensembles_pressure,
     ensembles_density,
     ensembles_bounds,

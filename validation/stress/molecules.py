@@ -1,6 +1,7 @@
 """Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
 ``real``: Angstrom, fs, kcal/mol."""
 
+import bisect
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +15,7 @@ from ..statistics import measures, motion
 from . import criteria
 from .measure import (
     COMPARED,
-    EXTREME,
+    EXACT,
     LESS,
     LINE,
     SLOW,
@@ -25,7 +26,6 @@ from .measure import (
     mean_of_starts,
     of_parts,
 )
-from .tops import kept
 
 # of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
 ALLOWED = criteria.CRITERIA["stable, few"].bound
@@ -34,14 +34,14 @@ GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
 UP_TO = f"5 ps, or {MOST:,} steps if that is less"
 LONGEST = (
-    "longest {} at which the energy changes by less than {:.0%} of the kinetic energy, from the "
+    "longest Δt at which the energy changes by less than {:.0%} of the kinetic energy, from the "
     "first to the last fifth of {} (--full: {})"
 )
 GRID = (
     "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 )
 ONE = f"{GRID}; one start, so what another would give is not in it"
-STARTS = 4, criteria.ENOUGH_STARTS  # of a limit, at least and at most
+STARTS = 4, 19  # of a limit, at least and at most
 DRIFTS = 1, 8  # of a drift
 SOME = f"from the scatter of {STARTS[0]} starts or more, as Student's t has it, and {GRID}"
 SAMPLES = 50  # of the energy in a run at one time step
@@ -53,77 +53,53 @@ DRIFT = "|drift of the energy| over the mean kinetic energy"
 OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": DRIFTS, "together": drift_of_starts}
 OF_STEP = {"starts": STARTS, "together": mean_of_starts, "bars": SOME}
 SPACING = 2000  # steps between the dimer's starts
-Dts = np.ndarray | list[float]
 # integrators of the costly cases' short form
 HEAVY = ("nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4")
 
 
-def limit(
-    stand: Stand, scene: Scene, dts: Dts, time: float, unit: float = 1.0, name: str = " fs", **how
-) -> Number:
+def limit(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
     """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times
     `ALLOWED` of the kinetic energy, nor differs between the first and the last fifth of the run by
     more than `ALLOWED` of that.  All are tried in one LAMMPS run, until one breaks it.
 
     Args:
         scene: of the stand's start.  dts: time steps, ascending.  time: that each run covers.
-        unit: that the limit is given in.  name: of it, after a blank.
         how: as ``Stand.run`` has it.
     """
-    tried = np.asarray(dts)
-    label = f"start {stand.start + 1}"
-    change, error = changes(stand, scene, label, tried, time, ALLOWED, **how)
-    stable = change < ALLOWED
-    bad = len(dts) if stable.all() else int(np.argmin(stable))
-    again = bad + np.flatnonzero(stable[bad:])
-    more = f", but again at {dts[again[0]] / unit:.4g}{name}" if len(again) and bad else ""
-    return _between(tried / unit, bad, error, more, name)
+    change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
+    bad = int(np.argmin(np.append(change < ALLOWED, False)))
+    return _between(dts, bad, error or "energy off")
 
 
-def halved(
-    stand: Stand, scene: Scene, dts: np.ndarray, time: float, allowed: float, **how
-) -> Number:
-    """As `limit`, for a costly scene: from one start, of up to `MOST` steps, by bisection, and with
-    a step of half the limit after it; if that is bad then the limit is below it."""
-    tried: dict[int, str | None] = {}
+def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
+    """As `limit`, of many molecules, which cost more: from one start, of up to `MOST` steps, by
+    bisection, and with a step of half the limit after it; if that is bad then the limit is below
+    it."""
 
-    def bad_at(k):
-        if k not in tried:
-            label, until = f"{dts[k]:g} fs", min(time, MOST * dts[k])
-            (off,), error = changes(stand, scene, label, dts[k : k + 1], until, allowed, **how)
-            why = error or f"energy off by {off:.2g} of the kinetic energy"
-            tried[k] = None if off < allowed else why
-        return tried[k]
+    def why(k: int) -> str:
+        """Why a step is bad; empty if it is good."""
+        label, until = f"{dts[k]:g} fs", min(time, MOST * dts[k])
+        (off,), error = changes(stand, scene, label, dts[k : k + 1], until, OF_MANY, **how)
+        told = error or f"energy off by {off:.2g} of the kinetic energy"
+        return "" if off < OF_MANY else told
 
-    bad, more = len(dts), ""
-    while True:
-        good = -1
-        while bad - good > 1:
-            k = (good + bad) // 2
-            good, bad = (good, k) if bad_at(k) else (k, bad)
-        half = int(np.searchsorted(dts, dts[max(good, 0)] / 2, side="right")) - 1
-        if half < 0:
-            break
-        if not bad_at(half):
-            more += f", good at {dts[half]:g} fs"
-            break
-        bad, more = half, f", but again at {dts[good]:g} fs"
-    return _between(dts, bad, tried.get(bad), more)
+    bad = bisect.bisect_left(range(len(dts)), True, key=lambda k: bool(why(k)))
+    half = int(np.searchsorted(dts, dts[max(bad - 1, 0)] / 2, side="right")) - 1
+    if half >= 0 and why(half):
+        return halved(stand, scene, dts[: half + 1], time, **how)
+    return _between(dts, bad, why(bad) if bad < len(dts) else "")
 
 
-def _between(dts, first, error, more, name=" fs"):
+def _between(dts: np.ndarray, first: int, error: str) -> Number:
     """The limit where ``dts[first]`` is the first bad step."""
     if first == 0:
-        why = f": {error}" if error else ""
-        return Number(0.0, note=f"not even at {dts[0]:.4g}{name}, the shortest step tried{why}")
+        return Number(0.0, note=f"not even at {dts[0]:.4g} fs, the shortest step tried: {error}")
     longest = dts[first - 1]
-    good = f"stable at {longest:.4g}{name}"
     if first == len(dts):
         told = "the longest step tried, so no error: the limit is at least that"
-        return Number(longest, note=f"{good}, {told}")
-    shortest = dts[first]
-    note = f"{good}, not at {shortest:.4g}{name}{more}"
-    return Number((shortest + longest) / 2, (shortest - longest) / 4, note)
+        return Number(longest, note=f"stable at {longest:.4g} fs, {told}")
+    note = f"stable at {longest:.4g} fs, not at {dts[first]:.4g} fs"
+    return Number((dts[first] + longest) / 2, (dts[first] - longest) / 4, note)
 
 
 def changes(
@@ -202,31 +178,31 @@ def water(stand: Stand) -> Scene:
 @Case.of(
     "water-dt",
     f"{BODIES} TIP3P molecules at 295 K.",
-    (0.2 * FS_PER_PS, 0.5),
-    (5 * FS_PER_PS, 0.25),
-    criterion=LONGEST.format("Δt", OF_MANY, "0.2 ps", UP_TO),
+    [0.2 * FS_PER_PS, 0.5],
+    [5 * FS_PER_PS, 0.25],
+    criterion=LONGEST.format(OF_MANY, "0.2 ps", UP_TO),
     bars=ONE,
     few=HEAVY,
 )
-def water_dt(stand: Stand, length: tuple[float, float]) -> Number:
+def water_dt(stand: Stand, length: list[float]) -> Number:
     """Of the length the time, and between two steps tried."""
     steps = np.arange(0.5, 12.1, length[1])
-    return halved(stand, water(stand), steps, length[0], OF_MANY, ranks=stand.ranks)
+    return halved(stand, water(stand), steps, length[0], ranks=stand.ranks)
 
 
 @Case.of(
     "peptide-dt",
     "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-    (0.1 * FS_PER_PS, 1.0),
-    (5 * FS_PER_PS, 0.5),
-    criterion=LONGEST.format("Δt", OF_MANY, "0.1 ps", UP_TO),
+    [0.1 * FS_PER_PS, 1.0],
+    [5 * FS_PER_PS, 0.5],
+    criterion=LONGEST.format(OF_MANY, "0.1 ps", UP_TO),
     bars=ONE,
     few=HEAVY,
 )
-def peptide_dt(stand: Stand, length: tuple[float, float]) -> Number:
+def peptide_dt(stand: Stand, length: list[float]) -> Number:
     """As `water_dt`."""
     scene, steps = coarse(paper_peptide.scene()), np.arange(0.5, 8.1, length[1])
-    return halved(stand, scene, steps, length[0], OF_MANY, ranks=stand.ranks)
+    return halved(stand, scene, steps, length[0], ranks=stand.ranks)
 
 
 def dimer_of(mass: float) -> Scene:
@@ -252,7 +228,7 @@ def dimer_dt(mass: float) -> Case:
         "they are.",
         1 * FS_PER_PS,
         25 * FS_PER_PS,
-        criterion=LONGEST.format("Δt", ALLOWED, *times) + ", a mean over starts",
+        criterion=LONGEST.format(ALLOWED, *times) + ", a mean over starts",
         **OF_STEP,
     )
     def measure(stand, time):
@@ -308,7 +284,7 @@ def water_cold(stand: Stand, time: float) -> Number:
     50_000_000,
     criterion="largest of: change of the mean energy from the first tenth to the last, in parts of "
     "the kinetic energy; relative changes of momenta and of distances; each over its bound",
-    bars=EXTREME,
+    bars=EXACT,
     tenth=SLOW,
 )
 def long_dimer(stand: Stand, steps: int) -> Number:
@@ -327,7 +303,10 @@ def long_dimer(stand: Stand, steps: int) -> Number:
     shape = max(np.abs(d / d[0] - 1).max() for d in pairs)
     keys = "energy", "momentum", "angular momentum", "|q|, by the distances"
     told = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
-    return of_parts({"long run": heat, **kept(stand, steps, max(lost), shape)}, ", ".join(told))
+    momenta = criteria.in_a_step(max(lost), steps)
+    asked = stand.integrator.tolerance or criteria.rounding(steps)
+    parts = {"long run": heat, "rounding": momenta, "shape": shape / asked}
+    return of_parts(parts, ", ".join(told))
 
 
 DIMERS = tuple(dimer_dt(mass) for mass in (1.0, 0.1, 0.01))
