@@ -48,9 +48,9 @@ class World:
     """
 
     def __init__(self, random, size, slow=(0.0, 0.1), settles=0.0, noise=0.3,
-                 shape=lambda dt: dt**2 / 9):  # fmt: skip
+                 lasts=1.0, shape=lambda dt: dt**2 / 9):  # fmt: skip
         self.random, self.size, self.slow, self.settles = random, size, slow, settles
-        self.noise, self.shape = noise, shape
+        self.noise, self.lasts, self.shape = noise, lasts, shape
 
     def error(self, name, point):
         return TARGETS[name] * self.size * self.shape(point.dt)
@@ -69,7 +69,7 @@ class World:
 
     def settling(self, start):
         times = start - 1 + np.linspace(0, 1, SAMPLES)
-        return self.settles * np.exp(-times)
+        return self.settles * np.exp(-times / self.lasts)
 
     def run(self, point, start):
         """`Numbers` of a run."""

@@ -24,6 +24,7 @@ from .law import by_law
 BIN, REACH = 0.04, (0.3, 2.2)  # of g(r), in edges of a body's room
 HALF = 0.95  # of half the box that g(r) reaches at most
 UNLIKELY = 5.0  # standard deviations of a temperature
+LEFT = 3.0  # times what is gone from start to start: what may be left of it, if it goes slowly
 FEWEST = 3  # independent vectors of noise, without which g(r) has no error
 
 
@@ -196,7 +197,7 @@ def pooled(starts: Starts, shared: bool, like: Starts | None = None) -> dict[Poi
     told = starts if like is None else like
     known = _chance(_values(told))
     noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
-    settles = 0.0 if shared else max(known.values(), default=0.0) - min(known.values(), default=0.0)
+    settles = 0.0 if shared else _settling(told, known)
     made = {}
     for point, found in starts.items():
         mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
@@ -205,6 +206,16 @@ def pooled(starts: Starts, shared: bool, like: Starts | None = None) -> dict[Poi
         wide = math.hypot(noise.wider * error, settles)
         made[point] = Estimate(mean, wide, noise.freedom if few else own)
     return made
+
+
+def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
+    """What may be left of the first start's distance from equilibrium, from how much the starts'
+    chances differ, beyond their own errors."""
+    if len(chance) < 2:
+        return 0.0
+    squares = (one.error**2 for found in starts.values() for one in found.values())
+    error = math.sqrt(sum(squares)) / len(starts)
+    return LEFT * max(0.0, max(chance.values()) - min(chance.values()) - error)
 
 
 def _values(starts: Starts) -> dict[Point, dict[int, float]]:
@@ -253,21 +264,22 @@ class Structure(NamedTuple):
         What runs of a point differ by has no error of the step.  So noise of any correlation time
         is no error, as it would be if parts of a run stood for independent ones.
         """
-        factor, far = 1.0, point
-        if point.scheme == held.scheme:  # which has a part of the error itself, by the square
-            if point == held:
-                longer = (one for one in self.means if one.scheme == held.scheme and one != held)
-                far = min(longer, key=lambda one: one.dt, default=held)
-            if far == held:
-                return None
-            factor = abs(point.dt**2 / (far.dt**2 - held.dt**2))
-        if not {far, held} <= self.means.keys() or len(self.noise) < FEWEST:
+        ours = [one for one in self.means if one.scheme == held.scheme and one.dt > held.dt]
+        shorter = [one for one in ours if one.dt <= point.dt] or sorted(ours)[:1]
+        if not shorter or not {point, held} <= self.means.keys() or len(self.noise) < FEWEST:
             return None
+        # what means are held against has an error itself, which goes as the square of its step
+        far = max(shorter)
+        part = held.dt**2 / (far.dt**2 - held.dt**2)
+        weights = dict.fromkeys((point, far, held), 0.0)
+        for one, weight in (point, 1.0), (far, part), (held, -1.0 - part):
+            weights[one] += weight
+        off = sum(weight * self.means[one] for one, weight in weights.items())
+        each = sum(weight**2 / self.runs[one] for one, weight in weights.items())
         # as many measurements, whose mean is the difference, and whose scatter is its noise
-        number, each = len(self.noise) + 1, 1 / self.runs[far] + 1 / self.runs[held]
+        number = len(self.noise) + 1
         scatter = math.sqrt(number * each) * linalg.helmert(number).T @ self.noise
-        off = self.means[far] - self.means[held]
-        return measures.without_noise(off + scatter).times(factor)
+        return measures.without_noise(off + scatter)
 
 
 def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWNBASE
+from matplotlib.ticker import NullFormatter
 
 from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, panels
 from ..scenes import integrators
@@ -21,7 +22,8 @@ MORE = ("#7a5195", "v"), ("#a6a11f", "X"), ("#3d9fb0", "P"), ("#9db4d6", "D"), (
 READ = (
     f"Left and down is better. Whiskers: the error's {SURE} interval, and the run time from the "
     "least of its repeats to their median. A pale point with an arrow is what an error is at most, "
-    "where it cannot be told from zero. Above: which steps run; a cross is a step that fails."
+    "where it cannot be told from zero. Numbers are steps of ours. Above: the lines' names, and "
+    "which steps run; a cross is a step that fails."
 )
 ERRORS = (
     f"Errors against the time step, with {SURE} margins. The band is the target: a point is good "
@@ -79,7 +81,9 @@ def cost(summary: Mapping) -> Figure | None:
     top.set(xscale="log", ylim=(len(rows) - 0.5, -0.5))
     top.set_xticks(steps, [f"{dt:g}" for dt in steps], fontsize=8)
     top.minorticks_off()
-    top.set_yticks(range(len(rows)), [own[0]["label"] for own in rows.values()], fontsize=8)
+    top.set_yticks(range(len(rows)), [own[0]["label"] for own in rows.values()], fontsize=9)
+    for label, name in zip(top.get_yticklabels(), rows):
+        label.set_color(looks[name]["color"])
     unit = UNITS[summary["units"]].time
     top.set_title(f"time steps ({unit}); a cross: fails", loc="left", fontsize=9, pad=3)
     known = [one for one in good if main in one["errors"]]
@@ -89,11 +93,13 @@ def cost(summary: Mapping) -> Figure | None:
     axis.set(xscale="log", yscale="log", xlabel=f"run time (s per {summary['ns']})")
     axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
     axis.grid(color=PALE, lw=0.4)
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
     return figure
 
 
 def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None:
-    """One integrator's points, those that can be told from zero joined; with its name."""
+    """One integrator's points, those that can be told from zero joined; ours with their steps."""
     spent = [one["cost"] for one in row if one["cost"]]
     x, usual = np.array([(one["min"], one["median"]) for one in spent]).T
     zero = np.array([is_zero(one, measure) for one in row])
@@ -109,9 +115,10 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
         axis.errorbar(x[those], y[those], **bars, **style)
     down: dict = {"marker": CARETDOWNBASE, "ms": 5, "ls": "none", "alpha": 0.7}
     axis.plot(x[zero], y[zero], color=look["color"], **down)
-    beside: dict = {"textcoords": "offset points", "xytext": (-6, 2), "ha": "right", "fontsize": 8}
-    text = f"{row[-1]['label']}, {row[-1]['dt']:g}"
-    axis.annotate(text, (x[-1], y[-1]), color=look["color"], **beside)
+    if row[0]["ours"]:
+        beside: dict = {"textcoords": "offset points", "xytext": (-5, -5), "fontsize": 8.5}
+        for one, place in zip(row, zip(x, y)):
+            axis.annotate(f"{one['dt']:g}", place, color=OURS, ha="right", va="top", **beside)
 
 
 def errors(summary: Mapping) -> Figure | None:

@@ -349,7 +349,7 @@ def run_longer(
 
     It begins with the last start, and leaves out as much as the short runs lasted, by which it was
     chosen: so what chose the point does not judge it.  Means are held against a run as long, or
-    stay as short runs tell them.
+    stay as short runs tell them, where there is none, or where it takes other steps to tell them.
     """
     case, point, held = prepared.case, best.point, prepared.held
     some = [point, *([held] if best.again else [])]
@@ -361,10 +361,7 @@ def run_longer(
     if point not in runs.found and point not in runs.failed:
         return done, None
     told = errors.errors(case, runs.found, held, True, short.found, best.times * STARTS)
-    own = told.get(point, {})
-    if not best.again:
-        own |= {
-            name: Estimate.of(found) for name, found in best.row["signed"].items() if name in MEANS
-        }
+    means = {name: Estimate.of(one) for name, one in best.row["signed"].items() if name in MEANS}
+    own = means | told.get(point, {}) if best.again else told.get(point, {}) | means
     made = row(prepared, point, runs, lengths.time, own, own)
     return done, made | {"alone": True}

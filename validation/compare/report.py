@@ -142,7 +142,8 @@ def said(summary: Mapping) -> Said:
 def _about(one: Mapping) -> str:
     """What a target is, and why it is as large by default."""
     what = f"{one['what']}, {one['unit']}".strip(", ")
-    return f"{what}. By default {one['default']:g}: {one['why']}."
+    usual = f"By default {one['default']:g}: " if one["default"] else ""
+    return f"{what}. {usual}{one['why']}."
 
 
 def _answer(answer: Answer) -> str:
@@ -186,9 +187,9 @@ def _lines(answer: Answer) -> Iterator[str]:
     """Further sentences, and the lines for the input script."""
     choice, unit = answer.choice, answer.unit
     lost = set(answer.wanted) - set(answer.targets)
-    others = [one for one in answer.points if one["without"]]
+    others = [one for one in answer.points if set(answer.wanted) & set(one["without"])]
     if others:
-        told = " and ".join(dict.fromkeys(name for one in others for name in one["without"]))
+        told = " and ".join(name for name in answer.wanted if name in others[0]["without"])
         labels = ", ".join(dict.fromkeys(one["label"] for one in others))
         yield f"Of {labels} nobody knows {told}: {answer.summary['why']}."
     if lost and answer.targets:
@@ -201,7 +202,7 @@ def _lines(answer: Answer) -> Iterator[str]:
     for one in answer.points:
         if one["alone"]:
             yield (
-                f"All steps ran for {answer.summary['time']:.3g} {unit}, from each of two starts. "
+                f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. "
                 f"The rest of the time went to {one['label']}, {one['dt']:g} {unit}: a run of "
                 f"{one['time']:.3g} {unit}, which alone judges it."
             )
