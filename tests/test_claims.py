@@ -27,7 +27,6 @@ from validation.running import machine, run
 from validation.sample.scenes import SCENES as SAMPLED
 from validation.scenes import INPUTS, SCENES
 from validation.scenes import peptide as paper_peptide
-from validation.scenes.data_file import data_file
 from validation.scenes.integrators import INTEGRATORS, PAPER, Integrator
 from validation.statistics import measures
 from validation.statistics.check import Check
@@ -447,51 +446,6 @@ def test_plans_are_what_the_paper_has(tmp_path):
         assert named[name].dt == dt and named[name].steps * dt / 1000 >= ps
     shorter = {one.name: one for one in paper.plan(bench(tmp_path, full=True, time=150.0))}
     assert shorter["water-nosquish"].steps == 50_000
-
-
-RATTLE = """
-units real
-atom_style full
-read_data data.water
-pair_style zero 8.0
-pair_coeff * *
-bond_style zero
-bond_coeff 1 0.9572
-angle_style zero
-angle_coeff 1 104.52
-fix 1 all nve
-fix 2 all rattle 1e-10 100 0 b 1 a 1
-compute along all bond/local velvib
-compute largest all reduce max c_along inputs local
-compute smallest all reduce min c_along inputs local
-thermo_style custom step ke c_largest c_smallest
-thermo_modify norm no format float %.15g
-timestep 1.0
-thermo 10
-run 10
-"""
-
-
-def one_water(shift):
-    """LAMMPS data file of one turning molecule, moved along x and wrapped into its periodic box."""
-    half = np.radians(104.52 / 2)
-    x = np.array([[0, 0, 0], [np.sin(half), np.cos(half), 0], [-np.sin(half), np.cos(half), 0]])
-    v = np.cross([0.003, -0.002, 0.02], x * 0.9572)
-    x = np.add(x * 0.9572, [10.0 + shift, 10.0, 10.0]) % 20.0
-    terms = {"bonds": [(1, 1, 2), (1, 1, 3)], "angles": [(1, 2, 1, 3)]}
-    atoms, how = [[1, 1, 1], [1, 2, 2], [0, 0, 0], x], {"mass": [15.9994, 1.008], "terms": terms}
-    return data_file("full", atoms, (0, 20), velocities=[v], **how)
-
-
-def test_why_rattle_is_not_in_figure_3(run_lammps):
-    """Locks out the page's word on fix rattle once a LAMMPS has it right: the same molecule
-    keeps velocities along its bonds where it crosses a periodic face, and its kinetic energy is
-    another."""
-    inside = run_lammps(RATTLE, files={"data.water": one_water(0.0)}).thermo[-1]
-    across = run_lammps(RATTLE, files={"data.water": one_water(10.0)}).thermo[-1]
-    assert max(abs(inside["c_largest"]), abs(inside["c_smallest"])) < 1e-15
-    assert max(abs(across["c_largest"]), abs(across["c_smallest"])) > 1e-5
-    assert abs(across["KinEng"] / inside["KinEng"] - 1) > 1e-5
 
 
 @pytest.mark.timeout(120)
