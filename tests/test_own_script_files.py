@@ -50,7 +50,7 @@ pair_coeff * *
 
 def pairs(own):
     """What a run of the scene says of its start."""
-    place = Path(own.scene.room).parents[1] / "look"
+    place = Path(own.scene.overlay).parents[1] / "look"
     first = next(iter(own.integrators.values()))
     return run.run(run.job(own.scene, first, place, [2], dt=own.scene.dt, every=1, silence=100.0))
 

@@ -96,7 +96,7 @@ def test_scripts_are_read_with_the_package_that_is_installed():
         "import fix_nosquish; print(fix_nosquish.__file__)"
     )
     how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
-    preloaded = {**os.environ, **recorder.environment("/a/b/room")}
+    preloaded = {**os.environ, **recorder.environment("/a/b/overlay")}
     done = subprocess.run([sys.executable, "-c", code], env=preloaded, **how)
     assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
 
@@ -240,7 +240,7 @@ def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
         with Store(tmp_path / "out", "").locked("script", fcntl.LOCK_EX | fcntl.LOCK_NB) as free:
             seen.append(free)
         if len(seen) == 1:
-            Path(job.directory).mkdir()
+            Path(job.directory).mkdir(exist_ok=True)
             (Path(job.directory) / "state.dump").write_text("half")
             raise KeyboardInterrupt
         return once(job, *more)

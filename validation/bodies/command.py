@@ -81,13 +81,13 @@ def run(arguments: Namespace) -> int:
     }
     (out / "write.json").write_text(json.dumps(plain))
     writer = Path(__file__).with_name("writer.py")
-    room = system.room(folder)
+    overlay = system.overlay(folder)
     done = subprocess.run([sys.executable, str(writer), str(out / "write.json")],
                           stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                          env={**os.environ, **recorder.environment(room)})  # fmt: skip
+                          env={**os.environ, **recorder.environment(overlay)})  # fmt: skip
     if done.returncode:
         raise SystemExit(f"{ask.name}: no data file: {done.stderr.strip().splitlines()[-1]}")
-    lost = _give_coefficients(said["commands"], (Path(said["workplace"]), room), data)
+    lost = _give_coefficients(said["commands"], (Path(said["workplace"]), overlay), data)
     if moved:
         print(f"Each kind has its mean shape: for this an atom moved by {moved:.3g} Å at most.")
     restart = making.NOTHING
@@ -130,9 +130,9 @@ def _give_coefficients(commands: Sequence[str], folders: Sequence[Path], data: P
         if "nocoeff" in words:
             continue
         opened = gzip.open if name.endswith(".gz") else open
-        here, room = folders
+        here, overlay = folders
         plain, last = os.path.normpath(here / name), Path(name).name
-        files = [Path(f"{room}{plain}"), Path(plain), *room.rglob(last), *here.rglob(last)]
+        files = [Path(f"{overlay}{plain}"), Path(plain), *overlay.rglob(last), *here.rglob(last)]
         path = next(one for one in files if one.is_file())
         with opened(path, "rt", errors="replace") as file:
             found[name] = coefficients(file.read())

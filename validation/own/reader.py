@@ -5,7 +5,7 @@ told the words, with all variables in place (see ``recorder``), and answers whet
 LAMMPS stops where the first run would begin in which a fix moves rigid bodies, or that is asked
 for.  Minimizations and ``run 0`` are no such run: they are done, as runs before it are.
 
-``ask.json`` has ``script``, ``folder`` (in which the harness was started), ``out`` and ``room``
+``ask.json`` has ``script``, ``folder`` (in which the harness was started), ``out`` and ``overlay``
 (see ``recorder``), ``variables`` (lists of a name and its values, as of the option -var), ``fix``
 (IDs of fixes that move the atoms, if told), ``any`` (any run will do), ``everything`` (so will what
 is none, as a minimization), ``at`` (which of these runs, from 1).  Left beside it:
@@ -237,8 +237,8 @@ def _script(ask: dict, folder: Path) -> Script:
     for doing in False, True:
         os.chdir(folder)
         if WORLD.rank == 0:  # nothing of what was written without earlier runs
-            shutil.rmtree(ask["room"], ignore_errors=True)
-            Path(ask["room"]).mkdir()
+            shutil.rmtree(ask["overlay"], ignore_errors=True)
+            Path(ask["overlay"]).mkdir()
         WORLD.Barrier()
         found, failure = Script(ask, doing), None
         try:

@@ -211,9 +211,9 @@ def _reading(ask, out, ranks, silence, everything=False):
         return said, dict(file), folder
 
 
-def room(folder: Path) -> Path:
+def overlay(folder: Path) -> Path:
     """What stands for the root of all files, where the script writes to its own."""
-    return folder / "room"
+    return folder / "overlay"
 
 
 def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
@@ -240,7 +240,7 @@ def _contents(files: Sequence[str]) -> str:
 def _files_of(said: Mapping, folder: Path) -> str:
     """Hash of the files that a script's runs follow from: the user's, those that the script has
     written, the state and the bodies."""
-    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "room"))
+    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
     known = [machine.contents(file) for file in made if file.exists()]
     return store.digest(_contents(said["files"]), known)
 
@@ -252,7 +252,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
         "script": ask.script,
         "folder": ask.folder,
         "out": str(folder.parent),
-        "room": str(room(folder)),
+        "overlay": str(overlay(folder)),
         "variables": ask.variables,
         "fix": ask.fix,
         "any": bool(ask.group or ask.bodies),
@@ -264,7 +264,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
-    how |= recorder.environment(room(folder), preloaded=how.get("LD_PRELOAD"))
+    how |= recorder.environment(overlay(folder), preloaded=how.get("LD_PRELOAD"))
     with (
         open(folder / "output.txt", "w") as output,
         run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
@@ -336,7 +336,7 @@ def _scene(
         name=ask.name,
         title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
         folder=Path(said["workplace"]),
-        room=str(room(folder)),
+        overlay=str(overlay(folder)),
         setup=(*before, *found.setup),
         group=found.group,
         bodies=found.bodies,
