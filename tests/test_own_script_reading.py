@@ -308,7 +308,7 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
     message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
     assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
-    assert "has no run" in refused(GAS, tmp_path)
+    assert "has no run" in refused(GAS, tmp_path) and "has no run" in refused("", tmp_path)
     message = refused(GAS + "jump /nowhere/nothing\n", tmp_path)
     assert "failed at 'jump /nowhere/nothing'" in message
     assert "Label wasn't found" in refused(GAS + "jump SELF there\n", tmp_path)

