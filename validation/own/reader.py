@@ -330,7 +330,6 @@ def _system(lmp: lammps) -> dict:
         "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
         "periodic": periodic,
         "boltzmann": lmp.extract_global("boltz"),
-        "special": [lmp.extract_global(f"special_{kind}") for kind in ("lj", "coul")],
         "sized": any(lmp.extract_setting(f"{kind}_flag") > 0 for kind in sized),
     }
 
@@ -421,7 +420,7 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
 
     known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
     known |= dict.fromkeys("xvf", (1, 3))
-    more = {"molecule": (0, 1), "q": (1, 1), "rmass": (1, 1)}
+    more = {"molecule": (0, 1), "rmass": (1, 1)}
     known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
     found = {name: gather(name, *how) for name, how in known.items()}
     masses = np.array(lmp.numpy.extract_atom("mass")).ravel()

@@ -305,13 +305,6 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
     return before + behind
 
 
-def without_fixes(said: Mapping) -> list[str]:
-    """Commands that make the script's atoms, and its forces, without fixes that act in runs."""
-    kept = "property/atom", "cmap"
-    gone = [fix_id for fix_id, line in said["fixes"].items() if finding.style_of(line) not in kept]
-    return [line for _, line in repeated(said, gone)]
-
-
 def _scene(
     ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
 ) -> tuple[Scene, list[str]]:
