@@ -79,8 +79,8 @@ def near(command: str, folder: str, out: Path) -> str:
     """A command that names files in and beside these folders from the first one, where LAMMPS
     works, or, of a user's script, from the output folder (see ``own/recorder.cpp``): LAMMPS takes
     no quotes in a path, nor letters beyond ASCII."""
-    if rooms := os.environ.get("VALIDATION_ROOMS"):
-        return command.replace(f'"{rooms.splitlines()[0]}/', '"/validation-out/')
+    if overlays := os.environ.get("VALIDATION_OVERLAYS"):
+        return command.replace(f'"{overlays.splitlines()[0]}/', '"/validation-out/')
     here = os.path.realpath(folder)
     above = os.path.commonpath([here, out])
     return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')
