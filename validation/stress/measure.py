@@ -107,8 +107,7 @@ def drift_of_starts(numbers: Sequence[Number]) -> Number:
 
 def _notes(numbers: Sequence[Number]) -> str:
     notes = [number.note for number in numbers if number.note]
-    starts = f"{len(numbers)} starts" if len(numbers) > 1 else ""
-    return ": ".join(filter(None, (starts, "; ".join(notes))))
+    return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
 
 
 class BlowUp(Exception):
