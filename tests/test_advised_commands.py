@@ -77,7 +77,7 @@ def test_commands_are_found():
         "advise mixed --target energy_sd=1",
         "stress butter",
         "stress --only butter",
-        "theory butter",
+        "claims butter",
         "cost butter",
         "compare butter",
     ],

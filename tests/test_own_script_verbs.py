@@ -247,9 +247,9 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
 @pytest.mark.parametrize(
     "words",
     [
-        "sweep water", "stress gradient", "compare water", "sample water", "cost water",
-        "long", "paper", "published", "theory",
-        "check my.in", "advise my.in",
+        "stress gradient", "compare water", "sample water", "cost water",
+        "claims long-run", "claims",
+        "check my.in",
     ],
 )  # fmt: skip
 def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
@@ -267,9 +267,9 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
 @pytest.mark.parametrize(
     "words",
     [
-        "sweep water", "stress gradient", "compare water", "sample water", "cost water",
-        "long", "paper", "published", "theory", "report",
-        "check my.in", "advise my.in",
+        "stress gradient", "compare water", "sample water", "cost water",
+        "claims long-run", "claims", "report",
+        "check my.in",
     ],
 )  # fmt: skip
 @pytest.mark.parametrize("place", ["file/below", "/proc/none"])
@@ -301,14 +301,14 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = "theory published report paper sweep cost sample stress"
+SCENES_ONLY = "claims report cost sample stress"
 
 
 @pytest.mark.parametrize(
     "words",
     [
-        *("theory", "published", "report", "paper"),
-        *("sweep", "cost", "sample", "stress"),
+        *("claims", "claims theory", "report"),
+        *("cost", "sample", "stress"),
         *("compare water", "cost start", "sweep water", "sample water", "advise water"),
         *("stress needles", "advise nothing"),
     ],
