@@ -107,7 +107,14 @@ def test_titles_drop_nothing(harness):
     assert store.code_of(sweep) == before
 
 
-@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "stress/tops.py"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("stress/tops.py", "scenes/boxes.py", "scenes/bodies.py", "scenes/peptide.py"),
+        *("scenes/__init__.py", "running/run.py", "running/lammps_log.py", "running/starts.py"),
+        *("statistics/measures.py", "statistics/motion.py", "statistics/check.py"),
+    ],
+)
 def test_code_that_measures_counts(harness, name):
     """Locks out results that stay though what made them is another."""
     before = store.code_of(MEASURE)
