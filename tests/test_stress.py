@@ -19,10 +19,9 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation.theory.top import free_top
-
 from validation import pages
 from validation.__main__ import main
+from validation.claims.top import free_top
 from validation.running import run
 from validation.scenes import bodies
 from validation.statistics import measures
