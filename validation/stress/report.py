@@ -32,6 +32,7 @@ def said(summary: dict) -> Said:
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
     lines = [f"{what}: {', '.join(names) or 'nowhere'}." for what, names in worse(cases).items()]
+    ours = [row["verdict"] for _, row in every if row["integrator"] == OURS]
     waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
     if waiting:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
@@ -50,6 +51,9 @@ def said(summary: dict) -> Said:
         ],
         figures=[Figure("matrix", partial(matrix, extreme), READ)],
         notes={case["name"]: f"{case['criterion']}. Error: {case['bars']}." for case in cases},
+        defeats=[f"{what}: {', '.join(names)}." for what, names in worse(cases).items() if names]
+        + [told for case in extreme for told in _longer(case)],
+        kept={"cases that ours passes": f"{ours.count('pass')} of {len(ours)}"},
         failures=[
             f"{case['name']}, {row['label']}: {row['note']}"
             for case, row in every
@@ -73,6 +77,20 @@ def _of_script(summary: dict) -> Said:
         parts=TITLES,
         checks_file="table",
     )
+
+
+def _longer(case: dict) -> list[str]:
+    """Who bears a longer step than ours, of a case whose number is one."""
+    ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
+    if ours is None or ours["value"] is None or case["low"] is None:
+        return []
+    most = ours["value"] + Estimate.of(ours).margin
+    told = f"ours {_found(ours).text} {case['unit']}"
+    return [
+        f"{case['name']}: {row['label']} bears {_found(row).text} {case['unit']}, {told}."
+        for row in case["rows"]
+        if row["value"] is not None and row["value"] - Estimate.of(row).margin > most
+    ]
 
 
 def _answer(cases: Iterable[dict]) -> str:
