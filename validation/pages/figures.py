@@ -18,7 +18,11 @@ from matplotlib.figure import Figure
 
 from ..statistics.measures import Spread
 
-OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
+# Okabe and Ito's colours (jfly.uni-koeln.de/color), which the colour-blind can tell
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
+    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
+)
+OURS, OTHERS, THIRD, INK, PALE = BLUE, ORANGE, GREEN, "#333333", "#bdbdbd"
 STYLE: dict = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -32,30 +36,16 @@ STYLE: dict = {
     "savefig.bbox": "tight",
 }
 
-MARKS = {  # integrator: colour, marker; pale ones are variants of the one before
-    "nosquish": (OURS, "o"),
-    "rigid/nve": (OTHERS, "s"),
-    "rigid": ("#9db4d6", "s"),
-    "rigid/nve/omp": ("#2f4b7c", "s"),
-    "rigid/omp": ("#b9c6de", "D"),
-    "rigid/nve/small": (THIRD, "^"),
-    "rigid/small": ("#e0b08f", "^"),
-    "rigid/small/omp": ("#8c4a25", "^"),
-    "shake": ("#7a5195", "v"),
-    "rattle": ("#bfa5cf", "v"),
+MARKS = {  # integrator: colour and marker
+    "nosquish": (BLUE, "o"),
+    "rigid/nve": (ORANGE, "s"),
+    "rigid": (SKY, "D"),
+    "rigid/nve/small": (GREEN, "^"),
+    "rigid/small": (INK, "<"),
+    "shake": (RED, "v"),
+    "rattle": (PURPLE, "P"),
 }
 MISSED = "#b00000"
-# Okabe and Ito's colours (jfly.uni-koeln.de/color), by what is drawn; each has a marker, too
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
-    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
-)
-FAMILIES = {  # of schemes: colour and marker
-    "ours": (BLUE, "o"),
-    "rigid/nve": (ORANGE, "s"),
-    "rigid/nve/small": (GREEN, "^"),
-    "shake": (RED, "v"),
-    "other": (PURPLE, "D"),
-}
 LINE = 9.0  # points that a label needs in height
 Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
 
