@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWNBASE
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, PURPLE, RED, SKY, message, panels
 from ..scenes import integrators
@@ -45,7 +45,7 @@ def _styles(points: Iterable[Measured]) -> dict[str, dict]:
     for point in points:
         name = point["integrator"]
         if name not in found:
-            known = (OURS, "o") if point["ours"] else MARKS.get(name.rpartition("-")[0] or name)
+            known = (OURS, "o") if point["ours"] else MARKS.get(name.partition("-")[0])
             colour, marker = known or next(spare)
             wide = 2.2 if point["ours"] else 1.2
             found[name] = {"color": colour, "marker": marker, "lw": wide, "ms": 5}
@@ -93,6 +93,7 @@ def cost(summary: Mapping) -> Figure | None:
     axis.set(xscale="log", yscale="log", xlabel=f"run time (s per {summary['ns']})")
     axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
     axis.grid(color=PALE, lw=0.4)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
     message(figure, "Error against run time: left and down is better")
