@@ -70,7 +70,6 @@ QUICK = {
         test_respa.py::test_equal_steps_are_verlet[one level]
         test_respa.py::test_time_reversal[two levels]""",
     "in place of fix rigid's": """
-        test_from_rigid.py::test_kinetic_energies[2]
         test_from_rigid.py::test_gravity[fix-1]
         test_from_rigid.py::test_temper[2]""",
     "runs in a row, restart": """

@@ -22,9 +22,8 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     cost          what a step, a start, memory and messages cost; goals, passes
     paper         the paper's test problems again
     published     the energy's spread in water beside published numbers
-    ensembles     what long steps sample at constant temperature and pressure
-    sampling      what averages cost with long steps: bias, noise, time to an error
-    engines       the same water in OpenMM and GROMACS: bias of averages
+    sample        what averages cost with their error: bias, noise, time to an error; barostats and
+                  other engines, too
     theory        what the paper proves, each a number between bounds
     sweep         error against run time, every integrator with every step
     advise        the fastest point of a sweep that meets a target

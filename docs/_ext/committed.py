@@ -325,9 +325,9 @@ _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
 
 def ensembles_pressure():
     """Means at constant pressure."""
-    volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
+    volumes = ("density", "g/cm³"), ("density", "%"), ("κ of V's sd", "1e-5/atm")
     two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
+    return _schemes("sample-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
 def ensembles_density():
@@ -335,9 +335,9 @@ def ensembles_density():
     to first order that of the pressure times the compressibility.  Of one per cent and more the
     first order says little, so these are left out."""
     column = "κ of V's sd (1e-5/atm)"
-    kappa = statistics.fmean(float(row[column]) for row in rows("ensembles-pressure"))
+    kappa = statistics.fmean(float(row[column]) for row in rows("sample-pressure"))
     body = []
-    for row in rows("sampling-water"):
+    for row in rows("sample-water"):
         if not row["scheme"].startswith("NVT"):
             continue
         names = "pressure (atm)", "pressure margin (atm)"
@@ -351,8 +351,8 @@ def ensembles_density():
 
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
-    volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
-    table = [*volume, *rows("ensembles-pressure", "checks")]
+    volume = [row for row in rows("sample-water", "checks") if row["part"] not in _OF_SAMPLING]
+    table = [*volume, *rows("sample-pressure", "checks")]
     return _checks(table, {row["part"] for row in table})
 
 
@@ -363,15 +363,15 @@ def sampling_bias():
     """Distances of means from the limit of small steps."""
     configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
     more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
-    return _schemes("sampling-water", *configurations, *more)
+    return _schemes("sample-water", *configurations, *more)
 
 
 def sampling_cost():
     """What an independent sample costs."""
     times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
-    less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
+    less = ((f"less than {one['scheme']}", "times") for one in summary("sample-water")["known"])
     sample = "sample of the slowest", "s"
-    return _schemes("sampling-water", ("cost median", "s/ps"), *times, sample, *less)
+    return _schemes("sample-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def _times(row, observable):
@@ -391,7 +391,7 @@ def sampling_faster():
     observables = "U/N", "squared torque"
     body = [
         [row["scheme"], f"{_step(row):g}", *told]
-        for row in rows("sampling-water")
+        for row in rows("sample-water")
         if any(told := [_times(row, one) for one in observables])
     ]
     return markdown(["scheme", "step, fs", *(f"{one}, times less" for one in observables)], body)
@@ -399,12 +399,12 @@ def sampling_faster():
 
 def sampling_bounds():
     """What is held against bounds."""
-    return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
+    return _checks(rows("sample-water", "checks"), _OF_SAMPLING)
 
 
 def _other(scene):
-    """Biases and costs of a scene of `sampling` beside water."""
-    verb = f"sampling-{scene}"
+    """Biases and costs of a scene of `sample` beside water."""
+    verb = f"sample-{scene}"
     biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
     less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
     return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
@@ -427,12 +427,12 @@ def sampling_co2():
 
 def engines_bias():
     """Distances of means in other engines from their limit of small steps."""
-    return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
+    return _schemes("sample-engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
 
 
 def engines_bounds():
     """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
-    table = rows("engines", "checks")
+    table = rows("sample-engines", "checks")
     told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
     return _checks(told, {row["part"] for row in told})
 
@@ -719,10 +719,8 @@ def readme_table():
 def readme_sampling():
     """The README's sentences on the longest step of equal moments, beside what users have today."""
     scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
-    today = summary("sampling-water")["known"][0]
-    (row,) = (
-        one for one in rows("sampling-water") if (one["scheme"], _step(one)) == (scheme, step)
-    )
+    today = summary("sample-water")["known"][0]
+    (row,) = (one for one in rows("sample-water") if (one["scheme"], _step(one)) == (scheme, step))
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (

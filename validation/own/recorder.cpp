@@ -7,10 +7,12 @@
 #include "lammps.h"
 #include "modify.h"
 
+#include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <filesystem>
 #include <set>
 #include <sstream>
@@ -63,7 +65,7 @@ std::string to_read(const char *name)
   for (const auto &room : rooms)
     if (fs::exists(room + path, none)) return room + path;
   looked.insert(path);
-  return path;
+  return fs::exists(name, none) ? name : path;    // as links have it
 }
 
 // Where a file is to be written.
@@ -81,11 +83,12 @@ std::string to_write(const char *name, bool keeps)
   return place;
 }
 
-// Whether LAMMPS calls, and not Python or a compiler of ours.
+// Whether LAMMPS calls, or a library that its Python package brings, and not Python itself.
 bool from_lammps(void *caller)
 {
   Dl_info info;
-  return active && dladdr(caller, &info) && strstr(info.dli_fname, "liblammps");
+  if (!active || !dladdr(caller, &info)) return false;
+  return strstr(info.dli_fname, "liblammps") || strstr(info.dli_fname, "/lammps.libs/");
 }
 
 struct Begin {
@@ -167,6 +170,19 @@ FILE *fopen(const char *name, const char *mode)
 FILE *fopen64(const char *name, const char *mode)
 {
   return fopen(name, mode);
+}
+
+int open(const char *name, int flags, ...)
+{
+  static const auto open = original<int(const char *, int, ...)>("open");
+  va_list more;
+  va_start(more, flags);
+  const mode_t mode = flags & O_CREAT ? va_arg(more, mode_t) : 0;
+  va_end(more);
+  if (!from_lammps(__builtin_return_address(0))) return open(name, flags, mode);
+  const bool writes = flags & (O_WRONLY | O_RDWR);
+  const std::string place = writes ? to_write(name, !(flags & O_TRUNC)) : to_read(name);
+  return open(place.c_str(), flags, mode);
 }
 
 FILE *popen(const char *command, const char *mode)
