@@ -232,13 +232,20 @@ def published(verb="published", part="spread"):
     return markdown(head, body)
 
 
-# ---- what breaks where: stability, breaks
+# ---- what breaks, where: stress
+
+
+def _of(part):
+    """The cases of a part, and their rows of the table."""
+    found = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in found}
+    return found, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
     found = defaultdict(lambda: defaultdict(list))
-    for row in rows("stability"):
+    for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
         found[row["label"]][verdict].append(row["case"])
     body = []
@@ -250,9 +257,10 @@ def standing():
 
 
 def cases():
-    ours = {row["case"]: row for row in rows("stability") if row["label"] == OURS}
+    found, lines = _of("extreme")
+    ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in summary("stability")["cases"]:
+    for case in found:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -267,15 +275,16 @@ def cases():
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
-def breaks():
-    table = rows("breaks")
-    fixes = list(dict.fromkeys(row["integrator"] for row in table))
-    lines = defaultdict(list)
-    for row in table:
-        lines[row["what"]].append(significant(row["value"], 2) if row["value"] else "ends")
-    return markdown(
-        ["case", *map(code, fixes)], [[what, *numbers] for what, numbers in lines.items()]
-    )
+def reported():
+    """What users report: each case's number with ours and with LAMMPS's fixes."""
+    found, table = _of("reported")
+    fixes = list(dict.fromkeys(row["label"] for row in table))
+    body = []
+    for case in found:
+        numbers = (row["value"] for row in table if row["case"] == case["name"])
+        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
+        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+    return markdown(["case", *map(code, fixes)], body)
 
 
 # ---- tables as the verbs have them
@@ -485,21 +494,16 @@ def theory_symplectic():
 
 
 def theory_conserved():
-    return _theory("conserved", "mrot")
-
-
-def theory_recursion():
-    return _theory("recursion")
+    return _theory("conserved")
 
 
 def theory_rotors():
-    """Error and cost of the free rotation, by how far a body turns in a step."""
+    """Error of the free rotation, by how far a body turns in a step."""
     found = summary("theory")["data"]["rotors"]
-    head = ["rotation", "time of a step", *(f"{plain(angle)} rad" for angle in found["angles"])]
+    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
     lines = []
     for name, errors in found["error"].items():
-        cost = found["cost"][name]["median"]
-        lines.append([name, f"{cost:.2f}", *(significant(error, 2) for error in errors)])
+        lines.append([name, *(significant(error, 2) for error in errors)])
     return markdown(head, lines)
 
 
@@ -552,15 +556,15 @@ def paper_liquid():
 
 
 def paper_peptide():
-    return _paper("peptide", "helix", "force field")
+    return _paper("peptide")
 
 
 def paper_gear():
     return _paper("gear")
 
 
-def paper_scaling():
-    return _paper("scaling", "rigidity")
+def paper_rigidity():
+    return _paper("rigidity")
 
 
 def examples():
@@ -587,22 +591,6 @@ def _outcome(row):
         ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
         return f"LAMMPS's own fix ends ({ours}): {code(note)}"
     return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
-
-
-def paper_zero():
-    """The peptide's measure over several energies, which have no common zero."""
-    body = [
-        [
-            row["convention"].replace("|", ""),
-            margin(row["value"], 1.96 * row["error"]),
-            f"{row['dt_for_it']:.1f}",
-            f"{row['size_for_it']:,.0f}",
-        ]
-        for row in summary("paper")["conventions"]
-        if row["name"] == "peptide-nosquish"
-    ]
-    head = "average measure", "NO_SQUISH", "step for 1e-5, fs", "bodies for 1e-5"
-    return markdown(head, body)
 
 
 # ---- where results come from
@@ -645,12 +633,6 @@ def apart(column):
     return significant(statistics.stdev(found), 2)
 
 
-def largest(what):
-    """The largest number of the theory's statements that begin so."""
-    found = [float(row["value"]) for row in rows("theory") if row["what"].startswith(what)]
-    return significant(max(found), 1)
-
-
 # ---- pages and the README
 
 
@@ -660,7 +642,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, scene, holding, apart, largest, said, summary, significant, table)
+        for function in (made, scene, holding, apart, said, summary, significant, table)
     }
     return environment.from_string(text).render(**names, **others)
 
@@ -670,11 +652,11 @@ def readme_table():
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
     water = {row["integrator"]: row for row in rows("compare-water")}
     free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
-    broken = {(row["case"], row["integrator"]): row["value"] for row in rows("breaks")}
+    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
-    for row in rows("stability"):
+    extreme, lines = _of("extreme")
+    for row in lines:
         verdicts[row["label"]][row["verdict"]] += 1
-    cases = len(summary("stability")["cases"])
     ratios = {
         (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
             row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
@@ -705,7 +687,7 @@ def readme_table():
         "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
-        f"{cases} cases of the stability atlas: passed, failed": judged,
+        f"{len(extreme)} extreme cases: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
@@ -750,7 +732,7 @@ TABLES = [
     published,
     standing,
     cases,
-    breaks,
+    reported,
     ensembles_pressure,
     ensembles_density,
     ensembles_bounds,
@@ -767,15 +749,13 @@ TABLES = [
     theory_reversal,
     theory_symplectic,
     theory_conserved,
-    theory_recursion,
     theory_rotors,
     own_scripts,
     paper_dimer,
     paper_liquid,
     paper_peptide,
     paper_gear,
-    paper_scaling,
-    paper_zero,
+    paper_rigidity,
     examples,
     readme_table,
 ]

@@ -221,7 +221,7 @@ def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had:
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
         "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
         "ID, if several fixes move that group). Where atoms have no molecule IDs, "
-        f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data file"
+        f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
     )
 
 
@@ -424,8 +424,7 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     if name not in atoms:
         raise Unclear(
             f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
-            f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data "
-            "file"
+            f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
         )
     value = np.asarray(atoms[name])
     found = np.zeros(len(value), int)
@@ -510,8 +509,8 @@ def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     name, setup = _group_of(said, atoms, body, group)
     if bodies is None and not _same(atoms, body):
         raise Unclear(
-            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} bodies "
-            "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
+            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} check SCRIPT "
+            "--rigid' writes lines that tell the bodies, or tell by --group and --bodies"
         )
     moving = [own for own in known if kind_of(fixes[own]) == "plain"]
     movers = moving or _movers(said, atoms, fixes, body > 0)

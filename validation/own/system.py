@@ -151,10 +151,6 @@ def take(
         except Unclear as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
         those, reference, more = schemes.schemes(found, said["units"])
-        if not any(integrator.kind == "ours" for integrator in those):
-            more.append(
-                "None of ours: atoms that shake holds cannot share a box with our barostat."
-            )
         scene, late = _scene(ask, folder, said, atoms, found)
         how: dict = {"ranks": ranks, "silence": silence}
         if found.kind in ("constraints", "plain"):
