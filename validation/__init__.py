@@ -9,15 +9,12 @@ those that stand before them:
     running       LAMMPS in processes of its own, in turn or counted; starts; the store of results
     pages         tables, figures, HTML pages and the terminal, as all reports share them
     own           a user's script as a scene: reading, finding, integrators
-    trial         which step does for a user's script, and what it costs
-
-``choice`` says which of the points that were measured is the fastest that is good enough.
 
 Above is a room for each verb, with the same few files: ``plan`` (what runs), ``measure`` (from runs
 to numbers), ``figures``, ``report`` (files, terminal, and what it says to the page of all verbs; a
 long one is in ``section``) and ``command`` (its words, and its entry):
 
-    compare       the same start with every integrator: accuracy and cost
+    compare       which integrator, which step, and what it costs
     long          one free body for very many steps
     cost          what a step, a start, memory and messages cost; goals, passes
     paper         the paper's test problems again
@@ -26,8 +23,6 @@ long one is in ``section``) and ``command`` (its words, and its entry):
     sampling      what averages cost with long steps: bias, noise, time to an error
     engines       the same water in OpenMM and GROMACS: bias of averages
     theory        what the paper proves, each a number between bounds
-    sweep         error against run time, every integrator with every step
-    advise        the fastest point of a sweep that meets a target
     check         before a long run of a user's script: bodies, step, fixes
     bodies        rigid parts of molecules, into a data file
     stability     what breaks where, case by case; criteria has every bound
