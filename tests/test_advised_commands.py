@@ -18,11 +18,11 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from test_sweep_choice import advise, synthetic
+from validation.sweep import plan as sweep_plan
+from validation.sweep import report as sweep_report
 
 from validation import __main__ as command
 from validation.report import report as page_of_all
-from validation.sweep import plan as sweep_plan
-from validation.sweep import report as sweep_report
 
 COMMITTED = ROOT / "validation" / "results"
 
@@ -75,9 +75,9 @@ def test_commands_are_found():
         "advise butter --target energy_sd=1",
         "sweep butter",
         "advise mixed --target energy_sd=1",
-        "stability butter",
-        "stability --only butter",
-        "theory butter",
+        "stress butter",
+        "stress --only butter",
+        "claims butter",
         "cost butter",
         "compare butter",
     ],

@@ -16,10 +16,10 @@ from test_rotor import (
 from test_rotor import advance as advance_by
 
 from fix_nosquish.motion.operations import EXACT
+from validation.claims.top import free_top
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target
-from validation.theory.top import free_top
 
 EPS = np.finfo(float).eps
 SHAPES = {

@@ -553,51 +553,6 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
     assert total.mean() == pytest.approx(goal, rel=0.05)
 
 
-def test_momentum_that_is_not_kept(run_lammps):
-    """Locks out a momentum that is counted out though springs hold it: those of the atoms' own, or
-    one at the centre of all."""
-    script = (
-        "units lj\natom_modify map yes\nregion box block -9 9 -9 9 -9 9\ncreate_box 1 box\n"
-        "create_atoms 1 random 8 7 box\nmass 1 1\npair_style zero 2.5\npair_coeff * *\n"
-        "velocity all create 2 9\nfix tie all spring/self 1\ntimestep 0.05\n"
-        "variable own atom id\n"
-        'fix 1 all python/move "fix_nosquish.NVT all custom v_own '
-        f'temp 2 2 5e-1 seed 5 thermostat csvr"\n{thermo("f_1[1]", 50)}run 20000\n'
-    )
-    tether = script.replace("spring/self 1", "spring tether 8 0 0 0 0")
-    for one in script, tether:
-        kinetic = run_lammps(one).thermo["f_1[1]"][20:]
-        assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
-
-
-DEGREES = """
-import sys
-from lammps import lammps
-from fix_nosquish.run.integrator import Integrator
-
-lmp = lammps()
-lmp.file(sys.argv[1])
-print("DEGREES", Integrator.of_fix(lmp, "1").momentum.degrees()[0])
-"""
-
-
-@pytest.mark.parametrize(("charge", "degrees"), [("1", 24), ("-1", 21)])
-def test_momentum_in_a_field(run_lammps, charge, degrees):
-    """Locks out a momentum that is counted out though a field pushes all charges, and one that is
-    counted though the whole is neutral."""
-    script = (
-        "units lj\natom_style charge\natom_modify map yes\nregion box block -9 9 -9 9 -9 9\n"
-        "create_box 1 box\ncreate_atoms 1 random 8 7 box\nmass 1 1\n"
-        f"set atom 1*4 charge 1\nset atom 5*8 charge {charge}\npair_style zero 2.5\n"
-        "pair_coeff * *\nvelocity all create 2 9\nfix field all efield 0.1 0 0\n"
-        "variable own atom id\n"
-        'fix 1 all python/move "fix_nosquish.NVT all custom v_own '
-        'temp 2 2 5e-1 seed 5 thermostat csvr"\nrun 0\n'
-    )
-    run = run_lammps(script, launcher=[sys.executable, "-c", DEGREES])
-    assert f"DEGREES {degrees:.1f}" in run.screen
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_momentum_that_is_no_heat(run_lammps, ranks):
     """Locks out a drift of the whole that is taken as heat without a word, and a word where there
@@ -769,19 +724,6 @@ timestep 0.05
 GRADIENT = "variable ez atom 2*sin(2*PI*z/15)\nfix ef all efield 0 0 v_ez\n"
 
 
-@pytest.mark.parametrize("name", ["csvr", "nh"])
-def test_dipoles_in_a_gradient(run_lammps, name):
-    """Locks out a momentum that is counted out though a field that is not the same everywhere
-    pushes neutral bodies: their kinetic energy is 12 kT / 2, not 9."""
-    run = run_lammps(
-        f"{DIPOLES}{GRADIENT}"
-        f"{fix(THERMOSTATS[name], '1 1 5e-1')}"
-        f"{thermo('f_1[1] f_1[2]', 50)}run 200000\n"
-    )
-    rows = run.thermo[200:]
-    assert (rows["f_1[1]"] + rows["f_1[2]"]).mean() == pytest.approx(6.0, abs=0.2)
-
-
 COUNTED = re.compile(r"thermostat of (\d+) degrees of freedom, (.*)")
 ONE = "one atom\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n\nCharges\n\n1 0\n"
 PUSHES = {
@@ -794,6 +736,9 @@ PUSHES = {
     "inserted": (
         "molecule one m\nfix gas all gcmc 9 1 0 0 7 1 -9 0 mol one", 12, "fix gas"
     ),
+    "charges": ("set atom 4 charge 1.5\nfix ef all efield 0 0 1", 12, "fix ef"),
+    "springs": ("fix tie all spring/self 1", 12, "fix tie"),
+    "tether": ("fix tie all spring tether 8 0 0 0 0", 12, "fix tie"),
     "readers": (
         "fix a all ave/time 1 1 1 c_thermo_temp\n"
         "fix c all controller 10 1 1 1 1 c_thermo_temp 1 goal", 9, "without",

@@ -100,7 +100,11 @@ def test_terminal_files_and_page(tmp_path):
     told = screen.export_text()
     for text in "Question?", "Answer.", "✗ [b] <i>", "✗ rigid: lost [atoms]", "Interrupted":
         assert text in told, text
-    assert " 0.32  0.32 [0.3–1]" in told and "does not hold: theirs: drift: 3.00 ± 0.20" in told
+    assert (
+        told.count("✗") == 2
+        and " 0.32  0.32 [0.3–1]" in told
+        and "does not hold: theirs: drift: 3.00 ± 0.20" in told
+    )
     pages.draw(said(), tmp_path)
     assert not (tmp_path / "cost.png").exists()
     assert pages.markdown(said().tables[0], ["name", "gain"]).splitlines() == [

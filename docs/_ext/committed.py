@@ -194,13 +194,20 @@ def published(verb="published", part="spread"):
     return markdown(head, body)
 
 
-# ---- what breaks where: stability, breaks
+# ---- what breaks, where: stress
+
+
+def _of(part):
+    """The cases of a part, and their rows of the table."""
+    found = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in found}
+    return found, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
     found = defaultdict(lambda: defaultdict(list))
-    for row in rows("stability"):
+    for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
         found[row["label"]][verdict].append(row["case"])
     body = []
@@ -212,9 +219,10 @@ def standing():
 
 
 def cases():
-    ours = {row["case"]: row for row in rows("stability") if row["label"] == OURS}
+    found, lines = _of("extreme")
+    ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in summary("stability")["cases"]:
+    for case in found:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -229,15 +237,16 @@ def cases():
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
-def breaks():
-    table = rows("breaks")
-    fixes = list(dict.fromkeys(row["integrator"] for row in table))
-    lines = defaultdict(list)
-    for row in table:
-        lines[row["what"]].append(significant(row["value"], 2) if row["value"] else "ends")
-    return markdown(
-        ["case", *map(code, fixes)], [[what, *numbers] for what, numbers in lines.items()]
-    )
+def reported():
+    """What users report: each case's number with ours and with LAMMPS's fixes."""
+    found, table = _of("reported")
+    fixes = list(dict.fromkeys(row["label"] for row in table))
+    body = []
+    for case in found:
+        numbers = (row["value"] for row in table if row["case"] == case["name"])
+        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
+        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+    return markdown(["case", *map(code, fixes)], body)
 
 
 # ---- tables as the verbs have them
@@ -287,9 +296,9 @@ _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
 
 def ensembles_pressure():
     """Means at constant pressure."""
-    volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
+    volumes = ("density", "g/cm³"), ("density", "%"), ("κ of V's sd", "1e-5/atm")
     two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
+    return _schemes("sample-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
 def ensembles_density():
@@ -297,9 +306,9 @@ def ensembles_density():
     to first order that of the pressure times the compressibility.  Of one per cent and more the
     first order says little, so these are left out."""
     column = "κ of V's sd (1e-5/atm)"
-    kappa = statistics.fmean(float(row[column]) for row in rows("ensembles-pressure"))
+    kappa = statistics.fmean(float(row[column]) for row in rows("sample-pressure"))
     body = []
-    for row in rows("sampling-water"):
+    for row in rows("sample-water"):
         if not row["scheme"].startswith("NVT"):
             continue
         names = "pressure (atm)", "pressure margin (atm)"
@@ -313,8 +322,8 @@ def ensembles_density():
 
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
-    volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
-    table = [*volume, *rows("ensembles-pressure", "checks")]
+    volume = [row for row in rows("sample-water", "checks") if row["part"] not in _OF_SAMPLING]
+    table = [*volume, *rows("sample-pressure", "checks")]
     return _checks(table, {row["part"] for row in table})
 
 
@@ -325,15 +334,15 @@ def sampling_bias():
     """Distances of means from the limit of small steps."""
     configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
     more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
-    return _schemes("sampling-water", *configurations, *more)
+    return _schemes("sample-water", *configurations, *more)
 
 
 def sampling_cost():
     """What an independent sample costs."""
     times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
-    less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
+    less = ((f"less than {one['scheme']}", "times") for one in summary("sample-water")["known"])
     sample = "sample of the slowest", "s"
-    return _schemes("sampling-water", ("cost median", "s/ps"), *times, sample, *less)
+    return _schemes("sample-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def _times(row, observable):
@@ -353,7 +362,7 @@ def sampling_faster():
     observables = "U/N", "squared torque"
     body = [
         [row["scheme"], f"{_step(row):g}", *told]
-        for row in rows("sampling-water")
+        for row in rows("sample-water")
         if any(told := [_times(row, one) for one in observables])
     ]
     return markdown(["scheme", "step, fs", *(f"{one}, times less" for one in observables)], body)
@@ -361,12 +370,12 @@ def sampling_faster():
 
 def sampling_bounds():
     """What is held against bounds."""
-    return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
+    return _checks(rows("sample-water", "checks"), _OF_SAMPLING)
 
 
 def _other(scene):
-    """Biases and costs of a scene of `sampling` beside water."""
-    verb = f"sampling-{scene}"
+    """Biases and costs of a scene of `sample` beside water."""
+    verb = f"sample-{scene}"
     biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
     less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
     return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
@@ -389,12 +398,12 @@ def sampling_co2():
 
 def engines_bias():
     """Distances of means in other engines from their limit of small steps."""
-    return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
+    return _schemes("sample-engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
 
 
 def engines_bounds():
     """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
-    table = rows("engines", "checks")
+    table = rows("sample-engines", "checks")
     told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
     return _checks(told, {row["part"] for row in told})
 
@@ -447,21 +456,16 @@ def theory_symplectic():
 
 
 def theory_conserved():
-    return _theory("conserved", "mrot")
-
-
-def theory_recursion():
-    return _theory("recursion")
+    return _theory("conserved")
 
 
 def theory_rotors():
-    """Error and cost of the free rotation, by how far a body turns in a step."""
+    """Error of the free rotation, by how far a body turns in a step."""
     found = summary("theory")["data"]["rotors"]
-    head = ["rotation", "time of a step", *(f"{plain(angle)} rad" for angle in found["angles"])]
+    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
     lines = []
     for name, errors in found["error"].items():
-        cost = found["cost"][name]["median"]
-        lines.append([name, f"{cost:.2f}", *(significant(error, 2) for error in errors)])
+        lines.append([name, *(significant(error, 2) for error in errors)])
     return markdown(head, lines)
 
 
@@ -488,7 +492,7 @@ def own_scripts():
     known = {folder: summary(f"own-scripts/{folder}") for folder in folders}
     confirms = any(found.get("confirmed") for found in known.values())
     lines = []
-    for folder, found in known.items():
+    for found in known.values():
         unit = "τ" if found["units"] == "lj" else "fs"
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
@@ -518,15 +522,15 @@ def paper_liquid():
 
 
 def paper_peptide():
-    return _paper("peptide", "helix", "force field")
+    return _paper("peptide")
 
 
 def paper_gear():
     return _paper("gear")
 
 
-def paper_scaling():
-    return _paper("scaling", "rigidity")
+def paper_rigidity():
+    return _paper("rigidity")
 
 
 def examples():
@@ -553,22 +557,6 @@ def _outcome(row):
         ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
         return f"LAMMPS's own fix ends ({ours}): {code(note)}"
     return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
-
-
-def paper_zero():
-    """The peptide's measure over several energies, which have no common zero."""
-    body = [
-        [
-            row["convention"].replace("|", ""),
-            margin(row["value"], 1.96 * row["error"]),
-            f"{row['dt_for_it']:.1f}",
-            f"{row['size_for_it']:,.0f}",
-        ]
-        for row in summary("paper")["conventions"]
-        if row["name"] == "peptide-nosquish"
-    ]
-    head = "average measure", "NO_SQUISH", "step for 1e-5, fs", "bodies for 1e-5"
-    return markdown(head, body)
 
 
 # ---- where results come from
@@ -605,10 +593,6 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
-def largest(what):
-    """The largest number of the theory's statements that begin so."""
-    found = [float(row["value"]) for row in rows("theory") if row["what"].startswith(what)]
-    return significant(max(found), 1)
 
 
 # ---- pages and the README
@@ -620,7 +604,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, scene, holding, largest, said, summary, significant, table)
+        for function in (made, scene, holding, said, summary, significant, table)
     }
     return environment.from_string(text).render(**names, **others)
 
@@ -628,14 +612,14 @@ def render(text):
 def readme_table():
     """The README's table: what ours and LAMMPS's fixes give, by the committed results."""
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
-    water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in _points("water").items()
-             if step == 2}  # fmt: skip
+    points = _points("water").items()
+    water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in points if step == 2}
     free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
-    broken = {(row["case"], row["integrator"]): row["value"] for row in rows("breaks")}
+    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
-    for row in rows("stability"):
+    extreme, lines = _of("extreme")
+    for row in lines:
         verdicts[row["label"]][row["verdict"]] += 1
-    cases = len(summary("stability")["cases"])
     ratios = {
         (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
             row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
@@ -666,7 +650,7 @@ def readme_table():
         "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
-        f"{cases} cases of the stability atlas: passed, failed": judged,
+        f"{len(extreme)} extreme cases: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
@@ -680,10 +664,8 @@ def readme_table():
 def readme_sampling():
     """The README's sentences on the longest step of equal moments, beside what users have today."""
     scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
-    today = summary("sampling-water")["known"][0]
-    (row,) = (
-        one for one in rows("sampling-water") if (one["scheme"], _step(one)) == (scheme, step)
-    )
+    today = summary("sample-water")["known"][0]
+    (row,) = (one for one in rows("sample-water") if (one["scheme"], _step(one)) == (scheme, step))
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (
@@ -711,7 +693,7 @@ TABLES = [
     published,
     standing,
     cases,
-    breaks,
+    reported,
     ensembles_pressure,
     ensembles_density,
     ensembles_bounds,
@@ -728,15 +710,13 @@ TABLES = [
     theory_reversal,
     theory_symplectic,
     theory_conserved,
-    theory_recursion,
     theory_rotors,
     own_scripts,
     paper_dimer,
     paper_liquid,
     paper_peptide,
     paper_gear,
-    paper_scaling,
-    paper_zero,
+    paper_rigidity,
     examples,
     readme_table,
 ]

@@ -79,7 +79,7 @@ class Ensemble(Integrator):
         self.modules = (
             *(one.__module__ for part in self.parts for one in type(part).__mro__),
             *self.barostat.modules,
-            *(one.module for one in (self.prepares, self.advance)),
+            *(one.module for one in (self.prepares, self.advance, self.lead)),
         )
         within = self.thermostat and f" with {self.thermostat.method} in the middle of the step"
         self.method = f"NO_SQUISH{within or ''}{self.barostat.method}"

@@ -116,7 +116,7 @@ def _own_codes(names, agreed):
     """The machine code of each module."""
     from . import own  # few need it
 
-    return {name: code for (name, _), code in own.codes(names, [LEVELS[agreed]]).items()}
+    return own.codes(names, LEVELS[agreed])
 
 
 def _take_own(codes, agreed):

@@ -17,12 +17,12 @@ from types import CodeType, FunctionType, ModuleType
 from .machine_code import INLINED, LOOPS, PACKAGE
 
 NUMBA = "numba>=0.66"  # as in pyproject.toml
-_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
+_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file behind its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
 
-def codes(names, levels):
-    """The machine code of modules' loops for levels, by pairs of both; compiled if need be.
+def codes(names, level):
+    """The machine code of modules' loops for a level, by their names; compiled if need be.
 
     Raises:
         RuntimeError: if it cannot be made; the message says why.
@@ -33,15 +33,14 @@ def codes(names, levels):
             "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
         )
     within = folder()
-    places = {(name, level): place(within, name, level) for name in names for level in levels}
-    missing = sorted({name for (name, _), one in places.items() if read(one) is None})
-    if missing:
+    places = {name: place(within, name, level) for name in names}
+    if missing := sorted(name for name, file in places.items() if read(file) is None):
         package, begin = missing[0].partition(".")[0], time.perf_counter()
         _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
-        compile_all(within, missing, levels)
+        compile_all(within, missing, [level])
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-    found = {pair: read(one) for pair, one in places.items()}
-    if other := [name for (name, _), code in found.items() if code is None]:
+    found = {name: read(file) for name, file in places.items()}
+    if other := [name for name, code in found.items() if code is None]:
         raise RuntimeError(
             f"the file of {other[0]} has changed since this process imported it: start the process "
             "anew"
@@ -133,13 +132,14 @@ def read(place):
     except OSError:
         return None
     safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
-    return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
+    code, check = content[:-_HASH], content[-_HASH:]
+    return code if safe and check == _hash(code) else None
 
 
 def save(place, code):
     """Write a file, whole or not at all."""
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
-        file.write(_hash(code) + code)
+        file.write(code + _hash(code))
     os.replace(file.name, place)
 
 

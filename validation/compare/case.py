@@ -189,7 +189,7 @@ def of_script(own: Own) -> Case:
     """
     if not shapes.temperature(own) > 0:
         raise LookupError(
-            f"the atoms are at rest at '{schemes.plain(own.said['run'])}', so there is no "
+            f"the atoms are at rest at '{own.said['run']}', so there is no "
             "temperature to measure errors by: give them velocities (velocity all create T SEED), "
             "and let them come to equilibrium"
         )

@@ -90,7 +90,7 @@ def run(arguments: Namespace) -> int:
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)
             summary = measure.cost(points, call, arguments.again)
-    summary["goals"] = [] if script else criteria.judge(summary["points"], summary["starts"])
+    summary["checks"] = [] if script else criteria.checks(summary["points"], summary["starts"])
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)

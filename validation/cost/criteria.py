@@ -1,112 +1,67 @@
 """What the package is to reach, as data, and whether the numbers of `cost` show it."""
 
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
 
 from ..pages import ranks_of
-from ..scenes.integrators import OURS
+from ..statistics import measures
+from ..statistics.check import Check
 
-
-class Goal(NamedTuple):
-    """An upper bound of one measured number.
-
-    Attributes:
-        scene, bodies, ranks: where it is measured; None: anywhere.
-        number: key of an integrator's row; ``against`` is the integrator.
-        limit: largest median that meets the goal.
-    """
-
-    scene: str | None
-    bodies: int | None
-    ranks: int | None
-    number: str
-    against: str
-    limit: float
-
-
-_RIVALS = "rigid/nve", "rigid/nve/small", "shake"
-_LOOPS = (*_RIVALS[:2], "rigid", "rigid/small", "rigid/nve/omp", "rigid/omp", "rigid/small/omp")
-_WATER = {  # bodies, ranks: ours over rigid/nve, rigid/nve/small, shake
+TITLES = {"goal": "Limits that we set ourselves, on means over the rounds"}
+RIVALS = "rigid/nve", "rigid/nve/small", "shake"
+WATER: dict[
+    tuple[int, int], tuple[float, ...]
+] = {  # bodies, ranks: the time in the fix, over each rival's
     (1000, 1): (0.20, 0.10, 0.35),
     (10648, 1): (0.20, 0.10, 0.35),
     (1000, 2): (0.20, 0.15, 0.45),
     (10648, 2): (0.20, 0.15, 0.45),
     (100000, 2): (0.25, 0.25, 0.50),
 }
-GOALS = [
-    *(
-        Goal("water", *where, "modify_ratio", rival, limit)
-        for where, limits in _WATER.items()
-        for rival, limit in zip(_RIVALS, limits)
-    ),
-    *(
-        Goal(scene, None, None, "modify_ratio", rival, 0.5)
-        for scene in ("big", "mixed")
-        for rival in _RIVALS[:2]
-    ),
-    Goal("dimer", 2, 1, "modify", OURS, 5.0),
-    Goal("water", 100000, None, "bound_ratio", OURS, 2.5),
-    *(Goal(None, None, None, "loop_ratio", rival, 1.0) for rival in _LOOPS),
-]
+OTHERS: dict[str, tuple[float, ...]] = {
+    "big": (0.5, 0.5),
+    "mixed": (0.5, 0.5),
+}  # the same, for scenes of any size
 # s on one core: a first use, and what a later start adds to LAMMPS's own
-STARTS = (
-    ("first use, wall s", 15.0, "first"),
-    ("later start, wall s more than LAMMPS", 0.5, "later_added"),
-)
-WORDS = {
-    "modify_ratio": "Modify, ours over {}",
-    "loop_ratio": "loop, ours over {}",
-    "modify": "Modify, µs per step",
-    "bound_ratio": "Modify over the memory's bound",
-}
+STARTS = {"first": ("first use, wall", 15.0), "later_added": ("later start, more than LAMMPS", 0.5)}
 
 
-def judge(points: list[dict], starts: list[dict]) -> list[dict]:
-    """Each goal beside what was measured.
+def checks(points: Iterable[dict], starts: Iterable[dict]) -> list[dict]:
+    """What was measured beside its limits, of `Check.plain`.
 
     Args:
         points, starts: of a summary of `cost`.
-
-    Returns:
-        of each ``where``, ``what``, ``limit``, ``measured`` (median, min, max; None: not measured)
-        and ``met`` (by the median; None: not measured).  Of the loop only the fastest rival counts,
-        the one with the largest ratio.
     """
-    judged: list[dict] = []
-    loops: dict[str, list[dict]] = {}
-    for goal in GOALS:
-        for where, measured in _measured(goal, points).items():
-            what = WORDS[goal.number].format(goal.against)
-            found = _judged(where, what, goal.limit, measured, goal.number)
-            if goal.number != "loop_ratio":
-                judged.append(found)
-            elif measured:
-                loops.setdefault(where, []).append(found)
-    judged += [max(some, key=lambda found: found["measured"]["median"]) for some in loops.values()]
-    alone = next((start for start in starts if start["ranks"] == 1), {})
-    for what, limit, key in STARTS:
-        wall = alone.get(key, {}).get("wall")
-        judged.append(_judged("start, 1 rank, 1 core", what, limit, wall))
-    return judged
+    found = [check for point in points for check in _of(point)]
+    for start in starts:
+        for key, (what, most) in STARTS.items():
+            if start["ranks"] == 1 and key in start:
+                found.append(_check("start, 1 core", what, start[key]["wall"], most, "s"))
+    return [check.plain() for check in found]
 
 
-def _measured(goal, points):
-    """{place of a point: the goal's number there}."""
-    found = {}
-    for point in points:
-        at = (point[key] for key in ("scene", "bodies", "ranks"))
-        if all(wanted in (None, value) for wanted, value in zip(goal[:3], at)):
-            rows = {row["name"]: row for row in point["integrators"]}
-            found[place(point)] = rows.get(goal.against, {}).get(goal.number)
-    if found or not goal.scene:
-        return found
-    where = f"{goal.scene} {goal.bodies:,}" if goal.bodies else goal.scene
-    return {f"{where}, {ranks_of(goal.ranks)}" if goal.ranks else where: None}
+def _of(point: dict) -> Iterator[Check]:
+    limits = OTHERS.get(point["scene"], ())
+    if point["scene"] == "water":
+        limits = WATER.get((point["bodies"], point["ranks"]), ())
+    ratios = {row["name"]: row.get("modify_ratio") for row in point["integrators"]}
+    for rival, most in zip(RIVALS, limits):
+        if ratios.get(rival):
+            yield _check(place(point), f"time in the fix over that of {rival}", ratios[rival], most)
+    if fastest(point):
+        what = "whole step over that with the fastest rigid fix"
+        yield _check(place(point), what, fastest(point), 1.0)
 
 
-def _judged(where, what, limit, measured, number=None):
-    met = measured and measured["median"] <= limit
-    goal = {"where": where, "what": what, "limit": limit}
-    return goal | {"measured": measured, "met": met, "number": number}
+def _check(subject, what, spread, most, unit=""):
+    """The check of the mean over the rounds, with Student's t for their scatter."""
+    found = measures.of_few(spread["values"])
+    return Check.of("goal", subject, what, found, high=most, unit=unit)
+
+
+def fastest(point: dict) -> dict | None:
+    """The ratio of a whole step with ours to that with the fastest of LAMMPS's rigid fixes."""
+    ratios = (row.get("loop_ratio") for row in point["integrators"] if row["kind"] == "rigid")
+    return max(filter(None, ratios), key=lambda ratio: ratio["median"], default=None)
 
 
 def place(point: dict) -> str:

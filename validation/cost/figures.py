@@ -4,14 +4,12 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages import ranks_of
 from ..pages.figures import (
     FAMILIES,
     INK,
     PALE,
     label_ends,
     message,
-    panels,
     whiskers,
 )
 from ..scenes.integrators import OURS
@@ -20,59 +18,6 @@ from .criteria import place
 FIXES = {OURS: "ours", "rigid/nve": "rigid/nve", "rigid/nve/small": "rigid/nve/small"}
 FIXES |= {"shake": "shake"}  # name of an integrator: its family
 MEASURES = {"modify_ratio": "time in the fix", "loop_ratio": "whole step"}
-
-
-def size(summary: dict) -> Figure | None:
-    """Modify per 1,000 molecules of water against their number, a panel by number of ranks."""
-    points = [point for point in summary.get("points", []) if point["scene"] == "water"]
-    sizes = sorted({point["bodies"] for point in points})
-    ranks = sorted({point["ranks"] for point in points})
-    if len(sizes) < 2:
-        return None
-    figure, axes = panels(len(ranks), len(ranks), 5, 3.6, 0.4, sharex=True, sharey=True)
-    for axis in axes:
-        axis.set(xscale="log", yscale="log", xlabel="molecules")
-        axis.grid(axis="y", color=PALE, lw=0.4)
-    ends = [
-        (axis, _sizes(axis, [point for point in points if point["ranks"] == number]))
-        for axis, number in zip(axes, ranks)
-    ]
-    for axis, number in zip(axes, ranks):
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.set_xticks(sizes, [f"{n:,}" for n in sizes])
-        axis.minorticks_off()
-        axis.set_title(ranks_of(number), loc="left", fontsize=10)
-    axes[0].set_ylabel("µs per step and 1,000 molecules")
-    message(figure, "Water: time in the fix per 1,000 molecules")
-    for axis, some in ends:
-        label_ends(axis, some)
-    return figure
-
-
-def _sizes(axis, points):
-    """Lines of points on one number of ranks, in order of size; where they end."""
-    ends = []
-    for name, family in FIXES.items():
-        colour, marker = FAMILIES[family]
-        rows = [
-            (point["bodies"], row)
-            for point in points
-            for row in point["integrators"]
-            if row["name"] == name and row.get("modify_per_1000")
-        ]
-        if rows:
-            median, reach = whiskers([row["modify_per_1000"] for _, row in rows])
-            bodies = [number for number, _ in rows]
-            axis.errorbar(bodies, median, yerr=reach, color=colour, marker=marker, ms=5, capsize=2)
-            ends.append((bodies[-1], median[-1], family, colour))
-    known = [point for point in points if "bound" in point]
-    if known:
-        bodies = [point["bodies"] for point in known]
-        bound = [point["bound"] / point["bodies"] * 1000 for point in known]
-        axis.plot(bodies, bound, color=INK, ls=":", lw=1)
-        ends.append((bodies[-1], bound[-1], "the memory allows", INK))
-    return ends
 
 
 def scenes(summary: dict) -> Figure | None:
@@ -110,39 +55,27 @@ def _ratios(point, key):
 
 
 def scaling(summary: dict) -> Figure | None:
-    """Bytes per rank and step, and the model's time, against the number of ranks, for bricks."""
+    """Bytes per rank and step, and the model's time, against the number of ranks."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
     if not counts:
         return None
-    link = summary["links"][0]["name"]
-    model = [row for row in summary["model"] if row["link"] == link]
     figure, axes = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
     what = (
         (counts, "bytes per rank and step", lambda row: row["bytes"] + row["collective_bytes"]),
-        (model, "µs per step, by the model", lambda row: 1e6 * row["seconds"]),
+        (summary["model"], "µs per step, by the model", lambda row: 1e6 * row["seconds"]),
     )
-    ends = []
+    message(figure, "What ranks send each other, 1,000 molecules per rank")
     for axis, (rows, title, value) in zip(axes, what):
-        ends.append(_bricks(axis, rows, value))
-        axis.set(xscale="log", yscale="log", xlabel="ranks", title=title)
+        axis.set(xscale="log", yscale="log", xlabel="ranks")
+        axis.set_title(title, loc="left", fontsize=10)
         axis.grid(axis="y", color=PALE, lw=0.4)
-    message(figure, "What ranks send each other, 1,000 molecules per rank, cut into bricks")
-    for axis, some in zip(axes, ends):
-        label_ends(axis, some)
+        ends = []
+        for name, family in FIXES.items():
+            own = [row for row in rows if row["integrator"] == name and value(row) > 0]
+            if own:
+                colour, marker = FAMILIES[family]
+                places = [(row["ranks"], value(row)) for row in own]
+                axis.plot(*zip(*places), color=colour, marker=marker, ms=5)
+                ends.append((*places[-1], family, colour))
+        label_ends(axis, ends)
     return figure
-
-
-def _bricks(axis, rows, value):
-    """Lines of the fixes; where they end."""
-    ends = []
-    for name, family in FIXES.items():
-        some = [
-            (row["ranks"], value(row))
-            for row in rows
-            if row["decomposition"] == "brick" and row["integrator"] == name and value(row) > 0
-        ]
-        if some:
-            colour, marker = FAMILIES[family]
-            axis.plot(*zip(*some), color=colour, marker=marker, ms=5)
-            ends.append((*some[-1], family, colour))
-    return ends

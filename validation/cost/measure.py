@@ -1,35 +1,38 @@
-"""What ours and LAMMPS's own fixes cost: time, memory, messages, the optional passes, the start.
+"""What ours and LAMMPS's own fixes cost: time, memory, messages, the start.
 
 A point that was measured with the same package, code, inputs and settings is not measured again.
 The summary also has what earlier calls have left in the folder, of the same package and inputs.
 """
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from ..running import counting, lammps_log, machine, rounds, run, starts, startup
+import numpy as np
+
+from ..running import counting, machine, rounds, run, starts, startup
 from ..running.rounds import Timing
 from ..running.store import Store
 from ..scenes import INPUTS, SCENES, Scene
-from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator, nosquish
+from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
 from ..statistics import measures
-from . import bandwidth, messages
-from .plan import PASSES, Pass, Point
+from .model import NETWORK, model
+from .plan import Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
 COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
-GROUPS = {  # part: of the summary, where its rows are, and by what they are sorted
-    "passes": ("passes", ()),
-    "start": ("starts", ("ranks",)),
-    "memory": ("memory", ("processes",)),
-    "messages": ("counts", ("decomposition", "ranks")),
-    "link": ("links", ()),
-}
-OF_SCENES = "points", ("bodies", "ranks")
-Script = tuple[Scene, Sequence[Integrator]]
+# forces of the water whose messages are counted: a mesh would send its own, and take its time
+WITHOUT_MESH = (
+    "kspace_style none",
+    "pair_style lj/charmm/coul/charmm 8.0 10.0",
+    "pair_modify mix arithmetic",
+    "pair_coeff 1 1 0.1521 3.1505742268338603",
+    "pair_coeff 2 2 0.046 0.4000135244450124",
+)
+SENT = "messages", "bytes", "collectives", "collective_bytes"
+GROUPS = {"start": "starts", "messages": "counts"}  # of the summary; of other parts ``points``
 
 
 class Cut(KeyboardInterrupt):
@@ -41,7 +44,7 @@ class Cut(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Call:
-    """Where a point's runs are, what shows them, and what they are of.
+    """Where points are measured, and of what.
 
     Attributes:
         out: output folder.
@@ -52,7 +55,7 @@ class Call:
     out: Path
     meter: run.Meter
     silence: float = 300.0
-    script: Script | None = None
+    script: tuple[Scene, Sequence[Integrator]] | None = None
 
 
 def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
@@ -65,7 +68,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
     store, summary = Store(call.out / "records", "cost.measure"), machine.circumstances()
-    summary |= {"interrupted": False} | {name: [] for name, _ in (OF_SCENES, *GROUPS.values())}
+    summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
     cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
         origin = store.origin(point, call.script, cpu, files=point.inputs)
@@ -73,66 +76,36 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
         if kept:
             call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
             call.meter.end(None)
-        record = {
-            "part": point.part,
-            "cpu": cpu,
-            "begin": machine.now(),
-            "load": os.getloadavg()[0],
-        }
-        record |= {"inputs": _inputs(folder.name for folder in point.inputs)}
-        make = partial(_record, point, call, record)
+        begun = {"part": point.part, "cpu": cpu, "begin": machine.now(), "load": os.getloadavg()[0]}
+        begun |= {"inputs": _inputs(folder.name for folder in point.inputs)}
+        make = partial(_record, point, call, begun)
         try:
             records[point.name] = store.once(point.name, origin, make, again)
-        except Cut as end:
-            records[point.name] = record | {"rows": end.rows, "complete": False}
-        except KeyboardInterrupt:
-            records[point.name] = record | {"rows": []}
-        else:
-            continue
-        summary["interrupted"] = True
-        break
+        except KeyboardInterrupt as end:
+            rows = end.rows if isinstance(end, Cut) else []
+            records[point.name] = begun | {"rows": rows, "complete": False}
+            summary["interrupted"] = True
+            break
     if not call.script:
         records = {name: kept["record"] for name, kept in store.alike().items()} | records
-    _collect(summary, records.values())
-    return summary
-
-
-def _record(point: Point, call: Call, record: dict) -> dict:
-    others: dict[str, Callable] = {
-        "passes": _passes, "start": _start, "memory": _memory, "messages": _messages, "link": _link,
-    }  # fmt: skip
-    rows = others.get(point.part, _scene)(point, call)
-    return record | {"rows": rows, "end": machine.now(), "complete": True}
-
-
-def _collect(summary: dict, records: Iterable[dict]) -> None:
-    """Add the records' rows to a summary, and what follows from several."""
-    for record in records:
+    for record in records.values():
         # times of another processor are not held beside this one's
-        here = record["cpu"] == summary["machine"]["cpu"]
-        if here and record["inputs"] == _inputs(record["inputs"]):
+        if record["cpu"] == cpu and record["inputs"] == _inputs(record["inputs"]):
             when = {key: record.get(key) for key in ("begin", "end", "load", "complete")}
-            group, _ = GROUPS.get(record["part"], OF_SCENES)
+            group = GROUPS.get(record["part"], "points")
             summary[group] += [row | when for row in record["rows"]]
-    for group, keys in (OF_SCENES, *GROUPS.values()):
-        summary[group].sort(key=lambda row: [row[key] for key in keys])
-    known = list(SCENES)
-    summary["points"].sort(
-        key=lambda row: known.index(row["scene"]) if row["scene"] in known else 0
-    )
-    for point in summary["points"]:
-        summary["versions"].update(machine.worker_versions(point["versions"]))
-    _relate_to_memory(summary)
-    if summary["counts"]:
-        fields = messages.Link._fields
-        own = [messages.Link(*(row[key] for key in fields)) for row in summary["links"]]
-        links = [messages.NETWORK, *own]
-        summary["links"] = [link._asdict() for link in links]
-        summary["model"] = [
-            {"link": link.name, **row}
-            for link in links
-            for row in messages.model(summary["counts"], link)
-        ]
+    known = [*SCENES, *(row["scene"] for row in summary["points"])]
+    summary["points"].sort(key=lambda row: (known.index(row["scene"]), row["bodies"], row["ranks"]))
+    for row in summary["points"]:
+        summary["versions"].update(machine.worker_versions(row["versions"]))
+    for group in GROUPS.values():
+        summary[group].sort(key=lambda row: row["ranks"])
+    return summary | {"links": [NETWORK._asdict()], "model": model(summary["counts"])}
+
+
+def _record(point: Point, call: Call, begun: dict) -> dict:
+    measure = {"start": _start, "messages": _messages}.get(point.part, _scene)
+    return begun | {"rows": measure(point, call), "end": machine.now(), "complete": True}
 
 
 def _inputs(names: Iterable[str]) -> dict[str, str]:
@@ -140,44 +113,31 @@ def _inputs(names: Iterable[str]) -> dict[str, str]:
     return {name: machine.contents(INPUTS / name) for name in names}
 
 
-def _relate_to_memory(summary: dict) -> None:
-    """The time that the memory allows for what must move, and ours over it."""
-    rates = {row["processes"]: row["best"] * 1e9 for row in summary["memory"]}
-    for point in summary["points"]:
-        if not point["atoms"]:
-            continue
-        moved = bandwidth.bytes_per_step(point["bodies"], point["atoms"])
-        point["bytes_per_step"] = moved
-        if point["ranks"] in rates:
-            point["bound"] = bound = moved / point["ranks"] / rates[point["ranks"]] * 1e6
-            for row in point["integrators"]:
-                if row["name"] == OURS and row["modify"]:
-                    values = row["modify"]["values"]
-                    row["bound_ratio"] = measures.spread(value / bound for value in values)
-
-
 def _scene(point: Point, call: Call) -> list[dict]:
     """All integrators in turn; then, on several ranks, their messages."""
     if call.script:
         scene, integrators = call.script
     else:
-        scene = starts.of_size(SCENES[point.part], point.bodies, call.out / "starts").on_mesh(MESH)
+        scene = starts.of_size(SCENES[point.scene], point.bodies, call.out / "starts").on_mesh(MESH)
         integrators = [BENCHMARKED[name] for name in point.integrators]
-    label = f"{point.part} {point.bodies:,} on {point.ranks}"
+        if point.part == "messages":
+            scene = replace(scene, setup=(*scene.setup, *WITHOUT_MESH))
     folder = call.out / "runs" / point.name
     record: dict = {"scene": point.part, "title": scene.subject or scene.title}
     record |= {"bodies": point.bodies, "ranks": point.ranks, "dt": scene.dt, "units": scene.units}
-    record |= {"integrators": [], "atoms": None, "versions": {}}
+    record |= {"integrators": [], "versions": {}}
 
     def job(one, runs, part="calibration", setups=0):
         directory = folder / f"{run.folder_name(one.name)}-{part}"
         how = {"ranks": point.ranks, "silence": call.silence, "keeps": "nothing", "setups": setups}
         return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
 
-    lengths = rounds.lengths(_calibrated(integrators, job, record), point.seconds)
+    loop = _calibrated(integrators, job, record) if point.rounds else 1.0
+    lengths = rounds.lengths(loop, point.seconds)
     # what moves freely moves for some steps only: nothing keeps its atoms apart
     runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
     every = {one.name: one for one in (*integrators, FREE)}
+    label = f"{point.part} {point.bodies:,} on {point.ranks}"
     labels = {name: f"{label}, {one.label}" for name, one in every.items()}
 
     def turn(name, number):
@@ -185,10 +145,9 @@ def _scene(point: Point, call: Call) -> list[dict]:
 
     found, errors, cut = rounds.in_turn(labels, turn, point.rounds, call.meter)
     counts: dict[str, list[dict]] = {}
-    if point.ranks > 1 and not cut:
-        counted = [one for one in every.values() if one.name not in errors]
-        jobs = {one.name: job(one, [3, COUNTED], "messages") for one in counted}
-        counts, cut = _counts(jobs, labels, folder / "counts", call.meter)
+    if not cut and (point.ranks > 1 or not point.rounds):
+        jobs = {name: job(one, [3, COUNTED], "messages") for name, one in every.items()}
+        counts, cut = _counts(jobs, labels, errors, folder / "counts", call.meter)
     if cut:
         short = [name for name in found if len(found[name]) < point.rounds]
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
@@ -199,7 +158,6 @@ def _scene(point: Point, call: Call) -> list[dict]:
         record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
     versions = [timing.versions for timings in found.values() for timing in timings]
     record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
-    record["atoms"] = _atoms_in_bodies(folder)
     if cut:
         raise Cut([record])
     return [record]
@@ -234,17 +192,24 @@ def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: 
 
 
 def _counts(
-    jobs: dict[str, run.Job], labels: dict[str, str], folder: Path, meter: run.Meter
+    jobs: dict[str, run.Job],
+    labels: dict[str, str],
+    errors: dict[str, str],
+    folder: Path,
+    meter: run.Meter,
 ) -> tuple[dict[str, list[dict]], bool]:
-    """What each rank has sent in each job; and whether a Ctrl-C ended it all."""
+    """What each rank has sent in each job, and whether a Ctrl-C ended it all; of those that fail
+    the ``errors`` are added."""
     counts: dict[str, list[dict]] = {}
-    for name, job in jobs.items():
+    for name in (name for name in jobs if name not in errors):
         meter.begin(f"{labels[name]}, messages", 1)
-        result = run.run(job, environment=counting.environment(folder))
+        result = run.run(jobs[name], environment=counting.environment(folder))
         meter.end(result.error)
         if result.interrupted:
             return counts, True
-        if not result.error:
+        if result.error:
+            errors[name] = result.error
+        else:
             counts[name] = counting.read(folder)
     return counts, False
 
@@ -252,7 +217,7 @@ def _counts(
 def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
     """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
     found: dict[str, measures.Spread] = {}
-    for key in messages.COUNTED if own else ():
+    for key in SENT if own else ():
         found[key] = measures.spread(rank[key] / COUNTED for rank in own or ())
         found[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in own or ())
         if free:
@@ -261,74 +226,25 @@ def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
     return found
 
 
-def _atoms_in_bodies(folder: Path) -> int | None:
-    """How many atoms the bodies have, as the log of a rigid fix says; None if none does."""
-    logs = (log.read_text(errors="replace") for log in sorted(folder.glob("*/log.lammps")))
-    found = map(lammps_log.atoms_in_bodies, logs)
-    return next((number for number in found if number is not None), None)
-
-
-def _passes(point: Point, call: Call) -> list[dict]:
-    rows: list[dict] = []
-    for index, one in enumerate(PASSES):
-        row, cut = _pass(one, (call.out / "runs" / "passes" / str(index)).resolve(), point, call)
-        rows.append(row)
-        if cut:
-            raise Cut(rows)
+def _messages(point: Point, call: Call) -> list[dict]:
+    """What the fixes hand to MPI in a step, the mean over the ranks, of each integrator."""
+    try:
+        (record,), cut = _scene(point, call), False
+    except Cut as end:
+        (record,), cut = end.rows, True
+    rows = []
+    for row in record["integrators"]:
+        sent = {key: row.get(f"fix_{key}", {}).get("values") for key in SENT}
+        known = {key: float(np.mean(values)) for key, values in sent.items() if values}
+        where = {"decomposition": "brick", "integrator": row["name"], "ranks": point.ranks}
+        if known or row["error"]:
+            rows.append({**where, "bodies": point.bodies, "error": row["error"], **known})
+    if cut:
+        raise Cut(rows)
     return rows
-
-
-def _pass(one: Pass, folder: Path, point: Point, call: Call) -> tuple[dict, bool]:
-    """Time a pass's two runs in turn: its row, and whether a Ctrl-C ended it."""
-    scene = SCENES[one.scene].of_size(one.bodies)
-    scene = replace(scene, setup=(*one.before, *scene.setup))
-    how: dict = {"dt": scene.dt, "every": 0, "ranks": one.ranks, "keeps": "nothing"}
-    how |= {"silence": call.silence}
-
-    def job(name, runs):
-        words, more = (one.words, one.more) if name == "with" else ("", one.less)
-        ours = nosquish(OURS, "fix_nosquish.NVE", words)
-        table = f"variable table string {folder / name}/bodies.csv"
-        ours = replace(ours, lines=(table, *ours.lines)) if "v_table" in words else ours
-        return run.job(scene, ours, folder / name, runs, more=more, **how)
-
-    row = {key: getattr(one, key) for key in ("name", "when", "scene", "bodies", "ranks")}
-    loop = rounds.calibrate(lambda runs: job("without", runs))
-    if not isinstance(loop, float):
-        return row | {"error": loop.error}, loop.interrupted
-    runs, names = rounds.lengths(loop, point.seconds).runs, ("without", "with")
-    labels = {name: f"{one.name[:18]}, {name}" for name in names}
-    found, errors, cut = rounds.in_turn(
-        labels, lambda name, _: job(name, runs), point.rounds, call.meter
-    )
-    shares = rounds.least_cpu(timing for times in found.values() for timing in times)
-    row |= {"error": next(iter(errors.values()), None), "cpu": shares}
-    row |= {"lines": {name: job(name, runs).commands for name in names}}
-    row |= {name: rounds.spread(found[name], "modify") for name in names}
-    cost = rounds.difference(found["with"], found["without"], "modify")
-    return row | {"cost": cost}, cut
 
 
 def _start(point: Point, call: Call) -> list[dict]:
     ours, folder = BENCHMARKED[OURS], call.out / "runs" / "start"
     how = folder, point.ranks, point.rounds, call.meter
     return [startup.measure(SCENES["water"], ours, *how)]
-
-
-def _memory(point: Point, call: Call) -> list[dict]:
-    call.meter.begin(f"memory, {point.ranks} process(es)", 1)
-    row = bandwidth.measure(point.ranks)
-    call.meter.end(None)
-    return [row]
-
-
-def _messages(point: Point, call: Call) -> list[dict]:
-    where = call.out / "runs" / "messages"
-    return messages.count(point.ranks, point.cut, where, call.meter, call.silence)
-
-
-def _link(point: Point, call: Call) -> list[dict]:
-    call.meter.begin("link between two ranks", 1)
-    found = messages.link()._asdict()
-    call.meter.end(None)
-    return [found]

@@ -2,11 +2,10 @@
 
 from functools import partial
 
-from ..pages import Cell, Column, Figure, Said, Table, digits, ranks_of
-from ..pages.tables import FREE
+from ..pages import Column, Figure, Said, Table, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
 from . import figures
-from .criteria import place
+from .criteria import TITLES, fastest, place
 
 WHERE = (
     Column("scene", "scene", kind="text"),
@@ -35,22 +34,6 @@ TIMES = (
         for scope, unit in (("", "/step"), ("fix_", "/step in fixes"), ("more_", "/step more"))
     ),
 )
-PASSES = (
-    Column("name", "pass", kind="text"),
-    Column("when", "when", kind="text"),
-    *WHERE,
-    Column("cost", "cost", "µs/step"),
-    Column("with", "with it", "µs/step", wide=True),
-    Column("without", "without", "µs/step", wide=True),
-    STATUS,
-)
-GOALS = (
-    Column("where", "where", kind="text"),
-    Column("what", "what", kind="text"),
-    Column("limit", "at most", kind="number"),
-    *(Column(key, key, kind="number", form=".3g") for key in ("median", "min", "max")),
-    Column("met", "met", kind="verdict"),
-)
 CUT = (
     Column("decomposition", "decomposition", kind="text"),
     Column("integrator", "integrator", kind="text"),
@@ -63,7 +46,6 @@ MODEL = (
     *CUT,
     Column("seconds", "seconds", kind="number", form=".2e"),
 )
-MET = {True: "met", False: "not met", None: "not measured"}
 STARTS = {
     "plain": "LAMMPS with fix nve",
     "later": "ours, compiled before",
@@ -71,6 +53,8 @@ STARTS = {
     "first": "ours, first use",
     "first_added": "ours, first use, more than LAMMPS alone",
 }
+FASTEST = "the fastest of LAMMPS's rigid fixes"
+FREE = 90.0  # percent of a core that a rank must have had
 USUAL = "rigid/nve", "rigid/nve/small", "shake"
 NOTES = {
     "Modify": "Time in the fixes: row Modify of LAMMPS's timing table, average over ranks. Median "
@@ -84,13 +68,11 @@ NOTES = {
     "freely. That of ours includes Python's packages.",
     "messages, bytes": "Sent to other ranks per rank and step: by all of LAMMPS; “in fixes”, as in "
     "Modify; “more” than a run whose atoms move freely. Counted in 50 steps with re-neighbouring.",
-    "optional passes": "Modify with the pass less Modify without it. A pass that nothing needs is "
-    "left out, and costs nothing.",
     "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "
     "time is that of all ranks. A first use has a copy of the package with nothing compiled.",
-    "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into slabs (two "
-    "neighbours) or bricks (up to 26). Counts do not depend on the machine. What travels with "
-    "atoms that change ranks is part of LAMMPS's own messages and is not counted.",
+    "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into bricks. Counts "
+    "do not depend on the machine. What travels with atoms that change ranks is part of LAMMPS's "
+    "own messages and is not counted.",
     "model": "No measurement: a message takes the link's latency, its bytes the bandwidth, one "
     "after the other; a collective call takes log2(ranks) messages. rigid/nve sums force and "
     "torque of all bodies on all ranks, 48 bytes per body. Computation is left out.",
@@ -106,14 +88,16 @@ def said(summary: dict) -> Said:
     sent, started = _handed(summary), _started(summary)
     told = [answer, *started[:1], *sent[:1]]
     answer = " ".join(filter(None, told)) or "Nothing was measured."
-    tables = [_best(points), _every(points), _passes(summary), _starts(summary), _goals(summary)]
+    tables = [_best(points), _every(points), _starts(summary)]
     drawn = {
-        "size": "Dotted: the time in which the memory moves the bytes that a step must move.",
         "scenes": "Medians; bars from minimum to maximum. Left of 1 ours is faster.",
         "scaling": "Left: counted. Right: a model of the counted messages, not a measurement.",
     }
+    title = "What it costs"
+    if not points:
+        title += ": messages" if summary.get("counts") else ": start-up"
     return Said(
-        "What it costs",
+        title,
         "What do rigid bodies cost: time in the fix and of a step, memory, messages, start-up?",
         answer,
         lines=[*lines, *started[1:], *sent[1:]],
@@ -122,6 +106,9 @@ def said(summary: dict) -> Said:
             Figure(name, partial(getattr(figures, name), summary), caption)
             for name, caption in drawn.items()
         ],
+        checks=summary.get("checks", ()),
+        parts=TITLES,
+        checks_file="goals",
         notes=NOTES,
         failures=_failures(summary),
         commands=summary.get("commands", ()),
@@ -130,36 +117,29 @@ def said(summary: dict) -> Said:
     )
 
 
-def _fastest(point):
-    """The ratio of a whole step with ours to that with the fastest of LAMMPS's rigid fixes."""
-    ratios = (row.get("loop_ratio") for row in point["integrators"] if row["kind"] == "rigid")
-    return max(filter(None, ratios), key=lambda ratio: ratio["median"], default=None)
-
-
 def _whole(points):
     """What is said of the time of a whole step: an answer, and further lines."""
-    ratios = {place(point): ratio["median"] for point in points if (ratio := _fastest(point))}
+    ratios = sorted(
+        (ratio["median"], place(point)) for point in points if (ratio := fastest(point))
+    )
     if not ratios:
         return "", []
-    least, most = min(ratios, key=ratios.__getitem__), max(ratios, key=ratios.__getitem__)
-    every = (
-        f"A whole step with ours takes {ratios[least]:.2f} ({least}) to {ratios[most]:.2f} ({most})"
-        " times as long as one with the fastest of LAMMPS's rigid fixes."
-    )
-    water = [ratio for where, ratio in ratios.items() if where.startswith("water")]
+    (low, least), (high, most) = ratios[0], ratios[-1]
+    ends = f"{low:.2f} ({least})" + f" to {high:.2f} ({most})" * (len(ratios) > 1)
+    every = f"A whole step with ours takes {ends} times as long as one with {FASTEST}."
+    water = [ratio for ratio, where in ratios if where.startswith("water")]
     if not water:
         return every, []
-    told = f"A step of water takes {min(water):.2f} to {max(water):.2f} times as long as one with "
-    return f"{told}the fastest of LAMMPS's rigid fixes.", [every]
+    told = f"A step of water takes {water[0]:.2f} to {water[-1]:.2f} times as long as one with "
+    return f"{told}{FASTEST}.", [every]
 
 
 def _defeats(points):
     """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
     return [
-        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with the "
-        "fastest of LAMMPS's rigid fixes"
+        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with {FASTEST}"
         for point in points
-        if (ratio := _fastest(point)) and ratio["min"] > 1
+        if (ratio := fastest(point)) and ratio["min"] > 1
     ]
 
 
@@ -175,20 +155,18 @@ def _kept(points):
 
 def _busy(points):
     """A warning if a rank had less than a core."""
-    shares = {
-        place(point): min(
-            (row["cpu"] for row in point["integrators"] if row.get("cpu")), default=FREE
-        )
+    shares = [
+        (row["cpu"], place(point))
         for point in points
-    }
-    late = [where for where, share in shares.items() if share < FREE]
-    if not late:
+        for row in point["integrators"]
+        if row.get("cpu") is not None
+    ]
+    least, where = min(shares, default=(FREE, ""))
+    if least >= FREE:
         return []
-    worst = min(late, key=lambda where: shares[where])
     return [
-        f"The machine was busy in {len(late)} of {len(shares)} rows: a rank had as little as "
-        f"{shares[worst]:.0f} % of a core ({worst}). Times are too long there, and only ratios "
-        "with a narrow range can be trusted."
+        f"The machine was busy: a rank had as little as {least:.0f} % of a core ({where}). Times "
+        "are too long then, and only ratios with a narrow range can be trusted."
     ]
 
 
@@ -204,7 +182,7 @@ def _best(points):
         found = {row["name"]: row for row in point["integrators"]}
         if found.get(OURS, {}).get("modify"):
             ratios = {f"{name}_ratio": found.get(name, {}).get("modify_ratio") for name in USUAL}
-            row = point | ratios | {"whole_ratio": _fastest(point)}
+            row = point | ratios | {"whole_ratio": fastest(point)}
             rows.append(row | {"own": found[OURS]["modify"]})
     return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
 
@@ -220,11 +198,6 @@ def _every(points):
     ]
     columns = (*WHERE, Column("label", "integrator", kind="text"), *TIMES, STATUS)
     return Table("All integrators", columns, rows, "table", long=len(points) > 2)
-
-
-def _passes(summary):
-    rows = [{**row, "status": row["error"] or "ok"} for row in summary.get("passes", [])]
-    return Table("Optional passes", PASSES, rows, "passes")
 
 
 def _starts(summary):
@@ -249,16 +222,7 @@ def _started(summary):
 
 def _seconds(spread):
     """Median with minimum and maximum."""
-    median, low, high = (digits(spread[part]) for part in ("median", "min", "max"))
-    return Cell(f"{median} [{low}–{high}]", spread["median"])
-
-
-def _goals(summary):
-    rows = [
-        {**goal, **(goal["measured"] or {}), "met": MET[goal["met"]]}
-        for goal in summary.get("goals", [])
-    ]
-    return Table("Limits that we set ourselves", GOALS, rows, "goals", long=True)
+    return Column("spread", "").cell({"spread": spread})
 
 
 def _messages(summary):
@@ -275,21 +239,18 @@ def _messages(summary):
 def _handed(summary):
     """What is said of the messages: counted on the most ranks, and by the model."""
     lines = []
-    counts = [row for row in summary.get("counts", []) if not row["error"]]
-    for cut in dict.fromkeys(row["decomposition"] for row in counts):
-        most, rows = _most([row for row in counts if row["decomposition"] == cut])
-        each = "; ".join(
-            f"{row['integrator']} {row['messages']:.1f} messages of {row['bytes']:,.0f} bytes and "
-            f"{row['collectives']:.2f} collective calls of {row['collective_bytes']:,.0f} bytes"
-            for row in rows
-        )
-        lines.append(f"On {most} ranks ({cut}s) each rank hands to MPI per step: {each}.")
-    for link in summary.get("links", []):
-        rows = [row for row in summary["model"] if row["link"] == link["name"]]
-        most, rows = _most([row for row in rows if row["decomposition"] == "brick"])
-        each = ", ".join(f"{row['integrator']} {row['seconds'] * 1e6:,.1f} µs" for row in rows)
-        if rows:
-            lines.append(f"By the model, on {most:,} ranks {link['name']}: {each} per step.")
+    most, rows = _most([row for row in summary.get("counts", []) if not row["error"]])
+    each = "; ".join(
+        f"{row['integrator']} {row['messages'] + row['collectives']:.1f} messages and collective "
+        f"calls of {row['bytes'] + row['collective_bytes']:,.0f} bytes"
+        for row in rows
+    )
+    if rows:
+        lines.append(f"On {most} ranks each rank hands to MPI per step: {each}.")
+    most, rows = _most(summary.get("model", []))
+    each = ", ".join(f"{row['integrator']} {row['seconds'] * 1e6:,.1f} µs" for row in rows)
+    if rows:
+        lines.append(f"By a model, on {most:,} ranks {rows[0]['link']}: {each} per step.")
     return lines
 
 
@@ -306,7 +267,6 @@ def _failures(summary):
         for point in summary.get("points", [])
         for row in point["integrators"]
     ]
-    failed += [(row["name"], row["error"]) for row in summary.get("passes", [])]
     failed += [
         (f"start, {ranks_of(row['ranks'])}", row["error"]) for row in summary.get("starts", [])
     ]

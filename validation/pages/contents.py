@@ -240,7 +240,8 @@ def _of_check(one: Mapping) -> dict:
     """A row of a table of checks."""
     number = Cell(measured(one), one["value"])
     why = "; ".join(text for text in (one["source"], one["note"]) if text)
-    return {**one, "value": number, "bound": bound(one), "why": why}
+    words = {key: one[key] for key in ("subject", "what", "verdict")}
+    return words | {"value": number, "bound": bound(one), "why": why}
 
 
 def ranks_of(number: int) -> str:

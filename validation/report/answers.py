@@ -40,7 +40,9 @@ COLUMNS = (
 
 def is_sample(summary: Mapping) -> bool:
     """Whether a summary has points beside a limit of small steps, timed in turn."""
-    return {"scene", "known", "limits", "rows"} <= summary.keys()
+    if not {"scene", "known", "limits", "rows"} <= summary.keys():
+        return False
+    return any(set(GAINS) <= row["noise"].keys() for row in summary["rows"])
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
@@ -64,7 +66,8 @@ def _ordered(summaries):
 
 def _answer(summary):
     """The row of a scene; None if no point, or no rival, is within the bounds."""
-    points = [row for row in summary["rows"] if row["noise"] and row["cost"] and _not_off(row)]
+    timed = [row for row in summary["rows"] if set(GAINS) <= row["noise"].keys()]
+    points = [row for row in timed if _not_off(row)]
     own = [row for row in points if row["ours"]]
     rivals = [row for row in points if not row["ours"]]
     if not own or not rivals:

@@ -72,7 +72,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     """Run and measure a scene or a script; the exit status."""
-    from ..own import system  # heavy: not for --help
+    from .. import pages  # heavy: not for --help
+    from ..own import system
     from ..pages import console
     from . import criteria, engine, measure, report
     from .plan import TIMES, Lengths
@@ -98,8 +99,9 @@ def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, known, meter)
     summary["checks"] = [check.plain() for check in criteria.checks(summary)]
-    report.write(summary, out)
-    report.show(screen, summary, out)
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
     failed = all(row["error"] for row in summary["rows"])
     return command_line.status(summary["interrupted"], failed)
 

@@ -106,7 +106,8 @@ def sample(
             if point not in found.errors and run.is_there(job, failures=True):
                 _measure(found, plan, point, start, job)
     interrupted = _timed(found, runs, meter, not done.interrupted)
-    summary, engines = machine.circumstances(), (plan.schemes[one.scheme].engine for one in every)
+    summary = machine.circumstances()
+    engines = (plan.schemes[point.scheme].engine for point in found.good)
     summary["versions"] |= machine.worker_versions(done.versions) | engine.versions(engines)
     return summary | {
         "scene": plan.scene.name,

@@ -164,7 +164,7 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
     log = folder / "log.lammps"
     one_core = "-ntmpi", "1", "-ntomp", "1", "-pin", "off", "-nb", "cpu"
     _gmx(folder, "mdrun", "-deffnm", "run", "-g", log.name, *one_core)
-    log.replace(folder / "run.log")
+    shutil.copy(log, folder / "run.log")
     energy = "energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"
     _gmx(folder, *energy, typed="Potential\nPressure\n\n")
     yield from read((folder / ENERGIES).read_text(), given["dt"])
