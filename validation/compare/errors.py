@@ -86,8 +86,8 @@ def observables(case: Case) -> list[Observable]:
         """The rms change in `SPAN` steps of the usual length over √2, in parts of the kinetic
         energy's standard deviation."""
         apart = (series.thermo["Step"][1] - series.thermo["Step"][0]) * series.dt
-        lag = max(1, round(SPAN * case.scene.dt / apart))
         kept = conserved(series)
+        lag = max(1, min(len(kept) // 2, round(SPAN * case.scene.dt / apart)))
         square = measures.mean((kept[lag:] - kept[:-lag]) ** 2 / 2)
         change = np.sqrt(max(square.value, 1e-300))
         rms = Estimate(change, square.error / (2 * change), square.freedom)
