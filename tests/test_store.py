@@ -93,18 +93,18 @@ def test_what_only_shows_drops_nothing(harness):
 
 
 def test_titles_drop_nothing(harness):
-    """Locks out a sweep that is lost by a scene's title."""
-    sweep = "sweep.measure"
-    before = store.code_of(sweep)
+    """Locks out a comparison that is lost by a scene's title."""
+    compare = "compare.measure"
+    before = store.code_of(compare)
     path = harness / "scenes" / "__init__.py"
     text = path.read_text()
     assert "title=" in text
     path.write_text(text.replace("title=", 'title="another" or '))
     store.code_of.cache_clear()
-    assert store.code_of(sweep) != before  # no constant any more
+    assert store.code_of(compare) != before  # no constant any more
     path.write_text(text.replace('title="', 'title="another '))
     store.code_of.cache_clear()
-    assert store.code_of(sweep) == before
+    assert store.code_of(compare) == before
 
 
 @pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "stress/tops.py"])

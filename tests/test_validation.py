@@ -4,9 +4,6 @@ Statistical tests pass within five standard errors and use fixed random seeds.
 """
 
 import contextlib
-import csv
-import io
-import json
 import os
 import signal
 import subprocess
@@ -17,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import Silent
 from scipy.signal import lfilter
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -25,20 +21,11 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from matplotlib.figure import Figure
-from rich.console import Console
 
-from validation import RESULTS
-from validation.compare import figures, report
-from validation.compare import measure as compare
-from validation.pages import figures as page_figures
-from validation.pages import report as skeleton
-from validation.pages import tables
 from validation.running import lammps_log, run
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
 from validation.scenes.integrators import Integrator, rigid
-from validation.scenes.units import UNITS
 from validation.statistics import measures, motion
 from validation.statistics.estimate import margin
 
@@ -142,88 +129,6 @@ def test_deviation_about_the_line():
     assert measures.standard_deviation(x + 0.1 * t).value > 10
     assert measures.about_line(t, x + 0.1 * t) == pytest.approx(measures.about_line(t, x))
     assert measures.about_line(t, x).value == pytest.approx(1.0, rel=0.05)
-
-
-@pytest.mark.parametrize("slope, said", [(0.02, ""), (-0.05, ", drifts")])
-def test_a_deviation_that_is_a_drift_says_so(slope, said):
-    """Locks out a standard deviation that hides that the energy drifts."""
-    summary = {"settings": {"reference": "rigid/nve"}}
-    column = next(one for one in report.columns(summary) if one.key == "energy_sd")
-    row = {
-        "energy_sd": {"value": 2.0, "error": 0.1},
-        "drift": {"value": slope, "error": 0.02, "freedom": 12.0},
-    }
-    assert tables.cell(row, column) == f"2.00 ± 0.20{said}"
-
-
-def test_a_ratio_of_a_busy_machine_shows_its_range():
-    """Locks out two identical integrators that differ threefold in the terminal, with the word that
-    such ratios compare like with like: one had a core for each rank, the other had not."""
-    spread = {"median": 0.32, "min": 0.3, "max": 1.0}
-    row = {"name": "yours", "label": "yours", "modify_ratio": spread, "modify": spread, "cpu": 31.0}
-    ratio, time = (tables.Column(name, "", "") for name in ("modify_ratio", "modify"))
-    assert tables.cell(row, ratio, short=True) == "0.32 [0.30–1.00]"
-    assert tables.cell(row, time, short=True) == "0.32"
-    told = tables.busy({"integrators": [row]})
-    assert "31 % of a core" in told and "ratio is wrong" in told and "like with like" not in told
-
-
-def test_figure_and_table_have_the_same_margins():
-    """Locks out standard errors in the figure where the table has 95 % margins, both behind ±."""
-    estimate = {"value": 0.02, "error": 0.01, "freedom": 6.0}
-    row = {"name": "rigid", "label": "rigid", "error": None, "energy_sd": estimate}
-    row |= {"drift": estimate}
-    axis, summary = Figure().add_subplot(), {"settings": {"reference": "rigid/nve"}}
-    figures._panel(axis, row, (np.zeros(1), np.zeros(1), np.ones(1, bool)), 1.0, UNITS["real"])
-    column = next(one for one in report.columns(summary) if one.key == "drift")
-    assert f"drift {tables.cell(row, column)} per ps" in axis.get_title("right")
-
-
-def test_files_and_words_of_a_report(tmp_path):
-    """Locks out whole numbers that an empty cell beside them makes broken ones, an empty table that
-    is printed, and a failure or a Ctrl-C that nothing is said of."""
-    rows = [{"ranks": 1000, "time": 0.1 + 0.2}, {"ranks": None, "time": None}]
-    tables = {"table": skeleton.frame(rows, ["time", "ranks"])}
-    skeleton.write({"interrupted": True}, tmp_path, tables)
-    text = (tmp_path / "table.csv").read_text()
-    assert text == "time,ranks\n0.30000000000000004,1000\n,\n"
-    screen = Console(record=True, width=80, file=io.StringIO())
-    skeleton.table(screen, "nothing", ["a"], [])
-    skeleton.table(screen, "something", ["name", "number"], [["[b]", "7"]], left=[])
-    skeleton.end(screen, {"interrupted": True}, tmp_path, ["rigid: lost [atoms]"])
-    said = screen.export_text()
-    assert "nothing" not in said and "something" in said and "[b]" in said
-    assert "✗ rigid: lost [atoms]" in said and "Interrupted" in said and str(tmp_path) in said
-
-
-def test_figures_of_an_earlier_command(tmp_path):
-    """Locks out a figure of other numbers beside those of now."""
-
-    def cost(number):
-        return (Figure(), "caption") if number else None
-
-    path = tmp_path / "cost.png"
-    assert page_figures.draw_each([cost], tmp_path, 1) == [(path, "caption")] and path.exists()
-    assert page_figures.draw_each([cost], tmp_path, 0) == [] and not path.exists()
-
-
-@pytest.mark.parametrize(
-    "verb, write",
-    [
-        ("compare-water", lambda summary, out: report.write(summary, {}, out)),
-    ],
-)
-def test_tables_of_committed_summaries(verb, write, tmp_path):
-    """Locks out a column or a number of a table that is lost, renamed or rounded: documents read
-    the committed tables, and the same code has to make them of the committed summaries."""
-    write(json.loads((RESULTS / verb / "summary.json").read_text()), tmp_path)
-    tables = sorted(path.name for path in (RESULTS / verb).glob("*.csv"))
-    assert tables
-    for name in tables:
-        made, known = (
-            list(csv.DictReader((folder / name).open())) for folder in (tmp_path, RESULTS / verb)
-        )
-        assert made == known, name
 
 
 def test_drift_of_several_series_and_of_none():
@@ -534,38 +439,6 @@ def scene(tmp_path_factory):
         "group water type 1",
     )
     return Scene("tiny", "27 triatomics", folder, setup, "water", "molecule", "b 1 a 1")
-
-
-BROKEN = Integrator("broken", "broken", ("fix 1 {group} no/such/fix",))
-SETTINGS = compare.Settings(1, 200, 1.0, timing_rounds=1, timing_steps=20, silence=60.0)
-
-
-@pytest.mark.timeout(120)
-def test_comparison_from_end_to_end(scene, tmp_path):
-    """Locks out a failed integrator that ends the run, hides its cause, or lacks its row."""
-    integrators = [BROKEN, rigid("rigid/nve"), rigid("rigid/nve/small")]
-    summary, series = compare.compare(scene, integrators, tmp_path, SETTINGS, Silent())
-    report.write(summary, series, tmp_path)
-
-    broken, reference, small = json.loads((tmp_path / "summary.json").read_text())["integrators"]
-    assert "no/such/fix" in broken["error"]
-    assert broken.get("energy_sd") is None and broken.get("modify") is None
-    assert reference["error"] is None and small["error"] is None
-    assert reference["steps"] == small["steps"] == 200
-    assert reference["distance"] == 0.0
-    assert small["distance"] < 1e-6, "rigid/nve/small is the same method as rigid/nve"
-    assert small["rigidity"] < 1e-10
-    assert small["modify"]["median"] > 0 and small["modify_ratio"]["median"] > 0
-
-    rows = list(csv.DictReader((tmp_path / "table.csv").open()))
-    assert [row["integrator"] for row in rows] == ["broken", "rigid/nve", "rigid/nve/small"]
-    assert "no/such/fix" in rows[0]["status"] and rows[1]["status"] == "ok"
-    assert float(rows[1]["temperature (K)"]) == reference["temperature"]["value"]
-
-    page = (tmp_path / "report.html").read_text()
-    assert "no/such/fix" in page
-    assert page.count("data:image/png;base64,") == 2
-    assert 'src="http' not in page and "href=" not in page, "the report is one file"
 
 
 def running(word):

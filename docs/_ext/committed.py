@@ -23,6 +23,8 @@ if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # behind site-packages
 
 from validation import pages  # noqa: E402
+from validation.compare import choice  # noqa: E402
+from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
@@ -115,34 +117,14 @@ def full(text):
     return re.sub(r",? with --full", "", text)
 
 
-# ---- water: compare, sweep, published
-
-
-def compare_water():
-    body = []
-    for row in rows("compare-water"):
-        kept = float(row["distance (Å)"])
-        body.append(
-            [
-                code(row["integrator"]),
-                margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"]),
-                margin(row["energy drift (kcal/mol/ps)"], row["energy drift margin (kcal/mol/ps)"]),
-                margin(row["temperature (K)"], row["temperature margin (K)"]),
-                margin(row["pressure (atm)"], row["pressure margin (atm)"]),
-                significant(kept, 2) if kept else NOTHING,
-                significant(row["rigidity (Å)"], 1),
-            ]
-        )
-    head = "integrator", "sd of energy, kcal/mol", "drift, kcal/mol/ps", "T, K", "P, atm"
-    return markdown([*head, "distance, Å", "rigidity, Å"], body)
-
+# ---- water: compare, published
 
 SHOWN = "rigid/nve", "rigid", "shake 1e-8 + nve", "rattle 1e-8 + nve", "Gear"
 
 
 def _points(scene):
-    """From integrator and step to a point of the sweep."""
-    found = [row for row in rows("sweep", "points") if row["scene"] == scene]
+    """From integrator and step to a point of a comparison."""
+    found = rows(f"compare-{scene}", "points")
     return {(row["label"], float(row["dt (fs)"])): row for row in found}
 
 
@@ -163,19 +145,19 @@ def _errors(scene):
     return markdown(["step, fs", "ours", *map(code, SHOWN)], body)
 
 
-def sweep_water():
+def compare_water():
     return _errors("water")
 
 
-def sweep_peptide():
+def compare_peptide():
     return _errors("peptide")
 
 
-def sweep_dimer():
+def compare_dimer():
     return _errors("dimer")
 
 
-def sweep_times():
+def compare_times():
     """Time of LAMMPS's fixes over ours, at the same step, over all steps that both bear."""
     body = []
     for scene in "water", "peptide", "dimer":
@@ -191,26 +173,6 @@ def sweep_times():
             ends = [spread(min(found), max(found)) for found in ratios.values()]
             body.append([scene, code(label), *ends])
     return markdown(["scene", "fix", "shortest times, over ours", "medians, over ours"], body)
-
-
-def sweep_fastest():
-    body = []
-    for row in rows("sweep", "fastest"):
-        if row["scene"] == "water" and row["measure"] == "energy_sd":
-            met = row["verdict"] == "met"
-            ties = len(row["a tie with"].split(";")) if row["a tie with"] else 0
-            body.append(
-                [
-                    f"{float(row['target']):g}",
-                    code(row["use"]) if met else row["verdict"],
-                    f"{float(row['dt (fs)']):g}" if met else "",
-                    ties if met else "",
-                    f"{float(row['ours dt (fs)']):g}" if row["ours dt (fs)"] else "",
-                    f"{float(row['ours / fastest']):.2f}" if row["ours / fastest"] else "",
-                ]
-            )
-    head = "sd of energy below, kcal/mol", "fastest", "its step, fs", "as fast", "our step, fs"
-    return markdown([*head, "our time over the fastest's"], body)
 
 
 def published(verb="published", part="spread"):
@@ -509,15 +471,19 @@ def theory_rotors():
 
 def _confirmed(row, targets, unit):
     """What a long run says of a step: its verdict, and what that could not be told of."""
-    step = f"{plain(row['step'])}{NBSP}{unit}"
+    step = f"{plain(row['dt'])}{NBSP}{unit}"
     if row["failed"]:
         return f"{step}: the run ends with an error"
+    errors = {name: Estimate.of(row["errors"][name]) for name in targets if name in row["errors"]}
     open_ = [
-        f"{name} {margin(row[name], row[f'{name} margin'])}, at most {plain(most)}"
-        for name, most in targets.items()
-        if row[name] and abs(float(row[name]) - most) < float(row[f"{name} margin"])
+        f"{name} {margin(one.value, one.margin)}, at most {plain(targets[name])}"
+        for name, one in errors.items()
+        if abs(one.value - targets[name]) < one.margin
     ]
-    return f"{step}: {row['verdict']}" + (f" ({'; '.join(open_)})" if open_ else "")
+    some = {name: most for name, most in targets.items() if name not in row["without"]}
+    met = {True: "met", False: "not met", None: "cannot tell"}[choice.meets(row, some)]
+    verdict = met + " by the rest" * (some != targets)
+    return f"{step}: {verdict}" + (f" ({'; '.join(open_)})" if open_ else "")
 
 
 def own_scripts():
@@ -526,14 +492,14 @@ def own_scripts():
     known = {folder: summary(f"own-scripts/{folder}") for folder in folders}
     confirms = any(found.get("confirmed") for found in known.values())
     lines = []
-    for folder, found in known.items():
+    for found in known.values():
         unit = "τ" if found["units"] == "lj" else "fs"
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
         line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
-        longer = rows(f"own-scripts/{folder}", "confirmed") if found.get("confirmed") else []
+        longer = (found.get("confirmed") or {"points": []})["points"]
         line += [_confirmed(row, found["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
         lines.append(line)
@@ -627,10 +593,6 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
-def apart(column):
-    """How far the first four rows of compare-water lie apart: their standard deviation."""
-    found = [float(row[column]) for row in rows("compare-water")[:4]]
-    return significant(statistics.stdev(found), 2)
 
 
 # ---- pages and the README
@@ -642,7 +604,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, scene, holding, apart, said, summary, significant, table)
+        for function in (made, scene, holding, said, summary, significant, table)
     }
     return environment.from_string(text).render(**names, **others)
 
@@ -650,7 +612,8 @@ def render(text):
 def readme_table():
     """The README's table: what ours and LAMMPS's fixes give, by the committed results."""
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
-    water = {row["integrator"]: row for row in rows("compare-water")}
+    points = _points("water").items()
+    water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in points if step == 2}
     free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
     broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
@@ -666,7 +629,7 @@ def readme_table():
 
     def energy(fix):
         row = water[fix]
-        return margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"])
+        return margin(row["energy_sd (kcal/mol)"], row["energy_sd margin (kcal/mol)"])
 
     def whole(*scene):
         def give(fix):
@@ -684,7 +647,7 @@ def readme_table():
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
     lines = {
-        "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
+        "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
         f"{len(extreme)} extreme cases: passed, failed": judged,
@@ -724,11 +687,9 @@ def readme(text):
 
 TABLES = [
     compare_water,
-    sweep_water,
-    sweep_peptide,
-    sweep_dimer,
-    sweep_times,
-    sweep_fastest,
+    compare_peptide,
+    compare_dimer,
+    compare_times,
     published,
     standing,
     cases,
