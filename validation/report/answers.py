@@ -162,7 +162,8 @@ def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
     """For the table of releases: {(scene, number): text}."""
     found = {}
     for row in table(summaries).rows:
-        scene = f"{row['scene']}, {row['dt']:g} fs"
+        scene = row["scene"]
+        found[scene, "step, fs"] = f"{row['dt']:g}"
         for key in GAINS:
             name, unit = NAMES[key]
             found[scene, f"error of {name}, {unit}"] = Estimate.of(row[f"bias {key}"]).text()
