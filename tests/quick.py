@@ -104,7 +104,7 @@ QUICK = {
         test_claims.py::test_exact_top_obeys_the_equations_of_motion
         test_claims.py::test_form_sees_what_is_not_symplectic
         test_stress.py::test_verdicts
-        test_sweep_choice.py::test_choice_is_that_of_a_search
+        test_compare_choice.py::test_choice_is_that_of_a_search
         test_report.py::test_terminal_files_and_page""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table

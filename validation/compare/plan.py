@@ -20,6 +20,7 @@ ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames
 SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
+STARTUP = 3.0  # s until a run's first step, about, of few atoms
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
 SHORT, LONG = "short", "longer"  # folders of runs
 
@@ -106,7 +107,7 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
             raise KeyboardInterrupt
         raise SystemExit(f"{case.scene.title}: {held.scheme}: {step.error}")
     atoms = run.collect(folder).timings[-1].atoms
-    return Machine(step, 3.0 + 2e-5 * atoms, atoms)
+    return Machine(step, STARTUP + 2e-5 * atoms, atoms)
 
 
 def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:
