@@ -69,9 +69,10 @@ def run(arguments: Namespace) -> int:
         wanted = cases.targets(case, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
-    only = (arguments.only and arguments.only != ["all"]) or None
-    names = [one.name for one in command_line.chosen_of(case.integrators, only and arguments.only)]
-    points, held = plan.points(case, arguments.only and names, arguments.steps)
+    asked = None if arguments.only == ["all"] else arguments.only
+    names = [one.name for one in command_line.chosen_of(case.integrators, asked)]
+    only = names if arguments.only else case.usual
+    points, held = plan.points(case, only, arguments.steps)
     settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
     screen = console.console()
     with console.Meter(screen, 1) as meter:

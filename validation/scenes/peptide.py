@@ -8,7 +8,6 @@ from dataclasses import replace
 import mdtraj
 import numpy as np
 
-from ..statistics import measures
 from ..statistics.positions import NM_PER_ANGSTROM
 from . import SCENES, Scene
 
@@ -58,17 +57,3 @@ def helical(frames: np.ndarray) -> np.ndarray:
     (frames, atoms, 3) in Angstrom."""
     path = mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology())
     return (mdtraj.compute_dssp(path, simplified=True) == "H").sum(axis=1)
-
-
-def helicity(x: np.ndarray, cell: np.ndarray, periodic: np.ndarray) -> np.ndarray:
-    """Helical residues over those of the first frame, (frames,), of positions of all atoms, the
-    peptide's first, in any image (frames, atoms, 3).
-
-    Args:
-        cell: vectors as rows.  periodic: (3,) bool.
-    """
-    x = x[:, : topology().n_atoms]
-    # an atom is never far from the one before
-    steps = measures.nearest_image(np.diff(x, axis=1), cell, periodic)
-    found = helical(np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1))
-    return found / found[0]
