@@ -20,7 +20,7 @@ def add(verbs: command_line.Verbs) -> None:
         "each is off and what it costs, and name the fastest whose errors are within the targets, "
         "with the lines for the input script. Writes summary.json, CSV files, figures and "
         "report.html to the output folder. After a Ctrl-C the same command goes on.",
-        epilog="Exit status: 0 if a step is within the targets by its 95 %% margins, 1 if none is, "
+        epilog="Exit status: 0 if a step is within the targets by its 95 % margins, 1 if none is, "
         "2 if a word is wrong, 130 after Ctrl-C.",
     )
     kind = command_line.scene_or_script(lambda: SCENES)
