@@ -175,7 +175,7 @@ def refuse_ramps(own: Own) -> None:
         raise SystemExit(
             f"{own.scene.subject}: '{own.said['run']}' changes "
             f"{' and '.join(own.found.state.ramps)}, so means do not tell what a step does: give a "
-            "run that keeps them. 'check', 'compare' and 'cost' take this one"
+            "run that keeps them. 'check' and 'cost' take this one"
         )
 
 
