@@ -16,7 +16,6 @@ from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-NUMBA = "numba>=0.66"  # as in pyproject.toml
 _hash, _HASH = importlib.util.source_hash, 8  # bytes of a file behind its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
@@ -116,7 +115,7 @@ def place(within, name, level):
     except metadata.PackageNotFoundError:
         raise RuntimeError(
             f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
-            f'pip install "{NUMBA}"'
+            f"pip install '{PACKAGE}[numba]'"
         ) from None
     compiler = Path(__file__).with_name("lower.py").read_text()
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
