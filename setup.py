@@ -27,6 +27,7 @@ HERE = Path(__file__).resolve().parent
 PROJECT = (HERE / "pyproject.toml").read_text()  # (Python 3.10 has no tomllib)
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
+RECORDER = Path("validation", "own")  # of the harness, see recorder.cpp there
 MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 
 
@@ -190,10 +191,11 @@ class BuildPlugin(build_ext):
         return os.path.join(*fullname.split(".")) + ".so"  # LAMMPS looks for *plugin.so, anywhere
 
     def copy_extensions_to_source(self):
-        for earlier in PLUGIN.glob("for_*"):
-            shutil.rmtree(earlier)
-        for package in PLACES:
-            (PLUGIN / folder_of(package)).mkdir()
+        for place in PLUGIN, RECORDER:
+            for earlier in place.glob("for_*"):
+                shutil.rmtree(earlier)
+            for package in PLACES:
+                (place / folder_of(package)).mkdir()
         super().copy_extensions_to_source()
 
     def build_extension(self, ext):
@@ -260,11 +262,12 @@ setup(
     packages=[*find_packages(include=["fix_nosquish*"]), *harness],
     package_dir={"fix_nosquish_validation": "validation"},
     ext_modules=[
-        Extension(
-            f"fix_nosquish.plugin.{folder_of(package)}.python_moveplugin",
-            [str(PLUGIN / "python_move.cpp")],
-        )
+        Extension(f"{room}.{folder_of(package)}.{name}", [str(source)])
         for package in PLACES
+        for room, name, source in (
+            ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "python_move.cpp"),
+            ("fix_nosquish_validation.own", "recorder", RECORDER / "recorder.cpp"),
+        )
     ],
     options={"build_ext": {"parallel": True}},  # one on each core
     setup_requires=needed,  # pip brings these where it builds

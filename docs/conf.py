@@ -11,6 +11,7 @@ import committed  # noqa: E402
 from lammps_lexer import LammpsLexer  # noqa: E402
 
 import fix_nosquish  # noqa: E402
+from validation.report import report as all_results  # noqa: E402
 
 project = author = "fix_nosquish"
 copyright = "the authors of fix_nosquish"
@@ -53,6 +54,14 @@ def fill(app, docname, source):
         source[0] = re.sub(exponents, lambda one: "\u2011" if one[0] == "-" else one[0], text)
 
 
+def report(app, failure):
+    """Write the page of all results beside the pages that are built."""
+    if failure is None and app.builder.format == "html":
+        sections, problems = all_results.gather(Path(app.outdir) / "none")
+        all_results.write(sections, problems, Path(app.outdir) / "report.html")
+
+
 def setup(app):
     app.add_lexer("lammps", LammpsLexer)
     app.connect("source-read", fill)
+    app.connect("build-finished", report)

@@ -11,8 +11,7 @@ QUICK = {
         test_rotor.py::test_reference_matrices
         test_rotor.py::test_equals_the_paper
         test_rotor.py::test_each_rotation_to_four_ulp
-        test_rotor.py::test_kinds_side_by_side
-        test_rotor.py::test_reversible""",
+        test_rotor.py::test_kinds_side_by_side""",
     "units": """
         test_units.py::test_motion_is_that_of_rigid_nve[lj]
         test_units.py::test_motion_is_that_of_rigid_nve[real]
@@ -71,7 +70,6 @@ QUICK = {
         test_respa.py::test_equal_steps_are_verlet[one level]
         test_respa.py::test_time_reversal[two levels]""",
     "in place of fix rigid's": """
-        test_from_rigid.py::test_kinetic_energies[2]
         test_from_rigid.py::test_gravity[fix-1]
         test_from_rigid.py::test_temper[2]""",
     "runs in a row, restart": """
@@ -102,13 +100,12 @@ QUICK = {
         test_store.py::test_origin_is_all_that_counts
         test_store.py::test_what_only_shows_drops_nothing
         test_data_file.py::test_lammps_reads_what_was_meant
-        test_bench.py::test_ratios_are_of_one_round
-        test_theory.py::test_exact_top_obeys_the_equations_of_motion
-        test_theory.py::test_the_theory_holds[symplectic]
-        test_stability.py::test_verdicts
-        test_stability.py::test_tiles
+        test_cost.py::test_ratios_are_of_one_round
+        test_claims.py::test_exact_top_obeys_the_equations_of_motion
+        test_claims.py::test_form_sees_what_is_not_symplectic
+        test_stress.py::test_verdicts
         test_sweep_choice.py::test_choice_is_that_of_a_search
-        test_overview.py::test_tables_sort""",
+        test_report.py::test_terminal_files_and_page""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table
         test_docs.py::test_tutorial""",

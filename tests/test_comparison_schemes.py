@@ -25,11 +25,9 @@ from test_rotor import (
     S,
     body_momentum,
     conjugate,
-    energy,
     exact,
     one_atom_bodies,
     product,
-    space_momentum,
     step_cells,
     tops,
 )
@@ -72,14 +70,6 @@ def field(x, q):
 
 def no_field(x, q):
     return np.zeros((6, x.shape[1]))
-
-
-def potential(x, q):
-    return 0.5 * (x**2).sum(axis=0) - (dipoles(q) * (E[:, None] + G @ x)).sum(axis=0)
-
-
-def total_energy(bodies):
-    return potential(bodies.x, bodies.q) + bodies.kinetic().sum(axis=0)
 
 
 def start(n, seed, speed=1.0):
@@ -315,104 +305,6 @@ def test_free_rotor_against_the_exact_one(move, bodies, order):
     powers = np.log2(np.array(errors[:-1]) / errors[1:])
     assert errors[0] < 0.05
     assert (powers > order - 0.1).all() and powers[-1] < order + 1.1, powers
-
-
-def test_mn_free_rotor_keeps_its_kinetic_energy():
-    """Locks out a part iL_2 or iL_3 that is not exact, and rounding errors that add up: in 10^5
-    steps the energy stays to 1e-11, and |q| to round-off, whereas the angular momentum in space is
-    kept to order dt^2 only."""
-    q, p = tops(20, ASYMMETRIC, 5)
-    before, L, lost = energy(q, p, ASYMMETRIC), space_momentum(q, p), []
-    still = np.zeros((3, 20))
-    for dt in 0.2, 0.1:
-        moved = move_mn(make(still, still, q, p), 1000 * dt, 100, mrot=1000, force=no_field)
-        np.testing.assert_allclose(energy(moved.q, moved.p, ASYMMETRIC), before, rtol=1e-11)
-        np.testing.assert_allclose(np.linalg.norm(moved.q, axis=0), 1.0, rtol=0, atol=1e-15)
-        short = move_mn(make(still, still, q, p), dt, round(4 / dt), force=no_field)
-        lost.append(np.abs(space_momentum(short.q, short.p) - L).max())
-    assert 3.5 < lost[0] / lost[1] < 4.5 and lost[1] > 1e-4
-
-
-def test_reversal():
-    """Locks out a step of MN's whose second half is not the mirror of its first. Gear's scheme,
-    even with the signs of all odd derivatives changed, does not come back: a test that it passes
-    would see nothing."""
-    first, dt = start(20, 6), 0.05
-    there = move_mn(make(*first), dt, 200)
-    back = move_mn(make(there.x, -there.v, there.q, -there.p), dt, 200)
-    off = [
-        np.abs(have - want).max() for have, want in zip((back.x, -back.v, back.q, -back.p), first)
-    ]
-    assert np.abs(there.x - first[0]).max() > 0.5
-    assert max(off) < 1e-10, off
-
-    bodies = move_gear(for_gear(*first), dt, 100)
-    bodies.v[:], bodies.p[:] = -bodies.v, -bodies.p
-    rows = bodies.state[block.ROWS :].reshape(gear.ORDER, gear.WIDTH, -1)
-    for n in range(gear.ORDER):
-        sign = (-1) ** (n + 1)
-        rows[n] *= sign
-        rows[n, gear.OMEGA : gear.QUATERNION] *= -1  # omega itself changes its sign
-    move_gear(bodies, dt, 100, starts=False)
-    assert np.abs(bodies.q - first[2]).max() > 1e-7
-
-
-def test_mn_preserves_volume():
-    """Locks out a part that does not: the determinant of the Jacobian of a step, in x, v, rotations
-    of the body and omega, is 1. That of Gear's step from a start without history is not."""
-    x, v, q, p = start(1, 7)
-    w = body_momentum(q, p)[1:] / ASYMMETRIC[:, None]
-
-    def jacobian(move, bodies, dt):
-        """By central differences of two widths, extrapolated:
-        each column is a body that is displaced a little."""
-        columns = []
-        for h in 1e-3, 2e-3:
-            shifts = h * np.concatenate([np.eye(12), -np.eye(12)], axis=1)
-            turned = product(q, np.concatenate([np.ones((1, 24)), 0.5 * shifts[6:9]]))
-            turned /= np.linalg.norm(turned, axis=0)
-            momenta = 2 * product(
-                turned, np.concatenate([np.zeros((1, 24)), ASYMMETRIC[:, None] * (w + shifts[9:])])
-            )
-            after = move(bodies(x + shifts[:3], v + shifts[3:6], turned, momenta), dt, 1)
-            middle = move(bodies(x, v, q, p), dt, 1)
-            turn = product(conjugate(middle.q), after.q)
-            angles = 2 * turn[1:] / turn[0]  # 2 tan of half the angle, as the displacement before
-            ends = np.concatenate([after.x, after.v, angles, omega(after)])
-            columns.append((ends[:, :12] - ends[:, 12:]) / (2 * h))
-        return (4 * columns[0] - columns[1]) / 3
-
-    assert abs(np.linalg.det(jacobian(move_mn, make, 0.3)) - 1) < 1e-9
-    assert abs(np.linalg.det(jacobian(move_gear, for_gear, 0.3)) - 1) > 1e-3
-
-
-def test_energy_error_of_mn_is_of_second_order():
-    """Locks out an energy error that grows, or that does not fall with dt^2."""
-    first, largest = start(40, 8), []
-    for dt in 0.08, 0.04, 0.02:
-        bodies, energies = make(*first), []
-        for _ in range(round(20 / dt)):
-            energies.append(total_energy(move_mn(bodies, dt, 1)))
-        early, late = np.ptp(np.array(energies).reshape(2, -1, 40), axis=1)
-        assert np.sqrt((late**2).mean()) < 1.3 * np.sqrt((early**2).mean())
-        largest.append(np.std(energies, axis=0).mean())
-    np.testing.assert_allclose(np.divide(largest[:-1], largest[1:]), 4.0, rtol=0.1)
-
-
-def test_local_error_of_gear():
-    """Locks out a prediction or correction that spoils the fifth derivatives: one step from exact
-    history is off by dt^6 or less."""
-    first, fine = start(1, 9), 0.002
-    history = move_gear(for_gear(*first), fine, 100)
-    errors = []
-    for steps in 64, 32, 16:
-        exact, one = (for_gear(history.x, history.v, history.q, history.p) for _ in range(2))
-        exact.state[:] = one.state[:] = history.state
-        move_gear(exact, fine, steps, starts=False)
-        move_gear(one, steps * fine, 1, starts=False)
-        errors.append(max(np.abs(one.q - exact.q).max(), np.abs(one.x - exact.x).max()))
-    powers = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert ((powers > 5.7) & (powers < 8)).all(), (errors, powers)
 
 
 @pytest.mark.parametrize("phase, stable", [(0.38, True), (0.44, False)])

@@ -16,11 +16,10 @@ from test_rotor import (
 from test_rotor import advance as advance_by
 
 from fix_nosquish.motion.operations import EXACT
+from validation.claims.top import free_top
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target
-from validation.theory import loops
-from validation.theory.top import free_top
 
 EPS = np.finfo(float).eps
 SHAPES = {
@@ -150,49 +149,6 @@ def test_equals_elliptic_functions(axis, turns):
         assert np.abs(have - want_L).max() < bound * size
 
 
-@pytest.mark.parametrize("shape", ["oblate", "prolate", "sphere"])
-def test_symmetric_tops_turn_twice(shape):
-    """Locks out a symmetric top that is split, or whose result depends on the choice of the equal
-    axes: it turns about its axis, and about L, by angles as large as may be."""
-    moments, dt = SHAPES[shape], 1e4
-    q, p = tops(20, moments, 5)
-    L = body_momentum(q, p)[1:]
-    got = advance(q, p, moments, dt)
-    middle, axis = moments[1], 0 if shape == "oblate" else 2
-    size = np.linalg.norm(L, axis=0)
-    wide = np.longdouble
-
-    def about(axis, angle):
-        half = angle.astype(wide) / 2
-        return np.concatenate([np.cos(half)[None], np.sin(half) * axis])
-
-    circle = about(L / size, dt * size.astype(wide) / middle)
-    spin = about(np.eye(3)[:, [axis]], dt * L[axis].astype(wide) * (1 / moments[axis] - 1 / middle))
-    for have, old in zip(got, (q, p)):
-        want = product(product(old.astype(wide), circle), spin)
-        assert np.abs(have - want).max() / np.abs(old).max() < 4 * EPS * dt * size.max() / 0.3
-    # another choice of the equal axes
-    turn = about(np.eye(3)[:, [axis]], np.full(20, 0.7)).astype(float)
-    other = advance(product(q, turn), product(p, turn), moments, 0.3)
-    for have, want in zip(other, advance(q, p, moments, 0.3)):
-        assert np.abs(have - product(want, turn)).max() < 8 * EPS * np.abs(want).max()
-
-
-@pytest.mark.parametrize("dt", [0.02, 0.3, 9.0])
-@pytest.mark.parametrize("shape", ["asymmetric", "prolate", "needle"])
-def test_two_steps_are_one(shape, dt):
-    """Locks out a step that is no exact flow: one of 2 dt is two of dt, and back is -dt."""
-    moments = SHAPES[shape]
-    q, p = tops(100, moments, 6)
-    q2, p2 = advance(q, p, moments, dt, 2)
-    size = np.linalg.norm(p, axis=0) / 2
-    bound = 8 * EPS * max(1.0, (dt * size / moments[2]).max())
-    for got, want in zip(advance(q, p, moments, 2 * dt), (q2, p2)):
-        assert (np.abs(got - want) / np.linalg.norm(want, axis=0)).max() < bound
-    for got, want in zip(advance(q2, p2, moments, -dt, 2), (q, p)):
-        assert (np.abs(got - want) / np.linalg.norm(want, axis=0)).max() < bound
-
-
 def test_each_lane_for_itself():
     """Locks out a body whose result depends on what is beside it in its block: slow and fast bodies
     of all shapes move as each does alone, to the last bit, and what rests stays."""
@@ -217,23 +173,10 @@ def test_broken_runs_end():
     advance(q, p, ASYMMETRIC, 0.3)
 
 
-@pytest.mark.parametrize("kind", ["solid", "planar", "equal moments"])
-def test_symplectic(kind):
-    """Locks out a rotation that is the right one for another energy here and there: whole steps
-    with forces are symplectic, keep volume, and come back."""
-    rng = np.random.default_rng(9)
-    scene = loops.Scene(kind, 2, rng, mrot=EXACT)
-    start = scene.random(rng)
-    lost, volume, error = scene.defects(start, 0.2)
-    assert error < 1e-9
-    assert max(lost, volume) < 1e-9
-    assert scene.returned(start, 0.2, 100) < 1e-11
-
-
-@pytest.mark.parametrize(("dt", "steps"), [(0.1, 1_000_000), (2.0, 20_000)])
-def test_a_million_steps(dt, steps):
+@pytest.mark.parametrize(("dt", "steps"), [(0.1, 300_000), (2.0, 10_000)])
+def test_many_steps(dt, steps):
     """Locks out rounding that adds up: a norm of q, an angular momentum in space, or an energy that
-    creeps away, in a million steps that are little, and in some that are not."""
+    creeps away, in many steps that are little, and in some that are not."""
     moments = np.repeat(ASYMMETRIC[:, None], 4, axis=1)
     q, p = tops(4, ASYMMETRIC, 10)
     L, start, size = space_momentum(q, p), energy(q, p, ASYMMETRIC), np.linalg.norm(p, axis=0)

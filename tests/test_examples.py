@@ -1,4 +1,4 @@
-"""The harness's verb examples: LAMMPS's examples, with its own rigid fixes and with ours."""
+"""The claims on LAMMPS's own examples: with its own rigid fixes and with ours."""
 
 import json
 
@@ -7,7 +7,7 @@ import pytest
 from systems import mixture, script
 
 from validation import __main__ as harness
-from validation.examples import measure, plan, runs
+from validation.claims import examples
 
 # rods and bent bodies of three atoms that meet; `kick` is the word of the command line by which a
 # test makes one side start otherwise
@@ -69,17 +69,18 @@ def folder(tmp_path):
     return tmp_path / "examples"
 
 
-def rows(folder, out, *words):
-    status = harness.main(["examples", str(folder), "--out", str(out), "--quick", *words])
-    summary = json.loads((out / "summary.json").read_text())
-    return status, {row["example"]: row for row in summary["rows"]}
+def rows(folder, out, part=""):
+    words = ["claims", f"examples/{part}", "--lammps", str(folder), "--out", str(out)]
+    status = harness.main(words)
+    summary = json.loads((out / "examples" / "summary.json").read_text())
+    return status, {row["example"]: row for row in summary["rows"]}, summary["checks"]
 
 
 def test_what_comes_of_examples(folder, tmp_path):
     """Locks out a verb that runs ours where it says LAMMPS's, that takes an input apart that is
     none, or a refusal for an agreement: rigid/nve agrees to rounding, rigid to the error of the
     step, of second order, and LAMMPS's pressure to one of first order."""
-    status, found = rows(folder, tmp_path / "out")
+    status, found, checks = rows(folder, tmp_path / "out")
     assert status == 0
     assert {name: row["verdict"] for name, row in found.items()} == {
         "tiny/in.lost": "not with theirs",
@@ -87,20 +88,20 @@ def test_what_comes_of_examples(folder, tmp_path):
         "tiny/in.rigid": "agrees",
         "tiny/in.same": "agrees",
     }
+    assert [check["verdict"] for check in checks] == ["cannot tell"] * 2 + ["holds"] * 2
     assert "minimisation" in found["tiny/in.refused"]["note"]
     assert found["tiny/in.same"]["said"] == ["nosquish/nve takes the place of rigid/nve/small"]
     assert max(found["tiny/in.same"]["begin"][::2]) < 1e-12
     assert found["tiny/in.same"]["falls"] == [pytest.approx(2, rel=0.3)]
     assert max(row["whole"] for row in found.values() if "whole" in row) < 1e-5
-    assert (tmp_path / "out" / "table.csv").exists()
 
 
 def test_examples_that_differ_are_told(folder, tmp_path, monkeypatch):
     """Locks out a comparison that passes all: a start that is two per cent warmer is told, and so
     is the exit status."""
-    monkeypatch.setattr(runs, "SUFFIX", (*runs.SUFFIX, "-var", "kick", "1.02"))
-    status, found = rows(folder, tmp_path / "out", "--only", "in.same")
-    assert status == 1
+    monkeypatch.setattr(examples, "SUFFIX", (*examples.SUFFIX, "-var", "kick", "1.02"))
+    status, found, (check,) = rows(folder, tmp_path / "out", "tiny/in.same")
+    assert status == 1 and check["verdict"] == "does not hold"
     assert found["tiny/in.same"]["verdict"] == "differs"
     assert "first steps" in found["tiny/in.same"]["note"]
 
@@ -108,8 +109,8 @@ def test_examples_that_differ_are_told(folder, tmp_path, monkeypatch):
 def test_copies_differ_by_output_and_length_only(folder):
     """Locks out a copy whose ramps are shorter, whose seeds change in the first start, or that
     changes more of an input than what it prints."""
-    example = plan.found(folder)["tiny/in.rigid"]
-    assert (example.runs, example.first) == (2, 0)
+    example = examples.inputs(folder)["tiny/in.rigid"]
+    assert example.tables == (2, 0)
     before = [" ".join(line.split()) for line in example.commands]
     after = [" ".join(line.split()) for line in example.copy([30, 60], 1).splitlines()]
     changed = [line for line in after if line not in before]
@@ -121,7 +122,7 @@ def test_copies_differ_by_output_and_length_only(folder):
     }
     other = example.copy([30, 60], 1, start=1)
     assert "4929459" in other and "72328" in other and "all rigid molecule" in other
-    finer = example.beginning([30, 60], 1, 2, nve=True).splitlines()
+    finer = example.copy([30, 60], 1, finer=2, nve=True).splitlines()
     assert finer[-2:] == ["timestep $(dt/2)", "run 40 start $(step) stop $(step+80)"]
     assert "fix 1 all rigid/nve molecule" in finer
 
@@ -136,7 +137,7 @@ def test_means(shift, often):
         values = [*random.normal(10 + more, 1, 121)]
         return {"tables": [{"Step": [*range(121)], "Temp": values, "CPU": values}]}
 
-    found = [measure.means([[(table(0.0), table(shift))] for _ in range(4)], 0) for _ in range(200)]
+    found = [examples.means([(table(0.0), table(shift)) for _ in range(4)], 0) for _ in range(200)]
     assert {one["columns"] for one in found} == {1}
     share = sum(bool(one["far"]) for one in found) / len(found)
     assert share == pytest.approx(often, abs=0.04)

@@ -1,8 +1,10 @@
 """The files that a user's script names, and what an earlier run changes: no file of the user's is
 written to, and the system that is compared is the script's."""
 
-import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,24 +13,13 @@ from own_scripts import GAS, refused, take
 
 pytest.importorskip("mdtraj", reason="the validation extra is not installed")
 
-from validation.own import files, script, system
-from validation.own.files import Files
+from validation.own import system
 from validation.running import run, starts
 
 RIGID = "fix 1 a rigid/nve single\ntimestep 0.001\n"
 LENNARD = GAS.replace("pair_style zero 2.0", "pair_style lj/cut 2.0").replace(
     "pair_coeff * *", "pair_coeff * * 1 1"
 )
-
-
-class One:
-    """A world of one rank."""
-
-    rank = 0
-
-    @staticmethod
-    def Barrier():
-        """Wait for nobody."""
 
 
 def written(tmp_path, text, name="in.own"):
@@ -59,47 +50,61 @@ pair_coeff * *
 
 def pairs(own):
     """What a run of the scene says of its start."""
-    job = system.run.job(
-        own.scene, next(iter(own.integrators.values())), own.scene.folder.parent / "look", [2],
-        dt=own.scene.dt, every=1, ranks=1, silence=100.0,
-    )  # fmt: skip
-    return system.run.run(job)
+    place = Path(own.scene.room).parents[1] / "look"
+    first = next(iter(own.integrators.values()))
+    return run.run(run.job(own.scene, first, place, [2], dt=own.scene.dt, every=1, silence=100.0))
 
 
-def test_no_file_of_the_users_is_written_to_behind_a_change_of_folder(tmp_path):
-    """Locks out LAMMPS at work in the user's folder, where the dump of a state, and what fixes
-    write, replace files of these names; and runs that look for files in another folder."""
-    place = tmp_path / "user"
-    kept = box(place, "parts/start.data"), place / "parts" / "state-1.dump"
-    kept[1].write_text("my own")
-    for there in (str(place / "parts"), "parts"):
-        text = f"shell cd {there}\nvariable f string start.data\n"
-        text += READ.format(name="$f") + RIGID
-        text += "velocity a create 1 5\nrun 3\ngroup b id 3 4\nfix 2 b rigid/nve single\nrun 5\n"
-        path = written(place, text)
-        before = {one: one.read_bytes() for one in place.rglob("*") if one.is_file()}
-        out = tmp_path / f"out-{there == 'parts'}"
-        own = take(path, out, at=2, fix=("1",))
-        assert not pairs(own).error
-        assert {one: one.read_bytes() for one in place.rglob("*") if one.is_file()} == before
-    text = "shell mkdir run1\nshell cd run1\n" + READ.format(name="../parts/start.data") + RIGID
-    assert take(written(place, text + "run 5\n"), tmp_path / "made").bodies == 1
-    message = refused("shell cd nowhere\n", tmp_path)
-    assert "there is no folder" in message and "make the folder" in message
+HOSTILE = """shell cd {there}
+variable f string start.data
+units lj
+read_data $f
+group a id 1 2
+pair_style lj/cut 2.0
+pair_coeff * * 1 1
+shell rm {there}/start.data
+shell mkdir made
+shell cd made
+shell mv ../start.data ../gone.data
+print kept append {there}/note
+write_data ../start.data
+write_data {there}/start.data.gz
+shell cd ..
+log {there}/note
+restart 2 {there}/note
+dump 1 all atom 1 note
+python f input 1 1 here "def f(x): open('{there}/note', 'w')"
+pair_write 1 1 9 r 0.9 1.9 {there}/note lj
+fix 1 a rigid/nve single
+fix p all print 1 "line" file {there}/note
+fix m all ave/time 1 1 1 c_thermo_temp file ../parts/note
+velocity a create 1 5
+run 4 every 2 "write_data note" "print now append {there}/note" 'if "1" then "shell rm note"' ""
+write_dump all custom {there}/note id x
+write_restart note
+run 5
+"""
 
 
-def test_commands_between_parts_of_an_earlier_run_write_nothing(tmp_path):
-    """Locks out `run N every M` whose commands replace or append to the user's files."""
-    box(tmp_path), (tmp_path / "results.data").write_text("kept")
-    between = f'"write_data {tmp_path}/results.data" "print now append {tmp_path}/log"'
-    between += ' "variable n equal 1"'
-    text = READ.format(name="start.data") + RIGID + f"run 4 every 2 {between}\nrun 5\n"
-    own = take(written(tmp_path, text), tmp_path / "out", at=2)
-    assert (tmp_path / "results.data").read_text() == "kept" and not (tmp_path / "log").exists()
-    assert own.said["step"] == 4 and len(own.said["left_out"]) == 2
-    inside = f"""run 4 every 2 "if '1 == 1' then 'shell rm {tmp_path}/results.data'"\nrun 5\n"""
-    message = refused(READ.format(name="start.data") + RIGID + inside, tmp_path, at=2)
-    assert "writes in a condition" in message and (tmp_path / "results.data").exists()
+@pytest.mark.parametrize("whole", [True, False])
+def test_no_file_of_the_users_is_written_to(tmp_path, whole):
+    """Locks out a command that writes over, adds to, moves or removes a file of the user's, as the
+    script is read or as its commands are repeated, whatever folder or way of writing it has; and a
+    shell or Python that does."""
+    place = tmp_path / "user" / "parts"
+    box(place), (place / "note").write_text("my own")
+    path = written(place, HOSTILE.format(there=place if whole else "."))
+    before = {one: one.read_bytes() for one in place.parent.rglob("*") if one.is_file()}
+    own = take(path, tmp_path / "out", at=2)
+    result = pairs(own)
+    assert not result.error, result.error
+    assert {one: one.read_bytes() for one in place.parent.rglob("*") if one.is_file()} == before
+    left = [one.split()[0] for one in own.said["left_out"]]
+    assert left == ["shell", "shell", "log", "restart", "dump", "python", "shell"]
+    assert own.said["step"] == 4
+    assert len([*(tmp_path / "out" / "look").rglob("note")]) == 1  # as the fixes of a run write
+    message = refused("shell cd nowhere\nread_data x\n", tmp_path)
+    assert "Cannot open file x" in message
 
 
 def test_commands_between_parts_of_the_run_are_told(tmp_path):
@@ -137,36 +142,43 @@ def test_is_file_finds_the_users_files(tmp_path):
 
 
 def test_what_the_script_writes_is_what_it_reads(tmp_path):
-    """Locks out an old file of the user's in the place of the one that the script writes, a file
-    that is lacking, and a message that does not say why."""
+    """Locks out an old file of the user's in the place of the one that the script writes, one that
+    is lacking, in a folder that the script makes, too, and a message that does not say why."""
     old = box(tmp_path, "eq.data")
     before = old.read_text()
     text = GAS + "displace_atoms b move 0.25 0 0\nwrite_data eq.data nocoeff\nclear\n"
-    text += READ.format(name="eq.data") + 'print "timestep 0.003" file more.lmp\n'
-    own = take(written(tmp_path, text + RIGID + "include more.lmp\nrun 5\n"), tmp_path / "out")
+    text += "shell mkdir sub\nshell cd sub\n" + READ.format(name="../eq.data")
+    text += 'print "timestep 0.003" file more.lmp\n' + RIGID + "include more.lmp\n"
+    text += 'fix p all print 1 "3" file v.txt screen no title ""\nrun 2\nunfix p\n'
+    (tmp_path / "v.txt").write_text("2\n")
+    text += "variable v file v.txt\nvelocity a create $v 5\nrun 5\n"
+    own = take(written(tmp_path, text), tmp_path / "out", at=2)
     np.testing.assert_allclose(own.atoms["x"][2], [4.25, 4.0, 4.0])
     assert own.scene.dt == 0.003 and old.read_text() == before
     assert not pairs(own).error and not (tmp_path / "more.lmp").exists()
+    assert not (tmp_path / "sub").exists()
     text = GAS + RIGID + "dump 1 all custom 5 traj.dump id x y z\nrun 5\nundump 1\n"
     text += "read_dump traj.dump 5 x y z\nrun 5\n"
     message = refused(text, tmp_path, at=2)
-    assert "'read_dump traj.dump 5 x y z' reads traj.dump, which 'dump 1 all" in message
-    assert "give one that begins with that file" in message
+    assert "'read_dump traj.dump 5 x y z'" in message and "left out: dump 1 all" in message
 
 
 def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch):
     """Locks out an old reading in the place of a new one."""
-    path = written(tmp_path, GAS + RIGID + "variable t getenv STEP_OF_TEST\ntimestep $t\nrun 5\n")
+    text = GAS + RIGID + "variable t getenv STEP_OF_TEST\ntimestep $t\nrun 5\n"
+    path = written(tmp_path, text)
     for value in "0.001", "0.002":
         monkeypatch.setenv("STEP_OF_TEST", value)
         assert take(path, tmp_path / "out").scene.dt == float(value)
-    box(tmp_path, "run.1.data")
-    found = Files([tmp_path], tmp_path / "root", One)
-    found.find("run.*.data", wild=True)
-    asked = [found.globs, {}]
-    assert asked == files.asked_now(*asked)
-    box(tmp_path, "run.2.data")
-    assert asked != files.asked_now(*asked)
+    lmp = str(Path(sys.executable).with_name("lmp"))
+    other = tmp_path / "other"
+    text = "read_restart run.*.restart\npair_style zero 2.0\npair_coeff * *\n"
+    path = written(other, text + RIGID + "run 5\n")
+    for step in 0, 7:
+        made = f"{GAS}reset_timestep {step}\nwrite_restart run.*.restart\n"
+        command = [lmp, "-in", str(written(tmp_path, made, "in.write")), "-log", "none"]
+        subprocess.run(command, cwd=other, check=True, stdout=subprocess.DEVNULL)
+        assert take(path, other / "out").said["step"] == step
 
 
 def test_clear_in_a_loop_keeps_the_loops_counter(tmp_path):
@@ -224,7 +236,7 @@ def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
     for words in "molecules", "custom", "custom x", "group", "group 2 a", "group 1 none":
         assert f"--bodies {words}: molecule" in refused(text, tmp_path, group="a", bodies=words)
     message = refused(GAS + 'if "1 == 1" "run 5"\n', tmp_path)
-    assert '\'if "1 == 1" "run 5"\'' in message
+    assert 'failed at \'if "1 == 1" "run 5"\'' in message
 
 
 def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
@@ -237,12 +249,6 @@ def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     )
     told = "compute k a ke/rigid 1; variable t equal c_1_temp; variable k equal f_1."
     assert note.endswith(f"out of the script: {told}")
-
-
-def test_labels_with_variables(tmp_path):
-    """Locks out a label that LAMMPS finds, for it puts variables in place there, too."""
-    jump = "variable mode string warm\njump SELF ${mode}er\nquit\nlabel ${mode}er\n"
-    assert take(written(tmp_path, GAS + jump + RIGID + "run 5\n"), tmp_path / "out").bodies == 1
 
 
 def test_letters_of_other_encodings_in_comments(tmp_path):
@@ -268,7 +274,7 @@ def test_labels_of_types_in_shake(tmp_path):
     assert "b OW-HW" in text
     path.write_text(text)
     own = take(path, tmp_path / "out")
-    assert own.bodies == 8 and own.scene.constraints == "b 1 a 1"
+    assert own.bodies == 8 and own.scene.constraints == "b OW-HW a HW-OW-HW"
 
 
 def test_others_begin_where_ours_cannot(tmp_path):
@@ -276,63 +282,8 @@ def test_others_begin_where_ours_cannot(tmp_path):
     both = "fix hold all shake 1e-6 100 0 b 1 a 1\nfix move all nve\n"
     fix = f"{both}fix p all press/berendsen iso 1 1 1000"
     path = scripts.spce(tmp_path, number=2, fix=fix)
-    own = take(path, tmp_path / "out")
-    assert (own.scene.folder / files.STATES / "bodies.dump").exists()
-
-
-def test_a_link_is_never_written_through(tmp_path):
-    """Locks out a fix that gets a link to the user's file, because an earlier command only read
-    it, and a write that follows a link."""
-    box(tmp_path), (tmp_path / "root").mkdir()
-    found = Files([tmp_path], tmp_path / "root", One)
-    place = tmp_path / "root" / "start.data"
-    found.brought("read_data start.data")
-    assert place.is_symlink()
-    found.brought("fix 1 all own start.data")
-    assert place.is_file() and not place.is_symlink()
-    place.unlink()
-    found.brought("read_data start.data")
-    for _ in range(2):  # of which nobody has read the first one
-        assert found.writable("write_data start.data") == 'write_data "start.data.1"'
-    assert place.is_symlink() and not os.path.lexists(tmp_path / "root" / "start.data.1")
-    assert found.find("start.data") == [tmp_path / "root" / "start.data.1"]
-    assert found.brought("read_data start.data") == 'read_data "start.data.1"'
-    assert found.writable("write_data start.data") == 'write_data "start.data.2"'
-    for line in (
-        "write_data ../a.data",
-        f"write_data {tmp_path}/a.data",
-        "write_restart a.*",
-        "dump 1",
-    ):
-        assert found.writable(line) is None
-
-
-def test_files_with_the_names_of_the_harnesss_own(tmp_path):
-    """Locks out a dump of the user's that the harness writes over, or takes for its own."""
-    lines = ["ITEM: TIMESTEP", "0", "ITEM: NUMBER OF ATOMS", "4", "ITEM: BOX BOUNDS pp pp pp"]
-    lines += ["0 6"] * 3 + ["ITEM: ATOMS id type x y z"]
-    lines += [f"{n} 1 {x} {y} 1" for n, (x, y) in enumerate([(1, 1), (2, 1), (4, 4), (4, 5)], 1)]
-    names = "state.dump", "state-1.dump", "bodies.dump"
-    for name in names:
-        (tmp_path / name).write_text("\n".join([*lines, ""]))
-    reads = "".join(f"read_dump {name} 0 x y z\n" for name in names)
-    text = READ.format(name=box(tmp_path).name) + reads + RIGID + "run 3\nrun 5\n"
-    own = take(written(tmp_path, text), tmp_path / "out", at=2)
-    assert all((tmp_path / name).read_text() == "\n".join([*lines, ""]) for name in names)
-    assert files.STATES in own.scene.setup[-1] and not pairs(own).error
-
-
-def test_fixes_write_nothing_elsewhere(tmp_path):
-    """Locks out a fix whose prefix is a whole path into the user's folder."""
-    (tmp_path / "root").mkdir()
-    found = Files([tmp_path], tmp_path / "root", One)
-    for name in f"{tmp_path}/prod", "../prod":
-        line = found.brought(f"fix 1 all colvars c.in output {name}")
-        (place,) = re.findall(r'"(.*)"', line)
-        assert place.startswith("elsewhere-") and place.endswith("/prod")
-        assert (tmp_path / "root" / place).parent.is_dir()
-    for line in "fix 1 all nve", "fix 1 all deform 1 x scale /nowhere/x", "fix 1 all move v_x/../y":
-        assert found.brought(line) == line
+    take(path, tmp_path / "out")
+    assert (tmp_path / "out" / "script" / "bodies.dump").exists()
 
 
 @pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])
@@ -360,54 +311,8 @@ def test_a_name_that_lammps_does_not_take_is_told(tmp_path):
     """Locks out "'utf-8' codec can't decode byte" where LAMMPS itself cannot open a file."""
     box(tmp_path).rename(tmp_path / "größe.data")
     message = refused(READ.format(name="größe.data") + RIGID + "run 5\n", tmp_path)
-    assert message == (
-        "in.bad: the script failed at 'read_data größe.data': LAMMPS takes no letters beyond ASCII "
-        "in commands. Give what has them another name"
-    )
-
-
-def test_a_file_that_is_written_over_is_read_as_it_was(tmp_path):
-    """Locks out runs that read a file as a later command of the script has left it."""
-    before = box(tmp_path).read_text()
-    text = READ.format(name="start.data") + "replicate 2 1 1\nwrite_data start.data\n" + RIGID
-    own = take(written(tmp_path, text + "run 5\n"), tmp_path / "out")
-    assert not pairs(own).error and len(own.atoms["x"]) == 8
-    assert box(tmp_path, "again").read_text() == before == (tmp_path / "start.data").read_text()
-
-
-def test_what_a_fix_writes_is_not_taken_from_an_old_file(tmp_path):
-    """Locks out an old file of the user's behind a run that writes it anew."""
-    (tmp_path / "v.txt").write_text("2\n")
-    text = GAS + RIGID + 'fix p all print 1 "3" file v.txt\nrun 2\nunfix p\n'
-    message = refused(text + "variable v file v.txt\nrun 5\n", tmp_path, at=2)
-    assert "reads v.txt, which 'fix p all print" in message
-
-
-def test_names_behind_a_change_of_folder(tmp_path):
-    """Locks out a file of the top folder in the place of one that is not there, and a group that
-    gets a folder in front of its name."""
-    box(tmp_path, "m.mol"), box(tmp_path, "sub/a"), (tmp_path / "root").mkdir()
-    found = Files([tmp_path], tmp_path / "root", One)
-    found.brought("read_data m.mol")
-    found.cd("sub")
-    assert found.asks('if "$(is_file(m.mol))"', str) == 'if "$(is_file(sub/m.mol))"'
-    assert found.brought("read_data m.mol") == 'read_data "sub/m.mol"'
-    assert found.brought("group a type 1") == "group a type 1"
-    assert found.brought("fix 1 a nve") == "fix 1 a nve"
-    assert found.brought("fix 1 a cmap a") == 'fix 1 a cmap "sub/a"'
-    assert found.brought("pair_coeff * * a") == 'pair_coeff * * "sub/a"'
-
-
-def test_commands_between_parts_keep_their_quotes(tmp_path):
-    """Locks out words that come apart where others are left out, and what is written deep in."""
-    lines = """run 4 every 2 'print "x" file y' 'if "1 > 0" then "velocity a scale 1.0"' ""\n"""
-    text = READ.format(name=box(tmp_path).name) + RIGID + "velocity a create 1.0 5\n" + lines
-    own = take(written(tmp_path, text + "run 5\n"), tmp_path / "out", at=2)
-    assert own.said["step"] == 4 and not (tmp_path / "y").exists()
-    wrong = "variable c string \"shell touch y\"\nrun 4 every 2 '$c'\n"
-    text = READ.format(name="start.data") + RIGID + wrong + "run 5\n"
-    assert take(written(tmp_path, text), tmp_path / "deep", at=2).said["step"] == 4
-    assert not (tmp_path / "y").exists()
+    assert message.startswith("in.bad: the script failed at 'read_data gr")
+    assert message.endswith("letters beyond ASCII in commands. Give what has them another name")
 
 
 def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):
@@ -418,28 +323,3 @@ def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):
     asked = system.Ask(str(path), str(tmp_path), at=2)
     with pytest.raises(SystemExit, match=r"failed at 'write_data sub/x.data'"):
         system.take(asked, tmp_path / "out", 2, 40.0, tell=lambda _: None)
-
-
-def test_words_that_name_files():
-    """Locks out a file that a command writes, and of which nobody knows."""
-    later = {
-        "dump 1 all custom 5 a.dump id": ["a.dump"],
-        "restart 5 a b": ["a", "b"],
-        "restart 5 a": ["a.*"],
-        "restart 5 a.*.b": ["a.*.b"],
-        "write_dump all image a.ppm type type": [],
-        "restart 0": [],
-        "shell cp a b": ["b"],
-        "shell rm a": [],
-        'fix 1 all print 5 "x" append a.txt screen no': ["a.txt"],
-        "write_data a.data": ["a.data"],
-        "write_dump all atom a.dump": ["a.dump"],
-        'print "x" file a': ["a"],
-        'print "file x"': [],
-        "run 5": [],
-    }
-    assert {line: script.written_later(line) for line in later} == later
-    between = 'run 5 every 2 "print x"', "run 5 every 2 NULL", "run 5"
-    assert [script.done_between(one) for one in between] == [["print x"], [], []]
-    assert [*script.lines("a # \x85 b\nc\r\n")] == ["a", "c"]
-    assert not script.IS_FILE.search('Path("x").is_file()')

@@ -5,6 +5,7 @@ Held against LAMMPS itself, which runs the same script as it is.
 
 import fcntl
 import json
+import os
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -20,52 +21,24 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
-from validation.ensembles.lengths import Lengths, One
-from validation.ensembles.plan import SCHEMES
-from validation.ensembles.runs import Runs
-from validation.own import finding, schemes, script, shapes, system
-from validation.own.files import STATES
+from validation.own import finding, recorder, schemes, script, shapes, system
 from validation.running import machine, run, startup
 from validation.running.store import Store
-from validation.scenes import SCENES
 
 
-def test_lines_words_and_branches_are_lammpss():
-    """Locks out a continued line, a comment in quotes, triple quotes or an elif that LAMMPS reads
-    otherwise."""
-    text = 'print "a # b" # c\nfix 1 &\n  all nve # x\nprint """one\ntwo"""\n\n# nothing\n'
-    assert [script.texts(line) for line in script.lines(text)] == [
-        ["print", "a # b"],
-        ["fix", "1", "all", "nve"],
-        ["print", "one\ntwo"],
-    ]
-    found = script.words("fix p all print 10 \"$x 'y'\" file 'a b.txt'")
-    assert [word.text for word in found][5:] == ["$x 'y'", "file", "a b.txt"]
-    words = script.words('if "$a > 1" then "run 1" "run 2" elif "$a" "run 3" else "jump SELF x"')
-    assert script.branches(words) == [
-        ('"$a > 1"', ["run 1", "run 2"]),
-        ('"$a"', ["run 3"]),
-        (None, ["jump SELF x"]),
-    ]
-    line = "fix m all ave/time 1 5 5 c_t file out.txt mode scalar"
-    assert script.without_files(line) == "fix m all ave/time 1 5 5 c_t mode scalar"
-    assert script.without_files("fix 1 all rigid molecule infile file") != ""
-    for line in (
-        "fix 1 output nosquish/nve molecule{} mrot 2",
-        'fix 1 all nosquish/nvt group 2 a output{} moments step infile "a b"',
-        "fix 1 all nosquish/hmc molecule points output{} mrot 2",
-        'fix 1 all python/move "fix_nosquish_validation.schemes.gear.Gear all group 1 output{}"',
-    ):
-        assert finding.without_output(line.format("")) == (line.format(""), [])
-        found = finding.without_output(line.format(" output  100\tv_csv"))
-        assert found == (line.format(""), ["output 100 v_csv"])
-    for words in "", " python/move", ' python/move "fix_nosquish.NVE all"', " nosquish/nve":
-        assert finding.without_output(f"fix 1 all{words}") == (f"fix 1 all{words}", [])
-    bare = "fix 1 all python/move 'fix_nosquish.NVE own single output 5 v_csv'"
-    assert finding.without_output(bare)[0] == "fix 1 own nosquish/nve single"
-    line = "pair_coeff * *  W 'W'\tW.snap X"
-    other = script.with_words(line, lambda word: '"/p"' if word.text == "W" else word.quoted)
-    assert other == 'pair_coeff * *  "/p" "/p"\tW.snap X'
+def test_words_are_lammpss(tmp_path):
+    """Locks out a word that comes apart, or gets a value in it, as its command is repeated: LAMMPS
+    prints what it was told, in words that need each kind of quotes."""
+    said = "a # b", "'c' d", '"e"', "$x & y", "", "f\tg", "# \"h\" 'i'", "two\nlines"
+    texts = [["print", word, "file", f"{n}"] for n, word in enumerate(said)]
+    path = tmp_path / "in.words"
+    path.write_text("variable x string no\n" + "\n".join(map(script.line_of, texts)) + "\n")
+    command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "none"]
+    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    for words, file in zip(texts, map(str, range(len(said)))):
+        assert script.texts(script.line_of(words)) == words
+        assert (tmp_path / file).read_text() == words[1].replace("$x", "no") + "\n"
+    assert script.line_of(["fix", "1", "all", "nve"]) == "fix 1 all nve"
 
 
 def test_the_commands_are_those_that_lammps_does(tmp_path):
@@ -123,18 +96,21 @@ def test_scripts_are_read_with_the_package_that_is_installed():
         "import fix_nosquish; print(fix_nosquish.__file__)"
     )
     how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
-    done = subprocess.run([sys.executable, "-c", code], **how)
+    preloaded = {**os.environ, **recorder.environment("/a/b/room")}
+    done = subprocess.run([sys.executable, "-c", code], env=preloaded, **how)
     assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
 
 
-def test_outputs_are_left_out_and_walls_stay(tmp_path):
-    """Locks out a file that the script would write, or a fix of the script's that is lost."""
+def test_what_fixes_write_stays_beside_each_run(tmp_path):
+    """Locks out a fix of the script's that is lost, and what fixes write in the user's folder."""
     own = take(scripts.clusters(tmp_path), tmp_path / "out")
     lines = [*own.scene.setup, *own.scene.then]
     assert any("wall/lj93" in line for line in lines) and "fix_modify wall energy yes" in lines
-    assert not any("means.txt" in line for line in lines)
-    assert any("means.txt" in line for line in own.said["left_out"])
-    assert not list(tmp_path.rglob("means.txt"))
+    assert any("means.txt" in line for line in lines)
+    run.run(run.job(own.scene, own.integrators[own.reference], tmp_path / "out" / "a", [100],
+                    dt=own.scene.dt, every=0))  # fmt: skip
+    (made,) = (tmp_path / "out" / "a").rglob("means.txt")
+    assert made.stat().st_size > 0 and not (tmp_path / "means.txt").exists()
 
 
 def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
@@ -143,18 +119,14 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     path = scripts.rings(tmp_path)
     (tmp_path / "notes").write_text("of no command")
     first = take(path, tmp_path / "out")
-    ask, folder = first.ask, first.scene.folder.parent
+    ask, folder = first.ask, tmp_path / "out" / "script"
     assert system._known(ask, folder, 1, everything=False)
     assert not system._known(ask, folder, 1, everything=True)  # bodies stops at another run
-    names = {one.name for one in first.scene.folder.iterdir()}
-    assert names == {"rings.data", STATES}
     (tmp_path / "notes").write_text("changed")
-    log = (tmp_path / "out" / "script" / "log.lammps").read_text()
-    assert "thermo_modify flush yes\nrun 0\n" in log  # else it is silent, and taken for hung
-    dump = first.scene.folder / STATES / "state.dump"
-    stamp = dump.stat().st_mtime_ns
+    state = folder / "state.restart"
+    stamp = state.stat().st_mtime_ns
     take(path, tmp_path / "out")
-    assert dump.stat().st_mtime_ns == stamp
+    assert state.stat().st_mtime_ns == stamp
     for name in "known.json", "read.json":  # cut short
         (folder / name).write_text((folder / name).read_text()[:-9])
         assert system._known(ask, folder, 1, everything=False) is None
@@ -181,39 +153,18 @@ def test_runs_follow_from_all_files_of_the_script(tmp_path):
     path.write_text(GAS + more + "fix 1 a rigid/nve single\nrun 1\n")
     out = tmp_path / "out"
     own = take(path, out)
+    assert {Path(one) for one in own.said["files"]} == {*files, path}
     one = own.integrators[own.reference]
     keys = {machine.origin(own.scene, one)}
     for file in files:
         file.write_text(file.read_text() + "\n")
-        scene = replace(own.scene, origin=system._files_of(own.said, own.scene.folder))
+        scene = replace(own.scene, origin=system._files_of(own.said, out / "script"))
         keys.add(machine.origin(scene, one))
     assert len(keys) == 4
     before = machine.origin(take(path, out).scene, one)
-    (own.scene.folder / "written.csv").write_text("by a fix, in a run")
+    run.run(run.job(own.scene, one, out / "run", [1], dt=0.001, every=0))
     assert machine.origin(take(path, out).scene, one) == before
     assert machine.origin(take(path, out).scene, one) in keys - {machine.origin(own.scene, one)}
-    found = list(out.rglob("*.mol"))
-    assert len(found) == 3 and all(one.is_symlink() for one in found)
-
-
-def test_no_file_elsewhere_is_written_to(tmp_path):
-    """Locks out a fix that writes over a file of the user's, which the script names from another
-    folder."""
-    (tmp_path / "a").mkdir()
-    files = tmp_path / "up.csv", tmp_path / "whole.csv"
-    for file in files:
-        file.write_text("kept")
-    path = tmp_path / "a" / "in.files"
-    names = f"variable up string ../up.csv\nvariable whole string {files[1]}\n"
-    fixes = "".join(f'fix {one} a print 5 "x" title ${{{one}}}\n' for one in ("up", "whole"))
-    path.write_text(GAS + names + fixes + "fix 1 a rigid/nve single\nrun 1\n")
-    own = take(path, tmp_path / "out")
-    said = own.said
-    named = [script.texts(said["fixes"][one])[-1] for one in ("up", "whole")]
-    places = [own.scene.folder / one for one in named]
-    assert [one.read_text() for one in places] == ["kept", "kept"]
-    assert not any(one.is_symlink() or Path(name).is_absolute() for one, name in zip(places, named))
-    assert {Path(one).resolve() for one in said["files"]} == {*files, path}
 
 
 @pytest.fixture(scope="module")
@@ -233,13 +184,7 @@ def test_a_run_without_steps_is_none(staged):
     assert own.said["temperature"] == pytest.approx(1.5) and own.said["later"] == []
     told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
             "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
-    assert {line: script.takes_time(line, 5) for line in told} == told
-    then = ["fix h a spring/self 5", "fix 2 a nve", "run 9", "fix k b spring/self 1"]
-    (late,) = system._late(then)  # it is said what is not where the script has it
-    assert late.endswith(": fix h a spring/self 5.") and not system._late(then[3:])
-    assert script.without_step("read_dump a 5 x y format native") == (
-        "read_dump a 5 x y timestep no format native"
-    )
+    assert {line: script.takes_time(line.split(), 5) for line in told} == told
 
 
 def test_a_script_with_ours_is_read_as_ours_is(staged):
@@ -352,17 +297,6 @@ def test_a_failure_of_the_machine_is_no_result(tmp_path):
         assert run.is_there(job, failures=True) is result, text
 
 
-def test_a_start_has_no_longer_step_than_the_script(tmp_path):
-    """Locks out a start of `sampling` that breaks, of a script whose step is a short one."""
-    scene, starter = SCENES["water"], SCHEMES["langevin-5"]
-    for dt, steps in ((0.5, 40), (4.0, 10)):
-        runs = Runs(replace(scene, dt=dt), starter, Lengths(0.02), tmp_path, 9.0, lambda *_: [])
-        job = runs.start(1)
-        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
-        one = One("x", "x", starter, dt, 1)
-        assert any(f'state.dump" {steps} x' in line for line in runs.job(one).commands)
-
-
 def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     """Locks out a traceback, a guess, or a message that does not say what to do."""
     two = GAS + "fix 1 a rigid/nve single\nfix 2 b rigid/nve single\nrun 1\n"
@@ -375,9 +309,9 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
     assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
     assert "has no run" in refused(GAS, tmp_path)
-    message = refused(GAS + "jump /dev/nothing\n", tmp_path)
-    assert "there is no file /dev/nothing" in message
-    assert "has no label there" in refused(GAS + "jump SELF there\n", tmp_path)
+    message = refused(GAS + "jump /nowhere/nothing\n", tmp_path)
+    assert "failed at 'jump /nowhere/nothing'" in message
+    assert "Label wasn't found" in refused(GAS + "jump SELF there\n", tmp_path)
     message = refused("jump SELF\n", tmp_path)
     assert "a loop of the script have no end" in message
     wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
@@ -393,8 +327,9 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     assert "coeffs are not set" in refused(late, tmp_path)
     with pytest.raises(SystemExit, match="there is no script"):
         take("nothing", tmp_path)
-    assert "put the commands that would be typed" in refused("jump /dev/stdin\n", tmp_path)
-    assert "the file includes itself" in refused("include in.bad\n", tmp_path)
+    assert "has no run" in refused("jump /dev/stdin\n", tmp_path)
+    assert "failed at 'include in.bad'" in refused("include in.bad\n", tmp_path)
+    assert "has no run" in refused(GAS + "quit\nfix 1 a rigid/nve single\nrun 5\n", tmp_path)
     with_gap = GAS + "group one id 2\ndelete_atoms group one compress no\n"
     message = refused(with_gap + "fix 1 b rigid/nve single\nrun 1\n", tmp_path)
     assert "atom IDs are not 1 to 3 at 'run 1' (the largest is 4)" in message
@@ -402,6 +337,6 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     bare = bare.replace("id 1 2", "empty").replace("id 3 4", "empty")
     message = refused(bare + "fix 1 all nve\nrun 1\n", tmp_path, group="all", bodies="molecule")
     assert "there are no atoms at 'run 1'" in message
-    (tmp_path / "in.bad").write_bytes(b"\xff\xfe")
-    with pytest.raises(SystemExit, match=r"in\.bad is no text"):
+    (tmp_path / "in.bad").write_bytes(b"\xff\xfe\0")
+    with pytest.raises(SystemExit, match=r"in\.bad: "):
         take(tmp_path / "in.bad", tmp_path / "out")

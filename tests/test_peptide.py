@@ -15,7 +15,6 @@ from conftest import BIN
 ROOT = Path(__file__).resolve().parent.parent
 
 from validation.scenes import SCENES
-from validation.scenes import peptide as paper_peptide
 
 FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
@@ -96,8 +95,7 @@ def test_mesh_is_as_fine_as_a_scene_says(name):
     """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no
     effect: the accuracy that LAMMPS itself estimates."""
     scenes = {"1e-5": SCENES[name]} | {
-        one: paper_peptide.force_fields((one,))[f"mesh {one}"](SCENES[name])
-        for one in ("1e-4", "1e-6")
+        accuracy: SCENES[name].on_mesh(accuracy) for accuracy in ("1e-4", "1e-6")
     }
     for wanted, scene in scenes.items():
         done = subprocess.run(

@@ -261,61 +261,10 @@ def test_linear_rotor_is_exact():
     np.testing.assert_allclose(kicked, product(turn, p), atol=3e-14)
 
 
-@pytest.mark.parametrize("mrots", [(1, 1, 1), (1, 2, 4)])
-def test_second_order(mrots):
-    """Locks out a splitting that is not symmetric (first order), a step that solves other equations
-    than Euler's, and an mrot that changes nothing: the error falls as (dt / mrot)^2."""
-    q, p = tops(1, ASYMMETRIC, 4)
-    time, steps = 6.0, 60
-    want = np.concatenate(exact(q[:, 0], p[:, 0], ASYMMETRIC, time))
-    errors = []
-    for k, mrot in enumerate(mrots):
-        n = steps if mrots[-1] > 1 else steps << k
-        got = np.concatenate(advance(q, p, ASYMMETRIC, time / n, n, mrot))[:, 0]
-        errors.append(np.abs(got - want).max())
-    assert errors[0] < 0.05
-    np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 4.0, rtol=0.03)
-
-
-def test_best_order_of_axes():
-    """Locks out the largest moment outermost: for TIP3P at 295 K and 2 fs that has about 12 times
-    the energy error, and the smallest in the middle place about 18 times."""
-    dt = 2.0 * np.sqrt(8.31446e-7 * 295)  # 2 fs where kT is 1 and lengths are in A, masses in g/mol
-    q, p = tops(500, TIP3P, 5)
-
-    def error(axes):
-        """Mean change of energy when the body's axes `axes`, a permutation, are numbered 1 to 3."""
-        frame = np.eye(3)[:, axes]
-        frame[:, 0] *= np.linalg.det(frame)
-        new = np.concatenate([np.zeros((1, 500)), frame.T @ body_momentum(q, p)[1:]])
-        moments, a, b, changes = TIP3P[list(axes)], q, 2 * product(q, new), []
-        start = energy(a, b, moments)
-        for _ in range(100):
-            a, b = advance(a, b, moments, dt)
-            changes.append(energy(a, b, moments) - start)
-        return np.std(changes)
-
-    best = error((0, 1, 2))
-    assert 8 < error((2, 1, 0)) / best < 16
-    for axes in (0, 2, 1), (1, 0, 2), (1, 2, 0), (2, 0, 1):
-        assert error(axes) > 1.5 * best, axes
-
-
-@pytest.mark.parametrize("mrot", [1, 2])
-def test_reversible(mrot):
-    """Locks out a step whose second half is not the mirror of its first."""
-    q, p = tops(20, ASYMMETRIC, 6)
-    there = advance(q, p, ASYMMETRIC, 0.2, 500, mrot)
-    back = advance(there[0], -there[1], ASYMMETRIC, 0.2, 500, mrot)
-    assert np.abs(there[0] - q).max() > 0.1
-    np.testing.assert_allclose(back[0], q, atol=2e-12)
-    np.testing.assert_allclose(-back[1], p, atol=2e-12 * np.abs(p).max())
-
-
-def test_a_million_steps():
+def test_many_steps():
     """Locks out a norm of q, or a momentum along q, that creeps away; angular momentum that is not
     conserved in space; and an energy that drifts, as in integrators that are not symplectic."""
-    n, dt, bunch, bunches = 4, 0.1, 1000, 1000
+    n, dt, bunch, bunches = 4, 0.1, 1000, 300
     q, p = tops(n, ASYMMETRIC, 7)
     L, start, size = space_momentum(q, p), energy(q, p, ASYMMETRIC), np.linalg.norm(p, axis=0)
     energies = []

@@ -196,40 +196,48 @@ def test_counter(tmp_path):
 
 
 def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
-    """Locks out a case that is counted twice, a failed one that is kept or ends the others, a
+    """Locks out a case that is counted twice, a failed one that ends the others or is not told, a
     Ctrl-C that loses what was counted, and a model that leaves the sum over all bodies out."""
+    from types import SimpleNamespace
+
     from conftest import Silent
 
-    from validation.scaling import measure
+    from validation.cost import measure, plan
 
     sent = {"messages": 2.0, "bytes": 3000.0, "collectives": 0.0, "collective_bytes": 0.0}
-    counted, ends = [], {"rigid/nve": ChildProcessError("lost atoms"), 4: KeyboardInterrupt}
+    begun, ends = [], {("rigid/nve", 1): "lost atoms", ("rigid/nve", 4): "interrupted"}
 
-    def count(case, *_):
-        counted.append(case)
-        if end := ends.get(case.integrator) or ends.get(case.ranks):
-            raise end
-        return sent
+    def run(job, environment):
+        begun.append((job.name, job.ranks))
+        error = ends.get((job.name, job.ranks))
+        return SimpleNamespace(error=error, interrupted=error == "interrupted")
 
-    def scaling(ranks):
-        counted.clear()
-        cases = [one for one in measure.cases(ranks) if one.decomposition == "slab"]
-        return measure.scaling(cases, tmp_path, Silent())
+    def cost(ranks):
+        begun.clear()
+        points = plan.points(["messages"], ranks, [], [], 5, 1.0)
+        return measure.cost(points, measure.Call(tmp_path, Silent()))
 
-    monkeypatch.setattr(measure, "_count", count)
-    monkeypatch.setattr(measure, "link", lambda: measure.NETWORK)
-    first = scaling([1, 4, 8])
-    assert first["interrupted"] and [row["ranks"] for row in first["counts"]] == [1, 1, 1]
-    assert [row["error"] for row in first["counts"]] == [None, "lost atoms", None]
-    ends.clear()
-    second = scaling([1, 4])
-    assert [(one.integrator, one.ranks) for one in counted] == [
-        ("rigid/nve", 1),
-        ("nosquish", 4),
-        ("rigid/nve", 4),
-        ("rigid/nve/small", 4),
+    def job(scene, integrator, *_, ranks, **more):
+        return SimpleNamespace(ranks=ranks, name=integrator.name)
+
+    monkeypatch.setattr(measure.run, "job", job)
+    monkeypatch.setattr(measure.run, "run", run)
+    monkeypatch.setattr(measure.counting, "environment", lambda _: {})
+    counts = {key: measure.COUNTED * value for key, value in sent.items()}
+    counts |= {f"fix_{key}": value for key, value in counts.items()}
+    monkeypatch.setattr(measure.counting, "read", lambda _: [counts, counts])
+    first = cost([1, 4, 8])
+    assert first["interrupted"] and [
+        (row["integrator"], row["ranks"], row["error"]) for row in first["counts"]
+    ] == [
+        ("nosquish", 1, None),
+        ("rigid/nve", 1, "lost atoms"),
+        ("rigid/nve/small", 1, None),
+        ("nosquish", 4, None),
     ]
-    assert not second["interrupted"] and not any(row["error"] for row in second["counts"])
+    ends.pop(("rigid/nve", 4))
+    second = cost([1, 4])
+    assert {ranks for _, ranks in begun} == {4} and not second["interrupted"]
     seconds = {row["integrator"]: row["seconds"] for row in second["model"] if row["ranks"] == 1000}
     own = 2 * 1.5e-6 + 3000 / 12e9  # of two messages of together 3000 bytes
     summed = np.log2(1000) * 1.5e-6 + 2 * 48 * 1e6 / 12e9  # of 48 bytes of each of 10^6 bodies

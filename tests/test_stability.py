@@ -20,10 +20,6 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import __main__ as command
-from validation.pages import console
-from validation.running import run
-from validation.scenes import bodies as stability_bodies
 from validation.stability import figures as stability_figures
 from validation.stability import measure as stability
 from validation.stability import molecules as stability_molecules
@@ -32,6 +28,11 @@ from validation.stability import tops as stability_tops
 from validation.stability.cases import CASES
 from validation.stability.criteria import CRITERIA, ENOUGH_STARTS, Criterion
 from validation.stability.measure import BlowUp, CannotRun, Case, Number
+
+from validation import __main__ as command
+from validation.pages import console
+from validation.running import run
+from validation.scenes import bodies as stability_bodies
 from validation.statistics import measures
 from validation.theory.top import free_top
 

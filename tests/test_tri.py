@@ -8,7 +8,7 @@ from scipy import stats
 from systems import mixture
 from test_mtk import fix as of_mtk
 from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, SMOOTH, ends_alike, thermo
+from test_nvt import DUMP, FREE, SMOOTH, thermo
 
 AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
 CELL = "tri 12e-2 12e-2 2e-1 every 5"
@@ -62,7 +62,8 @@ def frame(gas=24, seed=1):
     lines += [f"{k + 1} 1 {one} {other}" for k, (one, other) in enumerate(bonds)]
     setup = (
         "units lj\natom_style bond\nspecial_bonds lj/coul 1 1 1\nread_data data.frame\n"
-        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n{FREE}"
+        f"bond_style harmonic\nbond_coeff 1 {0.5 * stiff * KT * BEADS} 0.0\n"
+        f"{FREE}"
         f"comm_modify cutoff 3.2\nneighbor 0.5 bin\nvelocity all create {KT} 77\ntimestep 0.015\n"
     )
     return setup, {"data.frame": "\n".join(lines) + "\n"}, stiff, power
@@ -226,74 +227,7 @@ run 130
     assert rows["Atoms"][-1] == 400 and abs(rows["Xy"][-1]) < 0.6 * rows["Lx"][-1]
 
 
-@pytest.mark.parametrize("name", FIXES)
-def test_ranks(run_lammps, tmp_path, name):
-    """Locks out tilts that differ between ranks, and a virial that counts a rank twice."""
-    system = mixture(side=3, spacing=2.9, tilt=0.3)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{FIXES[name]}run 100\n{DUMP.format('end')}"
-    runs = [(script, ranks) for ranks in (1, 2, 4, 8)]
-    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
-
-
-@pytest.mark.parametrize("name", ["NPH", "mtk nh", "crescale langevin"])
-def test_continued(run_lammps, tmp_path, name):
-    """Locks out rates of the tilts that a second run or a restart forgets."""
-    system = mixture(side=3, spacing=2.9, tilt=0.3)
-    start, end = f"{system.setup}\n{SMOOTH}timestep 0.004\n", DUMP.format("end")
-    words = FIXES[name]
-    runs = [
-        (f"{start}{words}run 100\n{end}", 1),
-        (f"{start}{words}run 53\nwrite_restart middle\nrun 47\n{end}", 2),
-        (f"read_restart middle\n{SMOOTH}{AFTER}timestep 0.004\n{words}run 47\n{end}", 4),
-    ]
-    assert ends_alike(run_lammps, tmp_path, runs, system.files, system.h) < 1e-10
-
-
 # ------------------------------------------------------------------ what is refused
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(
-    ("before", "words", "says"),
-    [
-        ("change_box all ortho", "tri 1 1 1", "this one is orthogonal"),
-        ("change_box all ortho", "xy 1 1 1", "this one is orthogonal"),
-        ("change_box all boundary f p p", "tri 1 1 1", "no pressure along x, which is not"),
-        ("change_box all boundary f p p", "xz 1 1 1", "and no tilt xz"),
-    ],
-)
-def test_boxes_without_tilt(refused, before, words, says, ranks):
-    """Locks out tilts of a box that has none, and of one that has an end."""
-    system = mixture(side=2, tilt=0.0 if "ortho" in before else 0.1)
-    before = "" if "ortho" in before else f"{before}\n"
-    line = f'fix 1 all python/move "fix_nosquish.NPH all molecule {words}"\n'
-    script = f"{system.setup}\n{before}{line}run 0\n"
-    refused(script, says, system.files, ranks=ranks)
-
-
-@pytest.mark.parametrize(
-    ("words", "says"),
-    [
-        ("tri 1 1 1 iso 1 1 1", "only one kind can stand"),
-        ("tri 1 1 1 xy 1 1 1", "only one kind can stand"),
-        ("xy 1 1 1 yz 1 1 1", "give xz, too"),
-        ("tri 1 1 1 dilate none", "there is no group none"),
-        ("iso 1 1 1 dilate", "the fix line ends where the ID of a group, whose atoms"),
-    ],
-)
-def test_bad_words(refused, words, says):
-    """Locks out words that are taken and mean nothing, or something else."""
-    system = mixture(side=2, tilt=0.1)
-    group = "group some molecule > 2\n" if "dilate" in words else "group some union all\n"
-    line = f'fix 1 all python/move "fix_nosquish.NPH some molecule {words}"\n'
-    refused(f"{system.setup}\n{group}{line}run 0\n", says, system.files)
-
-
-def test_tilts_in_two_dimensions(refused):
-    """Locks out tilts with an axis that is not there."""
-    system = mixture("planar pair row single", side=2, dimension=2, tilt=0.1)
-    line = 'fix 1 all python/move "fix_nosquish.NPH all molecule xz 1 1 1"\n'
-    refused(f"{system.setup}\n{line}run 0\n", "the box has no length along z", system.files)
 
 
 # ------------------------------------------------------------------ atoms in no body

@@ -49,7 +49,7 @@ def potential(x):
     return energy.sum(axis=(1, 2))
 
 
-def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=500, seed=7):
+def microcanonical_temperature(x, energy, momentum, chains=400, sweeps=200, seed=7):
     """Mean temperature of all states with this energy, angular momentum, and no total momentum:
     no trajectory is needed.
 
@@ -131,7 +131,7 @@ def test_mean_temperature():
 def test_no_pair_is_left_out(run_lammps, tmp_path):
     """Locks out a cutoff, a neighbour list or a box that the dimer outgrows: the potential energy
     against the sum over all pairs."""
-    table = run_lammps(SCRIPT.format(steps=300000, every=3000), files=FILES).thermo
+    table = run_lammps(SCRIPT.format(steps=120000, every=2000), files=FILES).thermo
     frames = (tmp_path / "positions").read_text().split("ITEM: TIMESTEP")[1:]
     x = np.array([[line.split()[1:] for line in frame.splitlines()[9:]] for frame in frames], float)
     np.testing.assert_allclose(table["PotEng"], potential(x), rtol=0, atol=1e-8)

@@ -2,23 +2,21 @@
 ``*_modify`` that can stand beside them, has its effect here or its answer.
 
 An effect is what LAMMPS's own fix makes of the same word, or a number that is known.  The tables
-are complete: a word that our fixes get needs a row.
+are complete: a word that our fixes get needs a row, which may be a test in another file.
 """
 
 import re
-from functools import partial
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import RIGID, SMALL, apart, mixture
+from systems import RIGID, mixture
 from test_fire import FORCES, atoms
-from test_insertion import DEPOSIT, MASSES, MOLECULE, SCRIPT, THEIRS
-from test_keywords import rows_of, text_of, unlike_its_atoms, with_file
+from test_insertion import MASSES, MOLECULE
 from test_native import STYLES
 from test_nvt import FREE, SMOOTH
-from test_output import read
 
 from fix_nosquish import of_style
 from fix_nosquish.errors import RunError
@@ -37,189 +35,46 @@ def fix(style, words="", needs=None):
     return f"fix 1 {{group}} nosquish/{style} {{words}} {needs or STYLES[style]} {words}"
 
 
-def alike(ours, theirs, system=BODIES, tolerance=1e-9):
-    """Whether two Results are the same to rounding: places, velocities, temperature, energy."""
-    close = partial(np.allclose, rtol=tolerance, atol=tolerance * np.abs(theirs.v).max())
-    return (
-        apart(ours, theirs, system.h) < tolerance * np.abs(theirs.x).max()
-        and close(ours.v, theirs.v)
-        and all(close(ours.thermo[name], theirs.thermo[name]) for name in ("Temp", "PotEng"))
-    )
-
-
 # ---------------------------------------------------------------- the keywords of our fixes
-
-ACTS = {}  # entry in the tables of keywords: what asserts that it acts
-
-
-class Tools(NamedTuple):
-    """What a check may use."""
-
-    simulate: object
-    run_lammps: object
-    folder: object
-
-    def run(self, line, steps=20, system=BODIES, every=1, **how):
-        """The Result of bodies with this fix."""
-        return self.simulate(system, line, steps, every=every, **how)
 
 
 @pytest.fixture
-def tools(simulate, run_lammps, tmp_path):
-    return Tools(simulate, run_lammps, tmp_path)
+def run(simulate):
+    """A function that gives the Result of bodies with a fix."""
+
+    def run(line, steps=20, system=BODIES, every=1, **how):
+        return simulate(system, line, steps, every=every, **how)
+
+    return run
 
 
-def acts(*entries):
-    """Decorator of a check, a function of `Tools`, that asserts that these keywords act."""
-
-    def note(check):
-        ACTS.update(dict.fromkeys(entries, check))
-        return check
-
-    return note
-
-
-def as_with(theirs, words, system=BODIES, **how):
-    """A check: as LAMMPS's fix with the same words, and not as without them."""
-
-    def check(tools):
-        ours, other, without = (
-            tools.run(line, system=system, words=f"molecule {more}", **how)
-            for line, more in ((LIKE_LAMMPS, words), (theirs, words), (LIKE_LAMMPS, ""))
-        )
-        assert alike(ours, other, system) and not alike(ours, without, system)
-
-    return check
-
-
-ACTS["force"] = as_with(RIGID, "force 3 off on off force 4*9 on off off")
-ACTS["torque"] = as_with(RIGID, "torque * off on on")
-ACTS["reinit"] = as_with(RIGID, "reinit no", after="velocity all scale 2.0\nrun 20")
-ACTS["gravity"] = as_with(SMALL, "gravity g", before=f"{GRAVITY} disable")
-
-
-@acts("infile")
-def infile(tools):
-    rows = unlike_its_atoms(rows_of(BODIES, tools.run("", 0)))
-    as_with(RIGID, "infile bodies", with_file(BODIES, text_of(rows)))(tools)
-
-
-@acts("mrot", "rotor")
-def splitting_of_the_rotation(tools):
-    one, four, many, exact = (
-        tools.run(fix("nve", words), 50, dt=2) for words in ("", "mrot 4", "mrot 64", "rotor exact")
-    )
-    errors = [apart(run, exact, BODIES.h) for run in (one, four, many)]
-    assert errors[0] / errors[1] == pytest.approx(16, rel=0.1)
-    assert errors[2] < 1e-3 * errors[0]
-
-
-@acts("order")
-def order(tools):
-    theirs = tools.run(RIGID)
-    assert alike(tools.run(fix("nve", "order 123")), theirs)
-    assert not alike(tools.run(fix("nve")), theirs)
-
-
-@acts("output")
-def output(tools):
-    tools.run(fix("nve", "output 5 table"), words="molecule  ")  # no other test has run this
-    assert [*np.unique(read(tools.folder / "table")["step"])] == [0, 5, 10, 15, 20]
-
-
-@acts("points")
-def points(tools):
-    system = mixture("solid planar single")
-    theirs = tools.run(RIGID, system=system)  # and fix nve
-    ours = fix("nve", "points single order 123")
-    assert alike(tools.run(ours, system=system._replace(singles=False)), theirs, system)
-
-
-@acts("mol")
-def mol(tools):
-    left = []
-    for line in fix("nve", "mol bent order 123").format(group="mols", words="molecule"), THEIRS:
-        text = SCRIPT.format(
-            fix=line, changes=DEPOSIT, style="molecular", edge=8, masses=MASSES, first="",
-            run="run 100",
-        )  # fmt: skip
-        left.append(tools.run_lammps(text, files={"mol.bent": MOLECULE}).thermo)
-    for name in "Atoms", "PotEng":
-        np.testing.assert_allclose(left[0][name], left[1][name], rtol=1e-9)
-    assert left[0]["Atoms"][-1] == 36
-
-
-# ---- thermostats
-
-
-@acts("temp")
-def temp(tools):
-    line = fix("nvt", needs="temp 1.0 4.0 0.008 seed 7 thermostat csvr")
-    table = tools.run(line, 400, columns="f_1[3] f_1[4]", every=10).thermo
-    found, asked = table["f_1[3]"] + table["f_1[4]"], 2 * (1 + 3 * table["Step"] / 400)
-    # of 162 degrees of freedom, over 10 independent samples each
-    for part in slice(10, 20), slice(20, 30), slice(30, 41):
-        assert found[part].mean() == pytest.approx(asked[part].mean(), rel=0.12)
-
-
-@acts("thermostat")
-def thermostat(tools):
-    for name in command.THERMOSTATS:
-        seed = "" if name == "nh" else "seed 7"
-        line = fix("nvt", needs=f"temp 0.5 0.5 0.02 {seed} thermostat {name}")
-        table = tools.run(line, 100, columns="econserve f_1").thermo
-        assert table["Temp"][0] > 2.0 and table["Temp"][50:].mean() < 1.0, name
-        assert np.ptp(table["f_1"]) > 100 * np.ptp(table["Econserve"]), name
-
-
-@acts("seed")
-def seed(tools):
+def test_seed(run):
+    """Locks out noise that is the same for each seed, or not the same for one."""
     needs = "temp 1.25 1.5 0.75 seed {}"
     one, again, other = (
-        tools.run(fix("nvt", needs=needs.format(number)), before=before)
+        run(fix("nvt", needs=needs.format(number)), before=before)
         for number, before in ((1, ""), (1, "# again"), (2, ""))
     )
-    assert np.array_equal(one.x, again.x) and not alike(one, other)
+    assert np.array_equal(one.x, again.x) and np.abs(one.v - other.v).max() > 1e-2
 
 
-@acts("tchain")
-def tchain(tools):
-    runs = [
-        tools.run(fix("nvt", f"tchain {n}", "temp 1 1 0.1 thermostat nh"), 50, columns="econserve")
-        for n in (1, 3)
-    ]
-    assert not alike(*runs)
-    for run in runs:
-        assert np.ptp(run.thermo["Econserve"]) < 0.05 * np.ptp(run.thermo["TotEng"])
+@pytest.mark.parametrize("value, same", [("no", True), ("yes", False)])
+def test_separate(run, value, same):
+    """Locks out one factor for translation and rotation, or two, against the keyword's word, and
+    noise that the two share."""
+    needs = f"temp 1 1 0.02 seed 5 thermostat csvr separate {value}"
+    how = {"before": FREE, "columns": "f_1[1] f_1[2]", "every": 20}
+    table = run(fix("nvt", needs=needs), 4000, **how).thermo
+    assert bool(np.ptp(table["f_1[2]"] / table["f_1[1]"]) < 1e-9) is same
+    assert (np.corrcoef(table["f_1[1]"], table["f_1[2]"])[0, 1] > 0.5) == same
 
 
-@acts("separate")
-def separate(tools):
-    for value, same in ("no", True), ("yes", False):
-        needs = f"temp 1 1 0.02 seed 5 thermostat csvr separate {value}"
-        table = tools.run(fix("nvt", needs=needs), before=FREE, columns="f_1[1] f_1[2]").thermo
-        assert bool(np.ptp(table["f_1[2]"] / table["f_1[1]"]) < 1e-9) is same
+def test_tchain(run):
+    """Locks out chains of one length."""
+    line = fix("nvt", "tchain {}", "temp 1 1 0.1 thermostat nh")
+    one, three = (run(line.replace("{}", n), 50) for n in "13")
+    assert np.abs(one.v - three.v).max() > 1e-2
 
-
-@acts("moments")
-def moments(tools):
-    def turned(words, steps, dt):
-        line = fix("nvt", words, "temp 1 1 1e9 thermostat nh")
-        x = tools.run(line, steps, before=FREE, dt=dt).x
-        first = np.array([np.argmax(BODIES.molecule == body) for body in BODIES.molecule])
-        return nearest(x - x[first], BODIES.h)
-
-    # the same energy of rotation: with four times the moments half the angular velocity
-    fast, slow, long = turned("", 20, 0.5), turned("moments scale 4", 20, 1), turned("", 20, 1)
-    np.testing.assert_allclose(slow, fast, atol=1e-6)
-    assert np.abs(slow - long).max() > 1e-2
-    equal, step = (
-        tools.run(fix("nvt", f"moments {words}"), 0).log for words in ("equal 7", "step")
-    )
-    assert re.search(r"moments.* 7", equal) and "moments" in step
-
-
-# ---- boxes
 
 PULLED = "1.5 1.5 2.5"
 STRETCHED = {  # keyword: what of the box changes, and which of that by the same factor
@@ -233,135 +88,28 @@ STRETCHED = {  # keyword: what of the box changes, and which of that by the same
 }
 
 
-def pressure(tools, word):
+@pytest.mark.parametrize("word", STRETCHED)
+def test_pressure(run, word):
+    """Locks out an axis or a tilt that changes and was not named, and one that was and does not."""
     system = TILTED if word in ("tri", *command.TILTS) else BODIES
     columns = "lx ly lz xy xz yz" if system is TILTED else "lx ly lz"
     needs = f"{word} {PULLED} every 1"
-    table = tools.run(fix("nph", needs=needs), system=system, columns=columns).thermo
+    table = run(fix("nph", needs=needs), system=system, columns=columns).thermo
     changes, same = STRETCHED[word]
     moved = {name for name in columns.title().split() if np.ptp(table[name]) > 1e-9}
     assert moved == set(changes.split())
     assert np.ptp([table[name][-1] / table[name][0] for name in same.split()] or [0]) < 1e-12
 
 
-ACTS.update({word: partial(pressure, word=word) for word in STRETCHED})
-
-
-@acts("couple")
-def couple(tools):
-    for value in command.COUPLES:
-        needs = f"aniso {PULLED} every 1 couple {value}"
-        table = tools.run(fix("nph", needs=needs), columns="lx ly lz").thermo
-        ratio = {axis: table[f"L{axis}"][-1] / table[f"L{axis}"][0] for axis in "xyz"}
-        for one, other in "xy", "yz", "xz":
-            together = one in value and other in value and value != "none"
-            assert bool(abs(ratio[one] - ratio[other]) < 1e-12) is together, value
-
-
-@acts("every")
-def every(tools):
-    table = tools.run(fix("nph", needs=f"iso {PULLED} every 5"), columns="vol").thermo
-    changed = table["Step"][1:][np.diff(table["Volume"]) != 0]
-    assert [*changed] == [1, 6, 11, 16]
-
-
-@acts("dilate")
-def dilate(tools):
-    before = "group bodies clear\ngroup bodies molecule <= 26\ngroup rest molecule 27"
-    line = fix("nph", "dilate rest", f"iso {PULLED} every 1")
-    start, end = (tools.run(line, n, before=before, columns="lx") for n in (0, 20))
-    mine = BODIES.molecule == 27
-    factor = end.thermo["Lx"][-1] / end.thermo["Lx"][0]
-    centre = BODIES.h.sum(axis=1) / 2
-    expected = centre + factor * (start.x[mine] - centre)
-    assert abs(factor - 1) > 1e-6
-    np.testing.assert_allclose(nearest(end.x[mine] - expected, factor * BODIES.h), 0, atol=1e-9)
-
-
-@acts("barostat")
-def barostat(tools):
-    needs = f"temp 1 1 0.5 seed 5 iso {PULLED} every 1 thermostat csvr barostat {{}}"
-    first = {}
-    for name in "mtk", "crescale compressibility 0.01":
-        table = tools.run(fix("npt", needs=needs.format(name)), columns="vol").thermo
-        change = np.abs(np.diff(np.log(table["Volume"])))
-        first[name.split()[0]] = change[0] / change.max()
-    # a piston starts from rest; the other one goes at random from the first step on
-    print(first)
-    assert first["mtk"] < 0.1 < first["crescale"]
-
-
-@acts("compressibility")
-def compressibility(tools):
-    changes = []
-    for value in 1e-10, 4e-10:
-        needs = f"temp 1 1 0.5 seed 5 iso {PULLED} every 1 compressibility {value}"
-        table = tools.run(fix("npt", needs=needs), 1, columns="vol").thermo
-        changes.append(np.diff(np.log(table["Volume"]))[0])
-    # noise goes as the root, and is nearly all of it where the number is small
-    assert changes[1] / changes[0] == pytest.approx(2, rel=0.01)
-
-
-# ---- hybrid Monte Carlo
-
-
-def drawn(tools, needs, steps, **how):
-    """A run of free bodies, whose momenta change only where they are drawn."""
-    return tools.run(fix("hmc", needs=needs), steps, before=FREE, columns="f_1", **how)
-
-
-@acts("temp T")
-def temperature_of_trajectories(tools):
-    found = drawn(tools, "temp 2 steps 1 seed 5", 40).thermo["f_1"][1:]
-    assert found.mean() == pytest.approx(2, rel=0.06)
-
-
-@acts("steps")
-def steps_of_trajectories(tools):
-    table = drawn(tools, "temp 2 steps 5 seed 5", 20).thermo
-    new = table["Step"][1:][np.abs(np.diff(table["f_1"])) > 1e-6]
-    assert [*new] == [1, 6, 11, 16]
-
-
-@acts("mix")
-def mix(tools):
-    for value in 0.19, 1.0:
-        needs = f"temp 2 steps 1 seed 5 mix {value}"
-        one, two = (drawn(tools, needs, n).v * np.sqrt(BODIES.mass)[:, None] for n in (5, 6))
-        kept = (one * two).sum() / np.linalg.norm(one) / np.linalg.norm(two)
-        assert kept == pytest.approx(np.sqrt(1 - value), abs=0.2)
-
-
-# ---- quenches
-
-
-@acts("force FTOL", "torque TTOL")
-def tolerances(tools):
-    system, ends = mixture("solid planar", side=2, spacing=2.9), {}
-    for force, torque in ("1e-2", "1e9"), ("1e9", "1e-2"), ("1e-4", "1e-4"):
-        line = fix("fire", needs=f"force {force} torque {torque}")
-        how = {"before": SMOOTH, "columns": "f_1[5] f_1[6]", "system": system}
-        table = tools.run(line, 10000, **how).thermo
-        least = np.array([float(force), float(torque)])
-        norms = np.stack([table["f_1[5]"], table["f_1[6]"]], axis=1)
-        assert (norms[-1] <= least).all() and (norms[1:-2] > least).any(axis=1).all()
-        ends[force, torque] = table["Step"][-1]
-    assert max(ends.values()) == ends["1e-4", "1e-4"] < 10000
-
-
-@acts("dmax")
-def dmax(tools):
-    system = mixture("single", side=3, spacing=1.15)._replace(singles=False, group="all")
-    needs, moved = "force 1e-9 torque 1e-9 dmax {}", "displace_atoms all random 0.1 0.1 0.1 8"
-    for most, least in (1e-6, 1e-6), (1.0, 1e-5):
-        start, end = (
-            tools.run(
-                fix("fire", needs=needs.format(most)), n, system=system, before=SMOOTH + moved
-            )
-            for n in (0, 1)
-        )
-        far = np.linalg.norm(nearest(end.x - start.x, system.h), axis=1).max()
-        assert far <= most * (1 + 1e-6) and far >= least * (1 - 1e-6)
+@pytest.mark.parametrize("value", command.COUPLES)
+def test_couple(run, value):
+    """Locks out coupled axes that part, and others that do not."""
+    needs = f"aniso {PULLED} every 1 couple {value}"
+    table = run(fix("nph", needs=needs), columns="lx ly lz").thermo
+    ratio = {axis: table[f"L{axis}"][-1] / table[f"L{axis}"][0] for axis in "xyz"}
+    for one, other in "xy", "yz", "xz":
+        together = one in value and other in value and value != "none"
+        assert bool(abs(ratio[one] - ratio[other]) < 1e-12) is together
 
 
 WAY = {  # words of min_modify, and the same here
@@ -373,28 +121,27 @@ OTHERS = {"dmax": "10", "delaystep": "5", "tmax": "8", "tmin": "1e-2", "dtshrink
 OTHERS["halfstepback"] = "no"
 
 
-def way_of_a_quench(tools, word):
+@pytest.mark.parametrize("word", WAY)
+def test_way_of_a_quench(run_lammps, tmp_path, word):
+    """Locks out a word of min_modify that means something else here, or nothing."""
     system = mixture("single", side=4, spacing=1.15)
     start = f"clear\n{system.setup}\n{SMOOTH}mass * 1\ndisplace_atoms all random 0.1 0.1 0.1 8\n"
+    start += "timestep 0.002\n"
     text = ""
     for name, some in ("with", OTHERS | {word: WAY[word]}), ("without", OTHERS):
         words = " ".join(f"{word} {value}" for word, value in some.items())
         ours = fix("fire", needs=f"force 1e-13 torque 1e-13 {words}")
-        text += f"{start}timestep 0.002\n{ours.format(group='all', words='molecule')}\nrun 150\n"
+        text += f"{start}{ours.format(group='all', words='molecule')}\nrun 150\n"
         text += FORCES.format(f"ours.{name}")
-        text += (
-            f"{start}timestep 0.002\nmin_style fire\nmin_modify {words}\nminimize 0 0 150 9999\n"
-        )
+        text += f"{start}min_style fire\nmin_modify {words}\nminimize 0 0 150 9999\n"
         text += FORCES.format(f"theirs.{name}")
-    tools.run_lammps(text, files=system.files)
+    run_lammps(text, files=system.files)
     ours, theirs, plain = (
-        atoms(tools.folder / name)[2] for name in ("ours.with", "theirs.with", "ours.without")
+        atoms(tmp_path / name)[2] for name in ("ours.with", "theirs.with", "ours.without")
     )
     assert np.abs(nearest(ours - theirs, system.h)).max() < 1e-9
     assert np.abs(nearest(ours - plain, system.h)).max() > 1e-6
 
-
-ACTS.update({word: partial(way_of_a_quench, word=word) for word in WAY})
 
 WELL = """units lj
 atom_modify map array
@@ -416,21 +163,50 @@ run 20
 """
 
 
-@acts("halfstepback")
-def halfstepback(tools):
-    for word, part in ("yes", 0.5), ("no", 0.0):
-        table = tools.run_lammps(WELL.format(word)).thermo
-        x, dt = table["v_x"], table["f_1[7]"]
-        back = next(n for n in range(2, 20) if (x[n] - x[n - 1]) * x[n] > 0)
-        v = (x[back] - x[back - 1]) / dt[back]
-        expected = x[back] - part * dt[back + 1] * v - dt[back + 1] ** 2 * x[back]
-        assert x[back + 1] == pytest.approx(expected, rel=1e-9), word
+@pytest.mark.parametrize("word, part", [("yes", 0.5), ("no", 0.0)])
+def test_halfstepback(run_lammps, word, part):
+    """Locks out another way back than half a step, and one where none is asked for."""
+    table = run_lammps(WELL.format(word)).thermo
+    x, dt = table["v_x"], table["f_1[7]"]
+    back = next(n for n in range(2, 20) if (x[n] - x[n - 1]) * x[n] > 0)
+    v = (x[back] - x[back - 1]) / dt[back]
+    expected = x[back] - part * dt[back + 1] * v - dt[back + 1] ** 2 * x[back]
+    assert x[back + 1] == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("entry", ACTS)
-def test_keyword_acts(tools, entry):
-    """Locks out a keyword that is read and forgotten."""
-    ACTS[entry](tools)
+# of each entry in the tables of keywords the test that fails if it is read and forgotten:
+# mutants.toml forgets each
+ACTS = {
+    **dict.fromkeys(("force", "torque"), "test_keywords.py::test_force_and_torque"),
+    "reinit": "test_keywords.py::test_reinit",
+    "infile": "test_keywords.py::test_infile",
+    "mrot": "test_nve.py::test_mrot",
+    "rotor": "test_exact_rotor.py::test_free_bodies_in_lammps",
+    "order": "test_nve.py::test_order_of_axes",
+    "output": "test_output.py::test_steps_of_several_runs",
+    "points": "test_nvt.py::test_points_move_as_with_nve",
+    "mol": "test_insertion.py::test_one_of_several_templates",
+    "gravity": "test_from_rigid.py::test_gravity",
+    "temp": "test_nvt.py::test_ramp",
+    "thermostat": "test_nvt.py::test_time_of_rescaling",
+    "seed": "test_words.py::test_seed",
+    "tchain": "test_words.py::test_tchain",
+    "separate": "test_words.py::test_separate",
+    "moments": "test_moments.py::test_moments_decide_the_step",
+    **dict.fromkeys(STRETCHED, "test_words.py::test_pressure"),
+    "couple": "test_words.py::test_couple",
+    "every": "test_npt.py::test_how_often_the_box_changes",
+    "dilate": "test_tri.py::test_what_moves_with_the_box",
+    "barostat": "test_npt.py::test_ramp",
+    "compressibility": "test_npt.py::test_ramp",
+    "temp T": "test_hmc.py::test_momenta",
+    "steps": "test_hmc.py::test_mix",
+    "mix": "test_hmc.py::test_mix",
+    **dict.fromkeys(("force FTOL", "torque TTOL"), "test_fire.py::test_overlapping_start"),
+    "dmax": "test_fire.py::test_no_step_is_too_far",
+    **dict.fromkeys(WAY, "test_words.py::test_way_of_a_quench"),
+    "halfstepback": "test_words.py::test_halfstepback",
+}
 
 
 def entries(style):
@@ -440,9 +216,11 @@ def entries(style):
 
 
 def test_each_keyword_has_a_row():
-    """Locks out a keyword of our fixes that no row of this file knows, and a row of one that is
-    gone."""
+    """Locks out a keyword of our fixes that no test knows, and a test of one that is gone."""
     assert {entry for style in STYLES for entry in entries(style).values()} == set(ACTS)
+    for test in ACTS.values():
+        file, name = test.split("::")
+        assert f"\ndef {name}(" in Path(__file__).with_name(file).read_text(), test
 
 
 # ---------------------------------------------------------------- keywords of other fixes

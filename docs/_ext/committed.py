@@ -6,17 +6,24 @@ Markdown table of that name. The README's table lies between two marks, and
 """
 
 import csv
+import functools
 import json
 import math
 import re
 import statistics
 import sys
 from collections import Counter, defaultdict
+from importlib import import_module
 from pathlib import Path
 
 import jinja2
 
 ROOT = Path(__file__).resolve().parents[2]
+if str(ROOT) not in sys.path:
+    sys.path.append(str(ROOT))  # behind site-packages
+
+from validation import pages  # noqa: E402
+
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
 OURS = "fix_nosquish.NVE"
@@ -225,13 +232,20 @@ def published(verb="published", part="spread"):
     return markdown(head, body)
 
 
-# ---- what breaks where: stability, breaks
+# ---- what breaks, where: stress
+
+
+def _of(part):
+    """The cases of a part, and their rows of the table."""
+    found = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in found}
+    return found, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
     found = defaultdict(lambda: defaultdict(list))
-    for row in rows("stability"):
+    for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
         found[row["label"]][verdict].append(row["case"])
     body = []
@@ -243,9 +257,10 @@ def standing():
 
 
 def cases():
-    ours = {row["case"]: row for row in rows("stability") if row["label"] == OURS}
+    found, lines = _of("extreme")
+    ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in summary("stability")["cases"]:
+    for case in found:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -260,133 +275,32 @@ def cases():
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
-def breaks():
-    table = rows("breaks")
-    fixes = list(dict.fromkeys(row["integrator"] for row in table))
-    lines = defaultdict(list)
-    for row in table:
-        lines[row["what"]].append(significant(row["value"], 2) if row["value"] else "ends")
-    return markdown(
-        ["case", *map(code, fixes)], [[what, *numbers] for what, numbers in lines.items()]
-    )
-
-
-# ---- cost: bench, scaling
-
-RIVALS = "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
-SCENES = {
-    "water": "water",
-    "peptide": "peptide in water",
-    "mixed": "bodies of 2 to 200 atoms",
-    "big": "one body of 10⁵ atoms",
-    "dimer": "dimer",
-}
-
-
-def _bench():
-    """From scene, bodies and ranks to its rows by integrator."""
-    found = defaultdict(dict)
-    for row in rows("bench"):
-        if row["status"] == "ok":
-            found[row["scene"], int(row["bodies"]), int(row["ranks"])][row["integrator"]] = row
-    return found
-
-
-def _range(row, what, digits=2):
-    number = (float(row[f"ours / it {word} ({what})"]) for word in ("median", "min", "max"))
-    median, low, high = (f"{value:.{digits}f}" for value in number)
-    return f"{median} ({low}–{high})"
-
-
-def modify():
+def reported():
+    """What users report: each case's number with ours and with LAMMPS's fixes."""
+    found, table = _of("reported")
+    fixes = list(dict.fromkeys(row["label"] for row in table))
     body = []
-    for (scene, bodies, ranks), found in _bench().items():
-        numbers = [_range(found[name], "Modify") if name in found else "" for name in RIVALS]
-        ours = significant(found[OURS]["Modify median (µs/step)"])
-        body.append([SCENES[scene], f"{bodies:,}", ranks, ours, *numbers])
-    head = "scene", "bodies", "ranks", "ours, µs"
-    return markdown([*head, *(f"over {code(name)}" for name in RIVALS)], body)
+    for case in found:
+        numbers = (row["value"] for row in table if row["case"] == case["name"])
+        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
+        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+    return markdown(["case", *map(code, fixes)], body)
 
 
-def loop():
-    body = []
-    for (scene, bodies, ranks), found in _bench().items():
-        numbers = [_range(found[name], "loop") if name in found else "" for name in RIVALS]
-        part = float(found[OURS]["Modify median (µs/step)"]) / float(
-            found[OURS]["loop median (µs/step)"]
-        )
-        body.append([SCENES[scene], f"{bodies:,}", ranks, f"{100 * part:.1f} %", *numbers])
-    head = "scene", "bodies", "ranks", "our part of the step"
-    return markdown([*head, *(f"over {code(name)}" for name in RIVALS)], body)
+# ---- tables as the verbs have them
 
 
-def _goals():
-    """The benchmark's goals; starts were measured by themselves, after the rest."""
-    measured = {
-        (row["where"], row["what"]): row
-        for verb in ("bench", "start")
-        for row in rows(verb, "goals")
-        if row["median"]
-    }
-    return list(measured.values())
+@functools.cache
+def said(folder):
+    """What a verb says of a committed summary."""
+    verb = summary(folder)["command"].split()[3]
+    return import_module(f"validation.{verb}.report").said(summary(folder))
 
 
-def goals():
-    body = []
-    for row in _goals():
-        median, low, high = (significant(row[word], 2) for word in ("median", "min", "max"))
-        limit = plain(row["at most"])
-        body.append([row["where"], row["what"], limit, f"{median} ({low}–{high})", row["met"]])
-    return markdown(["where", "what", "at most", "measured", ""], body)
-
-
-def passes():
-    body = []
-    for row in rows("bench", "passes"):
-        ends = (float(row[f"cost {word} (µs/step)"]) for word in ("median", "min", "max"))
-        median, low, high = (sign(f"{value:.0f}") for value in ends)
-        body.append([row["pass"], row["when"], row["scene"], median, f"{low} to {high}"])
-    return markdown(["pass", "when", "scene", "cost, µs/step", "range"], body)
-
-
-def starts():
-    body = []
-    for row in summary("start")["starts"]:
-        first, later = (row[word]["wall"]["median"] for word in ("first", "later_added"))
-        body.append([row["ranks"], f"{first:.1f}", f"{later:.2f}"])
-    return markdown(["ranks", "first use, s", "later starts, s more than LAMMPS alone"], body)
-
-
-def messages():
-    body = [
-        [
-            row["decomposition"],
-            row["ranks"],
-            code(row["integrator"].replace("nosquish", OURS)),
-            f"{float(row['messages']):.1f}",
-            f"{float(row['bytes']):,.0f}",
-            f"{float(row['collectives']):.1f}",
-            f"{float(row['collective_bytes']):,.0f}",
-        ]
-        for row in rows("scaling", "counts")
-        if int(row["ranks"]) > 1
-    ]
-    head = "cut in", "ranks", "fix", "messages", "bytes"
-    return markdown([*head, "collectives", "bytes in these"], body)
-
-
-def model():
-    found = defaultdict(dict)
-    for row in rows("scaling", "model"):
-        if row["link"].startswith("between nodes"):
-            fix = code(row["integrator"].replace("nosquish", OURS))
-            found[row["decomposition"], fix][int(row["ranks"])] = 1e6 * float(row["seconds"])
-    sizes = sorted({size for times in found.values() for size in times})
-    body = [
-        [cut, fix, *(significant(times[size], 2) for size in sizes)]
-        for (cut, fix), times in found.items()
-    ]
-    return markdown(["cut in", "fix", *(f"µs a step on {size:,} ranks" for size in sizes)], body)
+def table(folder, title, *keys):
+    """The table of a committed summary whose title begins so, with the columns of these keys."""
+    (found,) = (one for one in said(folder).all_tables if one.title.startswith(title))
+    return pages.markdown(found, keys)
 
 
 # ---- ensembles
@@ -420,9 +334,9 @@ _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
 
 def ensembles_pressure():
     """Means at constant pressure."""
-    volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
+    volumes = ("density", "g/cm³"), ("density", "%"), ("κ of V's sd", "1e-5/atm")
     two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
+    return _schemes("sample-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
 def ensembles_density():
@@ -430,9 +344,9 @@ def ensembles_density():
     to first order that of the pressure times the compressibility.  Of one per cent and more the
     first order says little, so these are left out."""
     column = "κ of V's sd (1e-5/atm)"
-    kappa = statistics.fmean(float(row[column]) for row in rows("ensembles-pressure"))
+    kappa = statistics.fmean(float(row[column]) for row in rows("sample-pressure"))
     body = []
-    for row in rows("sampling-water"):
+    for row in rows("sample-water"):
         if not row["scheme"].startswith("NVT"):
             continue
         names = "pressure (atm)", "pressure margin (atm)"
@@ -446,8 +360,8 @@ def ensembles_density():
 
 def ensembles_bounds():
     """What is held against bounds, at constant volume and at constant pressure."""
-    volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
-    table = [*volume, *rows("ensembles-pressure", "checks")]
+    volume = [row for row in rows("sample-water", "checks") if row["part"] not in _OF_SAMPLING]
+    table = [*volume, *rows("sample-pressure", "checks")]
     return _checks(table, {row["part"] for row in table})
 
 
@@ -458,15 +372,15 @@ def sampling_bias():
     """Distances of means from the limit of small steps."""
     configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
     more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
-    return _schemes("sampling-water", *configurations, *more)
+    return _schemes("sample-water", *configurations, *more)
 
 
 def sampling_cost():
     """What an independent sample costs."""
     times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
-    less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
+    less = ((f"less than {one['scheme']}", "times") for one in summary("sample-water")["known"])
     sample = "sample of the slowest", "s"
-    return _schemes("sampling-water", ("cost median", "s/ps"), *times, sample, *less)
+    return _schemes("sample-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def _times(row, observable):
@@ -486,7 +400,7 @@ def sampling_faster():
     observables = "U/N", "squared torque"
     body = [
         [row["scheme"], f"{_step(row):g}", *told]
-        for row in rows("sampling-water")
+        for row in rows("sample-water")
         if any(told := [_times(row, one) for one in observables])
     ]
     return markdown(["scheme", "step, fs", *(f"{one}, times less" for one in observables)], body)
@@ -494,12 +408,12 @@ def sampling_faster():
 
 def sampling_bounds():
     """What is held against bounds."""
-    return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
+    return _checks(rows("sample-water", "checks"), _OF_SAMPLING)
 
 
 def _other(scene):
-    """Biases and costs of a scene of `sampling` beside water."""
-    verb = f"sampling-{scene}"
+    """Biases and costs of a scene of `sample` beside water."""
+    verb = f"sample-{scene}"
     biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
     less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
     return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
@@ -522,12 +436,12 @@ def sampling_co2():
 
 def engines_bias():
     """Distances of means in other engines from their limit of small steps."""
-    return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
+    return _schemes("sample-engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
 
 
 def engines_bounds():
     """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
-    table = rows("engines", "checks")
+    table = rows("sample-engines", "checks")
     told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
     return _checks(told, {row["part"] for row in told})
 
@@ -580,21 +494,16 @@ def theory_symplectic():
 
 
 def theory_conserved():
-    return _theory("conserved", "mrot")
-
-
-def theory_recursion():
-    return _theory("recursion")
+    return _theory("conserved")
 
 
 def theory_rotors():
-    """Error and cost of the free rotation, by how far a body turns in a step."""
+    """Error of the free rotation, by how far a body turns in a step."""
     found = summary("theory")["data"]["rotors"]
-    head = ["rotation", "time of a step", *(f"{plain(angle)} rad" for angle in found["angles"])]
+    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
     lines = []
     for name, errors in found["error"].items():
-        cost = found["cost"][name]["median"]
-        lines.append([name, f"{cost:.2f}", *(significant(error, 2) for error in errors)])
+        lines.append([name, *(significant(error, 2) for error in errors)])
     return markdown(head, lines)
 
 
@@ -647,15 +556,15 @@ def paper_liquid():
 
 
 def paper_peptide():
-    return _paper("peptide", "helix", "force field")
+    return _paper("peptide")
 
 
 def paper_gear():
     return _paper("gear")
 
 
-def paper_scaling():
-    return _paper("scaling", "rigidity")
+def paper_rigidity():
+    return _paper("rigidity")
 
 
 def examples():
@@ -682,22 +591,6 @@ def _outcome(row):
         ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
         return f"LAMMPS's own fix ends ({ours}): {code(note)}"
     return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
-
-
-def paper_zero():
-    """The peptide's measure over several energies, which have no common zero."""
-    body = [
-        [
-            row["convention"].replace("|", ""),
-            margin(row["value"], 1.96 * row["error"]),
-            f"{row['dt_for_it']:.1f}",
-            f"{row['size_for_it']:,.0f}",
-        ]
-        for row in summary("paper")["conventions"]
-        if row["name"] == "peptide-nosquish"
-    ]
-    head = "average measure", "NO_SQUISH", "step for 1e-5, fs", "bodies for 1e-5"
-    return markdown(head, body)
 
 
 # ---- where results come from
@@ -740,18 +633,6 @@ def apart(column):
     return significant(statistics.stdev(found), 2)
 
 
-def met():
-    """How many of the benchmark's limits are met, in words."""
-    found = [row["met"] for row in _goals()]
-    return f"{found.count('met')} of {len(found)} are met"
-
-
-def largest(what):
-    """The largest number of the theory's statements that begin so."""
-    found = [float(row["value"]) for row in rows("theory") if row["what"].startswith(what)]
-    return significant(max(found), 1)
-
-
 # ---- pages and the README
 
 
@@ -761,7 +642,7 @@ def render(text):
     names = {function.__name__: function for function in TABLES}
     others = {
         function.__name__: function
-        for function in (made, scene, holding, apart, met, largest, summary, significant)
+        for function in (made, scene, holding, apart, said, summary, significant, table)
     }
     return environment.from_string(text).render(**names, **others)
 
@@ -771,19 +652,29 @@ def readme_table():
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
     water = {row["integrator"]: row for row in rows("compare-water")}
     free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
-    broken = {(row["case"], row["integrator"]): row["value"] for row in rows("breaks")}
+    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
-    for row in rows("stability"):
+    extreme, lines = _of("extreme")
+    for row in lines:
         verdicts[row["label"]][row["verdict"]] += 1
-    cases, ours = len(summary("stability")["cases"]), _bench()
+    ratios = {
+        (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
+            row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
+        ]
+        for row in rows("cost")
+    }
 
     def energy(fix):
         row = water[fix]
         return margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"])
 
     def whole(*scene):
-        found = ours[scene]
-        return lambda fix: _range(found[fix], "loop") if fix in found and fix != OURS else ""
+        def give(fix):
+            found = ratios.get((*scene, fix), [""])
+            median, low, high = (f"{float(text):.2f}" for text in found) if found[0] else [""] * 3
+            return median and f"{median} ({low}–{high})"
+
+        return give
 
     def judged(fix):
         found = verdicts[fix]
@@ -794,9 +685,9 @@ def readme_table():
 
     lines = {
         "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
-        "1,000 waters: time per step of ours, relative to this fix": whole("water", 1000, 1),
-        "bodies of 2 to 200 atoms: the same": whole("mixed", 1296, 1),
-        f"{cases} cases of the stability atlas: passed, failed": judged,
+        "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
+        "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
+        f"{len(extreme)} extreme cases: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
@@ -810,10 +701,8 @@ def readme_table():
 def readme_sampling():
     """The README's sentences on the longest step of equal moments, beside what users have today."""
     scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
-    today = summary("sampling-water")["known"][0]
-    (row,) = (
-        one for one in rows("sampling-water") if (one["scheme"], _step(one)) == (scheme, step)
-    )
+    today = summary("sample-water")["known"][0]
+    (row,) = (one for one in rows("sample-water") if (one["scheme"], _step(one)) == (scheme, step))
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (
@@ -843,14 +732,7 @@ TABLES = [
     published,
     standing,
     cases,
-    breaks,
-    modify,
-    loop,
-    goals,
-    passes,
-    starts,
-    messages,
-    model,
+    reported,
     ensembles_pressure,
     ensembles_density,
     ensembles_bounds,
@@ -867,15 +749,13 @@ TABLES = [
     theory_reversal,
     theory_symplectic,
     theory_conserved,
-    theory_recursion,
     theory_rotors,
     own_scripts,
     paper_dimer,
     paper_liquid,
     paper_peptide,
     paper_gear,
-    paper_scaling,
-    paper_zero,
+    paper_rigidity,
     examples,
     readme_table,
 ]

@@ -3,8 +3,10 @@
 from argparse import Namespace
 
 from .. import command_line
-from ..scenes import SCENES
-from ..scenes.integrators import INTEGRATORS, REFERENCE
+from ..scenes.integrators import SWEPT
+
+SCENES = "dimer", "water", "peptide"
+BUDGET = 8.0  # minutes
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -13,67 +15,71 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "compare",
         run,
-        help="the same start with ours and with LAMMPS's fixes: accuracy and cost",
-        description="Run the same start with fix_nosquish.NVE and with LAMMPS's own fixes. "
-        "Writes a table to the terminal and summary.json, table.csv, series.csv, figures, a "
-        "self-contained report.html and every run's log to the output folder. Ctrl-C keeps what "
-        "is computed, and the same command goes on from there.",
-        epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
-        "130 after Ctrl-C.",
+        help="which integrator, which time step, and what it costs",
+        description="Run integrators with several time steps from the same starts, measure how far "
+        "each is off and what it costs, and name the fastest whose errors are within the targets, "
+        "with the lines for the input script. Writes summary.json, CSV files, figures and "
+        "report.html to the output folder. After a Ctrl-C the same command goes on.",
+        epilog="Exit status: 0 if a step is within the targets by its 95 %% margins, 1 if none is, "
+        "2 if a word is wrong, 130 after Ctrl-C.",
     )
-    kind = command_line.scene_or_script(lambda: _SCENES)
-    help = f"what is simulated: {', '.join(_SCENES)}, or a LAMMPS input script of yours"
+    kind = command_line.scene_or_script(lambda: SCENES)
+    help = f"what is simulated: {', '.join(SCENES)}, or a LAMMPS input script of yours"
     parser.add_argument("scene", type=kind, metavar="SCENE", help=help)
-    command_line.ranks(parser)
-    command_line.number(parser, "--steps", 1500, "N", "length of each trajectory")
-    help = "time step, in fs or the script's units (default: the scene's)"
-    parser.add_argument("--dt", type=command_line.positive, metavar="DT", help=help)
-    help = f"integrators, of: {', '.join(INTEGRATORS)}; of a script as its table names them"
-    command_line.only_of(parser, lambda: INTEGRATORS, help)
-    command_line.number(parser, "--rounds", 3, "N", "timed segments of each integrator")
-    command_line.number(parser, "--segment", 200, "N", "steps of a timed segment")
+    text = (
+        "largest errors that are good enough, as in energy=0.05 drift=0.01; an unknown one lists "
+        "all (default: drift, temperature, energy, density and rdf, as far as there are any)"
+    )
+    command_line.targets(parser, text)
+    text = "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(
+        SWEPT
+    )
+    command_line.only_of(parser, lambda: (*SWEPT, "all"), text)
+    text = "time steps in fs, or the script's units (default: of a script its own and up to 6 times"
+    text += " that)"
+    parser.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
+    text = "minutes that all may take, by the time of a step when it begins"
+    command_line.number(parser, "--budget", BUDGET, "MINUTES", text)
+    command_line.ranks(parser, 1)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/compare-SCENE")
     command_line.own(parser)
     command_line.launch(parser)
 
 
-_SCENES = [name for name, scene in SCENES.items() if scene.units == "real"]
-
-
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    from .. import pages
     from ..own import shifted, system
     from ..pages import console
-    from ..running import store
-    from . import measure, report  # heavy: not for --help
+    from . import case as cases
+    from . import measure, plan, report  # heavy: not for --help
 
-    script = command_line.is_script(arguments.scene, lambda: _SCENES)
-    if script:
-        ask, out = system.begin(arguments, arguments.scene)
-    else:
-        arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
-        out = command_line.folder(arguments)
-    with store.alone(out):
-        if script:
-            own = shifted.shifted(system.take(ask, out, arguments.ranks, arguments.silence))
-            scene, known, reference = own.scene, own.integrators, own.reference
-            told: dict = {"ensemble": own.found.state.ensemble, "notes": own.notes}
+    silence = arguments.silence
+    try:
+        if command_line.is_script(arguments.scene, lambda: SCENES):
+            ask, out = system.begin(arguments, arguments.scene)
+            own = shifted.shifted(system.take(ask, out, arguments.ranks, silence))
+            system.refuse_ramps(own)
+            case = cases.of_script(own)
         else:
-            scene, reference, told = SCENES[arguments.scene], REFERENCE, {}
-            known = {name: one for name, one in INTEGRATORS.items() if one.can_run(scene)}
-        integrators = command_line.chosen_of(known, arguments.only)
-        timing = arguments.rounds, arguments.segment, arguments.silence
-        dt = arguments.dt or scene.dt
-        settings = measure.Settings(
-            arguments.ranks, arguments.steps, dt, *timing, reference=reference, **told
-        )
-        screen = console.console()
-        total = len(integrators) * (settings.steps + settings.timing_rounds)
-        with console.Meter(screen, total) as meter:
-            summary, series = measure.compare(scene, integrators, out, settings, meter)
-    report.write(summary, series, out)
-    report.show(screen, summary, out)
-    return command_line.status(
-        summary["interrupted"], any(row["error"] for row in summary["integrators"])
-    )
+            arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
+            out = command_line.folder(arguments)
+            case = cases.of_scene(arguments.scene, out / "starts")
+        wanted = cases.targets(case, dict(arguments.target or ()))
+    except LookupError as error:
+        arguments.parser.exit(2, f"{error.args[0]}\n")
+    only = (arguments.only and arguments.only != ["all"]) or None
+    names = [one.name for one in command_line.chosen_of(case.integrators, only and arguments.only)]
+    points, held = plan.points(case, arguments.only and names, arguments.steps)
+    settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
+    screen = console.console()
+    with console.Meter(screen, 1) as meter:
+        prepared = measure.prepare(case, points, held, wanted, settings, meter)
+    with console.Meter(screen, prepared.steps) as meter:
+        summary = measure.compare(prepared, meter)
+    summary |= report.answered(summary)
+    found = report.said(summary)
+    pages.write(found, summary, out)
+    pages.show(screen, found, summary, out)
+    return command_line.status(summary["interrupted"], not summary["advised"])

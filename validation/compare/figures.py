@@ -1,92 +1,148 @@
-"""Figures of a comparison."""
+"""Figures of a comparison: error against run time, and errors against the step."""
 
-from pathlib import Path
+from collections.abc import Iterable, Mapping, Sequence
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.markers import CARETDOWNBASE
+from matplotlib.ticker import NullFormatter
 
-from ..pages.figures import OTHERS, OURS, PALE, Drawn, bars, draw_each, panels
+from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, panels
+from ..scenes import integrators
 from ..scenes.units import UNITS
-from ..statistics.estimate import SURE, Estimate, rounded
-from .measure import conserved
+from ..statistics.estimate import SURE, Estimate
+from .choice import Measured, bound, is_zero
+
+MAIN = "energy_sd", "energy", "drift"  # the first of these that there is
+# drawn, of many: a scheme's variants lie on its line
+SHOWN = (integrators.OURS, "rigid/nve", "rigid", "shake-1e-8", "gear")
+MORE = ("#7a5195", "v"), ("#a6a11f", "X"), ("#3d9fb0", "P"), ("#9db4d6", "D"), ("#bfa5cf", "<")
+READ = (
+    f"Left and down is better. Whiskers: the error's {SURE} interval, and the run time from the "
+    "least of its repeats to their median. A pale point with an arrow is what an error is at most, "
+    "where it cannot be told from zero. Numbers are steps of ours. Above: the lines' names, and "
+    "which steps run; a cross is a step that fails."
+)
+ERRORS = (
+    f"Errors against the time step, with {SURE} margins. The band is the target: a point is good "
+    "for sure if it is inside with its margin."
+)
 
 
-def draw(summary: dict, series: dict, out: Path) -> list[tuple[Path, str]]:
-    """All figures of a comparison that there are numbers for: see `draw_each`."""
-    return draw_each((energy, cost), out, summary, series)
+def _drawn(summary: Mapping) -> list[Measured]:
+    """The points that are drawn, from the shortest step."""
+    points = [one for one in summary["points"] if one["asked"]]
+    some = [one for one in points if one["integrator"] in SHOWN]
+    few = len({one["integrator"] for one in points}) <= len(SHOWN)
+    return sorted(points if few or not some else some, key=lambda one: one["dt"])
 
 
-def _colour(row):
-    return OURS if row["name"] == "nosquish" else OTHERS
+def _styles(points: Iterable[Measured]) -> dict[str, dict]:
+    """How each integrator is drawn, by its name: keywords of matplotlib."""
+    spare, found = iter(MORE * 9), {}
+    for point in points:
+        name = point["integrator"]
+        if name not in found:
+            known = (OURS, "o") if point["ours"] else MARKS.get(name.rpartition("-")[0] or name)
+            colour, marker = known or next(spare)
+            wide = 2.2 if point["ours"] else 1.2
+            found[name] = {"color": colour, "marker": marker, "lw": wide, "ms": 5}
+    return found
 
 
-def energy(summary: dict, series: dict) -> Drawn:
-    """Total energy minus its start against time, one panel for each integrator."""
-    rows = [row for row in summary["integrators"] if row["name"] in series]
-    if not rows:
+def _by_integrator(points: Sequence[Measured]) -> dict[str, list[Measured]]:
+    found: dict[str, list[Measured]] = {}
+    for point in points:
+        found.setdefault(point["integrator"], []).append(point)
+    return found
+
+
+def cost(summary: Mapping) -> Figure | None:
+    """The main error against run time, a line for each integrator through its steps, and above it
+    which steps run."""
+    points = _drawn(summary)
+    good = [one for one in points if not one["failed"] and one["cost"]]
+    main = next((name for name in MAIN if any(name in one["errors"] for one in good)), None)
+    if main is None:
         return None
-    settings = summary["settings"]
-    begin = settings["discarded_fraction"] * settings["steps"]
-    units = UNITS[settings.get("units", "real")]
-    curves = [_curve(series[row["name"]], begin, units.many) for row in rows]
-    reach = [np.abs(error).max() for _, error, _ in curves if len(error)]
-    limit = 1.15 * min(max(reach), 2.5 * np.median(reach)) if reach else 1.0
-    columns = min(2, len(rows))
-    figure, axes = panels(len(rows), 2, 10 / columns, 1.45, 1.0, sharex=True, sharey=True)
-    for axis, row, curve in zip(axes, rows, curves):
-        _panel(axis, row, curve, limit, units)
-    axes[0].set_ylim(-limit, limit)
-    figure.supxlabel(f"time ({units.long})", fontsize=10)
-    figure.supylabel(f"energy that is kept − its start ({units.energy})", fontsize=10)
-    return figure, (
-        f"Change of the total energy, {settings['dt_fs']:g} {units.time} steps, all panels on the "
-        "same scale; zero is the mean of the first ten samples kept. The pale start is left out of "
-        f"all averages. ± is the half width of the {SURE} interval."
+    rows, looks = _by_integrator(points), _styles(points)
+    heights = [0.5 + 0.17 * len(rows), 5.0]
+    figure, (top, axis) = plt.subplots(
+        2, 1, figsize=(9.0, sum(heights)), layout="constrained", height_ratios=heights
     )
+    for place, (name, own) in enumerate(rows.items()):
+        runs = [one["dt"] for one in own if not one["failed"]]
+        fails = [one["dt"] for one in own if one["failed"]][:1]
+        top.plot(runs, [place] * len(runs), "|-", color=looks[name]["color"], ms=4, lw=1)
+        top.plot(fails, [place] * len(fails), "x", color=MISSED, ms=5)
+    steps = sorted({one["dt"] for one in points})
+    top.set(xscale="log", ylim=(len(rows) - 0.5, -0.5))
+    top.set_xticks(steps, [f"{dt:g}" for dt in steps], fontsize=8)
+    top.minorticks_off()
+    top.set_yticks(range(len(rows)), [own[0]["label"] for own in rows.values()], fontsize=9)
+    for label, name in zip(top.get_yticklabels(), rows):
+        label.set_color(looks[name]["color"])
+    unit = UNITS[summary["units"]].time
+    top.set_title(f"time steps ({unit}); a cross: fails", loc="left", fontsize=9, pad=3)
+    known = [one for one in good if main in one["errors"]]
+    for name, own in _by_integrator(known).items():
+        _line(axis, own, main, looks[name])
+    about = summary["about"][main]
+    axis.set(xscale="log", yscale="log", xlabel=f"run time (s per {summary['ns']})")
+    axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
+    axis.grid(color=PALE, lw=0.4)
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.xaxis.set_minor_formatter(NullFormatter())
+    return figure
 
 
-def _curve(table, begin, many):
-    """Time, change of energy, and which samples are kept."""
-    energy = conserved(table)
-    finite = np.isfinite(energy)
-    time, total = table["Time"][finite] / many, energy[finite]
-    used = table["Step"][finite] >= begin
-    return time, total - (total[used][:10].mean() if used.any() else total[:1].sum()), used
+def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None:
+    """One integrator's points, those that can be told from zero joined; ours with their steps."""
+    spent = [one["cost"] for one in row if one["cost"]]
+    x, usual = np.array([(one["min"], one["median"]) for one in spent]).T
+    zero = np.array([is_zero(one, measure) for one in row])
+    found = [Estimate.of(one["errors"][measure]) for one in row]
+    value = np.array([one.value for one in found])
+    y = np.where(zero, [bound(one, measure) for one in row], value)
+    margin = np.where(zero, 0.0, [one.margin for one in found])
+    axis.plot(x, np.where(zero, np.nan, y), color=look["color"], lw=look["lw"])
+    for those, alpha in (zero, 0.5), (~zero, 1.0):
+        bars: dict = {"yerr": [np.minimum(margin, 0.9 * y)[those], margin[those]]}
+        bars["xerr"] = [np.zeros(those.sum()), (usual - x)[those]]
+        style = look | {"ls": "none", "alpha": alpha, "capsize": 1.5, "elinewidth": 0.8}
+        axis.errorbar(x[those], y[those], **bars, **style)
+    down: dict = {"marker": CARETDOWNBASE, "ms": 5, "ls": "none", "alpha": 0.7}
+    axis.plot(x[zero], y[zero], color=look["color"], **down)
+    if row[0]["ours"]:
+        beside: dict = {"textcoords": "offset points", "xytext": (-5, -5), "fontsize": 8.5}
+        for one, place in zip(row, zip(x, y)):
+            axis.annotate(f"{one['dt']:g}", place, color=OURS, ha="right", va="top", **beside)
 
 
-def _panel(axis, row, curve, limit, units):
-    time, error, used = curve
-    axis.axhline(0, color=PALE, lw=1, zorder=0)
-    axis.plot(time[~used], error[~used], color=PALE, lw=1)
-    axis.plot(time[used], error[used], color=_colour(row), lw=0.9)
-    axis.set_title(row["label"], loc="left", fontsize=10, fontweight="bold", pad=3)
-    if row.get("energy_sd"):
-        sd, slope = Estimate.of(row["energy_sd"]), Estimate.of(row["drift"])
-        note = f"sd {sd.value:.3g}, drift {rounded(slope.value, slope.margin)} per {units.long}"
-        axis.set_title(note, loc="right", fontsize=8.5, pad=3)
-    notes = ["not completed"] * bool(row["error"])
-    notes += ["leaves the frame"] * bool(len(error) and np.abs(error).max() > limit)
-    axis.text(0.99, 0.05, ", ".join(notes), transform=axis.transAxes, ha="right", color="#b00")
-
-
-def cost(summary: dict, series: dict) -> Drawn:
-    """Time in Modify: median, minimum and maximum of the timed segments."""
-    rows = [row for row in summary["integrators"] if row.get("modify")]
-    if not rows:
+def errors(summary: Mapping) -> Figure | None:
+    """Each error that is a target against the step, with the target as a band."""
+    points = [one for one in _drawn(summary) if not one["failed"]]
+    wanted = [name for name in summary["targets"] if any(name in one["signed"] for one in points)]
+    if not wanted:
         return None
-    rows.sort(key=lambda row: row["modify"]["median"])
-    figure, axis = plt.subplots(figsize=(8.5, 0.9 + 0.45 * len(rows)), layout="constrained")
-    texts = [
-        f"{row['modify']['median']:.0f}"
-        + (f"  ({row['modify_ratio']['median']:.2f}×)" if row.get("modify_ratio") else "")
-        for row in rows
-    ]
-    labels, spreads = [row["label"] for row in rows], [row["modify"] for row in rows]
-    bars(axis, labels, spreads, texts, [_colour(row) for row in rows])
-    axis.set_xlabel("time in LAMMPS's Modify (µs per step)")
-    settings = summary["settings"]
-    return figure, (
-        f"Time in the fixes on {settings['ranks']} rank(s): median of {settings['timing_rounds']} "
-        "interleaved segments, whiskers from minimum to maximum; in brackets the ratio to "
-        f"{settings['reference']}."
-    )
+    looks = _styles(points)
+    figure, axes = panels(len(wanted), 2, 5.0, 2.8, 0.6)
+    for axis, name in zip(axes, wanted):
+        most = summary["targets"][name]
+        axis.axhspan(-most, most, color="#e6f2ee", zorder=0)
+        axis.axhline(0, color=INK, lw=0.6)
+        for number, (key, row) in enumerate(_by_integrator(points).items()):
+            own = [one for one in row if name in one["signed"]]
+            found = [Estimate.of(one["signed"][name]) for one in own]
+            margins = [one.margin if np.isfinite(one.margin) else 0.0 for one in found]
+            steps = [one["dt"] * (1 + 0.012 * number) for one in own]
+            style = looks[key] | {"lw": 1, "capsize": 2, "label": row[0]["label"]}
+            axis.errorbar(steps, [one.value for one in found], yerr=margins, **style)
+        unit = summary["about"][name]["unit"]
+        axis.set_title(f"{name}, {unit}".strip(", "), loc="left", fontsize=10, fontweight="bold")
+        axis.set_xlabel(f"step ({UNITS[summary['units']].time})")
+    handles = axes[0].get_legend_handles_labels()
+    figure.legend(*handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5)
+    return figure

@@ -1,176 +1,367 @@
-"""The same start with every integrator: energy, thermodynamics, trajectory, cost.
+"""What is measured: short runs of all points, then a long one of the most promising."""
 
-First each integrator runs the whole trajectory; then short segments are timed in turn.
-"""
+import math
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
 
-from dataclasses import asdict, dataclass
-from pathlib import Path
+from scipy import special
 
-import numpy as np
-
-from ..own import counted
-from ..running import machine, rounds, run
-from ..scenes import Scene
-from ..scenes.integrators import REFERENCE, Integrator
-from ..scenes.units import UNITS
+from .. import NAME
+from ..experiment import Done, Point, Trajectory, perform
+from ..running import machine, run
+from ..running.store import Store
+from ..scenes.integrators import OURS
 from ..statistics import measures
-from ..statistics.estimate import Estimate, plain
+from ..statistics.estimate import Estimate, margin
+from . import errors, plan
+from .case import MEANS, Case, about
+from .choice import Measured, Targets, choose, least, level_of_each, passes, size
+from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
-DISTANCE_STEPS = 100  # after so many steps trajectories are compared
-WARM_UP = 20  # steps before a timed segment
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How to compare; ``dt_fs`` is in the scene's units, ``silence`` in s, after which a run is
-    given up."""
-
-    ranks: int
-    steps: int
-    dt_fs: float
-    timing_rounds: int
-    timing_steps: int
-    silence: float
-    sample_every_steps: int = 10
-    discarded_fraction: float = 0.05  # of the run, that energies and averages leave out
-    reference: str = REFERENCE
-    ensemble: str = "nve"
-    notes: tuple[str, ...] = ()  # what was found in a script
-
-    @property
-    def distance_after_steps(self) -> int:
-        """After so many trajectories are compared."""
-        return min(DISTANCE_STEPS, self.steps)
+FIRST = 0.5  # of the time, for the short runs
+CHOICE = 3  # points: among fewer there is none, and the short runs get all of the time
+SHARE = 0.5  # of what may go wrong, for steps that short runs name
+GAIN = 0.9  # of the cost of the fastest step that is known to be good: one that is worth a run
+PARTS = 5  # of a run, of which each tells a cost
 
 
 @dataclass
-class Row:
-    """An integrator's numbers, in the units of the report; None where not measured."""
+class Runs:
+    """What became of runs.
 
-    name: str
-    label: str
-    lines: list[str]
-    error: str | None = "not started"
-    steps: int = 0
-    uncounted: bool = False  # LAMMPS's econserve says nothing of its energy: see `own.counted`
-    energy_sd: Estimate | None = None
-    energy_sd_line: Estimate | None = None
-    drift: Estimate | None = None
-    temperature: Estimate | None = None
-    pressure: Estimate | None = None
-    density: Estimate | None = None
-    rigidity: float | None = None
-    distance: float | None = None
-    modify: measures.Spread | None = None
-    loop: measures.Spread | None = None
-    cpu: float | None = None
-    modify_ratio: measures.Spread | None = None
-    loop_ratio: measures.Spread | None = None
+    Attributes:
+        found: numbers of those that are good, of each start of each point.
+        cost, cpu: of each point s of a ns by the clock, and of all cores, of parts of its runs.
+        failed: why those of a point failed.
+    """
+
+    found: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
+    cost: dict[Point, list[float]] = field(default_factory=dict)
+    cpu: dict[Point, list[float]] = field(default_factory=dict)
+    failed: dict[Point, list[str]] = field(default_factory=dict)
+
+    def fails(self, point: Point) -> str | None:
+        """Why a point is none: with its step, or a shorter one of its integrator."""
+        shorter = [one for one in self.failed if one.scheme == point.scheme and one.dt <= point.dt]
+        first = min(shorter, key=lambda one: one.dt, default=None)
+        return f"{first.dt:g}: {self.failed[first][0]}" if first else None
 
 
-def compare(
-    scene: Scene, integrators: list[Integrator], out: Path, settings: Settings, meter: run.Meter
-) -> tuple[dict, dict]:
-    """Run, measure, summarise.
+class Prepared(NamedTuple):
+    """A comparison that can begin: its points, what means are held against, and how long runs are
+    on this machine."""
+
+    case: Case
+    settings: Settings
+    targets: Targets
+    points: list[Point]
+    held: Point
+    here: Machine
+    lengths: Lengths
+
+    @property
+    def store(self) -> Store:
+        """Of records."""
+        return Store(self.settings.out / "records", "compare.measure")
+
+    @property
+    def every(self) -> list[Point]:
+        """The points, and what means are held against before them."""
+        return list(dict.fromkeys([self.held, *self.points]))
+
+    @property
+    def parts(self) -> bool:
+        """Whether a part of the time goes to a long run."""
+        return len(self.points) >= CHOICE
+
+    @property
+    def level(self) -> float:
+        """The confidence by which a step is judged that short runs name."""
+        names = (point.scheme for point in self.points)
+        return level_of_each(names, SHARE if self.parts else 1.0)
+
+    @property
+    def steps(self) -> int:
+        """Steps of all runs together, about."""
+        short = STARTS * sum(sum(self.lengths.runs(point.dt)) for point in self.every)
+        return round(short / (FIRST if self.parts else 1.0))
+
+
+def prepare(
+    case: Case,
+    points: list[Point],
+    held: Point,
+    targets: Targets,
+    settings: Settings,
+    meter: run.Meter,
+) -> Prepared:
+    """Measure a step's time, unless the same command has, and plan the runs by it.
+
+    Raises:
+        KeyboardInterrupt: after a Ctrl-C.
+    """
+    store = Store(settings.out / "records", "compare.measure")
+    origin = store.origin(case.scene, settings.minutes, settings.ranks, points, held)
+    with store.locked("plan"):
+        make = partial(plan.calibrated, case, settings, held, meter)
+        here = Machine(**store.once("plan", origin, lambda: make()._asdict()))
+    part = FIRST if len(points) >= CHOICE else 1.0
+    runs = [Point(case.reference, case.scene.dt), *STARTS * [held, *points]]
+    time = plan.time_of(runs, here, part * 60 * settings.minutes)
+    lengths = plan.lengths(case, [held, *points], here, time)
+    return Prepared(case, settings, targets, points, held, here, lengths)
+
+
+def compare(prepared: Prepared, meter: run.Meter) -> dict:
+    """Run what is not there yet, and measure: plain data; after a Ctrl-C of what is complete."""
+    case = prepared.case
+    summary = _summary(prepared)
+    short = plan.trajectories(case, prepared.every, prepared.lengths, prepared.settings)
+    done = _perform(prepared, short, meter)
+    summary["interrupted"] = done.interrupted
+    summary["versions"] |= machine.worker_versions(done.versions)
+    runs = collected(prepared, done)
+    rows = _rows(prepared, runs)
+    if prepared.parts and not done.interrupted:
+        best = promising(prepared, rows)
+        if best:
+            long, row = run_longer(prepared, best, runs, meter)
+            summary["interrupted"] = long.interrupted
+            where = [(one["integrator"], one["dt"]) for one in rows].index(best.point)
+            rows[where] = row or rows[where]
+    summary["points"] = rows
+    return summary
+
+
+def _summary(prepared: Prepared) -> dict:
+    case = prepared.case
+    return machine.circumstances() | {
+        "title": case.scene.title,
+        "scene": case.scene.name,
+        "notes": list(case.notes),
+        "units": case.scene.units,
+        "ns": case.name_of_ns,
+        "ranks": prepared.settings.ranks,
+        "dt": case.scene.dt,
+        "bodies": case.scene.unit,
+        "reference": prepared.held.dt,
+        "targets": dict(prepared.targets),
+        "about": about(case),
+        "unknown": {name: list(lost) for name, lost in case.unknown.items()},
+        "why": case.why,
+        "minutes": prepared.settings.minutes,
+        "time": prepared.lengths.time,
+        "level": prepared.level,
+    }
+
+
+def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.Meter) -> Done:
+    judge = partial(
+        errors.failure, temperature=prepared.case.temperature, boltzmann=prepared.case.boltzmann
+    )
+    return perform(trajectories, prepared.store, meter, judge=judge)
+
+
+def collected(
+    prepared: Prepared, done: Done, folder: str = SHORT, settles: float = SETTLES
+) -> Runs:
+    """What became of the points' runs in a folder, from each start.
 
     Args:
-        out: folder for the runs' files.
-
-    Returns:
-        (summary, series): all numbers as plain data, and a dict of integrator name to its thermo
-        table.  A Ctrl-C leaves what there is, with ``summary["interrupted"]`` set.
+        settles: part of each run that is left out.
     """
-    done: dict[str, run.Result] = {}
-
-    def job(one, runs, part="", **more):
-        folder = out / "runs" / run.folder_name(one.name) / part
-        common: dict = {"dt": settings.dt_fs, "ranks": settings.ranks, "silence": settings.silence}
-        return run.job(scene, one, folder, runs, **common, **more)
-
-    first = settings.distance_after_steps
-    lengths = [first] + [settings.steps - first] * (settings.steps > first)
-    for one in integrators:
-        meter.begin(one.label, settings.steps)
-        how = {"every": settings.sample_every_steps, "origin": machine.origin(scene, one)}
-        done[one.name] = result = run.once(job(one, lengths, **how), meter.at)
-        meter.end(result.error)
-        if result.interrupted:
-            break
-    interrupted = any(result.interrupted for result in done.values())
-    known = {one.name: one for one in integrators if not interrupted and not done[one.name].error}
-    labels = {name: f"{one.label}, timing" for name, one in known.items()}
-
-    def turn(name, number):
-        return job(known[name], [WARM_UP, settings.timing_steps], f"timing-{number}", every=0)
-
-    timed, errors, stopped = rounds.in_turn(labels, turn, settings.timing_rounds, meter)
-    summary = machine.circumstances() | {"scene": scene.name, "title": scene.title}
-    summary |= {"interrupted": interrupted or stopped, "settings": asdict(settings)}
-    summary["settings"] |= {"distance_after_steps": first, "units": scene.units}
-    rows = {}
-    for one in integrators:
-        rows[one.name] = Row(one.name, one.label, one.commands(scene))
-        rows[one.name].uncounted = counted.wrongly(one)
-    for name, result in done.items():
-        summary["versions"].update(machine.worker_versions(result.versions))
-        many = UNITS[scene.units].many
-        _trajectory(rows[name], result, done.get(settings.reference), settings, many)
-        _cost(rows[name], timed.get(name, []), timed.get(settings.reference, []))
-        if name in errors and not rows[name].error:
-            rows[name].error = f"while timed: {errors[name]}"
-    summary["integrators"] = [plain(vars(row)) for row in rows.values()]
-    return summary, {name: result.thermo for name, result in done.items() if result.thermo}
+    found, case = Runs(), prepared.case
+    for point in prepared.every:
+        for number in range(1, 1 + STARTS):
+            name = plan.name_of(folder, point, number)
+            if name in done.failed:
+                found.failed.setdefault(point, []).append(done.failed[name])
+            elif name in done.jobs:
+                job = done.jobs[name]
+                result = run.collect(job.directory)
+                own = found.found.setdefault(point, {})
+                own[number] = errors.numbers(case, point.dt, result, settles)
+                _add_cost(found, point, job, result, case.ns)
+    return found
 
 
-def _trajectory(
-    row: Row, result: run.Result, reference: run.Result | None, settings: Settings, many: float
-) -> None:
-    """Energy and averages over the part of the series that is kept; the atoms' places."""
-    row.error = result.error
-    if result.thermo:
-        _thermodynamics(row, result.thermo, settings.discarded_fraction * settings.steps, many)
-        if not row.error and row.steps < settings.steps:
-            row.error = "energy is not finite"
-    if result.positions:
-        own = result.positions
-        box = own.cell, own.periodic
-        pairs = measures.body_pairs(own.bodies)
-        ends = own.cells[0], own.periodic, own.cells[-1]
-        row.rigidity = float(measures.rigidity_error(own.x[0], own.x[-1], pairs, *ends))
-        if reference and reference.positions:
-            there = reference.positions.x[1]
-            row.distance = float(measures.largest_distance(own.x[1], there, *box))
+def _add_cost(found: Runs, point: Point, job: run.Job, result: run.Result, ns: float) -> None:
+    """The costs of successive parts of a run."""
+    each = max(1, len(job.runs) // PARTS)
+    for first in range(0, len(job.runs) - each + 1, each):
+        some = slice(first, first + each)
+        seconds = sum(result.seconds["runs"][some])
+        spent = seconds * ns / (sum(job.runs[some]) * point.dt)
+        found.cost.setdefault(point, []).append(spent)
+        shares = [one.cpu for one in result.timings[some] if one.cpu is not None]
+        if shares:
+            cores = job.ranks * sum(shares) / len(shares) / 100
+            found.cpu.setdefault(point, []).append(spent * cores)
 
 
-def conserved(thermo: dict) -> np.ndarray:
-    """The energy that the integrator is to keep: with what thermostats and barostats have given,
-    where that was asked for."""
-    return thermo.get("Econserve", thermo["TotEng"])
+def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
+    """A row for each point that has run, or whose integrator fails with a step that is not
+    longer."""
+    good = {point: one for point, one in runs.found.items() if not runs.fails(point)}
+    signed = errors.errors(prepared.case, good, prepared.held)
+    alone = errors.errors(prepared.case, good, prepared.held, by_itself=True)
+    made = []
+    for point in prepared.every:
+        if point in good or runs.fails(point):
+            told = signed.get(point, {}), alone.get(point, {})
+            made.append(row(prepared, point, runs, prepared.lengths.time, *told))
+    return made
 
 
-def _thermodynamics(row: Row, thermo: dict, begin: float, many: float) -> None:
-    finite = np.isfinite(conserved(thermo))
-    until = len(finite) if finite.all() else int(np.argmin(finite))
-    step = thermo["Step"][:until]
-    row.steps = int(step[-1]) if until else 0
-    kept = np.flatnonzero(step >= begin)
-    if len(kept) < 8:  # too few for an error
-        return
-    time, energy = thermo["Time"][kept], conserved(thermo)[kept]
-    if not row.uncounted:
-        row.energy_sd = measures.standard_deviation(energy)
-        row.energy_sd_line = measures.about_line(time, energy)
-        row.drift = measures.drift(time / many, energy)
-    row.temperature = measures.mean(thermo["Temp"][kept])
-    row.pressure = measures.mean(thermo["Press"][kept])
-    if "Density" in thermo:
-        row.density = measures.mean(thermo["Density"][kept])
+def row(
+    prepared: Prepared,
+    point: Point,
+    runs: Runs,
+    time: float,
+    signed: Mapping[str, Estimate],
+    by_itself: Mapping[str, Estimate],
+) -> Measured:
+    """The row of a point, whose runs have this time."""
+    case, fails = prepared.case, runs.fails(point)
+    integrator = case.integrators[point.scheme]
+    cost, cpu = ({} if fails else one for one in (runs.cost, runs.cpu))
+    failures = runs.failed.get(point, [])
+    lines, place, lost = case.written(integrator)
+    return {
+        "integrator": integrator.name,
+        "label": integrator.label,
+        "ours": integrator.kind == "ours" and OURS in integrator.name,
+        "lines": lines,
+        "place": place,
+        "lost": lost,
+        "dt": point.dt,
+        "starts": len(runs.found.get(point, ())) + len(failures),
+        "time": time,
+        "failed": fails,
+        "failures": len(failures),
+        "is_reference": point == prepared.held,
+        "asked": point in prepared.points,
+        "alone": False,
+        "cost": measures.spread(cost[point]) if point in cost else None,
+        "cpu": measures.spread(cpu[point]) if point in cpu else None,
+        "errors": {name: size(one) for name, one in signed.items()},
+        "signed": {name: one.plain() for name, one in signed.items()},
+        "by_itself": {name: size(one) for name, one in by_itself.items()},
+        "without": list(case.unknown.get(point.scheme, ())),
+        "command": _command(prepared, point),
+    }
 
 
-def _cost(row: Row, own: list[rounds.Timing], reference: list[rounds.Timing]) -> None:
-    """Modify and loop time per step: spread over the timed segments, and ratios."""
-    row.modify = rounds.spread(own, "modify")
-    row.loop = rounds.spread(own, "loop", 1e-3)
-    row.cpu = rounds.least_cpu(own)
-    row.modify_ratio = rounds.ratio(own, reference, "modify")
-    row.loop_ratio = rounds.ratio(own, reference, "loop")
+def _command(prepared: Prepared, point: Point) -> str:
+    """That runs a point again, and what it is held against, elsewhere."""
+    steps = f"{prepared.held.dt:g},{point.dt:g}"
+    words = ["python", "-m", NAME, "compare", prepared.case.word, "--only", point.scheme]
+    words += ["--steps", steps, "--budget", f"{prepared.settings.minutes:g}"]
+    words += ["--ranks", str(prepared.settings.ranks), "--out", "results/compare-point"]
+    return shlex.join(words)
+
+
+class Plan(NamedTuple):
+    """A point to which the rest of the time could go.
+
+    Attributes:
+        row: of the point.
+        targets: by which it is judged.
+        again: whether what means are held against is run as long, too: where short runs do not
+            tell them.
+        time: of the run, in the scene's units.
+        times: what counts of it, over what counts of the short ones.
+    """
+
+    row: Measured
+    targets: Targets
+    again: bool
+    time: float
+    times: float
+
+    @property
+    def point(self) -> Point:
+        """Of the row."""
+        return Point(self.row["integrator"], self.row["dt"])
+
+
+def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
+    """What is run for the rest of the time: the point with the largest chance that this finds it
+    good for sure, times its gain in speed.  None if there is none that may be good and is faster
+    than what is known to be."""
+    asked = [one for one in rows if one["asked"]]
+    choice = choose(asked, prepared.targets, prepared.level)
+    known = least(choice.fastest) if choice.fastest else math.inf
+    plans = [
+        _plan(prepared, one, choice.targets)
+        for one in choice.perhaps
+        if least(one) < GAIN * known and choice.targets.keys() - MEANS <= one["by_itself"].keys()
+    ]
+    plans = [one for one in plans if one.times > 0]
+    return max(plans, key=lambda one: pays(one, known), default=None)
+
+
+def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
+    held, short = prepared.held, prepared.lengths.time
+    point = Point(row["integrator"], row["dt"])
+    means = {name: most for name, most in targets.items() if name in MEANS}
+    again = not passes(row, means) and point != held
+    some = [point, *([held] if again else [])]
+    seconds = (1 - FIRST) * 60 * prepared.settings.minutes
+    long = plan.time_of(some, prepared.here, seconds)
+    counts = long - max(SETTLES * long, short)
+    return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))
+
+
+def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
+    """The chance that the run finds the point good for sure, times how much faster it is; and for
+    those that have none how far error bars are from a target, in parts of it.
+
+    Args:
+        known: cost of the fastest point that is known to be good.
+    """
+    chance, room = 1.0, math.inf
+    for name, most in plan.targets.items():
+        if name in MEANS:  # what short runs do not tell, a long one may
+            continue
+        error = Estimate.of(plan.row["errors"][name])
+        # the noise of a slope goes as the length to -3/2
+        noise = plan.row["by_itself"][name]["error"] * plan.times ** (
+            -1.5 if name == "drift" else -0.5
+        )
+        left, spread = most - margin(noise), math.hypot(error.error, noise)
+        room = min(room, left / most)
+        if left <= 0 or not spread > 0:
+            chance *= 0 < left >= error.value
+            continue
+        above, below = ((side * left - error.value) / spread for side in (1, -1))
+        chance *= float(special.ndtr(above) - special.ndtr(below))
+    return chance * (1 / least(plan.row) - 1 / known), room
+
+
+def run_longer(
+    prepared: Prepared, best: Plan, short: Runs, meter: run.Meter
+) -> tuple[Done, Measured | None]:
+    """Run a plan: what became of it, and the point's row by this run alone; None if there is none.
+
+    It begins with the last start, and leaves out as much as the short runs lasted, by which it was
+    chosen: so what chose the point does not judge it.  Means are held against a run as long, or
+    stay as short runs tell them, where there is none, or where it takes other steps to tell them.
+    """
+    case, point, held = prepared.case, best.point, prepared.held
+    some = [point, *([held] if best.again else [])]
+    lengths = plan.lengths(case, some, prepared.here, best.time)
+    settles = max(SETTLES, prepared.lengths.time / lengths.time)
+    how = case, some, prepared.lengths, prepared.settings, [STARTS], lengths
+    done = _perform(prepared, plan.trajectories(*how), meter)
+    runs = collected(prepared, done, LONG, settles)
+    if point not in runs.found and point not in runs.failed:
+        return done, None
+    told = errors.errors(case, runs.found, held, True, short.found, best.times * STARTS)
+    means = {name: Estimate.of(one) for name, one in best.row["signed"].items() if name in MEANS}
+    own = means | told.get(point, {}) if best.again else told.get(point, {}) | means
+    made = row(prepared, point, runs, lengths.time, own, own)
+    return done, made | {"alone": True}

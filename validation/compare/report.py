@@ -1,99 +1,341 @@
-"""From a comparison to files and the terminal."""
+"""What ``compare`` says of its summary: which step to take, how sure that is, what it costs."""
 
-from pathlib import Path
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
-import pandas as pd
-from rich.console import Console
-
-from ..own import counted
-from ..pages import report
-from ..pages.said import Cell, Figure, Said, Table, sortable
-from ..pages.tables import Column, busy, cell, numbers, ranks_of
+from ..pages import Column, Figure, Said, Table, ranks_of
 from ..scenes.units import UNITS
-from ..statistics.estimate import SURE, Estimate
-from .figures import draw
+from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
+from . import figures
+from .choice import Choice, Measured, able, bound, choose, meets, near_failure, nearest
+
+FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
+LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
+FAR = 100  # times a budget: what is told of one so much larger, by few samples, is chance
+MORE = 10  # times a budget, that is tried then
+VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
+FEW = 4  # points that are named
+ENOUGH = 0.8  # of a panel's points that have a number
+NOTES = {
+    "cost": "Wall time of the runs themselves, with samples, per simulated time; the least of its "
+    "repeats is held against others, for what disturbs a run only makes it longer.",
+    "verdict": "Each point by itself. The step that is named is judged as one of several, or by a "
+    "long run that did not choose it, so that it is within the targets in 95 % of cases.",
+    "drift, energy": "Of the energy that the integrator is to keep, with what thermostats and "
+    "barostats have given.",
+    "potential, density, rdf": "Held against the reference, from the same starts.",
+    "noise": "All points are run from the same two starts. What runs of a point differ by from "
+    "start to start is noise, whatever its correlation time.",
+}
 
 
-def columns(summary: dict) -> tuple[Column, ...]:
-    """The table's, in the units of the scene."""
-    settings = summary["settings"]
-    units = UNITS[settings.get("units", "real")]
-    made = (
-        Column("energy_sd", "sd of energy", units.energy, "estimate"),
-        Column("energy_sd_line", "sd about its line", units.energy, "estimate"),
-        Column("drift", "energy drift", f"{units.energy}/{units.long}", "estimate"),
-        Column("temperature", "temperature", units.temperature, "estimate"),
-        Column("pressure", "pressure", units.pressure, "estimate"),
-        Column("density", "density", "LAMMPS's", "estimate"),
-        Column("distance", "distance", units.length, "number"),
-        Column("rigidity", "rigidity", units.length, "number"),
-        Column("modify", "Modify", "µs/step"),
-        Column("modify_ratio", f"vs {settings['reference']}", "ratio"),
-        Column("loop", "loop", "ms/step"),
+class Answer:
+    """What follows from a summary's points: the `Choice`, and the points that were asked for."""
+
+    def __init__(self, summary: Mapping) -> None:
+        self.summary, self.wanted = summary, summary["targets"]
+        self.points: list[Measured] = [one for one in summary["points"] if one["asked"]]
+        self.choice = self.among(self.points)
+        self.targets = self.choice.targets
+        self.unit = UNITS[summary["units"]].time
+
+    def among(self, points: Sequence[Measured]) -> Choice:
+        """The `Choice` among some of the points."""
+        return choose(points, self.wanted, self.summary["level"])
+
+    def named(self, points: Sequence[Measured]) -> str:
+        """Points with their steps, as text; of many the first ones."""
+        more = f" and {len(points) - FEW} more" if len(points) > FEW else ""
+        return (
+            "; ".join(f"{one['label']}, {one['dt']:g} {self.unit}" for one in points[:FEW]) + more
+        )
+
+    def within(self, point: Measured) -> str:
+        """A point's errors with their targets, as text."""
+        return ", ".join(
+            f"{name} {_text(point, name)} (at most {most:g})" for name, most in self.targets.items()
+        )
+
+    def why_not(self, point: Measured) -> str:
+        """Why a point is not within the targets."""
+        if point["failed"]:
+            return f"it fails ({point['failed']})"
+        wide = {name: _text(point, name) for name, most in self.targets.items()
+                if meets(point, {name: most}) is False}  # fmt: skip
+        return "too much of " + ", ".join(f"{name}: {told}" for name, told in wide.items())
+
+    @property
+    def minutes(self) -> int | None:
+        """Minutes that tell what the points do not; None where they do, or where no run tells."""
+        level = self.summary["level"]
+        factors = []
+        for one in [] if self.choice.best else self.choice.perhaps:
+            alike = [other for other in self.points if other["integrator"] == one["integrator"]]
+            before = [one] if one["alone"] else [x for x in alike if x["dt"] <= one["dt"]]
+            how = CONFIDENCE if one["alone"] else level
+            factors.append(max(_above(x, *target, how) for x in before
+                               for target in self.targets.items()))  # fmt: skip
+        least = min(factors, default=math.inf)
+        if not math.isfinite(least):
+            return None
+        # the least that helps is some runs more
+        return math.ceil(float(f"{self.summary['minutes'] * max(2.0, least):.2g}"))
+
+
+def _text(point: Measured, name: str) -> str:
+    found = point["errors"].get(name)
+    return Estimate.of(found).text() if found else "–"
+
+
+def _above(point: Measured, name: str, most: float, confidence: float) -> float:
+    """How many times longer runs have an error bar that does not reach across the target, in four
+    of five cases.
+
+    The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
+    wander, to -3/2.  Of the error the noise is taken off.  What is as large as the target or larger
+    may be noise, too: `LEAST_ROOM`.  Infinite if no length tells.
+    """
+    if not math.isfinite(bound(point, name)):
+        return math.inf
+    one = Estimate.of(point["errors"][name])
+    seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
+    room = max(most - seen, LEAST_ROOM * most)
+    power = 2 / 3 if name == "drift" else 2
+    return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
+
+
+def answered(summary: Mapping) -> dict:
+    """What follows from the points, for the summary's file."""
+    answer = Answer(summary)
+    best, minutes = answer.choice.best, answer.minutes
+    told = minutes if minutes and minutes <= FAR * summary["minutes"] else None
+    advised = best and {key: best[key] for key in ("integrator", "label", "dt")}
+    lines = [_answer(answer), *_lines(answer)]
+    return {"answer": lines, "minutes_that_tell": told, "advised": advised}
+
+
+def said(summary: Mapping) -> Said:
+    """The answer, the points, and figures of errors against steps and run times."""
+    answer = Answer(summary)
+    wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
+                       for name, most in answer.wanted.items())  # fmt: skip
+    points = [one for one in summary["points"] if one["failed"]]
+    first = {one["integrator"]: one for one in reversed(points)}
+    about = {name: _about(one) for name, one in summary["about"].items()}
+    script = {"the script": " ".join(summary["notes"])} if summary["notes"] else {}
+    return Said(
+        title=summary["title"],
+        question=f"Which integrator and time step reach this the fastest: {wanted}?",
+        answer=_answer(answer),
+        lines=[*_lines(answer)],
+        tables=_tables(answer),
+        figures=[
+            Figure("cost", partial(figures.cost, summary), figures.READ),
+            Figure("errors", partial(figures.errors, summary), figures.ERRORS),
+        ],
+        notes=NOTES | about | script,
+        failures=[f"{one['label']} fails with {one['failed']}" for one in first.values()],
     )
-    moves = settings.get("ensemble", "nve") in ("npt", "nph")
-    return tuple(one for one in made if moves or one.key != "density")
 
 
-def status(row: dict) -> str:
-    """In words: whether the row is complete, and if not, why."""
-    if not row["error"]:
-        return "ok"
-    return row["error"] + (f" after {row['steps']} steps" if row["steps"] else "")
+def _about(one: Mapping) -> str:
+    """What a target is, and why it is as large by default."""
+    what = f"{one['what']}, {one['unit']}".strip(", ")
+    usual = f"By default {one['default']:g}: " if one["default"] else ""
+    return f"{what}. {usual}{one['why']}."
 
 
-def write(summary: dict, series: dict, out: Path) -> None:
-    """Write all files of a comparison, as of `measure.compare`, into the folder ``out``."""
-    own = columns(summary)
-    rows = [
-        {"integrator": row["label"], **numbers(row, own), "status": status(row)}
-        for row in summary["integrators"]
+def _answer(answer: Answer) -> str:
+    summary, choice = answer.summary, answer.choice
+    if not answer.points:
+        return "No run is complete, so nothing is known yet."
+    if not answer.targets:
+        return (
+            "Nothing is a target that these integrators' runs tell. Give another one (--target "
+            "temperature=VALUE), or try integrators whose energy is counted (--only)."
+        )
+    if best := choice.best:
+        return (
+            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {_cost(best)} s per "
+            f"{summary['ns']}, on {ranks_of(summary['ranks'])}. Sure by {SURE}: "
+            f"{answer.within(best)}."
+        )
+    if choice.perhaps:
+        minutes, other = answer.minutes, "a target that short runs can tell: --target NAME=VALUE"
+        longer = f"About --budget {minutes} tells, in so many minutes. Or give {other}."
+        if minutes is None:
+            longer = f"Give {other}."
+        elif minutes > FAR * summary["minutes"]:
+            longer = (
+                f"Runs so short do not tell how long it takes: try about --budget "
+                f"{MORE * summary['minutes']:g} first. Or give {other}."
+            )
+        return (
+            f"Not sure: no step is within the targets by {SURE}, but these may be: "
+            f"{answer.named(choice.perhaps)}. Their error bars, or those of shorter steps, reach "
+            f"across a target. {longer}"
+        )
+    return (
+        f"No step that was tried is within the targets. Try shorter ones: --steps "
+        f"{summary['dt'] / 2:g},{summary['dt'] / 4:g}. Or is the start not in equilibrium, or do "
+        "forces end at their cutoff with a jump?"
+    )
+
+
+def _lines(answer: Answer) -> Iterator[str]:
+    """Further sentences, and the lines for the input script."""
+    choice, unit = answer.choice, answer.unit
+    lost = set(answer.wanted) - set(answer.targets)
+    others = [one for one in answer.points if set(answer.wanted) & set(one["without"])]
+    if others:
+        told = " and ".join(name for name in answer.wanted if name in others[0]["without"])
+        labels = ", ".join(dict.fromkeys(one["label"] for one in others))
+        yield f"Of {labels} nobody knows {told}: {answer.summary['why']}."
+    if lost and answer.targets:
+        yield f"So this is by {', '.join(answer.targets)} only."
+    if "rdf" in answer.targets and not any("rdf" in one["errors"] for one in answer.points):
+        yield (
+            "Nothing is known of g(r): too few runs are complete to tell its noise from an error. "
+            "But for that, --target without rdf answers."
+        )
+    for one in answer.points:
+        if one["alone"]:
+            yield (
+                f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. "
+                f"The rest of the time went to {one['label']}, {one['dt']:g} {unit}: a run of "
+                f"{one['time']:.3g} {unit}, which alone judges it."
+            )
+    if choice.best is None:
+        yield from _nearest(answer)
+        return
+    yield from _beside(answer, choice.best)
+    yield f"{choice.best['place']}, and of the script's timestep:"
+    yield from (f"    {line}" for line in _input(choice.best))
+    yield from choice.best["lost"]
+
+
+def _input(best: Measured) -> list[str]:
+    """Lines for the input script."""
+    return [*best["lines"], f"timestep {best['dt']:g}"]
+
+
+def _nearest(answer: Answer) -> Iterator[str]:
+    """Where nothing is good for sure: what is the least off."""
+    held = [one for one in answer.summary["points"] if one["is_reference"] and not one["failed"]]
+    if held and answer.targets and meets(held[0], answer.targets) is False:
+        yield (
+            f"Even with {held[0]['dt']:g} {answer.unit} there is {answer.why_not(held[0])}: this "
+            "is no error of the step. Is the start in equilibrium, and do forces end at their "
+            "cutoff without a jump? --run N takes a later run of a script."
+        )
+    told = [one for one in answer.points if answer.targets.keys().isdisjoint(one["without"])]
+    near = nearest(able(told, answer.targets) or told, answer.targets) if answer.targets else None
+    if near:
+        one, alone = near[0], ""
+        if meets(one, answer.targets):
+            alone = (
+                f" Of it alone this is sure by {SURE}; as one of several, or with all shorter "
+                "steps of its integrator, it is not."
+            )
+        yield f"The nearest: {answer.named([one])}: {answer.within(one)}.{alone}"
+
+
+def _beside(answer: Answer, best: Measured) -> Iterator[str]:
+    """What there is beside the best one: longer steps, ties, others that may be as good."""
+    choice, unit = answer.choice, answer.unit
+    longer = [
+        one
+        for one in answer.points
+        if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
     ]
-    samples = [
-        pd.DataFrame({"integrator": name, **table}).astype({"Step": int}).set_index("integrator")
-        for name, table in series.items()
+    bad = [one for one in longer if meets(one, answer.targets) is False]
+    near = [one for one in near_failure(answer.points) if one in longer and one not in bad]
+    open_ = [one for one in longer if one not in bad and one not in near]
+    if not longer:
+        yield (
+            "This was the longest step that was tried: a longer one may be fine, too. Try it: "
+            f"--steps {1.5 * best['dt']:g},{2 * best['dt']:g}"
+        )
+    elif open_:
+        some = ", ".join(f"{one['dt']:g}" for one in open_)
+        yield f"Whether {some} {unit} would do cannot be told: a larger --budget tells."
+    elif bad:
+        first = min(bad, key=lambda one: one["dt"])
+        yield f"With {first['dt']:g} {unit}: {answer.why_not(first)}."
+    if near:
+        some = ", ".join(f"{one['dt']:g}" for one in near)
+        yield (
+            f"{some} {unit} is too near to a step that fails to be named: what ends a run is rare "
+            "there, and a longer one meets it."
+        )
+    if choice.ties:
+        yield f"As fast, within the spread of the timings: {answer.named(choice.ties)}."
+    others = [one for one in choice.perhaps if one["integrator"] != best["integrator"]]
+    if others:
+        yield f"As fast or faster, if they are within the targets: {answer.named(others)}."
+
+
+def _cost(point: Measured) -> str:
+    """The least time: what else the machine does makes the others longer."""
+    return f"{point['cost']['min']:.3g}" if point["cost"] else "–"
+
+
+def _tables(answer: Answer) -> list[Table]:
+    """Each integrator's fastest step within the targets, and all points."""
+    summary, nearest_of = answer.summary, []
+    for name in dict.fromkeys(one["integrator"] for one in answer.points):
+        mine = [one for one in answer.points if one["integrator"] == name]
+        own = answer.among(mine)
+        near = nearest(mine, own.targets) if own.targets else None
+        nearest_of.append(own.best or (near[0] if near else mine[0]))
+    every = {name for one in summary["points"] for name in one["errors"]}
+    measures = [name for name in summary["about"] if name in every]
+    wanted = [name for name in measures if name in answer.wanted]
+    return [
+        Table(
+            "Each integrator's fastest step within the targets, else the nearest",
+            _columns(summary, wanted),
+            [_shown(answer, one) for one in nearest_of],
+        ),
+        Table(
+            "All points",
+            [*_columns(summary, measures), *_further(summary)],
+            [_shown(answer, one) for one in summary["points"]],
+            file="points",
+            long=True,
+        ),
     ]
-    every = pd.concat(samples) if samples else pd.DataFrame()
-    every.to_csv(out / "series.csv", float_format="%.12g")
-    values = {"columns": own, "cell": cell, "status": status, "busy": busy(summary)}
-    values["units"] = UNITS[summary["settings"].get("units", "real")]
-    summary = summary | {"units": {one.key: one.unit for one in own}}
-    tables, figures = {"table": report.frame(rows)}, draw(summary, series, out)
-    report.write(summary, out, tables, "compare.html", figures, **values)
 
 
-def show(console: Console, summary: dict, out: Path) -> None:
-    """Print the table, failures and where the files are."""
-    report.integrators(console, summary["title"], columns(summary), summary["integrators"])
-    if busy(summary):
-        console.print(busy(summary), soft_wrap=True)
-    failures = [f"{row['label']}: {status(row)}" for row in summary["integrators"] if row["error"]]
-    report.end(console, summary, out, failures)
-
-
-def say(summary: dict) -> Said:
-    """For the report of all verbs."""
-    rows, settings = summary["integrators"], summary["settings"]
-    known = [row for row in rows if row.get("energy_sd")]
-    told = ", ".join(f"{row['label']} {Estimate.of(row['energy_sd']).text()}" for row in known)
-    units, own = UNITS[settings.get("units", "real")], columns(summary)
-    span = f"{settings['steps']:,} steps of {settings['dt_fs']:g} {units.time}"
-    where = f"{summary['title']}, {span}, {ranks_of(settings['ranks'])}"
-    what = f"standard deviation of the energy in {units.energy}"
-    lines = [f"{where}: {what}: {told or 'none was measured'}."]
-    drifts = ((row["label"], Estimate.of(row["drift"])) for row in known)
-    sure = [f"{label} {one.text()}" for label, one in drifts if abs(one.value) > one.margin]
-    lines.append(f"Energy drifts for sure ({SURE}), {own[2].unit}: {', '.join(sure) or 'none'}.")
-    lines += counted.left_out([row["label"] for row in rows if row.get("uncounted")])
-    failed = [f"{row['label']}: {status(row)}" for row in rows if row["error"]]
-    lines += [f"Failed: {'; '.join(failed)}."] * bool(failed)
-    lines += filter(None, [busy(summary)])
-    table = [
-        [row["label"]]
-        + [Cell(cell(row, one), sortable(row.get(one.key))) for one in own]
-        + [status(row)]
-        for row in rows
+def _columns(summary: Mapping, measures: Sequence[str]) -> list[Column]:
+    unit, about = UNITS[summary["units"]].time, summary["about"]
+    return [
+        Column("label", "label", kind="text"),
+        Column("dt", "dt", unit, kind="number"),
+        Column("cost", "wall", f"s/{summary['ns']}"),
+        *(Column(f"of {name}", name, about[name]["unit"], kind="estimate") for name in measures),
+        Column("verdict", "verdict", kind="verdict"),
     ]
-    head = "integrator", *(f"{one.title}, {one.unit}" for one in own), "status"
-    figure = Figure("energy.png", "Change of the total energy, on one scale.")
-    return Said(lines=lines, tables=[Table.of("All columns", head, table)], figures=[figure])
+
+
+def _further(summary: Mapping) -> list[Column]:
+    unit = UNITS[summary["units"]].time
+    return [
+        Column("integrator", "integrator", kind="text", wide=True),
+        Column("starts", "starts", kind="number"),
+        Column("failures", "failures", kind="number", wide=True),
+        Column("time", "sampled", unit, kind="number"),
+        Column("cpu", "CPU", f"s/{summary['ns']}", wide=True),
+        Column("status", "status", kind="text", wide=True),
+        Column("command", "command", kind="code", wide=True),
+    ]
+
+
+def _shown(answer: Answer, point: Measured) -> dict:
+    """A row of a table."""
+    some = {name: most for name, most in answer.wanted.items() if name not in point["without"]}
+    verdict = "fail" if point["failed"] else VERDICTS[meets(point, some) if some else None]
+    found = {f"of {name}": one for name, one in point["errors"].items()}
+    status = point["failed"] or "ok"
+    return {**point, **found, "verdict": verdict, "status": status, "error": point["failed"]}

@@ -33,19 +33,21 @@ WHY = (
 def others(own: Own) -> dict[str, str]:
     """The first word of the style of each of the script's fixes that stay, beside those that move
     the bodies, by ID."""
-    kept = ((one, line) for one, line in own.said["fixes"].items() if one not in own.found.ids)
-    return {one: finding.style_of(line).split("/")[0] for one, line in kept}
+    kept = (
+        (fix_id, line) for fix_id, line in own.said["fixes"].items() if fix_id not in own.found.ids
+    )
+    return {fix_id: finding.style_of(line).split("/")[0] for fix_id, line in kept}
 
 
 def acting(own: Own) -> list[str]:
     """IDs of `others` that act on atoms."""
-    return [one for one, first in others(own).items() if first in ACT]
+    return [fix_id for fix_id, first in others(own).items() if first in ACT]
 
 
 def lacking(own: Own) -> list[str]:
     """IDs of these whose work is not in econserve."""
     counted, first = _asked(own.said["commands"]), others(own)
-    return [one for one in acting(own) if one not in counted or first[one] in BATHS]
+    return [fix_id for fix_id in acting(own) if fix_id not in counted or first[fix_id] in BATHS]
 
 
 def _asked(commands: Iterable[str]) -> set[str]:
@@ -65,9 +67,9 @@ def left_out(labels: Collection[str]) -> list[str]:
     return [f"Energies of {', '.join(labels)} are left out: {WHY}."] * bool(labels)
 
 
-def wrongly(one: Integrator) -> bool:
+def wrongly(integrator: Integrator) -> bool:
     """Whether econserve says nothing of an integrator's own error, see `WHY`."""
-    lines = [line for line in one.lines if texts(line)[0] == "fix"]
+    lines = [line for line in integrator.lines if texts(line)[0] == "fix"]
     return any(
         WRONG.fullmatch(style) or (style.startswith("rigid") and "langevin" in texts(line))
         for line in lines

@@ -48,14 +48,14 @@ class Words(NamedTuple):
     bodies: tuple[str, ...]
     keywords: tuple[str, ...]
 
-    def fix(self, one: str) -> str:
+    def fix(self, fix_id: str) -> str:
         """The command with this ID: native, but of a class without fix style."""
         words = (*self.bodies, *self.keywords)
         if self.name in NATIVE:
             told = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
-            return f"fix {one} {self.group} nosquish/{self.name.lower()} {told}"
+            return f"fix {fix_id} {self.group} nosquish/{self.name.lower()} {told}"
         told = " ".join((target(self.name), self.group, *words))
-        return f'fix {one} {self.group} python/move "{told}"'
+        return f'fix {fix_id} {self.group} python/move "{told}"'
 
 
 class Unclear(SystemExit):
@@ -164,16 +164,15 @@ def words_of(line: str) -> Words | None:
     return Words(name, group, tuple(words[:count]), tuple(words[count:]))
 
 
-def native(line: str) -> str:
-    """A fix of this package in the words of its fix style; other commands as they are."""
-    ours = words_of(line)
-    return ours.fix(texts(line)[1]) if ours else line
-
-
 def called(line: str) -> str:
     """What a fix does, in a word: its style, or its class in quotes."""
     style = style_of(line)
     return texts(line)[4].split()[0] if style == "python/move" else style
+
+
+def moves(line: str) -> bool:
+    """Whether a fix moves atoms, as far as is known."""
+    return bool(kind_of(line) or words_of(line)) or style_of(line) == "python/move"
 
 
 def kind_of(line: str) -> str | None:
@@ -192,12 +191,12 @@ def holders(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]
     """IDs of the fixes that keep atoms rigid; of those that are wanted, if any are."""
     if wanted:
         return list(wanted) if set(wanted) <= fixes.keys() else []
-    return [one for one, line in fixes.items() if kind_of(line) not in (None, "plain")]
+    return [fix_id for fix_id, line in fixes.items() if kind_of(line) not in (None, "plain")]
 
 
 def told(fixes: Mapping[str, str]) -> str:
     """The fixes in words."""
-    said = (f"{one} ({style_of(line)} on {texts(line)[2]})" for one, line in fixes.items())
+    said = (f"{fix_id} ({style_of(line)} on {texts(line)[2]})" for fix_id, line in fixes.items())
     return ", ".join(said) or "no fix"
 
 
@@ -222,7 +221,7 @@ def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had:
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
         "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
         "ID, if several fixes move that group). Where atoms have no molecule IDs, "
-        f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data file"
+        f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
     )
 
 
@@ -243,23 +242,23 @@ def find(
         Unclear: it cannot be told, or is none that another integrator can take the place of.
     """
     fixes: dict[str, str] = said["fixes"]
-    if absent := [one for one in wanted if one not in fixes]:
+    if absent := [fix_id for fix_id in wanted if fix_id not in fixes]:
         raise Unclear(f"there is no fix {absent[0]} at that run; it has {told(fixes)}")
     known = holders(fixes, wanted)
     if not known:
         known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
-    kinds = {one: kind_of(fixes[one]) for one in known}
-    strange = [one for one, kind in kinds.items() if kind is None]
+    kinds = {fix_id: kind_of(fixes[fix_id]) for fix_id in known}
+    strange = [fix_id for fix_id, kind in kinds.items() if kind is None]
     if strange:
         raise Unclear(
             f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
             "integrator can take: name one of these styles by --fix: nosquish/*, rigid*, "
             f"shake, rattle, {', '.join(PLAIN)}"
         )
-    held = [one for one in known if kinds[one] != "plain"] or known
+    held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
     if len(held) > 1:
         raise Unclear(
-            f"{len(held)} fixes could be meant: {told({one: fixes[one] for one in held})}. Say "
+            f"{len(held)} fixes could be meant: {told({name: fixes[name] for name in held})}. Say "
             f"whose place the others take: --fix ID, with one of {', '.join(held)}. The others "
             "stay as they are"
         )
@@ -268,32 +267,20 @@ def find(
         found = _of_rigid(said, atoms, held[0], line, kind)
     else:
         found = _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
-    return replace(found, modified=_modified(said["commands"], found.ids))
+    return replace(found, modified=tuple(modifying(said["commands"], found.ids)))
 
 
 def computes(ids: Collection[str]) -> set[str]:
     """IDs of computes that fixes with these IDs make for themselves."""
-    return {f"{one}_{kind}" for one in ids for kind in ("temp", "press")}
+    return {f"{fix_id}_{kind}" for fix_id in ids for kind in ("temp", "press")}
 
 
-def modifies_compute(line: str, ids: Collection[str]) -> bool:
-    """Whether a command modifies one of these `computes`."""
-    word, *rest = texts(line)
-    return word == "compute_modify" and rest[0] in computes(ids)
-
-
-def _modified(commands: Sequence[str], ids: Collection[str]) -> tuple[str, ...]:
-    """What ``fix_modify`` says of fixes, and ``compute_modify`` of their computes, since each was
-    made the last time."""
-    found: list[str] = []
-    for line in commands:
-        words = texts(line)
-        if words[0] in ("fix", "unfix"):
-            own = {words[1]} | computes(words[1:2])
-            found = [one for one in found if texts(one)[1] not in own]
-        elif (words[0] == "fix_modify" and words[1] in ids) or modifies_compute(line, ids):
-            found.append(line)
-    return tuple(found)
+def modifying(commands: Sequence[str], ids: Collection[str]) -> list[str]:
+    """The commands ``fix_modify`` of fixes with these IDs, and ``compute_modify`` of their
+    computes."""
+    named = {"fix_modify": {*ids}, "compute_modify": computes(ids)}
+    split = ((line, texts(line)) for line in commands)
+    return [line for line, words in split if words[1:2] and words[1] in named.get(words[0], ())]
 
 
 def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
@@ -321,10 +308,10 @@ def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.nd
 
 def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) -> dict[str, str]:
     """The script's other fixes that keep a temperature of the bodies: their styles by ID."""
-    kept = ((one, line) for one, line in said["fixes"].items() if one not in found.ids)
+    kept = ((fix_id, line) for fix_id, line in said["fixes"].items() if fix_id not in found.ids)
     return {
-        one: style_of(line)
-        for one, line in kept
+        fix_id: style_of(line)
+        for fix_id, line in kept
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
         and (acted_on(said, atoms, line) & (found.body > 0)).any()
     }
@@ -337,8 +324,8 @@ def _points(keywords: Sequence[str]) -> str:
 
 def _movers(said, atoms, fixes, mask) -> list[str]:
     """IDs of fixes that move some of these atoms as points."""
-    own = [one for one, line in fixes.items() if kind_of(line) == "plain"]
-    return [one for one in own if (acted_on(said, atoms, fixes[one]) & mask).any()]
+    own = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
+    return [fix_id for fix_id in own if (acted_on(said, atoms, fixes[fix_id]) & mask).any()]
 
 
 def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -349,18 +336,6 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
         count = 2 if alone else 1 + FOLLOW.get(words[position], 1)
         yield tuple(words[position : position + count])
         position += count
-
-
-def without_output(line: str) -> tuple[str, list[str]]:
-    """A fix of ours that writes no file, and the words that are left out; other commands as they
-    are."""
-    ours = words_of(line)
-    every = [*_split(ours.keywords)] if ours else []
-    cut = [" ".join(one) for one in every if one[0] == "output"]
-    if not (ours and cut):
-        return line, []
-    kept = itertools.chain(*(one for one in every if one[0] != "output"))
-    return ours._replace(keywords=tuple(kept)).fix(texts(line)[1]), cut
 
 
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
@@ -406,7 +381,7 @@ def body_words(words: Sequence[str]) -> int:
     return 2 + int(words[1]) if counted else 1
 
 
-def _of_rigid(said, atoms, one, line, kind) -> Found:
+def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
     words, ours = texts(line), words_of(line)
     if ours:
         _, group, bodies, keywords = ours
@@ -418,7 +393,7 @@ def _of_rigid(said, atoms, one, line, kind) -> Found:
     body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     return Found(
-        (one,),
+        (fix_id,),
         (line,),
         called(line),
         kind,
@@ -449,8 +424,7 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     if name not in atoms:
         raise Unclear(
             f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
-            f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data "
-            "file"
+            f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
         )
     value = np.asarray(atoms[name])
     found = np.zeros(len(value), int)
@@ -459,30 +433,31 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     return found
 
 
-def _held_by_shake(atoms, body) -> tuple[str | None, str]:
+def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[str | None, str]:
     """The words of shake that hold the bodies; or None, and why."""
-    sizes = np.bincount(body)[1:]
+    sizes, words = np.bincount(body)[1:], []
     if len(sizes) == 0 or sizes.max() > FULL_TURN:
         return None, f"bodies of {sizes.max(initial=0)} atoms: shake holds up to 3 rigid"
     if sizes.min() < 2 or "bonds" not in atoms:
         return None, "without bonds in each body"
-    bonds = np.asarray(atoms["bonds"])
-    inside = (body[bonds[:, 1] - 1] > 0) & (body[bonds[:, 1] - 1] == body[bonds[:, 2] - 1])
-    number = np.bincount(body[bonds[inside, 1] - 1], minlength=len(sizes) + 1)[1:]
-    types = set(bonds[inside, 0])
-    if (number < sizes - 1).any() or types & set(bonds[~inside, 0]):
-        return None, "bodies have too few bonds, or bonds of types that others have, too"
-    words = "b " + " ".join(map(str, sorted(types)))
-    if sizes.max() == FULL_TURN:
-        angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-        ends = body[angles[:, 1:] - 1]
+    needed = {"bonds": sizes - 1, "angles": (sizes == FULL_TURN).astype(int)}
+    for name, least in needed.items():
+        rows = _rows(atoms, name)
+        ends = body[rows[:, 1:] - 1]
         within = (ends[:, 0] > 0) & (ends == ends[:, :1]).all(axis=1)
-        kinds = set(angles[within, 0])
         counted = np.bincount(ends[within, 0], minlength=len(sizes) + 1)[1:]
-        if (counted[sizes == FULL_TURN] < 1).any() or kinds & set(angles[~within, 0]):
-            return None, "bodies of three atoms have no angle, or one of a type that others have"
-        words += " a " + " ".join(map(str, sorted(kinds)))
-    return words, ""
+        types = np.unique(rows[within, 0])
+        if not least.any():
+            continue
+        if (counted < least).any() or np.isin(rows[~within, 0], types).any():
+            return None, f"bodies have too few {name}, or {name} of types that others have, too"
+        words += [name[0], *map(str, types)]
+    return " ".join(words), ""
+
+
+def _rows(atoms: Mapping[str, np.ndarray], name: str) -> np.ndarray:
+    """Bonds or angles, as rows of a type and atoms."""
+    return np.asarray(atoms.get(name, np.empty((0, {"bonds": 3, "angles": 4}[name]), int)))
 
 
 def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
@@ -512,12 +487,12 @@ def bonded_pairs(bonds: np.ndarray, body: np.ndarray) -> np.ndarray:
     return np.array(counts)
 
 
-def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
+def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     """Of atoms that are held by shake, or not at all."""
-    line, body = fixes[one], None
+    line, body = fixes[fix_id], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
-        body = rigid_clusters(said, atoms, holder)
+        body = rigid_clusters(atoms, in_group(said, atoms, texts(holder)[2]))
         style = "molecule"
     elif kind in ("ours", "rigid"):
         raise Unclear("--group and --bodies are for scripts whose fixes do not say what is rigid")
@@ -534,15 +509,15 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     name, setup = _group_of(said, atoms, body, group)
     if bodies is None and not _same(atoms, body):
         raise Unclear(
-            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} bodies "
-            "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
+            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} check SCRIPT "
+            "--rigid' writes lines that tell the bodies, or tell by --group and --bodies"
         )
     moving = [own for own in known if kind_of(fixes[own]) == "plain"]
     movers = moving or _movers(said, atoms, fixes, body > 0)
     if len(movers) != 1:
         raise Unclear(
             f"{len(movers) or 'no'} fixes of the styles {', '.join(PLAIN)} move the rigid atoms: "
-            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {one}"
+            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {fix_id}"
         )
     mover = fixes[movers[0]]
     words = texts(mover)
@@ -557,8 +532,7 @@ def _of_points(said, atoms, fixes, one, kind, known, group, bodies) -> Found:
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    mask = in_group(said, atoms, texts(holder)[2]) if holder else body < 0
-    free = holder and held_atoms(atoms, mask, holder)[body == 0].any()
+    free = holder and held_atoms(atoms, in_group(said, atoms, texts(holder)[2]))[body == 0].any()
     return Found(
         tuple(ids),
         tuple(fixes[own] for own in ids),
@@ -595,51 +569,30 @@ def shake_words(line: str) -> str:
     return " ".join(words[:until])
 
 
-def held_bonds(atoms, mask, line) -> tuple[np.ndarray, np.ndarray]:
-    """Which bonds, and which angles, a fix shake holds."""
-    lists: dict[str, set[float]] = {"b": set(), "a": set(), "t": set(), "m": set()}
-    kind = ""
-    for word in shake_words(line).split():
-        if word in lists:
-            kind = word
-        elif kind:
-            low, _, high = word.partition("*")
-            lists[kind] |= {float(word)} if low == word else set(range(int(low), int(high) + 1))
-    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
-    i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
-    types, mass = np.asarray(atoms["type"]), np.asarray(atoms["mass"])
-    light = np.zeros(len(mass), bool)
-    for one in lists["m"]:
-        light |= np.abs(mass - one) <= 0.1  # LAMMPS's MASSDELTA
-    by_atom = light | np.isin(types, list(lists["t"]))
-    held = np.isin(bonds[:, 0], list(lists["b"])) | by_atom[i] | by_atom[j]
-    held &= mask[i] & mask[j]
-    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-    return held, np.isin(angles[:, 0], list(lists["a"]))
+def held_bonds(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """Which bonds shake holds whose atoms are in a mask."""
+    ends = _rows(atoms, "bonds")[:, 1:] - 1
+    return atoms["held_bonds"] & mask[ends].all(axis=1) if len(ends) else np.zeros(0, bool)
 
 
-def held_atoms(atoms, mask, line) -> np.ndarray:
-    """Which atoms are in a bond that a fix shake holds."""
-    held, _ = held_bonds(atoms, mask, line)
+def held_atoms(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """Which atoms are in a bond of `held_bonds`."""
     found = np.zeros(len(atoms["type"]), bool)
-    if len(held):
-        found[np.asarray(atoms["bonds"])[held, 1:].ravel() - 1] = True
+    found[_rows(atoms, "bonds")[held_bonds(atoms, mask), 1:] - 1] = True
     return found
 
 
-def rigid_clusters(said, atoms, line: str) -> np.ndarray:
-    """The bodies that a fix shake makes: whole molecules of two atoms, or of three whose angle is
-    held; numbers from 1, 0 for other atoms."""
-    mask = in_group(said, atoms, texts(line)[2])
-    held, bent = held_bonds(atoms, mask, line)
-    bonds = np.asarray(atoms.get("bonds", np.empty((0, 3), int)))
+def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
+    """The bodies that shake makes of atoms in a mask: whole molecules of two atoms, or of three
+    whose angle is held; numbers from 1, 0 for other atoms."""
+    bonds, angles = _rows(atoms, "bonds"), _rows(atoms, "angles")
     number = len(atoms["type"])
     part = clusters(bonds, number)
     sizes = np.bincount(part)
-    kept = np.bincount(part[bonds[:, 1] - 1], held, minlength=len(sizes))
+    kept = np.bincount(part[bonds[:, 1] - 1], held_bonds(atoms, mask), minlength=len(sizes))
     every = np.bincount(part[bonds[:, 1] - 1], minlength=len(sizes))
-    angles = np.asarray(atoms.get("angles", np.empty((0, 4), int)))
-    stiff = np.bincount(part[angles[:, 2] - 1], bent, minlength=len(sizes)) > 0
+    bent = angles[atoms["held_angles"]] if len(angles) else angles
+    stiff = np.bincount(part[bent[:, 2] - 1], minlength=len(sizes)) > 0
     rigid = (every == kept) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
     chosen = rigid[part]
     if not chosen.any():

@@ -13,7 +13,7 @@ from fix_nosquish.host.command import Command, Line
 from ..scenes.integrators import OLDER, OURS, Integrator
 from . import finding
 from .finding import Found, State, called, style_of
-from .script import DONE, done_between, texts, words
+from .script import OUTPUT, done_between, line_of, texts
 
 SEED = 4928
 TOLERANCE = "1e-4"
@@ -33,7 +33,7 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
     made = [*_ours(found, units), *_rigid(found), *_constrained(found)]
     notes = []
     if found.modified:
-        told = "; ".join(map(plain, found.modified))
+        told = "; ".join(found.modified)
         notes.append(f"For the script's own integrator only: {told}.")
     if not found.constraints:
         notes.append(f"No shake: {found.why or 'it does not hold these bodies'}.")
@@ -42,16 +42,16 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
     if found.kind == "plain":  # the script's own moves other bodies: it has none
         return made, OURS, notes
     yours = _yours(found)
-    same = next((one for one in made if _done(one, found) == _done(yours, found)), None)
+    same = next((other for other in made if _done(other, found) == _done(yours, found)), None)
     if same is None:
         return [yours, *made], YOURS, notes
-    return [same, *(one for one in made if one is not same)], same.name, notes
+    return [same, *(integrator for integrator in made if integrator is not same)], same.name, notes
 
 
-def _done(one, found):
+def _done(integrator, found):
     """What an integrator's commands make LAMMPS do, whatever their words are."""
-    lines = [line.format(group=found.group, bodies=found.bodies) for line in one.lines]
-    done = [_meant(line) for line in (*lines, *one.then)]
+    lines = [line.format(group=found.group, bodies=found.bodies) for line in integrator.lines]
+    done = [_meant(line) for line in (*lines, *integrator.then)]
     # rattle corrects velocities that others have set, and a box that changes comes behind shake;
     # others act one by one at other times of a step
     in_turn = found.state.press or any(style_of(line) == "rattle" for line in _fixes(lines))
@@ -102,22 +102,7 @@ def state_words(state) -> str:
     for axis in state.press:
         told += axis
     told += ["couple", state.couple] if state.couple else []
-    return "".join(" " + one for one in told)
-
-
-def steering(commands: Sequence[str]) -> set[int]:
-    """Which commands are of fixes that change the step, or end a run before its time."""
-    found, now = set(), set[str]()
-    for i, line in enumerate(commands):
-        word, *rest = texts(line)
-        if word == "fix":
-            now -= {rest[0]}
-            now |= {rest[0]} if style_of(line) in ("dt/reset", "halt") else set()
-        if word in ("fix", "fix_modify", "unfix") and rest[0] in now:
-            found.add(i)
-        if word == "unfix":
-            now -= {rest[0]}
-    return found
+    return "".join(" " + word for word in told)
 
 
 def _rest(found: Found) -> tuple[list[str], list[str]]:
@@ -132,17 +117,15 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
         heat = state_words(State(state.temp))
         moves = [f"fix {REST} {group} {style}{heat}"]
     else:  # its own words
-        head = [f"fix {REST} {REST}", *(one.quoted for one in words(found.mover)[3:])]
-        moves = [_literal(" ".join(head))]
+        moves = [_again(found.mover, REST)]
     if found.holder:
-        head = [f"fix own_held {REST}", *(one.quoted for one in words(found.holder)[3:])]
-        moves.append(_literal(" ".join(head)))
+        moves.append(_again(found.holder, "own_held"))
     return made, moves
 
 
-def plain(line: str) -> str:
-    """A command as one reads it, without the blanks that line up columns."""
-    return " ".join(one.quoted for one in words(line))
+def _again(line: str, name: str) -> str:
+    """A fix with another ID, for the atoms that are in no body."""
+    return _literal(line_of(("fix", name, REST, *texts(line)[3:])))
 
 
 def _id(found):
@@ -154,8 +137,8 @@ def _ours(found: Found, units: str) -> Iterator[Integrator]:
     rest = [*made, *moves]
     if found.rest and (state.press or found.points):
         rest, points = made, f" points {found.points or REST}"
-        if found.holder:  # atoms that shake holds are no free points
-            return
+        if found.holder:  # atoms that shake holds are no points: the box scales them
+            rest, points = [*made, *moves], f" dilate {REST}"
     style = f"nosquish/{state.ensemble}"
     for number, (kind, more) in enumerate(_kinds(state, units)):
         said = state_words(state) + more + found.keywords + points
@@ -235,22 +218,22 @@ def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
     """Commands that name a fix with one of these IDs, as f_ID or as a rigid fix, or a compute that
     it makes."""
     made, own = [], finding.computes(ids)
-    for line in (one for one in commands if texts(one)[0] not in DONE):
+    for line in (line for line in commands if texts(line)[0] not in OUTPUT):
         word, *rest = texts(line)
-        named = any(re.search(rf"(?<!\w)f_{re.escape(one)}\b", line) for one in ids)
-        named |= any(re.search(rf"(?<!\w)c_{re.escape(one)}\b", line) for one in own)
+        named = any(re.search(rf"(?<!\w)f_{re.escape(fix_id)}\b", line) for fix_id in ids)
+        named |= any(re.search(rf"(?<!\w)c_{re.escape(fix_id)}\b", line) for fix_id in own)
         named |= word in ("fix_modify", "compute_modify") and not own.isdisjoint(rest)
         if word == "compute" and len(rest) > 3 and rest[3] in ids:
             named |= rest[2].startswith(("ke/rigid", "erotate/rigid", "rigid/local"))
         if word == "fix" and "rigid" in rest[3:]:
-            named |= any(one in ids for one in rest)
+            named |= not {*ids}.isdisjoint(rest)
         made += [line] * named
     return made
 
 
 def place(gone: Mapping[str, str]) -> str:
     """Where lines stand that take the place of fixes, by ID."""
-    fixes = [f"fix {one} ({style_of(line)})" for one, line in gone.items()]
+    fixes = [f"fix {fix_id} ({style_of(line)})" for fix_id, line in gone.items()]
     if len(fixes) < 2:
         return f"In the place of {(fixes or ['what moves its atoms'])[0]}"
     return f"In the place of the last of {' and '.join(fixes)}, which all go"
@@ -260,10 +243,10 @@ def naming(gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str
     """What is to be said of commands that name fixes which go, or what these make, if these lines
     come in their place."""
     kept = {texts(line)[1]: style_of(line) for line in _fixes(lines)}
-    lost = {one for one, line in gone.items() if kept.get(one) != style_of(line)}
-    made = [one for one in commands if texts(one)[0] == "fix_modify" and texts(one)[1] in lost]
+    lost = {fix_id for fix_id, line in gone.items() if kept.get(fix_id) != style_of(line)}
+    made = [line for line in commands if texts(line)[0] == "fix_modify" and texts(line)[1] in lost]
     made += reading(lost, commands)
-    some = "; ".join(map(plain, made))
+    some = "; ".join(made)
     told = f"These name a fix that goes, or what it makes, and have to go, too: {some}."
     return [told] * bool(made)
 
@@ -276,7 +259,7 @@ def _ensemble(found, said, atoms):
     if found.state.temp or not baths:
         return f"Ensemble: {name}. All else of the script stays."
     keeps = "pressure and enthalpy" if found.state.press else "energy"
-    told = " and ".join(f"fix {one} ({style})" for one, style in baths.items())
+    told = " and ".join(f"fix {fix_id} ({style})" for fix_id, style in baths.items())
     return (
         f"Integrators are compared at constant {keeps} ({name}). The temperature is kept by "
         f"{told}, which stays, as all else of the script does."
@@ -286,10 +269,12 @@ def _ensemble(found, said, atoms):
 def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
     """What was found, in sentences."""
     bodies, inside = int(found.body.max()), found.body > 0
-    told = " and ".join(f"fix {one} ({called(line)})" for one, line in zip(found.ids, found.lines))
+    told = " and ".join(
+        f"fix {fix_id} ({called(line)})" for fix_id, line in zip(found.ids, found.lines)
+    )
     moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
-        f"At '{plain(said['run'])}' {told} {moves} {bodies:,} bodies of {inside.sum():,} "
+        f"At '{said['run']}' {told} {moves} {bodies:,} bodies of {inside.sum():,} "
         f"atoms: group {found.group}, body style {found.bodies}; {len(found.body):,} atoms in all.",
         _ensemble(found, said, atoms),
     ]
@@ -317,7 +302,7 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
     if replaced := reading(found.ids, said["commands"]):
         lines.append(
             "These read numbers of a fix that is replaced, which others may not have: where such "
-            f"a row fails, leave them out of the script: {'; '.join(map(plain, replaced[:6]))}."
+            f"a row fails, leave them out of the script: {'; '.join(replaced[:6])}."
         )
     if found.dropped:
         lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
@@ -332,6 +317,6 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
     if said["step"]:
         lines.append(f"Steps count from 0 here, and from {said['step']:,} in the script.")
     if said["left_out"]:
-        some = "; ".join(map(plain, said["left_out"][:6])) + " ..." * (len(said["left_out"]) > 6)
-        lines.append(f"Left out, for they write files: {some}.")
+        some = "; ".join(said["left_out"][:6]) + " ..." * (len(said["left_out"]) > 6)
+        lines.append(f"Left out: {some}.")
     return lines

@@ -160,12 +160,6 @@ def width(r: np.ndarray) -> float:
     return float(apart.max())
 
 
-def freedom_of_turning(own: Own) -> int:
-    """Degrees of freedom of all bodies' turning."""
-    axes = own.said["dimension"]
-    return sum(kind.number * (kind.freedom - axes) for kind in kinds(own, bodies(own)))
-
-
 def mvv2e(own: Own) -> float:
     """Energy over mass times the square of velocity, in the script's units."""
     return MVV2E.get(own.scene.units, 1.0)
@@ -176,14 +170,7 @@ def temperature(own: Own) -> float:
     try:
         return float((own.found.state.temp or ("",))[0])
     except ValueError:
-        return own.said["temperature"] or _of_velocities(own)
-
-
-def _of_velocities(own: Own) -> float:
-    """The temperature of all atoms, as if each moved by itself."""
-    motion = mvv2e(own) * float(own.atoms["mass"] @ (own.atoms["v"] ** 2).sum(axis=1))
-    degrees = own.said["dimension"] * len(own.atoms["mass"])
-    return motion / (degrees * own.said["boltzmann"])
+        return own.said["temperature"]
 
 
 def thermal(own: Own) -> float:

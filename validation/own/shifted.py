@@ -54,7 +54,9 @@ def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
 
 
 def _has_barostat(own) -> bool:
-    return bool(own.found.state.press) or any(one in PRESS for one in counted.others(own).values())
+    return bool(own.found.state.press) or any(
+        fix_id in PRESS for fix_id in counted.others(own).values()
+    )
 
 
 def _settings(commands: Iterable[str]) -> dict[str, bool] | None:

@@ -1,10 +1,12 @@
 """A scene from a user's script, and the integrators that can move it.
 
-`take` has LAMMPS read the script (see ``reader``), finds what moves the rigid atoms (``finding``)
-and makes of the script's commands a `Scene`, as the harness's own ones are.  All that LAMMPS does
-happens in the output folder: no file of the user's is written to.
+`take` has LAMMPS run the script up to the run that is asked for (see ``reader``), finds what moves
+the rigid atoms (``finding``) and makes of the commands that LAMMPS executed a `Scene`, as the
+harness's own ones are.  LAMMPS works in the script's folder, and all that it writes goes into the
+output folder (see ``recorder``).
 """
 
+import glob
 import json
 import os
 import re
@@ -12,7 +14,7 @@ import shutil
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
@@ -23,12 +25,15 @@ from ..running import machine, run, starts, store, whole
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..scenes.units import UNITS, Units
-from . import finding, schemes
-from .files import STATES, asked_now
+from . import finding, recorder, schemes
 from .finding import Found, Unclear
-from .script import CHANGES, DONE, RUNS, computed, remembers, texts
+from .recorder import ALIAS
+from .script import OUTPUT, computed, texts
 
 READER = Path(__file__).with_name("reader.py")
+STATE = f"read_restart {ALIAS}/script/state.restart"
+BOXES = "read_data", "read_restart", "create_box"
+STEERING = "dt/reset", "halt"  # fixes that change the step, or end a run before its time
 SAME = 1e-6  # of the potential and the thermal energy: more is another system
 
 
@@ -56,9 +61,9 @@ class Ask:
     def of(cls, arguments: Namespace, script: str) -> "Ask":
         """Of a script, with the options that `command_line.own` adds."""
         given = tuple(map(tuple, arguments.variables or ()))
-        for one in given:
-            if len(one) < 2:
-                arguments.parser.error(f"-var {one[0]}: a value is missing behind the name")
+        for words in given:
+            if len(words) < 2:
+                arguments.parser.error(f"-var {words[0]}: a value is missing behind the name")
         return cls(
             os.path.abspath(script),  # a link's own folder, as LAMMPS takes it
             os.getcwd(),
@@ -146,19 +151,17 @@ def take(
         except Unclear as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
         those, reference, more = schemes.schemes(found, said["units"])
-        if not any(one.kind == "ours" for one in those):
-            more.append(
-                "None of ours: atoms that shake holds cannot share a box with our barostat."
-            )
         scene, late = _scene(ask, folder, said, atoms, found)
+        how: dict = {"ranks": ranks, "silence": silence}
         if found.kind in ("constraints", "plain"):
-            scene = _at_rest(scene, those, folder, ranks, silence)
-        late += _otherwise(scene, those, said, len(found.body), folder, ranks, silence)
-        scene = replace(scene, origin=_files_of(said, scene.folder))
+            scene = _at_rest(scene, those, folder, how)
+        late += _otherwise(scene, those, said, len(found.body), folder, how)
+        scene = replace(scene, origin=_files_of(said, folder))
     notes = (*schemes.summary(found, said, atoms), *more, *late)
     for line in notes:
         tell(line)
-    return Own(ask, scene, {one.name: one for one in those}, reference, found, said, atoms, notes)
+    named = {integrator.name: integrator for integrator in those}
+    return Own(ask, scene, named, reference, found, said, atoms, notes)
 
 
 def refuse_ramps(own: Own) -> None:
@@ -170,16 +173,16 @@ def refuse_ramps(own: Own) -> None:
     """
     if own.found.state.ramps:
         raise SystemExit(
-            f"{own.scene.subject}: '{schemes.plain(own.said['run'])}' changes "
+            f"{own.scene.subject}: '{own.said['run']}' changes "
             f"{' and '.join(own.found.state.ramps)}, so means do not tell what a step does: give a "
-            "run that keeps them. 'check', 'compare' and 'bench' take this one"
+            "run that keeps them. 'check', 'compare' and 'cost' take this one"
         )
 
 
 def read(
     ask: Ask, out: Path, ranks: int, silence: float, everything: bool = False
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
-    """What ``reader`` says of a script, and its atoms; and the folder where it did that.
+    """What ``reader`` says of a script, and its atoms; and the folder where it left that.
 
     Args:
         everything: stop at the first run whatever moves atoms there.
@@ -197,62 +200,55 @@ def _reading(ask, out, ranks, silence, everything=False):
     if not Path(ask.script).is_file():
         raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
     folder = (out / "script").resolve()
-    how = ranks, everything
-    said = _known(ask, folder, *how) or _read(ask, folder, *how, silence)
+    said = _known(ask, folder, ranks, everything)
+    if said is None:
+        said = _read(ask, folder, ranks, everything, silence)
     with np.load(folder / "atoms.npz") as file:
         return said, dict(file), folder
 
 
-def without_fixes(said: Mapping) -> list[str]:
-    """The script's commands without fixes that act in runs, and the state of the atoms."""
-    kept = [
-        line
-        for line in said["commands"]
-        if texts(line)[0] not in (*DONE, "fix", "fix_modify", "unfix", "compute_modify")
-        or texts(line)[3:4] in (["property/atom"], ["cmap"])
-    ]
-    return [*kept, said["state"]]
+def room(folder: Path) -> Path:
+    """What stands for the root of all files, where the script writes to its own."""
+    return folder / "room"
 
 
 def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
     """What was read before, if nothing has changed since."""
-    try:
-        kept = whole.read(folder / "known.json") or {}
-        how = ranks, everything, kept["files"], asked_now(*kept["asked"])
-        same = kept["origin"] == _origin(ask, *how)
-        return whole.read(folder / "read.json") if same else None
-    except (OSError, KeyError):
-        return None
+    said, kept = whole.read(folder / "read.json"), whole.read(folder / "known.json")
+    same = said and kept and kept["origin"] == _origin(ask, ranks, everything, said)
+    return said if same else None
 
 
-def _origin(ask, ranks, everything, files, asked) -> str:
-    code, found = store.code_of("own.system"), [files, _contents(files), asked]
-    return store.digest(asdict(ask), ranks, everything, code, machine.versions(), found)
+def _origin(ask: Ask, ranks: int, everything: bool, said: Mapping) -> str:
+    """Hash of all that a reading follows from."""
+    patterns, environment = said["asked"]
+    found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
+    code = store.code_of("own.system"), machine.versions()
+    return store.digest(asdict(ask), ranks, everything, *code, _contents(said["files"]), *found)
 
 
-def _contents(files) -> str:
-    """Hash of what is in the user's files that a script reads, in whatever folders they are."""
-    return store.digest([machine.contents(Path(file)) for file in files])
+def _contents(files: Sequence[str]) -> str:
+    """Hash of what is in the user's files, in whatever folders they are, or were looked for."""
+    there = (machine.contents(Path(file)) if os.path.isfile(file) else "" for file in files)
+    return store.digest(files, [*there])
 
 
-def _files_of(said: Mapping, inputs: Path) -> str:
-    """Hash of the files that a script's runs follow from: the user's, those that its reading made,
-    and the bodies. Others in the folder are written by the runs themselves."""
-    bodies = [
-        one
-        for one in (inputs / STATES / "bodies.npy", inputs / STATES / "bodies.dump")
-        if one.exists()
-    ]
-    return store.digest(_contents(said["files"]), said["made"], [*map(machine.contents, bodies)])
+def _files_of(said: Mapping, folder: Path) -> str:
+    """Hash of the files that a script's runs follow from: the user's, those that the script has
+    written, the state and the bodies."""
+    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "room"))
+    known = [machine.contents(file) for file in made if file.exists()]
+    return store.digest(_contents(said["files"]), known)
 
 
 def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:
     shutil.rmtree(folder, ignore_errors=True)
-    (folder / "inputs").mkdir(parents=True)
+    folder.mkdir(parents=True)
     plain = {
         "script": ask.script,
         "folder": ask.folder,
-        "inputs": str(folder / "inputs"),
+        "out": str(folder.parent),
+        "room": str(room(folder)),
         "variables": ask.variables,
         "fix": ask.fix,
         "any": bool(ask.group or ask.bodies),
@@ -264,6 +260,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
+    how |= recorder.environment(room(folder), preloaded=how.get("LD_PRELOAD"))
     with (
         open(folder / "output.txt", "w") as output,
         run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
@@ -280,168 +277,159 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
         why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
         raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
     said = json.loads((folder / "read.json").read_text())
-    globs, environment = said["asked"]  # with values as they are outside of the ranks
-    known = said["files"], [globs, {one: os.environ.get(one) for one in environment}]
-    kept = {"files": known[0], "asked": known[1], "origin": _origin(ask, ranks, everything, *known)}
-    whole.write(folder / "known.json", kept)  # the last file: it tells that the others are whole
+    # the last file: it tells that the others are whole
+    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, everything, said)})
     return said
+
+
+def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
+    """The script's commands that a run begins with, and each one's number: the state of what there
+    is in the place of the command that makes the box, and what acts beyond that.
+
+    Args:
+        gone: IDs of fixes that are left out.
+    """
+    commands: list[str] = said["commands"]
+    left = {*finding.modifying(commands, gone)}
+    box = next(i for i, line in enumerate(commands) if texts(line)[0] in BOXES)
+    before: list[tuple[int, str]] = []
+    behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
+    for number, (line, once) in enumerate(zip(commands, said["at_once"])):
+        word, *rest = texts(line)
+        if once or word in OUTPUT or line in left or (word == "fix" and rest[0] in gone):
+            continue
+        if word == "group" and rest[1:2] != ["dynamic"]:  # the state has it
+            continue
+        early = number < box and word != "fix"  # whose values of atoms the state has
+        (before if early else behind).append((number, line))
+    return before + behind
+
+
+def without_fixes(said: Mapping) -> list[str]:
+    """Commands that make the script's atoms, and its forces, without fixes that act in runs."""
+    kept = "property/atom", "cmap"
+    gone = [fix_id for fix_id, line in said["fixes"].items() if finding.style_of(line) not in kept]
+    return [line for _, line in repeated(said, gone)]
 
 
 def _scene(
     ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
 ) -> tuple[Scene, list[str]]:
     """The script's commands, with a gap where the found fixes were; and what is to be said."""
-    commands: list[str] = said["commands"]
-    first, gone = len(commands), set[int]()
-    for one in found.ids:
-        own = [i for i, line in enumerate(commands) if texts(line)[1:2] == [one]]
-        ended = max((i for i in own if texts(commands[i])[0] == "unfix"), default=-1)
-        gone |= {i for i in own if i > ended and texts(commands[i])[0] in ("fix", "fix_modify")}
-        first = min(first, max(i for i in own if texts(commands[i])[0] == "fix"))
-    gone |= {i for i, line in enumerate(commands) if finding.modifies_compute(line, found.ids)}
-    if found.kind == "plain" or ask.group:
-        first = len(commands)
-    stray = schemes.steering(commands)
-    gone |= stray
-    states = said["states"]
-    # behind the state that runs begin with, these would change it a second time
-    changes = [
-        i for i, line in enumerate(commands) if texts(line)[0] in CHANGES and line not in states
-    ]
-    first = max([first, *(i + 1 for i in changes)])
-    kept = [i for i, line in enumerate(commands) if i not in gone and texts(line)[0] not in DONE]
-    before, then = ([commands[i] for i in kept if (i < first) == early] for early in (True, False))
-    before.insert(_box(before), run.RESET)  # before fixes that forbid it
-    of_fixes = finding.computes(found.ids)
-    output = {key: one for key, one in computed(commands).items() if one not in of_fixes}
-    inputs = folder / "inputs"
+    stray = {fix_id: line for fix_id, line in said["fixes"].items()
+             if finding.style_of(line) in STEERING}  # fmt: skip
+    commands, first = said["commands"], len(said["commands"])
+    if found.kind != "plain" and not ask.group:
+        words = [texts(line)[:2] for line in commands]
+        first = min(words.index(["fix", fix_id]) for fix_id in found.ids)
+    kept = repeated(said, {*found.ids, *stray})
+    before, then = ([line for i, line in kept if (i < first) == early] for early in (True, False))
     known = np.array([found.body, atoms["type"]], dtype=np.int32)
-    _keep(known, folder, inputs / STATES / "bodies.npy")
+    _keep(known, folder / "bodies.npy")
+    of_fixes, output = finding.computes(found.ids), computed(commands)
     number = int(found.body.max())
     scene = Scene(
         name=ask.name,
         title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
-        folder=inputs,
-        setup=(*before, *found.setup, *said["spins"], said["state"]),
+        folder=Path(said["workplace"]),
+        room=str(room(folder)),
+        setup=(*before, *found.setup),
         group=found.group,
         bodies=found.bodies,
         constraints=found.constraints,
-        body_property=str(inputs / STATES / "bodies.npy"),
+        body_property=str(folder / "bodies.npy"),
         units=said["units"],
         dt=said["dt"],
         unit=number,
         sizes=(number,),
         subject=Path(ask.script).name,
-        then=tuple(line for line in then if line not in states),
+        then=tuple(then),
         columns=("econserve", "density"),
-        output=tuple(f"thermo_modify {key} {one}" for key, one in output.items()),
+        output=tuple(f"thermo_modify {key} {value}" for key, value in output.items()
+                     if value not in of_fixes),
         dimension=said["dimension"],
-    )
+    )  # fmt: skip
     late = []
     if said["sized"]:
         late.append(
             "Atoms may have moments of inertia of their own, as spheres and ellipsoids have. What "
             "is said here of the bodies' moments and of the turning in a step leaves these out."
         )
-    if said["oriented"] and said["skipped"]:
-        late.append(
-            "Atoms have directions of their own, as ellipsoids and dipoles have, and these are not "
-            "carried over from earlier runs: give a script that reads a data file of the state "
-            "behind them."
-        )
-    late += _late([commands[i] for i in range(first, len(commands)) if i not in gone])
-    if unknown := [f"{key} {one}" for key, one in computed(commands).items() if one in of_fixes]:
+    if unknown := [f"{key} {value}" for key, value in output.items() if value in of_fixes]:
         late.append(
             f"Left out, for a fix that is replaced makes these computes: thermo_modify "
             f"{' '.join(unknown)}."
         )
     if stray:
-        some = "; ".join(schemes.plain(commands[i]) for i in sorted(stray))
+        some = "; ".join(stray.values())
         late.append(f"Left out, for they change the step or end a run early: {some}.")
-        ids = {texts(commands[i])[1] for i in stray}
-        if readers := schemes.reading(ids, [*before, *then]):
-            some = "; ".join(map(schemes.plain, readers))
-            late.append(f"These read numbers of them, so no run begins with them: {some}.")
+        if readers := schemes.reading(stray, [*before, *then]):
+            late.append(
+                f"These read numbers of them, so no run begins with them: {'; '.join(readers)}."
+            )
     return scene, late
 
 
-def _keep(array: np.ndarray, folder: Path, path: Path) -> None:
+def _keep(array: np.ndarray, path: Path) -> None:
     """Write an array, whole or not at all: runs of another process may read it."""
-    part = folder / f"{path.name}.part"
+    part = path.with_suffix(".part")
     with open(part, "wb") as file:
         np.save(file, array)
     part.replace(path)
 
 
-def _late(then: Sequence[str]) -> list[str]:
-    """What is to be said of commands between the bodies' fix and an earlier run of it."""
-    last = max((i for i, line in enumerate(then) if texts(line)[0] in RUNS), default=0)
-    late = [line for line in then[:last] if remembers(line)]
-    if not late:
-        return []
-    some = "; ".join(map(schemes.plain, late[:6])) + " ..." * (len(late) > 6)
-    return [
-        "These stand before earlier runs, and find atoms here where the run that is compared "
-        f"begins: {some}."
-    ]
+def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
+    """What the first of these integrators that can begin leaves of ``run 0``, and why others
+    cannot."""
+    why: list[str] = []
+    for integrator in those:
+        job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
+        result = run.once(job, failures=True)
+        if not result.error:
+            return result, why
+        why.append(f"{integrator.label} cannot begin: {result.error}")
+    return None, why
 
 
-def _box(commands) -> int:
-    """Behind the command that makes the box."""
-    makes = "read_data", "create_box", "read_restart"
-    return 1 + max(i for i, line in enumerate(commands) if texts(line)[0] in makes)
-
-
-def _at_rest(scene, those, folder, ranks, silence) -> Scene:
+def _at_rest(scene, those, folder, how) -> Scene:
     """The scene with velocities of rigid bodies: what all integrators make of the script's.
 
     Raises:
         SystemExit: none that moves rigid bodies can begin.
     """
-    rigid = [one for one in those if one.kind in ("ours", "rigid")]
+    rigid = [integrator for integrator in those if integrator.kind in ("ours", "rigid")]
     if not rigid:
         return scene
-    state, made = scene.folder / STATES / "bodies.dump", folder / "bodies" / "state.dump"
+    state, made = folder / "bodies.dump", folder / "bodies" / "state.dump"
     if not state.exists():
-        how: dict = {"dt": scene.dt, "every": 0, "ranks": ranks, "silence": silence}
-        more, why = starts.to_dump(made, 1), []
-        for one in rigid:
-            result = run.run(run.job(scene, one, made.parent, [0], more=more, **how))
-            if not result.error:
-                made.replace(state)
-                break
-            why.append(f"{one.label} cannot begin: {result.error}")
-        else:
+        result, why = _begun(scene, rigid, made.parent, how, starts.to_dump(made, 1))
+        if result is None:
             raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
-    begun = starts.read(f"{STATES}/{state.name}", 0, scene.dimension, box=True)
-    return replace(scene, setup=(*scene.setup[:-1], begun))
+        made.replace(state)
+    begun = starts.read(f"{ALIAS}/script/{state.name}", 0, scene.dimension, box=True)
+    return replace(scene, setup=(*scene.setup, begun))
 
 
-def _otherwise(scene, those, said, atoms, folder, ranks, silence) -> list[str]:
+def _otherwise(scene, those, said, atoms, folder, how) -> list[str]:
     """What is to be said where the start is another system than the script has behind earlier runs:
-    these may have changed what is no motion of atoms, as charges, bonds, coefficients.
+    these may have changed coefficients that the script's commands set.
 
     Args:
         atoms: how many there are.
     """
     if not said["skipped"] or said["potential"] is None:
         return []
-    place = folder / "beginning"
-    how: dict = {"dt": scene.dt, "every": 1, "ranks": ranks, "silence": silence}
     more = (*run.thermo(), *scene.output)
-    for one in those:
-        job = run.job(scene, one, place, [0], more=more, **how)
-        result = run.once(job, failures=True)
-        if result.error or not len(result.thermo.get("PotEng", ())):
-            continue
-        here, there = float(result.thermo["PotEng"][0]), said["potential"]
-        scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
-        if abs(here - there) <= SAME * scale:
-            return []
-        return [
-            f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
-            "an earlier run changes more than the motion of atoms, as charges, bonds or "
-            "coefficients, or its variables count steps. So this is another system. Run the script "
-            "so far, keep it by write_data, and give one that reads that file."
-        ]
-    return []
+    result, _ = _begun(scene, those, folder / "beginning", how, more)
+    if result is None or not len(result.thermo.get("PotEng", ())):
+        return []
+    here, there = float(result.thermo["PotEng"][0]), said["potential"]
+    scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
+    if abs(here - there) <= SAME * scale:
+        return []
+    return [
+        f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
+        "an earlier run changes more than a restart file has, as coefficients of fix adapt, or its "
+        "variables count steps. So this is another system. Run the script so far, keep it by "
+        "write_data, and give one that reads that file."
+    ]

@@ -1,4 +1,8 @@
-"""What all figures share: colours, marks, style, and how they are drawn into a folder."""
+"""What all figures share: one style, colours that the colour-blind can tell, labels at the lines.
+
+A figure shows at most five lines that matter, has its message as its title (`message`), and labels
+its lines where they end (`label_ends`) instead of in a legend.
+"""
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -41,6 +45,18 @@ MARKS = {  # integrator: colour, marker; pale ones are variants of the one befor
     "rattle": ("#bfa5cf", "v"),
 }
 MISSED = "#b00000"
+# Okabe and Ito's colours (jfly.uni-koeln.de/color), by what is drawn; each has a marker, too
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
+    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
+)
+FAMILIES = {  # of schemes: colour and marker
+    "ours": (BLUE, "o"),
+    "rigid/nve": (ORANGE, "s"),
+    "rigid/nve/small": (GREEN, "^"),
+    "shake": (RED, "v"),
+    "other": (PURPLE, "D"),
+}
+LINE = 9.0  # points that a label needs in height
 Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
 
 
@@ -66,6 +82,40 @@ def draw_each(
                 plt.close(figure)
                 made.append((path, caption))
     return made
+
+
+def message(figure: Figure, text: str) -> None:
+    """What a figure says, as its title, from the left edge."""
+    figure.suptitle(text, x=0.01, ha="left", fontsize=12, fontweight="bold")
+
+
+def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> None:
+    """Labels right of an axis for lines that end at these places, apart from each other.
+
+    Args:
+        ends: of each line (x, y, text, colour); call it when limits and scales are set.
+    """
+    figure = axis.figure
+    assert isinstance(figure, Figure)
+    figure.draw_without_rendering()
+    step = LINE * figure.dpi / 72 * 1.25
+    left, bottom = axis.transAxes.transform((0, 0))
+    right, top = axis.transAxes.transform((1, 1))
+    at = [(axis.transData.transform((x, y)), text, colour) for x, y, text, colour in ends]
+    at.sort(key=lambda one: one[0][1])
+    places = [place[1] for place, *_ in at]
+    for index in range(1, len(places)):
+        places[index] = max(places[index], places[index - 1] + step)
+    over = max(0.0, places[-1] - top + step / 2) if places else 0.0
+    for (place, text, colour), y in zip(at, places):
+        share = (y - over - bottom) / (top - bottom)
+        end = ((place[0] - left) / (right - left), (place[1] - bottom) / (top - bottom))
+        arrow = {"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 0, "shrinkB": 3}
+        axis.annotate(
+            *(text, end, (1.03, share)),
+            xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow,
+            color=colour, fontsize=LINE, va="center", annotation_clip=False,
+        )  # fmt: skip
 
 
 def whiskers(spreads: Sequence[Spread]) -> tuple[np.ndarray, np.ndarray]:

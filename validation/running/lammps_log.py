@@ -77,12 +77,6 @@ def timings(text: str) -> list[Loop]:
     return result
 
 
-def atoms_in_bodies(text: str) -> int | None:
-    """Number of atoms in rigid bodies, as ours and LAMMPS's rigid fixes write it, or None."""
-    match = re.search(r"^ *\d+ rigid bodies with (\d+) atoms", text, re.M)
-    return int(match.group(1)) if match else None
-
-
 def error(text: str) -> str | None:
     """The first error message in a log, or None."""
     match = re.search(r"^ERROR.*", text, re.M)

@@ -20,6 +20,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
+from ..own import recorder
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
@@ -63,6 +64,9 @@ class Job:
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
         motion: whether velocities, masses and topology are kept with the positions.
+        room: see ``Scene``; what the run writes goes into a room of its own.
+        worker: file of the harness that does it, by its place there; empty for LAMMPS's.
+        given: what another worker is given, plain data.
     """
 
     directory: str
@@ -75,6 +79,9 @@ class Job:
     silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
+    room: str = ""
+    worker: str = ""
+    given: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -153,6 +160,7 @@ def job(
         silence=silence,
         origin=origin,
         motion=keeps == "motion",
+        room=scene.room,
     )
 
 
@@ -184,8 +192,10 @@ def run(
     path = directory / "job.json"
     whole.write(path, asdict(job))
     interrupted = False
-    words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
+    worker = WORKER.parents[1] / job.worker if job.worker else WORKER
+    words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
+    how |= recorder.environment(job.room, directory / "room", how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:
         try:
             with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:

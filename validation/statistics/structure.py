@@ -108,6 +108,17 @@ class Motion:
         body = self.bodies[rows]
         return rows[(body[:, 0] != 0) & (body == body[:, :1]).all(axis=1)]
 
+    def turning(self, dimension: int) -> int:
+        """Degrees of freedom of all bodies' turning."""
+        found = 0
+        for group in self.groups:
+            bodies, atoms = group.shape
+            if atoms > 1 and dimension == 2:
+                found += bodies
+            elif atoms > 1:
+                found += 3 * bodies - int(_straight(self._parts(self.x[0], group)[1]).sum())
+        return found
+
     def kinetic(self, frames: Sequence[int] | slice) -> np.ndarray:
         """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as
         a whole: (frames, bodies), kcal/mol."""

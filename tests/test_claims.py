@@ -1,0 +1,733 @@
+"""The verb claims: its loop, and judgements on numbers that are known.
+
+Statistical checks use fixed random seeds.
+"""
+
+import dataclasses
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import BIN, Silent, read_thermo
+from scipy.spatial.transform import Rotation
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import RESULTS, __main__, pages
+from validation.claims import long_run, measure, paper, published, report, theory
+from validation.claims.plan import Bench, Series, Simulation
+from validation.claims.top import free_top
+from validation.running import machine, run
+from validation.sample.scenes import SCENES as SAMPLED
+from validation.scenes import INPUTS, SCENES
+from validation.scenes import peptide as paper_peptide
+from validation.scenes.data_file import data_file
+from validation.scenes.integrators import INTEGRATORS, PAPER, Integrator
+from validation.statistics import measures
+from validation.statistics.check import Check
+
+WORD = {True: "holds", None: "cannot tell", False: "does not hold"}
+
+
+def bench(out, *names, **more):
+    """What a command asks for that names these."""
+    made = Bench(out, **more)
+    made.names, made.meter = set(names), Silent()
+    return made
+
+
+def claims(out, *words):
+    """The verb's exit status, and the summary of its one list."""
+    status = __main__.main(["claims", *words, "--out", str(out)])
+    name = words[0].partition("/")[0]
+    return status, json.loads((out / name / "summary.json").read_text())
+
+
+# ---- the loop
+
+
+def simulation(integrator="nosquish", name="test", scene="dimer", **more):
+    usual: dict = {"scene": SCENES[scene], "dt": paper.DIMER_DT, "steps": 40, "every": 10}
+    return Simulation(name, name, integrator=PAPER[integrator], **usual | more)
+
+
+def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
+    """Locks out a result of other code, of other input files or of another start that is taken
+    over."""
+    asked, path = bench(tmp_path), simulation(start=("first", 0))
+    dump = asked.runs / "first" / "state.dump"
+    dump.parent.mkdir(parents=True)
+    dump.write_text("one")
+    found = [path.job(asked).origin, simulation("shake").job(asked).origin]
+    assert path.job(asked).origin == found[0]
+    dump.write_text("two")
+    found.append(path.job(asked).origin)
+    monkeypatch.setattr(machine, "package_hash", lambda: "other code")
+    found.append(path.job(asked).origin)
+    assert simulation("shake").job(asked).origin == found[1], "fix shake is no code of ours"
+    monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
+    found.append(path.job(asked).origin)
+    other = dataclasses.replace(SCENES["dimer"], folder=SCENES["water"].folder)
+    found.append(dataclasses.replace(path, scene=other).job(asked).origin)
+    assert len(set(found)) == len(found)
+
+
+@pytest.mark.timeout(120)
+def test_long_run(tmp_path, monkeypatch):
+    """Locks out a run that is done again although it is complete, and a measure that calls a
+    changed body unchanged: in the dump one velocity is multiplied by 1 + 1e-9."""
+    monkeypatch.setattr(long_run, "SHORT", 300)
+    status, summary = claims(tmp_path, "long-run/nosquish")
+    assert status == 0 and [row["steps"] for row in summary["runs"]] == [300, 300]
+    for row in summary["runs"]:
+        assert 0 < max(row["angular_momentum"], row["momentum"], row["shape"]) < 1e-12
+    assert summary["runs"][0]["energy"] < 1e-12 < summary["runs"][1]["energy"] < 1e-3
+    assert {check["verdict"] for check in summary["checks"]} == {"holds", ""}
+    dump = tmp_path / "long-run" / "runs" / "nosquish-short" / "atoms.dump"
+    lines = dump.read_text().splitlines()
+    words = lines[-1].split()
+    words[5] = repr(float(words[5]) * (1 + 1e-9))
+    dump.write_text("\n".join([*lines[:-1], " ".join(words)]) + "\n")
+    changed = claims(tmp_path, "long-run/nosquish")[1]
+    assert changed["runs"][0]["shape"] == summary["runs"][0]["shape"]
+    for key in "energy", "angular_momentum", "momentum":
+        assert 1e-12 < changed["runs"][0][key] < 1e-8, key
+    assert [check["verdict"] for check in changed["checks"]].count("does not hold") == 3
+
+
+@pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
+def test_a_run_that_failed(tmp_path, monkeypatch, failing, status):
+    """Locks out a run that failed and is not told, one that is judged, and Gear's, which is
+    expected to, told as a failure."""
+    names = "nosquish", "gear", "shake"
+    wrong = Integrator("wrong", "wrong", ("no command",))
+    some = [simulation(name, name, may_fail=name == "gear") for name in names]
+    some = [
+        dataclasses.replace(one, integrator=wrong) if one.name == failing else one for one in some
+    ]
+    monkeypatch.setattr(paper, "CLAIMS", paper.CLAIMS._replace(plan=lambda _: some))
+    had, summary = claims(tmp_path, "paper")
+    assert had == status and list(summary["failed"]) == [failing] * status
+    errors = {row["name"]: row["error"] for row in summary["rows"]}
+    assert list(errors) == [*names] and {name for name in errors if errors[name]} <= {failing}
+    assert (tmp_path / "paper" / "report.html").exists()
+
+
+def test_an_interruption_keeps_what_there_is(tmp_path, monkeypatch):
+    """Locks out a traceback in place of a report, and a run that is judged and did not end."""
+    real, done = run.run, []
+
+    def interrupted(job, *more):
+        if done:
+            return run.Result("interrupted", {}, [], None, {}, interrupted=True)
+        done.append(job)
+        return real(job, *more)
+
+    monkeypatch.setattr(run, "run", interrupted)
+    some = [simulation(name=name) for name in ("a", "b", "c")]
+    monkeypatch.setattr(paper, "CLAIMS", paper.CLAIMS._replace(plan=lambda _: some))
+    status, summary = claims(tmp_path, "paper")
+    assert status == 130 and summary["interrupted"]
+    assert [row["name"] for row in summary["rows"]] == ["a"] and not summary["failed"]
+
+
+def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
+    """Locks out a part that runs others too, or leaves some of its own or its start out, a name
+    that is none, and an option that says nothing."""
+    asked = []
+    monkeypatch.setattr(measure, "measure", lambda name, _, bench: asked.append(bench) or 1 / 0)
+    words = ["claims", "--out", str(tmp_path)]
+    with pytest.raises(ZeroDivisionError):
+        __main__.main([*words, "paper/dimer-nosquish-1", "paper/water-matubayasi"])
+    (made,) = asked
+    assert made.names == {"dimer-nosquish-1", "dimer-nosquish-10", "water-matubayasi-nakahara"}
+    run_too = [one.name for one in measure._chosen(paper.CLAIMS, made)]
+    assert set(run_too) == {"dimer-starts"} | made.names
+    for more, told in (
+        ("paper/trimer", "begins with trimer"),
+        ("trimer", "there is no list trimer: choose from theory"),
+        ("theory --time 1", "--time is for paper and published"),
+        ("examples", "--lammps"),
+    ):
+        with pytest.raises(SystemExit) as end:
+            __main__.main([*words, *more.split()])
+        assert end.value.code == 2 and told in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "long-run", "examples"])
+def test_committed_results_can_be_shown(tmp_path, name):
+    """Locks out a table or a page that does not follow from a committed summary, or is another."""
+    summary = json.loads((RESULTS / name / "summary.json").read_text())
+    said = report.said(summary)
+    pages.write(said, summary, tmp_path)
+    tables = sorted((RESULTS / name).glob("*.csv"))
+    assert tables and all(
+        path.read_bytes() == (tmp_path / path.name).read_bytes() for path in tables
+    )
+    verdicts = Counter(check["verdict"] for check in summary["checks"] if check["verdict"])
+    assert said.answer.startswith(f"{verdicts['holds']} of {verdicts.total()} ")
+    assert {check["part"] for check in summary["checks"]} <= said.parts.keys()
+
+
+# ---- theory
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_exact_top_obeys_the_equations_of_motion(seed):
+    """Locks out a wrong modulus, sign, branch or direction of the elliptic functions, an angle
+    about the angular momentum that loses whole turns, and one of the two kinds of motion:
+    Euler's equations, dA^T/dt = A^T [w], and the start itself."""
+    rng = np.random.default_rng(seed)
+    moments, q = np.array([3.0, 1.7, 0.8]), rng.normal(size=4)
+    q /= np.linalg.norm(q)
+    axis = np.eye(3)[2 * (seed % 2)]  # the motion circles about this one
+    L = rng.normal(size=3) * 0.3 + axis * (-1) ** seed
+
+    def at(time):
+        q_then, L_then = free_top(q, L, moments, time)
+        return Rotation.from_quat(q_then, scalar_first=True).as_matrix(), L_then
+
+    turn, spin = at(0.0)
+    begin = Rotation.from_quat(q, scalar_first=True).as_matrix()
+    np.testing.assert_allclose(turn, begin, atol=1e-14)
+    np.testing.assert_allclose(spin, L, atol=1e-14)
+    h = 1e-3
+    for time in (-31.0, 0.0, 0.4, 5.0, 200.0):
+        turn, spin = at(time)
+        weights = (-2, 1), (-1, -8), (1, 8), (2, -1)
+        slopes = [sum(c * at(time + k * h)[i] for k, c in weights) / (12 * h) for i in (0, 1)]
+        w = spin / moments
+        cross = np.cross(np.eye(3), w)  # [w] times a vector is w x that vector
+        np.testing.assert_allclose(slopes[0], turn @ cross, atol=1e-9)
+        np.testing.assert_allclose(slopes[1], np.cross(spin, w), atol=1e-9)
+
+
+def test_form_sees_what_is_not_symplectic():
+    """Locks out a measure that calls a map symplectic that is not, or misses a change of volume:
+    shears and stretches."""
+    shear, basis = np.eye(4), np.eye(4)[:, [0, 2]]
+    shear[:2, 2:] = [[1.0, 0.3], [0.3, -2.0]]
+    assert theory.form((basis, 0.0), (shear @ basis, 1e-9)) == (0.0, 0.0, 1e-9)
+    turned = shear.copy()
+    turned[0, 3] += 1e-6  # the force has a curl
+    whole = np.eye(4), 0.0
+    defect, volume, _ = theory.form(whole, (turned, 0.0))
+    assert defect == pytest.approx(1e-6, rel=1e-6) and volume < 1e-12
+    stretched = shear @ np.diag([1 + 1e-6, 1, 1, 1])
+    defect, volume, _ = theory.form(whole, (stretched, 0.0))
+    assert defect == pytest.approx(1e-6, rel=0.5) and volume == pytest.approx(1e-6, rel=1e-3)
+
+
+SOME = "NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"  # and shake at both ends
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Theory with few of its runs."""
+    tolerances = "1e-4", "1e-12"
+    some = [
+        one
+        for one in theory.INTEGRATORS
+        if one.name in SOME or (one.name == "shake" and one.tolerance in map(float, tolerances))
+    ]
+    monkeypatch.setattr(theory, "INTEGRATORS", some)
+    monkeypatch.setattr(theory, "TOLERANCES", tolerances)
+    monkeypatch.setattr(theory, "SHADOWED", {"NO_SQUISH, m_rot 2": " mrot 2"})
+    monkeypatch.setattr(theory, "MULTIPLES", (1.0, 2.0, 4.0))
+    return some
+
+
+@pytest.mark.timeout(300)
+def test_the_theory_holds(tmp_path, few):
+    """Locks out a step that loses what the paper proves of it, and measures that let a scheme pass
+    that does not have it: each holds for ours, and not for others where it must not."""
+    status, summary = claims(tmp_path, "theory")
+    assert status == 0 and {check["verdict"] for check in summary["checks"]} == {"holds"}
+    assert Counter(check["part"] for check in summary["checks"]) == {
+        "reversal": len(SOME) + 3, "symplectic": 2 + 3 + 2 + 3, "conserved": 2, "rotors": 3
+    }  # fmt: skip
+    rows = summary["data"]["reversal"]["runs"]
+    left = {(row["name"], row["tolerance"]): row["distance"][-1] for row in rows}
+    for key in ("Gear", None), ("rigid", None), ("shake", 1e-4):
+        assert left[key] > 1e-5, f"{key} is reversible"
+
+
+@pytest.mark.timeout(300)
+def test_another_scheme_is_found(tmp_path, monkeypatch, few):
+    """Locks out checks that say of any scheme what they say of ours: Richardson's in its place, and
+    a split rotation in that of the exact one."""
+    lines = next(one.lines for one in few if one.name == "rigid")
+    wrong = dataclasses.replace(few[0], lines=lines, kind="rigid")
+    monkeypatch.setattr(theory, "INTEGRATORS", [wrong])
+    monkeypatch.setattr(theory, "ROTORS", {"split": " rotor exact", "exact": ""})
+    status, summary = claims(tmp_path, "theory/reversal", "theory/symplectic", "theory/rotors")
+    assert status == 1 and {check["verdict"] for check in summary["checks"]} == {"does not hold"}
+    assert {check["part"] for check in summary["checks"]} == {"reversal", "symplectic", "rotors"}
+
+
+# ---- the paper
+
+
+def made(name, total, scene="dimer", dt=3.0, every=10, integrator="nosquish", **more):
+    """A series with this total energy."""
+    total = np.asarray(total, float)
+    path = simulation(integrator, name, scene, dt=dt, steps=every * (len(total) - 1), every=every)
+    time = np.arange(len(total)) * every * dt / 1000
+    kinetic, temperature = np.full(len(total), 2000.0), np.full(len(total), 300.0)
+    usual: dict = {"kinetic": kinetic, "temperature": temperature} | more
+    return Series(path, None, Path(), time, total, **usual)
+
+
+def noise(size, seed, n=4000, level=-10000.0):
+    return level + size * np.random.default_rng(seed).normal(size=n)
+
+
+def judged(found):
+    return paper.judge(found, bench(Path()))
+
+
+def claim(found, *words):
+    """The one check that has all these words, of its subject and number."""
+    (one,) = [
+        check
+        for check in judged(found)["checks"]
+        if all(word in f"{check['subject']}, {check['what']}" for word in words)
+    ]
+    return one
+
+
+def dimers(scatter, count=16):
+    """NO_SQUISH and reference 12 from some starts: the same sd, other means."""
+    means = np.random.default_rng(3).normal(size=(2, count))
+    means *= [[0.1], [0.1 * scatter]] / means.std(axis=1, keepdims=True)
+    names = "nosquish", "matubayasi-nakahara"
+    return {"dimer-starts": made("x", noise(1.0, 99), temperature=noise(20.0, 98, level=154.0))} | {
+        f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000 + means[k, n]))
+        for k, name in enumerate(names)
+        for n in range(count)
+    }
+
+
+@pytest.mark.parametrize("scatter, holds", [(8.0, True), (1.0, None), (0.1, False)])
+def test_who_wanders_from_start_to_start(scatter, holds):
+    """Locks out the ratio turned round, a verdict within the errors, and the deviation along a
+    trajectory taken for that of the means."""
+    found = dimers(scatter)
+    one = claim(found, "reference 12 over NO_SQUISH", "scatter of")
+    assert one["value"] == pytest.approx(np.log10(scatter), abs=4 * one["error"])
+    assert one["verdict"] == WORD[holds]
+    soon = claim(found, "first 0.5 ps")
+    assert soon["value"] == pytest.approx(1.0, abs=4 * soon["error"])
+    warm = claim(found, "mean temperature")
+    assert warm["value"] == pytest.approx(154.0, abs=5 * warm["error"])
+    assert warm["error"] == pytest.approx(20.0 / np.sqrt(4000), rel=0.5)
+
+
+@pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
+def test_who_is_more_accurate_on_the_dimer(size, holds):
+    """Locks out the ratio turned round, other starts' trajectories that are compared, and the
+    scatter of one ratio for the error of the mean."""
+    found, own = dimers(1.0), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
+    for n, of_both in enumerate(own, 1):
+        parts = {"nosquish": 1.0, "matubayasi-nakahara": size * (1.0 + 0.1 * (-1) ** n)}
+        for name, part in parts.items():
+            found[f"dimer-{name}-{n}"].total = noise(of_both * part, n, level=-9000)
+    one = claim(found, "reference 12 over NO_SQUISH", "average measure")
+    assert one["value"] == pytest.approx(size, rel=0.03) and one["verdict"] == WORD[holds]
+    assert one["error"] == pytest.approx(0.1 * size / np.sqrt(15), rel=0.1)
+
+
+@pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
+def test_who_is_more_accurate_in_the_liquid(size, holds):
+    """Locks out the ratio turned round, a verdict within the errors, a wander that is left out, a
+    claim from a trajectory that ended early, and a length that the claim does not tell."""
+    found = {"water-nosquish": made("a", noise(1.0, 1), "water")}
+    found["water-matubayasi-nakahara"] = made("b", noise(size, 2), "water")
+    one = claim(found, "more accurate", "120 ps")
+    assert one["value"] == pytest.approx(size, abs=5 * one["error"]) and one["error"] < 0.05
+    assert one["verdict"] == WORD[holds]
+    steps = np.repeat(np.random.default_rng(3).normal(size=8) * 2 * size, 500)
+    found["water-matubayasi-nakahara"].total += steps
+    assert claim(found, "more accurate")["value"] > 1.5 * size
+    wander = claim(found, "wander")
+    assert wander["value"] > 1 and wander["verdict"] == "holds"
+    found["water-matubayasi-nakahara"].error = "interrupted"
+    assert {check["subject"] for check in judged(found)["checks"]} == {"NO_SQUISH"}
+    assert len(judged(found)["rows"]) == 2
+
+
+def test_who_drifts():
+    """Locks out a drift that passes for stable, chance that passes for a drift, and stable by
+    large errors."""
+    t = np.arange(4000) * 0.03
+    steady = made("a", noise(1.0, 3, 40_000), "peptide", every=1)
+    drifting = made("b", noise(1.0, 4) + 0.1 * t, "peptide", integrator="rigid/small")
+    beside, loud = {"peptide-rigid/small": drifting}, made("c", noise(300.0, 5), "peptide")
+
+    def verdict(one, **more):
+        return claim({"peptide-nosquish": one} | more, "NO_SQUISH", "stable")["verdict"]
+
+    assert verdict(steady) == verdict(steady, **beside) == "holds"
+    assert verdict(drifting) == verdict(drifting, **beside) == "does not hold"
+    assert verdict(loud, **beside) == "cannot tell"
+    assert claim(beside, "drifts")["verdict"] == "holds"
+    assert claim({"peptide-rigid/small": steady}, "drifts")["verdict"] == "does not hold"
+    starts = dimers(1.0)
+    assert claim(starts, "reference 12, stable")["verdict"] == "holds"
+    for one in starts.values():
+        one.total += 0.1 * one.time
+    assert claim(starts, "reference 12, stable")["verdict"] == "does not hold"
+
+
+@pytest.mark.parametrize(
+    "size, equal, within", [(1.0, True, True), (1.085, True, False), (1.3, False, False)]
+)
+def test_who_is_equal(size, equal, within):
+    """Locks out a difference that passes since errors are large, one that does since it is small,
+    and the root mean square for the mean in the average measure."""
+    found = {
+        "peptide-nosquish-123": made("a", noise(size, 1), "peptide"),
+        "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide"),
+    }
+    assert claim(found, "equal: sd")["verdict"] == WORD[equal]
+    assert claim(found, "equal within")["verdict"] == WORD[within]
+    measured = claim(found, "rigid/nve/small, average measure")
+    assert measured["value"] == pytest.approx(np.sqrt(2 / np.pi) * 1e-4, rel=0.05)
+    uneven = noise(1.0, 3, level=0.0) * np.repeat(np.linspace(0.4, 1.6, 8), 500) - 10000
+    found["peptide-nosquish-123"] = made("a", uneven, "peptide")
+    unknown = claim(found, "equal: sd")["verdict"], claim(found, "equal within")["verdict"]
+    assert unknown == ("cannot tell", "cannot tell")
+
+
+def test_gear_is_held_against_the_same_starts():
+    """Locks out a ratio of other starts' runs, Gear's first steps taken for its error, a run
+    that ended early left out, and a drift that chance makes."""
+    found = {}
+    for n, size in enumerate((0.01, 0.1, 1.0), 1):
+        found[f"dimer-nosquish-{n}"] = made("a", noise(size, n), dt=1.0)
+        found[f"dimer-gear-{n}"] = made("b", noise(2 * size, 10 + n), dt=1.0)
+        found[f"dimer-gear-{n}"].total[:3] -= 5000.0  # of 10 steps each
+    one = claim(found, "Gear over NO_SQUISH", "average measure")
+    assert one["value"] == pytest.approx(2.0, rel=0.03) and one["verdict"] == "holds"
+    assert claim(found, "Gear, dimer", "drifts")["verdict"] == "does not hold"
+    far = claim(found, "far more accurate")
+    assert far["value"] is None and far["verdict"] == "cannot tell", "over a drift that may be none"
+    for part, word in (0.0, "holds"), (0.05, "holds"), (0.5, "does not hold"):
+        again = {name: dataclasses.replace(one) for name, one in found.items()}
+        for name, one in again.items():
+            one.total = one.total + (10.0 if "gear" in name else 10.0 * part) * one.time
+        far = claim(again, "far more accurate")
+        assert far["value"] == pytest.approx(part, abs=0.01) and far["verdict"] == word
+    gear = made("b", [-9000, -8000, 1e9], "water", integrator="gear")
+    gear.error = "lost atoms"
+    one = claim({"water-gear": gear}, "unstable")
+    assert one["verdict"] == "holds" and "lost atoms" in one["note"]
+    gear = made("b", [-9000, -8999, -9001], "water")
+    assert claim({"water-gear": gear}, "unstable")["verdict"] == "does not hold"
+
+
+def test_plans_are_what_the_paper_has(tmp_path):
+    """Locks out another step or a shorter run than the paper's, two trajectories that write to one
+    folder, and a start that no other run makes."""
+    plan = paper.plan(bench(tmp_path, full=True))
+    named = {one.name: one for one in plan}
+    assert len(named) == len(plan)
+    assert {one.start[0] for one in plan if one.start} == {"dimer-starts"} <= named.keys()
+    last = max(one.start[1] for one in plan if one.start)
+    assert last == named["dimer-starts"].steps == 32 * named["dimer-starts"].state
+    for name, dt, ps in (
+        ("dimer-nosquish-1", 0.3, 300),
+        ("peptide-nosquish", 3.0, 300),
+        ("peptide-shake", 3.0, 300),
+        ("water-nosquish", 3.0, 1000),
+    ):
+        assert named[name].dt == dt and named[name].steps * dt / 1000 >= ps
+    shorter = {one.name: one for one in paper.plan(bench(tmp_path, full=True, time=150.0))}
+    assert shorter["water-nosquish"].steps == 50_000
+
+
+RATTLE = """
+units real
+atom_style full
+read_data data.water
+pair_style zero 8.0
+pair_coeff * *
+bond_style zero
+bond_coeff 1 0.9572
+angle_style zero
+angle_coeff 1 104.52
+fix 1 all nve
+fix 2 all rattle 1e-10 100 0 b 1 a 1
+compute along all bond/local velvib
+compute largest all reduce max c_along inputs local
+compute smallest all reduce min c_along inputs local
+thermo_style custom step ke c_largest c_smallest
+thermo_modify norm no format float %.15g
+timestep 1.0
+thermo 10
+run 10
+"""
+
+
+def one_water(shift):
+    """LAMMPS data file of one turning molecule, moved along x and wrapped into its periodic box."""
+    half = np.radians(104.52 / 2)
+    x = np.array([[0, 0, 0], [np.sin(half), np.cos(half), 0], [-np.sin(half), np.cos(half), 0]])
+    v = np.cross([0.003, -0.002, 0.02], x * 0.9572)
+    x = np.add(x * 0.9572, [10.0 + shift, 10.0, 10.0]) % 20.0
+    terms = {"bonds": [(1, 1, 2), (1, 1, 3)], "angles": [(1, 2, 1, 3)]}
+    atoms, how = [[1, 1, 1], [1, 2, 2], [0, 0, 0], x], {"mass": [15.9994, 1.008], "terms": terms}
+    return data_file("full", atoms, (0, 20), velocities=[v], **how)
+
+
+def test_why_rattle_is_not_in_figure_3(run_lammps):
+    """Locks out the page's word on fix rattle once a LAMMPS has it right: the same molecule
+    keeps velocities along its bonds where it crosses a periodic face, and its kinetic energy is
+    another."""
+    inside = run_lammps(RATTLE, files={"data.water": one_water(0.0)}).thermo[-1]
+    across = run_lammps(RATTLE, files={"data.water": one_water(10.0)}).thermo[-1]
+    assert max(abs(inside["c_largest"]), abs(inside["c_smallest"])) < 1e-15
+    assert max(abs(across["c_largest"]), abs(across["c_smallest"])) > 1e-5
+    assert abs(across["KinEng"] / inside["KinEng"] - 1) > 1e-5
+
+
+@pytest.mark.timeout(120)
+def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
+    """Locks out constraints of wrong types: LAMMPS's own count of clusters is that of the bodies
+    in the data file."""
+    path = simulation("shake", steps=0, dt=1.0)
+    job = dataclasses.replace(path, scene=paper_peptide.scene()).job(bench(tmp_path))
+    result = run.run(job)
+    assert result.error is None
+    bodies = result.positions.bodies
+    sizes = Counter(Counter(bodies[bodies > 0].tolist()).values())
+    log = next(tmp_path.rglob("log.lammps")).read_text()
+    for words, number in (("size 2", sizes[2]), ("size 4", sizes[4]), ("frozen angles", sizes[3])):
+        line = next(line for line in log.splitlines() if words in line)
+        assert int(line.split()[0]) == number, line
+
+
+# ---- statistics of these
+
+
+@pytest.mark.parametrize(
+    "value, error, low, high, holds",
+    [
+        (1.0, 0.1, None, 1.3, True),
+        (1.0, 0.1, None, 1.1, None),
+        (1.0, 0.1, None, 0.9, None),
+        (1.0, 0.1, None, 0.7, False),
+        (1.0, 0.1, 0.7, None, True),
+        (1.0, 0.1, 0.9, None, None),
+        (1.0, 0.1, 1.3, None, False),
+        (1.0, 0.1, 0.7, 1.3, True),
+        (1.0, 0.2, 0.7, 1.3, None),
+        (1.0, 5.0, 0.7, 1.3, None),
+        (0.0, 0.0, 0.0, None, True),
+        (None, 0.0, 0.0, 1.0, None),
+        (float("nan"), 0.1, 0.0, 1.0, None),
+        (1.0, 0.1, None, None, None),
+    ],
+)
+def test_verdicts(value, error, low, high, holds):
+    """Locks out a bound that is turned round, chance that decides, and a number that was not
+    measured and passes."""
+    check = Check("part", "subject", "what", value, error, low, high)
+    assert check.holds is holds
+    assert check.verdict == ("" if low is high is None else WORD[holds])
+
+
+def test_random_walk_is_told_from_noise():
+    """Locks out a rate that is off by the time of a block, an error that is not the estimate's
+    scatter, and noise taken for a walk."""
+    t, rng = 0.02 * np.arange(2048), np.random.default_rng(9)
+    found = []
+    for _ in range(100):
+        white = rng.normal(size=len(t))
+        walk = np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02)
+        found.append(measures.random_walk(t, white + walk)[:2])
+    rates, errors = np.transpose(found)
+    assert rates.mean() == pytest.approx(3.0, rel=0.15)
+    assert errors.mean() == pytest.approx(rates.std(), rel=0.4)
+    still = [measures.random_walk(t, rng.normal(size=len(t)))[:2] for _ in range(20)]
+    assert np.mean([rate < 2.5 * error for rate, error in still]) > 0.8 and np.max(still) < 0.05
+
+
+@pytest.mark.parametrize("number", [4, 8, 16, 32])
+def test_the_ratio_of_two_scatters(number):
+    """Locks out a margin of a ratio that is symmetric where the ratio's error is not: of eight
+    values a ratio of 9 was none yet, and two equal scatters were told apart in 6 instead of 2.5 %,
+    to one side; and parts of a walk taken for independent ones, 17 %."""
+    rng = np.random.default_rng(number)
+
+    def sides(pairs, *freedom):
+        found = [measures.scatters_apart(*both, *freedom) for both in pairs]
+        over = [[one.value > one.margin, one.value < -one.margin] for one in found]
+        return np.mean(over, axis=0), found[-1].margin
+
+    told, _ = sides(rng.normal(size=(4000, 2, number)))
+    assert np.abs(told - 0.025).max() < 0.009
+    walks = np.cumsum(rng.normal(size=(2000, 2, number * 16)), axis=2)
+    means = walks.reshape(2000, 2, number, 16).mean(axis=3)
+    told, wide = sides(means, measures.freedom_of_walk(number))
+    assert told.max() < 0.04 and (wide > 1.3 * sides(means)[1] or number == 4)
+
+
+# ---- published numbers
+
+
+def result(sd, error=None, slope=0.0):
+    """A complete run whose energy has this standard deviation about a line with this slope,
+    kcal/mol/ps."""
+    time = np.arange(4000) * 0.01
+    energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time
+    shadow = np.concatenate([[np.nan], 0.05 * (energy[1:] - energy.mean())])
+    return Series(None, error, Path(), time, energy, *[np.empty(0)] * 2, shadow)
+
+
+def beside(times, part="spread", **more):
+    """Checks of a part, by time step, where each spread is so many times the published one."""
+    scale = 20.0 if part == "shadow" else 1.0
+    published_ones = published.PUBLISHED[part]
+    found = {
+        f"{dt:g}-fs": result(scale * x * published_ones[dt], **more) for dt, x in times.items()
+    }
+    return {check.subject: check for check in published.checks(part, found)}
+
+
+def test_published_numbers_have_errors_too():
+    """Locks out verdicts that take published numbers as exact, variances held against standard
+    deviations, and the spread of what a run left before it failed."""
+    of = {2.0: 1.0, 3.0: 1.07, 4.0: 1.3}
+    checks = beside(of)
+    assert [checks[f"{dt:g} fs"].holds for dt in of] == [True, None, False]
+    for dt, x in of.items():
+        check = checks[f"{dt:g} fs"]
+        assert check.value == pytest.approx(x, abs=5 * x / np.sqrt(2 * 4000))
+        assert 0.027 * x < check.error < 0.035 * x
+    assert checks["1 fs"].value is None and "not begun" in checks["1 fs"].note
+    assert published.ALL not in checks
+    lost = beside({3.0: 1.0}, error="Lost atoms")["3 fs"]
+    assert lost.value is None and "Lost atoms" in lost.note and lost.verdict == "cannot tell"
+
+
+def test_all_steps_together():
+    """Locks out a mean whose error is that of one number, and one that counts all alike: by
+    hand, weights 1/x² and the error of one over 2."""
+    of = {1.0: 1.0, 2.0: 1.02, 3.0: 0.98, 4.0: 1.2}
+    *each, together = beside(of).values()
+    weights = np.array(list(of.values())) ** -2.0
+    assert together.subject == published.ALL
+    mean = weights @ [check.value for check in each] / weights.sum()
+    assert together.value == pytest.approx(mean, abs=1e-3)
+    assert together.error == pytest.approx(0.0296 / np.sqrt(weights.sum()), rel=0.05)
+
+
+def test_shadow_energies_and_drifts():
+    """Locks out a spread that is another column's or another step's, one that the first sample
+    spoils, which is not known, a verdict against a spread that is smaller, and a drift that passes
+    for a spread: its number and the spread about the line stand beside it."""
+    of = {1.0: 0.5, 2.0: 1.5}
+    checks = beside(of, "shadow")
+    for dt, x in of.items():
+        assert checks[f"{dt:g} fs"].value == pytest.approx(x, rel=0.1)
+    assert [checks[f"{dt} fs"].holds for dt in (1, 2, 3)] == [True, False, None]
+    still, drifting = (beside({2.0: 1.0}, slope=slope)["2 fs"].note for slope in (0.0, 0.5))
+    told = r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)"
+    assert "drifts" not in still and re.search(told, drifting)
+
+
+def test_each_number_says_where_it_comes_from():
+    """Locks out numbers that are called printed ones: each and its error are worked out here,
+    from a file of the authors, which table, page and documentation name."""
+    for dt, check in zip(published.PUBLISHED["spread"], beside({1.0: 1.0}).values()):
+        told = f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
+        assert told in check.source
+    summary = json.loads((RESULTS / "published" / "summary.json").read_text())
+    written = (INPUTS.parent / "docs" / "results" / "water.md").read_text()
+    for text in " ".join(report.said(summary).notes.values()), written:
+        for words in "NVE_1fs.csv", "S1.csv", "github.com/craabreu/rigid_nvt", published.SERIES:
+            assert words in text
+    assert pytest.approx(1 / np.sqrt(2 * 667)) == published.THEIR_ERROR
+    assert f"{published.ENERGIES} energies" in written
+
+
+def test_the_start_is_what_is_said_to_be_matched():
+    """Locks out other water: charges, number, density, molecules that building the file has
+    bent, and the temperature."""
+    text = (published.scene().folder / "data.smooth").read_text()
+    header, rows, *_ = re.split(r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n", text)
+    atoms = np.array([line.split() for line in rows.splitlines()], float)
+    atoms = atoms[np.argsort(atoms[:, 0])]
+    side = float(re.search(r"0 (\S+) xlo xhi", header)[1])
+    x = (atoms[:, 4:7] + side * atoms[:, 7:10]).reshape(-1, 3, 3)
+    charges = atoms[:, 3].reshape(-1, 3)
+    assert x.shape[0] == 903 and np.all(charges == [-0.83, 0.415, 0.415])
+    assert 903 * 18.0154 / 0.602214076 / side**3 == pytest.approx(0.97, rel=1e-9)
+    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
+    lengths = np.linalg.norm([first, second], axis=2)
+    np.testing.assert_allclose(lengths, 0.9572, rtol=0, atol=1e-9)
+    angles = np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0)))
+    np.testing.assert_allclose(angles, 104.52, rtol=0, atol=1e-7)
+    assert pytest.approx(306.1, abs=0.1) == published.TEMPERATURE
+
+
+@pytest.mark.timeout(120)
+def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
+    """Locks out time steps that do not start from the same atoms, runs that are done twice, and
+    a scene that does not run by itself, or is another one there."""
+    for name, value in (("BATH", 0.004), ("MEAN", 0.004), ("REST", 0.008)):
+        monkeypatch.setattr(published, name, value)
+    words = "published", "--time", "0.008", "--ranks", "1"
+    claims(tmp_path, *words)
+    asked = bench(tmp_path / "published", time=0.008)
+    _, *every = published.plan(asked)
+    starts = [run.collect(one.job(asked).directory).thermo["TotEng"][0] for one in every]
+    assert len(starts) == 4 and starts == pytest.approx([starts[0]] * 4, rel=1e-9)
+    log = asked.runs / "2-fs" / "log.lammps"
+    before = log.stat().st_mtime_ns
+    claims(tmp_path, *words)
+    assert log.stat().st_mtime_ns == before
+    log = tmp_path / "alone.log"
+    command = [str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"]
+    how = {"cwd": published.scene().folder, "capture_output": True, "timeout": 100}
+    assert subprocess.run(command, **how).returncode == 0
+    alone = Simulation("alone", "", published.scene(), INTEGRATORS["nosquish"], 2.0, 0, 1)
+    energy = run.run(alone.job(asked)).thermo["PotEng"][0]
+    assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(energy, rel=1e-6)
+
+
+SHIFTED = """
+import numpy as np
+from lammps import lammps
+
+lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
+lmp.commands_list([*{setup!r}, "thermo_modify norm no", "run 0"])
+x, force = (np.array(lmp.gather_atoms(name, 1, 3)) for name in ("x", "f"))
+molecules = np.random.default_rng(3).normal(size=(lmp.get_natoms() // 3, 3))
+move = np.repeat(molecules, 3, axis=0).ravel()
+energies = []
+for way in 1e-4, -1e-4:
+    lmp.scatter_atoms("x", 1, 3, np.ctypeslib.as_ctypes(x + way * move))
+    lmp.command("run 0")
+    energies.append(lmp.get_thermo("pe"))
+print("SLOPES", (energies[0] - energies[1]) / 2e-4, -force @ move)
+"""
+
+
+@pytest.mark.parametrize(
+    "scene", [published.scene(), SAMPLED["water"](None).scene], ids=lambda one: one.name
+)
+def test_forces_are_the_slope_of_the_energy(run_lammps, scene):
+    """Locks out an energy that jumps where pairs come into the cutoff: it would fluctuate
+    whatever the time step."""
+    setup = [f"shell cd {scene.folder}", *scene.setup]
+    screen = run_lammps(SHIFTED.format(setup=setup), launcher=[sys.executable]).screen
+    measured, expected = map(float, screen.split("SLOPES")[1].split())
+    assert abs(measured - expected) < 0.1  # a jump gives 5 and more

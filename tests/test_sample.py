@@ -1,0 +1,539 @@
+"""What averages cost with their error: the verb's plan, numbers, verdicts and runs."""
+
+import gzip
+import json
+import re
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from conftest import BIN, read_thermo
+
+from validation import __main__
+from validation.experiment import Point
+from validation.running import rounds, run
+from validation.running.lammps_log import Loop
+from validation.sample import criteria, measure, runs, scenes, schemes
+from validation.sample.observables import BY_KEY, of_momentum
+from validation.sample.plan import DIPOLE, Lengths
+from validation.sample.runs import Runs
+from validation.statistics.estimate import Estimate
+
+KT = 0.0019872067 * 298.0  # kcal/mol
+N, SAMPLES, VOLUME = 512, 40000, 15360.0
+GAS = KT / VOLUME * 68568.415  # atm, of one molecule
+
+
+def planned(name="water", folder=None):
+    return scenes.SCENES[name](folder)
+
+
+def runs_of(plan, folder, time=1.0, starts=1):
+    return Runs(plan, Lengths(time, starts), folder, 60.0)
+
+
+# ---- the plan
+
+
+@pytest.mark.parametrize("name", scenes.SCENES)
+def test_what_runs(name, tmp_path):
+    """Locks out a scheme at another state than the one that its numbers count on, words that LAMMPS
+    cuts, points of another distribution that count for the limit (in the peptide shake holds less
+    than rigid fixes), and trajectories that a sample or a run cuts."""
+    plan = planned(name, tmp_path)
+    points = plan.points()
+    some = runs_of(plan, tmp_path, starts=2)
+    names = [trajectory.name for trajectory in some.trajectories(points)]
+    assert len(set(names)) == len(names) == 2 * (1 + len(points))
+    assert set(plan.known) <= set(points) and len(set(points)) == len(points)
+    others = {"rigid/nvt/small", "langevin-20-step"} | {
+        one for one in plan.schemes if plan.schemes[one].first
+    }
+    if name == "peptide":
+        others |= {one for one in plan.schemes if one.startswith("shake")}
+    alone = {one for one, scheme in plan.schemes.items() if scheme.reach is None}
+    assert alone == others & set(plan.schemes)
+    certain = {"nh", "npt-mtk", "rigid/nvt/small", "rigid/npt/small", "shake+npt", "shake+nvt"}
+    for scheme in plan.schemes.values():
+        if scheme.engine:
+            continue
+        words = " ".join(scheme.seeded(1).commands(plan.scene))
+        assert (
+            f" {scheme.temperature:g} " in words and schemes.SEED not in words and "{" not in words
+        )
+        same = words == " ".join(scheme.seeded(2).commands(plan.scene))
+        assert same == ((scheme.first or scheme.name) in certain)
+        pressure = (
+            "" if scheme.pressure is None else f" iso {scheme.pressure:g} {scheme.pressure:g} "
+        )
+        assert pressure in words and (" iso " in words) == bool(pressure)
+        for dt in scheme.steps:
+            lengths = Lengths(1.0)
+            for steps in (*lengths.runs(dt, scheme.stride), lengths.every(dt, scheme.stride)):
+                assert steps % scheme.stride == 0
+    short = plan.points(short=True)
+    assert set(plan.known) <= set(short) and len(short) < len(points) / 3
+    langevin = plan.schemes["rigid+langevin"] if name != "pressure" else None
+    if langevin:
+        printed = " ".join(plan.prints(langevin, 12, 2.0, tmp_path))
+        assert "f_raw[1]" in printed  # not the thermostat's noise
+        assert plan.points(["nh"], [3.0]) == [Point("nh", 3.0)]
+
+
+def test_points_at_two_states():
+    """Locks out a second state without the first one, or one that is held against another."""
+    plan = planned("pressure")
+    pressed, first = Point("npt-csvr-400atm", 6.0), Point("npt-csvr", 6.0)
+    assert plan.points(["npt-csvr-400atm"], [6.0]) == [first, pressed]
+    for scheme in plan.schemes.values():
+        if scheme.first:
+            other = plan.schemes[scheme.first]
+            assert (other.temperature, other.pressure, other.first) == (298.0, 1.0, "")
+            assert (scheme.temperature, scheme.pressure) in {(308.0, 1.0), (298.0, 400.0)}
+            assert scheme.held == other.held
+
+
+def test_lengths():
+    """Locks out a settled part that is sampled, and samples at other times with other steps."""
+    assert Lengths(300.0).runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
+    for dt in 1.0, 2.0, 4.0, 6.0, 8.0, 12.0:
+        assert Lengths(300.0).every(dt) * dt == 24.0
+    assert Lengths(0.05).every(8.0) == 1
+    total = runs_of(planned(), None, 20.0, 2).steps([Point("csvr", 4.0)])
+    assert total == 2 * (10000 + 500 + 5000)
+
+
+def test_turns_of_the_peptide():
+    """Locks out a temperature of rotation of other degrees of freedom: counted in the data file."""
+    plan = planned("peptide")
+    with gzip.open(plan.scene.folder / "data.peptide.gz", "rt") as file:
+        atoms = file.read().split("\nAtoms", 1)[1].split("\n\n", 2)[1]
+    sizes = np.bincount([int(line.split()[1]) for line in atoms.splitlines()])[1:]
+    assert plan.turning == 2 * np.sum(sizes == 2) + 3 * np.sum(sizes > 2) and min(sizes) == 2
+
+
+@pytest.mark.parametrize("liquid, room", [(scenes.BENZENE, 2.48), (scenes.CARBON_DIOXIDE, 1.16)])
+def test_liquids(liquid, room):
+    """Locks out another density, molecules that overlap, and shapes of another size."""
+    lines = liquid.data().splitlines()
+    atoms = lines.index("Atoms # full") + 2
+    number = liquid.molecules * len(liquid.types)
+    x = np.array([line.split()[1:] for line in lines[atoms : atoms + number]], float)
+    box = np.array([float(line.split()[1]) for line in lines if line.endswith("hi")])
+    mass = np.array(liquid.mass)[x[:, 1].astype(int) - 1].sum()
+    assert mass / box.prod() / 0.602214076 == pytest.approx(liquid.density)
+    assert abs(x[:, 2].sum()) < 1e-9
+    far = x[:, None, 3:6] - x[:, 3:6]
+    far = np.linalg.norm(far - np.rint(far / box) * box, axis=2)
+    same = x[:, :1] == x[:, 0]
+    assert far[~same].min() > 2.5 and far[same].max() == pytest.approx(2 * room, abs=0.01)
+
+
+def test_seeds_of_a_scripts_own_integrators():
+    """Locks out starts that share the noise of their thermostat."""
+    lines = {
+        'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 2 seed 4928"': "4928",
+        "fix own_bath {group} langevin 300 300 100 4928 tally yes": "4928",
+        "fix langevin all rigid/small molecule langevin 300 300  100 77": "77",
+        'fix 1 a python/move "fix_nosquish.NVT a molecule thermostat langevin seed  5 mrot 2"': "5",
+    }
+    for line, seed in lines.items():
+        assert scenes.SEEDS.sub(r"\1SEED", line) == line.replace(seed, "SEED")
+    assert scenes.SEEDS.sub(r"\1SEED", "fix 1 all nvt temp 300 300 100") == (
+        "fix 1 all nvt temp 300 300 100"
+    )
+
+
+# ---- numbers
+
+
+def printed(rng, samples=SAMPLES, **columns):
+    """Columns that each scheme prints, of samples without memory, 24 fs apart."""
+    alike = dict.fromkeys(("Press", "Temp", "v_torque", *DIPOLE), np.full(samples, 2.0))
+    energy = -9.5 * N + 30 * rng.normal(size=samples)
+    common = {"Time": 24.0 * np.arange(samples), "PotEng": energy, "Density": np.ones(samples)}
+    return common | {"Volume": np.full(samples, VOLUME)} | alike | columns
+
+
+def test_numbers_of_a_series():
+    """Locks out a pressure that lacks the part of a total momentum that a scheme keeps at zero, a
+    temperature of other degrees of freedom, fluctuations in other units, and a noise without the
+    cost."""
+    plan, rng = planned(), np.random.default_rng(3)
+    free = {"Press": np.full(SAMPLES, N * GAS)}
+    held = {"Press": np.full(SAMPLES, (N - 1) * GAS)}
+    moves, turns = 1.5 * N * KT * 1.1, 1.5 * N * KT * 0.9
+    theirs = {"c_kinetic": np.full(SAMPLES, moves + turns), "v_moves": np.full(SAMPLES, moves)}
+    ours = {"f_1[3]": np.full(SAMPLES, 298 * 1.1), "f_1[4]": np.full(SAMPLES, 298 * 0.9)}
+    for name, columns in {
+        "langevin-20": free | ours, "csvr": held | ours, "shake+langevin": free | theirs,
+        "rigid/nvt/small": held | theirs,
+    }.items():  # fmt: skip
+        found = measure.of_series(printed(rng, **columns), plan, plan.schemes[name])
+        means = {key: one.value for key, one in found.means.items()}
+        assert means["pressure"] == pytest.approx(N * GAS, rel=1e-6), name
+        assert means["translation"] == pytest.approx(298 * 1.1), name
+        assert means["rotation"] == pytest.approx(298 * 0.9), name
+        assert means["apart"] == pytest.approx(298 * 0.2), name
+        assert means["capacity"] == pytest.approx(900 / KT**2 / N, rel=0.04)
+        # <M^2> / (3 epsilon_0 V kT), in Gaussian units 4 pi <M^2> / (3 V kT)
+        moment = 4 * np.pi * 332.06371 * 12.0 / (3 * VOLUME * KT)
+        assert means["dipole"] == pytest.approx(moment) and means["torque"] == 2.0 / N
+        assert not {"density", "compressibility"} & means.keys()
+        assert found.remembers["potential"].value == pytest.approx(0.024, rel=0.1)
+        noise = (30 / N) ** 2 * 0.024
+        assert found.noise("potential").value == pytest.approx(noise, rel=0.1)
+    assert of_momentum(3, 298.0, VOLUME) == pytest.approx(2.65, abs=0.01)
+    few = [
+        measure.of_series(printed(rng, 8), plan, plan.schemes["nh"]).means["capacity"].value
+        for _ in range(2000)
+    ]
+    assert np.mean(few) == pytest.approx(900 / KT**2 / N, rel=0.06)  # 0.875 of it without n - 1
+
+
+@pytest.mark.parametrize("pressure", [1000.0, 1250.0])
+def test_compressibility_of_a_gas(pressure):
+    """Locks out another unit: an ideal gas has 1/P. And a pressure that has the momentum's part,
+    which a barostat does not count."""
+    rng, plan = np.random.default_rng(4), planned("pressure")
+    volume = KT * 68568.415 / pressure * rng.gamma(2001, size=20000)
+    columns = {"Volume": volume, "Density": 15000.0 / volume}
+    scheme = replace(plan.schemes["npt-mtk"], pressure=pressure)
+    means = measure.of_series(printed(rng, 20000, **columns), plan, scheme).means
+    found = means["compressibility"]
+    assert abs(found.value - 1e5 / pressure) < 4 * found.error < 0.1 * found.value
+    assert means["density"].value == pytest.approx(15000 / volume.mean(), rel=1e-3)
+    assert means["pressure"].value == 2.0 and "capacity" not in means
+    assert BY_KEY["pressure"].exact(plan, scheme) == pressure
+
+
+def test_variances_of_all_starts():
+    """Locks out the noise of one start for that of all."""
+    some = [measure.Numbers({}, {}, {"potential": one}) for one in (1.0, 3.0)]
+    assert measure.pooled(some).variances == {"potential": 2.0}
+
+
+def found_of(plan, numbers, costs):
+    """What a point gave: {point: (means, memories, variances)}, and costs in each round."""
+    found = measure.Found(costs=costs)
+    for point, (means, memories, variances) in numbers.items():
+        exact = {key: Estimate(value, 1e-9) for key, value in means.items()}
+        remembers = {key: Estimate(ps, 0.0) for key, ps in memories.items()}
+        found.numbers[point] = {1: measure.Numbers(exact, remembers, variances)}
+    return found
+
+
+def test_rows_of_known_schemes(tmp_path):
+    """Locks out a gain that is its inverse, biases and noises in other units than their bounds, and
+    a sample of another average than the slowest."""
+    plan, factors = planned(), {"langevin-20": -1e-4, "shake+langevin": 1e-3}
+    numbers, costs, cost = {}, {}, {"langevin-20": 6.0, "shake+langevin": 10.0}
+    memories = {"potential": 0.5, "torque": 3.0}
+    for scheme, factor in factors.items():
+        for dt in (1.0, 2.0, 4.0):
+            spent = cost[scheme] / dt
+            means = {"potential": -9.5 + factor * dt**2, "torque": 40 * (1 + factor * dt**2)}
+            variances = {key: 1.6e-3 / spent / ps for key, ps in memories.items()}
+            numbers[Point(scheme, dt)] = means, memories, variances
+            costs[Point(scheme, dt)] = [0.9 * spent, spent, 2.0 * spent]
+    found = found_of(plan, numbers, costs)
+    told = measure.told(found, runs_of(plan, tmp_path), list(numbers), {})
+    rows = {(row["scheme"], row["dt"]): row for row in told["rows"]}
+    assert told["limits"]["potential"]["value"] == pytest.approx(-9.5, abs=1e-6)
+    for (scheme, dt), row in rows.items():
+        bias = factors[scheme] * dt**2
+        assert row["biases"]["potential"]["value"] == pytest.approx(bias, abs=1e-6)
+        assert row["biases"]["torque"]["value"] == pytest.approx(100 * bias, abs=1e-4)
+        assert row["noise"]["potential"]["value"] == pytest.approx(1.6e-3)
+        assert row["noise"]["torque"]["value"] == pytest.approx(1.6e-3 * 2.5**2, rel=1e-6)
+        assert row["slowest"] == "torque"
+        assert row["sample"]["value"] == pytest.approx(3.0 * cost[scheme] / dt)
+        assert row["less"]["shake+langevin"]["value"] == pytest.approx(5.0 * dt / cost[scheme])
+        room = 0.006**2 - bias**2
+        seconds = row["seconds"]["potential"]
+        assert seconds["value"] == (pytest.approx(1.6e-3 / room, rel=1e-3) if room > 0 else None)
+    # to the error sqrt(2) x 0.004 of shake at 2 fs, whose noise then is 0.004^2
+    faster = rows["langevin-20", 4.0]["faster"]["potential"]["value"]
+    assert faster == pytest.approx((2 * 0.004**2 - 0.0016**2) / 0.004**2, rel=1e-3)
+    known = {"potential": {"value": -9.6, "error": 0.01, "freedom": None}}
+    told = measure.told(found, runs_of(plan, tmp_path), list(numbers), known)
+    bias = told["rows"][0]["biases"]["potential"]
+    assert bias["value"] == pytest.approx(0.1 - 1e-4) and bias["error"] == pytest.approx(0.01)
+    found.errors[Point("langevin-20", 4.0)] = "Lost atoms"
+    lost = measure.told(found, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
+    assert lost["error"] == "Lost atoms" and not lost["means"] and not lost["starts"]
+
+
+def test_rows_of_engines(tmp_path):
+    """Locks out an engine that is held against another limit than is told: OpenMM has the scene's
+    forces, GROMACS has others."""
+    plan, limits = planned(), {"langevin-20": -9.5, "openmm-langevin-5": -9.4, "gromacs-sd": -9.0}
+    numbers = {
+        Point(scheme, dt): (
+            {"potential": value + 1e-3 * dt**2},
+            {"potential": 0.5},
+            {"potential": 1.0},
+        )
+        for scheme, value in limits.items()
+        for dt in (1.0, 2.0)
+    }
+    told = measure.told(found_of(plan, numbers, {}), runs_of(plan, tmp_path), list(numbers), {})
+    for row in told["rows"]:
+        off = 0.1 if row["engine"] == "OpenMM" else 0.0
+        assert row["biases"]["potential"]["value"] == pytest.approx(off + 1e-3 * row["dt"] ** 2)
+        assert bool(row["clock"]) == (row["engine"] != "LAMMPS")
+    assert told["others"]["GROMACS"]["potential"]["value"] == pytest.approx(-9.0)
+    assert told["others"]["OpenMM"]["potential"]["value"] == pytest.approx(-9.4)
+
+
+def test_rows_at_two_states(tmp_path):
+    """Locks out a second state that has a bias from the first one's limit, a deviation of too few
+    samples, and one of one start only."""
+    plan, rng = planned("pressure"), np.random.default_rng(1)
+    names, found = ("npt-langevin", "npt-langevin-400atm"), measure.Found()
+    for scheme in names:
+        for dt in (2.0, 6.0):
+            mean = Estimate(1.0, 1e-3)
+            numbers = [measure.Numbers({"density": mean}, {"density": mean}, {}) for _ in range(2)]
+            for start in numbers:
+                # of an ideal gas, whose distributions are exact
+                pressure = 1040.0 if scheme in names[1:] else 1000.0
+                volume = KT * 68568.415 / pressure * rng.gamma(2001, size=120)
+                values = np.array([KT * rng.gamma(3000, size=120), volume])
+                start.state = measure.structure.Sampled(298.0, pressure, values)
+            found.numbers[Point(scheme, dt)] = dict(enumerate(numbers, 1))
+    found.numbers[Point(names[1], 2.0)].pop(2)
+    rows = measure.told(found, runs_of(plan, tmp_path), list(found.numbers), {})["rows"]
+    first, six, few, pressed = rows
+    assert first["deviation"] is six["deviation"] is few["deviation"] is None
+    assert 0 <= pressed["deviation"]["value"] < 4
+    assert "density" in six["biases"] and "density" not in pressed["biases"]
+
+
+def test_frames_that_are_left_out(tmp_path):
+    """Locks out a g(r) of frames from before the part that counts."""
+    lines = []
+    for frame in range(5 * measure.BLOCKS):
+        apart = 3.05 if frame < measure.BLOCKS else 4.05
+        lines += ["ITEM: TIMESTEP", str(10 * frame), "ITEM: NUMBER OF ATOMS", "2"]
+        lines += ["ITEM: BOX BOUNDS pp pp pp", *["0 12"] * 3, "ITEM: ATOMS x y z"]
+        lines += ["1 1 1", f"1 1 {1 + apart}"]
+    path = tmp_path / "sites.dump"
+    path.write_text("\n".join(lines) + "\n")
+    rdf = measure.of_frames(path, 10 * measure.BLOCKS)
+    assert rdf.shape[0] == measure.BLOCKS and np.ptp(rdf, axis=0).max() < 1e-9
+    assert np.flatnonzero(rdf[0]).tolist() == [39]  # from 0.1 A on
+    assert measure.of_frames(path, 10 * 5 * measure.BLOCKS - 20) is None
+
+
+# ---- verdicts
+
+
+def checks(
+    scene="water", scheme="langevin-5", dt=6.0, time=20.0, less=(5.1, 0.01), error=1e-6, **numbers
+):
+    """The checks of one point, by part."""
+    deviation = numbers.pop("deviation", None)
+    row = {
+        "scheme": scheme,
+        "label": "x",
+        "engine": "LAMMPS",
+        "ours": True,
+        "error": None,
+        "dt": dt,
+    }
+    row |= {"less": {"shake": Estimate(*less).plain()}}
+    row["deviation"] = deviation and Estimate(deviation, error).plain()
+    row["biases"] = {key: Estimate(value, error).plain() for key, value in numbers.items()}
+    summary = {"scene": scene, "temperature": 298.0, "settings": {"time": time}, "others": {}}
+    summary |= {"known": [{"dt": 2.0}], "rows": [row]}
+    return {check.part: check for check in criteria.checks(summary)}
+
+
+@pytest.mark.parametrize(
+    ("key", "part", "scheme", "dt", "most"),
+    [
+        *((key, "bias", "langevin-5", 6.0, most) for key, most in criteria.BOUNDS.items()),
+        ("potential", "bias", "hmc-equal", 8.0, 0.004),
+        ("temperature", "temperature", "csvr", 4.0, 2.98),
+        ("apart", "equipartition", "langevin-5", 4.0, 1.5),
+        ("apart", "equipartition", "langevin-20", 6.0, 1.0),
+        ("apart", "equipartition", "npt-langevin", 6.0, 4.0),
+        ("deviation", "states", "npt-langevin-308K", 6.0, 2.0),
+    ],
+)
+def test_bounds(key, part, scheme, dt, most):
+    """Locks out a bound at another place, for another sign, and a verdict where the interval
+    reaches over it; and samples of something else that pass for cheap ones."""
+    for sign in (1, -1) if key != "deviation" else (1,):
+        for value, holds in (0.99 * sign * most, True), (1.01 * sign * most, False):
+            made = checks(scheme=scheme, dt=dt, **{key: value})
+            assert made[part].holds is holds and made[part].value == value
+            assert ("cost" in made) == holds
+            unsure = checks(scheme=scheme, dt=dt, error=0.02 * most, **{key: value})
+            assert unsure[part].holds is None
+
+
+def test_what_is_not_judged():
+    """Locks out verdicts on points that are too short or no longer than today's, temperatures of
+    scenes without a bound, and a cost that is known to a factor only."""
+    assert checks(potential=0.0).keys() == {"bias", "cost"}
+    assert not checks(time=19.9, potential=0.0) and not checks(dt=2.0, potential=0.0)
+    assert checks("benzene", potential=0.0, apart=9.0, temperature=9.0).keys() == {"bias", "cost"}
+    assert "cost" not in checks(less=(6.0, 2.0), potential=0.0)
+    assert checks(less=(4.9, 0.01), potential=0.0)["cost"].holds is False
+
+
+# ---- runs
+
+
+def test_a_start_has_no_longer_step_than_the_script(tmp_path):
+    """Locks out a start that breaks, of a script whose step is a short one."""
+    plan = planned()
+    for dt, steps in ((0.5, 40), (4.0, 10)):
+        some = runs_of(replace(plan, scene=replace(plan.scene, dt=dt)), tmp_path, 0.02)
+        job = some.start(1)
+        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
+        begun = some.job(Point("langevin-5", 1.0), 1).commands
+        assert any(f'state.dump" {steps} x' in line for line in begun)
+
+
+def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
+    """Locks out the time of a core that other processes had, and a step's time for a ps's."""
+    assert runs.cost(8000.0, 50.0, 4.0) == pytest.approx(1.0)
+    assert runs.cost(8000.0, None, 4.0) == pytest.approx(2.0)
+
+    def in_turn(labels, make, number, meter):
+        timing = rounds.Timing(loop=800.0, cpu=50.0)
+        return {name: [timing] * number for name in labels}, {}, False
+
+    monkeypatch.setattr(runs.rounds, "in_turn", in_turn)
+    point = Point("langevin-20", 4.0)
+    costs = runs_of(planned(), tmp_path).costs({point: (1, 1e-3)}, None, True)
+    assert costs == {point: pytest.approx([800e-6 * 250 / 2] * runs.ROUNDS)}
+
+
+def test_what_settles_is_left_out(tmp_path, monkeypatch):
+    """Locks out samples of the part that is run before: of 20 and 40 steps only the second's; and
+    numbers that are not finite."""
+    series = printed(np.random.default_rng(4), 61, Step=np.arange(61.0))
+    series["PotEng"] = np.where(series["Step"] < 20, 0.0, -N * 9.5)
+    loops = [Loop(9.0, 1, 20, 3 * N, 100.0, {}), Loop(0.4, 1, 40, 3 * N, 100.0, {})]
+    result = run.Result(None, series, loops, None, {}, [1], {"commands": [], "setups": []})
+    monkeypatch.setattr(run, "collect", lambda directory: result)
+    found, job = measure.Found(), run.Job(str(tmp_path), "", [], [20, 40], None)
+    plan = replace(planned(), sites=None)
+    measure._measure(found, plan, Point("csvr", 8.0), 1, job)
+    only = found.numbers[Point("csvr", 8.0)][1]
+    assert only.means["potential"].value == -9.5 and only.loop == pytest.approx(0.01)
+    series["PotEng"][50] = np.nan
+    measure._measure(found, plan, Point("nh", 8.0), 1, job)
+    assert found.errors == {Point("nh", 8.0): "energy is not finite"}
+
+
+@pytest.mark.timeout(300)
+def test_the_verb_runs(tmp_path, monkeypatch):
+    """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
+    command has left, a Ctrl-C that loses it, and a start that takes all others with it."""
+    monkeypatch.setattr(runs, "ROUNDS", 2)
+    monkeypatch.setattr(runs, "SECONDS", 0.02)
+    words = ["sample", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
+    assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "1,2"]) == 0
+    files = {path.name for path in tmp_path.iterdir()}
+    assert {"summary.json", "table.csv", "checks.csv", "report.html", "precision.png"} <= files
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert len(summary["rows"]) == 6 and not summary["checks"]
+    for row in summary["rows"]:
+        assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
+        assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
+        assert 200 < row["means"]["rotation"]["value"] < 400
+        assert set(row["biases"]) == set(row["means"]) and "shake+langevin" in row["less"]
+    logs = list(tmp_path.rglob("log.lammps"))
+    timed = [path for path in logs if runs.TIMED in path.parts]
+    # a run from each point and the start; points in turn, without samples
+    assert len(logs) - len(timed) == 6 + 1 and len(timed) == 6 * runs.ROUNDS
+    for path in timed:
+        text = path.read_text()
+        assert "dump sites" not in text and "c_dipole" not in text and "\nthermo 0" in text
+    for path in [one for one in timed if "hmc" in str(one)]:
+        steps = re.findall(r"\nrun (\d+)", path.read_text())
+        assert all(int(one) % schemes.HYBRID == 0 for one in steps)
+    done = {path: path.stat().st_mtime_ns for path in logs}
+
+    once, lost, stops = run.once, [], ["nh"]
+
+    def other(job, *rest, **more):
+        if any(name in job.directory.rpartition("/")[2] for name in stops):
+            return run.Result("interrupted", {}, [], None, {}, interrupted=True)
+        if any(f"start-{number}/start" in job.directory for number in lost):
+            return run.Result("no sign of life", {}, [], None, {})
+        return once(job, *rest, **more)
+
+    monkeypatch.setattr(run, "once", other)
+    assert __main__.main([*words, "nh", "--dt", "2"]) == 130
+    again = json.loads((tmp_path / "summary.json").read_text())
+    assert again["interrupted"] and again["rows"] == summary["rows"]
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+    twice, lost[:] = [*words, "langevin-20", "--dt", "2", "--starts", "2"], [2]
+    assert __main__.main(twice) == 0
+    rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 6
+    told = "No average has start 2, which failed: no sign of life."
+    assert told in (tmp_path / "report.html").read_text()
+    lost.append(1)
+    assert __main__.main([*twice, "--out", str(tmp_path / "none")]) == 1
+    (row,) = json.loads((tmp_path / "none" / "summary.json").read_text())["rows"]
+    assert row["error"] == "all starts failed, start 1: no sign of life"
+
+
+@pytest.mark.timeout(200)
+def test_runs_at_constant_pressure(tmp_path, monkeypatch):
+    """Locks out barostats that fail, a density in other units, and runs of another length that
+    throw the shorter ones away: both stay in the folder, and the first command finds its own."""
+    monkeypatch.setattr(runs, "ROUNDS", 1)
+    monkeypatch.setattr(runs, "SECONDS", 0.02)
+
+    def do(time, *names):
+        words = ["sample", "pressure", "--ps", time, "--dt", "4", "--only", *names]
+        assert __main__.main([*words, "--out", str(tmp_path)]) == 0
+        summary = json.loads((tmp_path / "summary.json").read_text())
+        assert summary["settings"]["time"] == float(time)
+        logs = (tmp_path / "runs").glob(f"{time}-ps/start-1/*/log.lammps")
+        return summary["rows"], {path: path.stat().st_mtime_ns for path in logs}
+
+    rows, short = do("0.05", "npt-langevin-400atm", "shake+npt", "rigid/npt/small")
+    assert [row["scheme"] for row in rows][:2] == ["npt-langevin", "npt-langevin-400atm"]
+    for row in rows:
+        assert row["error"] is None and 0.9 < row["means"]["density"]["value"] < 1.1
+        assert {"compressibility", "pressure", "temperature", "apart"} < row["means"].keys()
+        assert "pressure" in row["biases"] and "density" not in row["biases"]  # without a limit
+    longer, _ = do("0.07", "rigid/npt/small")
+    again, same = do("0.05", "rigid/npt/small")
+    assert same == short and len(longer) == 1 and again == rows
+
+
+def test_translation_is_that_of_the_centres(tmp_path):
+    """Locks out a kinetic energy of translation, of LAMMPS's fixes, that is not the centres': the
+    same as that of the fix, which knows its bodies."""
+    plan = planned()
+    scheme = schemes.ours("nve", "nve", "", "NVE")
+    lines = plan.prints(replace(scheme, kind="rigid"), 5, 4.0, tmp_path)
+    more = [*lines[:-2], *run.thermo("v_moves", "f_1[1]", "f_1[2]")]
+    how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
+    result = run.run(run.job(plan.scene, scheme, tmp_path / "run", [20], **how))
+    assert result.error is None
+    found = result.thermo
+    np.testing.assert_allclose(found["v_moves"], found["f_1[1]"], rtol=1e-6)
+    np.testing.assert_allclose(found["KinEng"] - found["v_moves"], found["f_1[2]"], rtol=1e-6)
+
+
+def test_the_scene_runs_by_itself(tmp_path):
+    """Locks out an input script that is another scene than the verb's."""
+    log, plan = tmp_path / "alone.log", planned()
+    words = [str(BIN / "lmp"), "-in", "in.512", "-log", str(log), "-var", "nsteps", "1"]
+    done = subprocess.run(words, cwd=plan.scene.folder, capture_output=True, text=True, timeout=100)
+    assert done.returncode == 0, done.stdout
+    job = run.job(plan.scene, plan.starter.seeded(1), tmp_path / "scene", [0], dt=4.0, every=1)
+    energy = read_thermo(log.read_text())["PotEng"][0]
+    assert energy == pytest.approx(run.run(job).thermo["PotEng"][0], rel=1e-6)

@@ -1,0 +1,311 @@
+"""The statistics of `sample`: limits of small steps, memories, total errors, two states."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from validation.sample import measure, scenes, schemes
+from validation.sample.plan import DIPOLE, SAMPLED
+from validation.scenes.units import BOLTZMANN
+from validation.statistics import limit, measures, precision, structure
+from validation.statistics.estimate import Estimate
+
+ATM = 68568.415  # atm Angstrom^3 in a kcal/mol
+REACHES = {"a": 4.0, "b": 8.0, "exact": math.inf}
+STEPS = {
+    **{("a", dt): 0.05 for dt in (1.0, 2.0, 4.0)},
+    **{("b", dt): 0.02 for dt in (2.0, 4.0, 6.0, 8.0)},
+    ("exact", 6.0): 0.04,
+    ("a", 6.0): 0.01,  # beyond its reach
+    ("other", 2.0): 0.01,  # with a limit of its own
+}
+
+
+def exact(scheme, dt):
+    """A mean whose limit is -9, with another error of the step for each scheme."""
+    if scheme == "other":
+        return -8.0
+    return -9.0 + {"a": 0.02 * dt**2, "b": -0.003 * dt**2 + 1e-4 * dt**4, "exact": 0.0}[scheme]
+
+
+def fit(points):
+    return limit.fit(points, {key: key for key in points}, REACHES)
+
+
+def test_the_limit_of_exact_numbers():
+    """Locks out a limit or a bias that is off where nothing is uncertain, a term that is missing,
+    and points that have no place in the fit."""
+    found = fit({key: Estimate(exact(*key), error) for key, error in STEPS.items()})
+    assert found.limit.value == pytest.approx(-9.0, abs=1e-9) and found.chi2 < 1e-9
+    assert found.freedom == 8 - 1 - 1 - 2
+    assert ("a", 6.0) not in found.weights and ("other", 2.0) not in found.weights
+    for key in STEPS:
+        assert found.bias(key).value == pytest.approx(exact(*key) + 9.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("freedom", [None, 11])
+def test_the_limits_error_covers(freedom):
+    """Locks out an error of U0 or of a bias that is too small or too large: of 1,500 samples the
+    95 % interval has the truth in 95 %, of points in the fit, outside of it, and of their chi2."""
+    rng = np.random.default_rng(5)
+    inside: dict = dict.fromkeys((None, *STEPS), 0)
+    agree, number = 0, 1500
+    for _ in range(number):
+        points = {}
+        for key, error in STEPS.items():
+            told = error if freedom is None else error * np.sqrt(rng.chisquare(freedom) / freedom)
+            points[key] = Estimate(exact(*key) + error * rng.normal(), told, freedom)
+        found = fit(points)
+        agree += found.agrees
+        inside[None] += abs(found.limit.value + 9.0) < found.limit.margin
+        for key in STEPS:
+            one = found.bias(key)
+            inside[key] += abs(one.value - exact(*key) - 9.0) < one.margin
+    # with errors that few values tell a margin is too wide rather than too narrow
+    low, high = (0.93, 0.97) if freedom is None else (0.93, 0.995)
+    for key, count in inside.items():
+        assert low < count / number < high, key
+    assert 0.92 < agree / number < 0.98
+
+
+def test_a_point_of_the_fit_is_correlated_with_it():
+    """Locks out errors of a point and the limit that are added as if they were independent: the
+    only exact point is the limit."""
+    points = {("exact", 6.0): Estimate(-9.0, 0.04), ("other", 2.0): Estimate(-8.0, 0.03)}
+    found = fit(points)
+    assert found.limit == Estimate(-9.0, 0.04) and found.bias(("exact", 6.0)).error == 0
+    assert found.bias(("other", 2.0)).error == pytest.approx(0.05)
+
+
+def test_a_wrong_model_is_seen():
+    """Locks out a chi2 that agrees with everything."""
+    points = {key: Estimate(exact(*key), error) for key, error in STEPS.items()}
+    points["exact", 6.0] = Estimate(-8.7, 0.04)
+    found = fit(points)
+    assert not found.agrees and found.probability < 1e-4
+
+
+def test_no_limit():
+    """Locks out a limit of schemes with one step each, which is that of nothing."""
+    assert fit({("a", 2.0): Estimate(1.0, 0.1), ("b", 2.0): Estimate(1.0, 0.1)}) is None
+    assert fit({("other", 2.0): Estimate(1.0, 0.1)}) is None and fit({}) is None
+
+
+def remembering(rng, samples, time):
+    """Standard normal numbers with an exponential autocorrelation."""
+    keep = np.exp(-1 / time)
+    noise = rng.normal(size=samples + round(20 * time))
+    return signal.lfilter([np.sqrt(1 - keep**2)], [1, -keep], noise)[-samples:]
+
+
+def test_the_error_of_an_autocorrelation_time():
+    """Locks out a time of an independent sample without its error, or with another one."""
+    rng, truth = np.random.default_rng(2), 1 / np.tanh(0.5 / 10.0)
+    found = [measures.autocorrelation(remembering(rng, 20000, 10.0)) for _ in range(300)]
+    off = np.array([(one.value - truth) / one.error for one in found])
+    assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
+
+
+def test_the_memory_of_a_square():
+    """Locks out the memory of a squared dipole as that of the dipole, a value that noise makes too
+    large, and an error that does not cover: runs of 100 memories, as those of water."""
+    rng, memory, samples = np.random.default_rng(6), 40.0, 4000
+    keep = np.exp(-2 / memory)  # of the square: that of a component, squared
+    truth, found = (1 + keep) / (1 - keep), {1: [], 6: []}
+    for starts, some in found.items():
+        for _ in range(150):
+            parts = []
+            for _ in range(starts):
+                x = [remembering(rng, samples, memory) for _ in range(3)]
+                parts.append(measures.autocovariance(np.stack(x, axis=1)))
+            some.append(measures.autocorrelation_of_square(np.concatenate(parts)))
+    for starts, some in found.items():
+        values = np.array([one.value for one in some])
+        assert abs(values.mean() / truth - 1) < 0.03
+        assert np.mean([abs(one.value - truth) < one.margin for one in some]) > 0.85
+        assert some[0].freedom == 3 * starts - 1
+    # the square of the same series tells much less
+    squares = [
+        measures.autocorrelation(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
+        for _ in range(150)
+    ]
+    assert np.std([one.value for one in squares]) > 1.3 * np.std([one.value for one in found[1]])
+
+
+def test_total_error_against_brute_force():
+    """Locks out another formula of bias and noise: the rms error of means of many runs that last so
+    long, of a series with a bias."""
+    rng, cost, apart, bias = np.random.default_rng(3), 2.5, 0.1, 0.05
+    x = 3.0 * remembering(rng, 400000, 8.0)
+    remembers = measures.autocorrelation(x).times(apart)
+    assert remembers.value == pytest.approx(apart / np.tanh(0.5 / 8.0), rel=0.1)
+    worth = precision.Worth(Estimate(bias), remembers.times(np.var(x) * cost))
+    for samples in 2000, 20000:
+        errors = [3.0 * remembering(rng, samples, 8.0).mean() + bias for _ in range(400)]
+        seconds = samples * apart * cost
+        brute = np.sqrt(np.mean(np.square(errors)))
+        assert worth.error(seconds) == pytest.approx(brute, rel=0.15)
+        assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
+
+
+def test_time_to_an_error():
+    """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
+    good = precision.Worth(Estimate(0.0), Estimate(2.0))
+    bad = precision.Worth(Estimate(0.1), Estimate(1.0))
+    assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
+    assert precision.seconds(bad, 0.1).value == np.inf
+    # at sqrt(2) of its bias its noise is as large: 1 / 0.01 s
+    assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
+    assert precision.times(good, bad, 0.05).value == 0
+    assert precision.times(bad, good, 0.05).plain()["value"] is None
+    nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
+    assert set(precision.times(nothing, good).plain().values()) == {None}
+    unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
+    spread = precision.seconds(unsure, 0.1)
+    assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf
+    assert unsure.error(1e12) == pytest.approx(0.1)
+
+
+def gas(seed, temperature, pressure, samples=400, bodies=2000, wide=1.0):
+    """Independent samples of an ideal gas whose bodies have the potential energy of three springs:
+    volumes, Å³, and energies, kcal/mol, have gamma distributions. ``wide`` makes both wider."""
+    rng, kt = np.random.default_rng(seed), BOLTZMANN * temperature
+    energies = kt * rng.gamma(1.5 * bodies, size=samples)
+    volumes = kt * ATM / pressure * rng.gamma(bodies + 1, size=samples)
+    values = np.array([energies, volumes])
+    mean = values.mean(axis=1, keepdims=True)
+    return structure.Sampled(temperature, pressure, mean + wide * (values - mean))
+
+
+@pytest.mark.parametrize("other", [(305.0, 1000.0), (298.0, 1040.0)])
+def test_two_states(other):
+    """Locks out another unit of a pressure or a volume, enthalpies for volumes, a slope with the
+    wrong sign, and a verdict that a wrong width passes: a gas has the exact distributions."""
+    first, second = gas(1, 298.0, 1000.0), gas(2, *other)
+    assert structure.between_states(first, second) < 2.5
+    assert structure.between_states(second, first) < 2.5
+    for wide in 0.75, 1.3:
+        pair = gas(1, 298.0, 1000.0, wide=wide), gas(2, *other, wide=wide)
+        assert structure.between_states(*pair) > 3
+    exchanged = first._replace(values=second.values), second._replace(values=first.values)
+    assert structure.between_states(*exchanged) > 4
+    far = second._replace(values=3 * second.values)
+    assert structure.between_states(first, far) is None
+
+
+@pytest.mark.parametrize(("wide", "low", "high"), [(1.0, 0.4, 1.4), (0.85, 2, 4), (1.15, 2, 4)])
+def test_two_states_of_series(wide, low, high):
+    """Locks out samples that remember each other and pass for independent ones, of which a right
+    ensemble has several standard deviations, and a check that a width 15 % off passes."""
+    rng, volume, sd = np.random.default_rng(7), 15800.0, 178.0
+    kt, ((*_, low_state), _, (*_, high_state)) = BOLTZMANN * 298.0 * ATM, schemes.STATES
+    apart = sd**2 * (high_state - low_state) / kt  # of two normal distributions
+    assert 1.5 < apart / sd < 2.5
+    found = []
+    for _ in range(12):
+        pair = []
+        for pressure, mean in (low_state, volume), (high_state, volume - apart):
+            values = measure.thinned(
+                mean + wide * sd * remembering(rng, 12500, 50.0), times=measure.DENSER
+            )
+            both = np.concatenate([0 * values, values])
+            pair.append(structure.Sampled(298.0, pressure, both))
+        found.append(structure.between_states(*pair))
+    assert low < np.sqrt(np.mean(np.square(found))) < high
+
+
+def test_independent_samples():
+    """Locks out samples that remember each other: of two series the slower one counts."""
+    rng = np.random.default_rng(5)
+    fast, slow = rng.normal(size=20000), np.zeros(20000)
+    for i in range(1, len(slow)):
+        slow[i] = 0.9 * slow[i - 1] + fast[i]
+    for times in 1, 4:
+        apart = len(slow) / measure.thinned(fast, slow, times=times).shape[1]
+        assert apart == pytest.approx(1.9 / 0.1 / times, rel=0.2)  # (1 + 0.9) / (1 - 0.9)
+    assert measure.thinned(fast).shape == (1, 20000)
+
+
+def test_a_bias_has_the_error_of_both():
+    """Locks out a reference that is taken as exact."""
+    one = measures.difference(Estimate(7.0, 3.0), Estimate(2.0, 4.0))
+    assert one.value == 5.0 and one.error == pytest.approx(5.0) and one.freedom is None
+    few = measures.difference(Estimate(7.0, 3.0, 4.0), Estimate(2.0, 4.0, 4.0))
+    assert few.margin == pytest.approx(np.hypot(*(Estimate(0, e, 4.0).margin for e in (3, 4))))
+
+
+def test_the_scatter_of_starts_tells_their_errors():
+    """Locks out errors of the series where starts are further apart than these say: -9, -9.1 and
+    -9.2 have a mean with the error 0.1/√3, and Student's t of two degrees of freedom. And a margin
+    of 12.7 errors of two starts that are as near as their own errors say."""
+
+    def pooled(number, *error):
+        return measures.of_starts([Estimate(-9.0 - 0.1 * i, *error) for i in range(number)])
+
+    apart = pooled(3, 1e-6)
+    assert apart.value == pytest.approx(-9.1) and apart.error == pytest.approx(0.1 / np.sqrt(3))
+    assert apart.margin == pytest.approx(4.302653 * apart.error, rel=1e-6)
+    assert pooled(1, 1e-6) == Estimate(-9.0, 1e-6)
+    assert pooled(2, 0.1, 20.0) == pytest.approx((-9.05, 0.1 / np.sqrt(2), 40.0))
+    assert pooled(2, 0.1).margin == pytest.approx(1.96 * 0.1 / np.sqrt(2), 1e-3)
+    assert pooled(2, 0.0).margin == pytest.approx(12.706 * 0.05, 1e-3)
+
+
+@pytest.mark.timeout(300)
+def test_margins_of_several_starts_cover():
+    """Locks out a margin that covers too seldom or too often, and one that is of no use with two
+    starts: of AR(1) noise with correlation times of 0.2 to 5 ps, as long as a run of 300 ps and
+    sampled as one is.
+
+    The scatter alone covers 95 %, with margins that are 4.5, 1.9 and 1.2 times those of an error
+    that is known.
+    """
+    samples, series = round(300e3 / SAMPLED), 720
+    rng, covered = np.random.default_rng(11), {2: [], 3: [], 8: []}
+    for time in 0.2, 1.0, 5.0:  # ps
+        phi = np.exp(-SAMPLED / 1e3 / time)
+        white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
+        white[:, 0] /= np.sqrt(1 - phi**2)
+        found = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
+        exact = np.sqrt((1 + phi) / (1 - phi) / samples)
+        for number in covered:
+            # each with others beside it, so that there are as many groups of them as series
+            turns = np.array([rng.permutation(series) for _ in range(number)])
+            rows = turns.reshape(-1, number)
+            some = [measures.of_starts([found[one] for one in row]) for row in rows]
+            covered[number].append(np.mean([abs(one.value) < one.margin for one in some]))
+            usual = np.median([one.margin for one in some])
+            assert usual < 1.2 * 1.96 * exact / np.sqrt(number)
+    for number, those in covered.items():
+        assert all(0.93 < one < 0.98 for one in those), (number, those)
+        assert 0.93 < np.mean(those) < 0.98, (number, those)
+
+
+@pytest.mark.parametrize("starts", [1, 2, 5])
+def test_the_error_of_a_dipoles_fluctuation_covers(starts):
+    """Locks out margins that are too sure of how much runs of five memories remember: they covered
+    in 75 to 86 % of cases."""
+    rng, memory, samples, covered = np.random.default_rng(starts), 210.0, 1000, []
+    for _ in range(1000 // starts):
+        some = [
+            measures.mean(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
+            for _ in range(starts)
+        ]
+        mean = measures.of_starts(some)
+        covered.append(abs(mean.value - 3) < mean.margin)
+    assert 0.88 < np.mean(covered) < 0.98
+
+
+def test_dipoles_of_all_starts_together():
+    """Locks out the memory of the dipole from each start by itself, or in samples."""
+    rng, plan, memory, starts = np.random.default_rng(9), scenes.SCENES["water"](None), 40.0, []
+    rest = dict.fromkeys(("PotEng", "Press", "Volume"), np.ones(4000))
+    for _ in range(4):
+        columns = {key: remembering(rng, 4000, memory) for key in DIPOLE}
+        table = rest | columns | {"Time": 24.0 * np.arange(4000)}
+        starts.append(measure.of_series(table, plan, plan.schemes["nh"]))
+    remembers = measure.pooled(starts).remembers["dipole"]
+    assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
+    assert remembers.freedom == 3 * 4 - 1

@@ -1,0 +1,495 @@
+"""The paper's test problems again, section III: the water dimer, liquid water and the peptide of
+its figures, and what it says of them.
+
+The paper's measure is Delta E(t) = [E(t) - <E>] / |<E>|, with the averages along the trajectory
+(caption of figure 2); its average is here the mean of |Delta E|.  |<E>| depends on the zero of
+energy and on the number of molecules, which the paper does not name.
+
+Only trajectories that are complete are judged, but for Gear's.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..pages import Column, Table
+from ..scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene, steps
+from ..scenes import peptide as paper_peptide
+from ..scenes.integrators import INTEGRATORS, PAPER
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import Estimate, plain
+from ..statistics.positions import Positions
+from . import figures
+from .plan import FEW, Bench, Claims, Found, Series, Simulation
+
+Pairs = list[tuple[Series, ...]]  # of trajectories from the same start
+
+PARTS = {
+    "dimer": "The light water dimer, figure 2a",
+    "liquid": "Liquid water, figure 2b",
+    "peptide": "The peptide in water, figure 3",
+    "gear": "Gear's scheme",
+    "rigidity": "Rigid groups",
+}
+# What the paper says, in its words; no number is read off its figures.
+STATEMENTS = {
+    "dimer": "Section III, figure 2a: NO_SQUISH is more accurate than Ref. 12 but both methods are "
+    "stable at long times.",
+    "liquid": "Section III, figure 2b: similar trends; the phase space volume preserving "
+    "integrator performs well but not as well as the symplectic NO_SQUISH.",
+    "peptide": "Section III, figure 3: NO_SQUISH and SHAKE/RATTLE perform well and the average "
+    "energy conservation measure is about 1e-5 for both methods.",
+    "gear": "Section IV: far more accurate than standard Gear predictor corrector or Runge-Kutta "
+    "methods.",
+}
+AVERAGE_MEASURE = 1e-5  # of figure 3, section III
+DIMER_DT, DT = 0.3, 3.0  # fs, of figure 2a, and of figures 2b and 3
+OTHER = "matubayasi-nakahara"
+ORDERED = "nosquish-123"  # NO_SQUISH with rigid/nve/small's order of axes
+SIDE = 8  # of a trajectory: parts, for the error of a ratio
+SURE_DRIFT = 2.5  # margins (95 %) that a drift has which is none by chance
+LOST = 0.05  # of Richardson's drift, that another one may be
+# "far more accurate", "about": one order of magnitude, and the same one
+FAR, NEAR = 10.0, np.sqrt(10.0)
+# off 1: a ratio, also in its 95 % margins; the margin that tells something
+EQUAL, EQUAL_MARGINS, TELLING = 0.15, 1.5, 0.1
+SAME = 0.02  # off 1: a ratio of deviations from the same start
+SOON = 0.5  # ps for which two schemes stay near each other
+# steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
+# energy jumps meanwhile
+BEGINNING = 20
+KELVIN = 5.0  # that a mean temperature may be off
+RIGID = 1e-10  # Angstrom
+RUNNING = 30  # windows of a running mean in the length of a curve
+OVER = "reference 12 over NO_SQUISH"
+SHARED = "nearly all of it is the force splitting's error, which both share"
+
+
+# ---- what is run
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """How long everything is, in ps; of --short where not said otherwise."""
+
+    dimer: float = 50.0  # each trajectory of the dimer
+    starts: int = 10  # their number
+    apart: float = 60.0  # time between one start and the next
+    liquid: float = 3.6  # 1,000 waters
+    peptide: float = 3.6  # figure 3's trajectories
+    ordered: float = 3.6  # the peptide with `ORDERED`
+    drifting: float = 2.4  # the peptide with ``rigid/small``
+    gear: float = 0.15  # Gear's trajectories of the liquid and the peptide
+    gear_starts: int = 4  # of the dimer, with Gear's scheme
+    every: int = 10  # steps between samples of the energy, where not said otherwise
+
+
+SHORT = Lengths()
+# the paper's, but for figure 2b's 6,000 ps of the liquid
+FULL = Lengths(
+    dimer=300.0,
+    starts=32,
+    apart=1000.0,
+    liquid=3000.0,
+    peptide=300.0,
+    ordered=75.0,
+    drifting=30.0,
+    gear=2.0,
+    every=50,
+)
+
+
+def _lengths(bench: Bench) -> Lengths:
+    usual = FULL if bench.full else SHORT
+    return replace(usual, liquid=bench.time) if bench.time else usual
+
+
+def plan(bench: Bench) -> list[Simulation]:
+    """All trajectories, in the order in which they run: those of figures 2a and 3, then those of
+    figure 2b."""
+    lengths, peptide, liquid = _lengths(bench), paper_peptide.scene(), SCENES["water"]
+    make = partial(_simulation, bench, lengths)
+    made = [*_dimers(make, lengths)]
+    for name in "nosquish", "shake", "rigid/nve/small":
+        made.append(make(peptide, name, lengths.peptide))
+    made.append(make(peptide, ORDERED, lengths.ordered))
+    made.append(make(peptide, "rigid/small", lengths.drifting))
+    made += [make(scene, "gear", lengths.gear, every=2) for scene in (liquid, peptide)]
+    return made + [make(liquid, name, lengths.liquid) for name in ("nosquish", OTHER)]
+
+
+def _simulation(
+    bench: Bench, lengths: Lengths, scene: Scene, integrator: str, time: float, **more
+) -> Simulation:
+    """So many ps of an integrator, in the usual way where ``more`` does not say otherwise."""
+    who = (INTEGRATORS | PAPER)[integrator]
+    usual: dict = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {who.label}"}
+    usual |= {"every": lengths.every, "ranks": bench.ranks, "dt": DT}
+    usual |= {"steps": steps(time, more.get("dt", DT)), "may_fail": integrator == "gear"}
+    return Simulation(scene=scene, integrator=who, **usual | more)
+
+
+def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simulation]:
+    """Figure 2a: from each of several starts of one trajectory, with Gear's scheme from the first
+    ones only."""
+    scene, how = SCENES["dimer"], {"ranks": 1, "dt": DIMER_DT}
+    apart, starts = steps(lengths.apart, DIMER_DT), "dimer-starts"
+    named = {"name": starts, "label": "dimer, starts", "every": 1000, "state": apart}
+    yield make(scene, "nosquish", 0.0, steps=lengths.starts * apart, **named, **how)
+    for number in range(1, lengths.starts + 1):
+        names = "nosquish", OTHER, *["gear"] * (number <= lengths.gear_starts)
+        for name in names:
+            named = {"name": f"dimer-{name}-{number}"}
+            named["label"] = f"dimer {number}, {PAPER[name].label}"
+            named |= {"start": (starts, number * apart), "every": 2 * lengths.every}
+            yield make(scene, name, lengths.dimer, **named, **how)
+
+
+# ---- what is said of it
+
+
+def judge(found: Found, bench: Bench) -> dict:
+    """All numbers of trajectories, complete or not, as plain data: ``rows``, a row for each,
+    ``checks``, ``curves`` of the figures, ``lengths``."""
+    complete = {name: one for name, one in found.items() if not one.error}
+    whole = {name: one for name, one in complete.items() if len(one.total) >= FEW}
+    checks = [*_dimer(whole), *_liquid(whole), *_peptide(whole)]
+    checks += [*_gear(found, whole), *_rigidity(complete)]
+    return {
+        "rows": [row(one) for one in found.values()],
+        "checks": [check.plain() for check in checks],
+        "curves": {name: _curve(whole[name]) for name in figures.CURVES if name in whole},
+        "gear": _root_mean_squares(_gear_pairs(whole)),
+        "lengths": asdict(_lengths(bench)),
+    }
+
+
+def row(one: Series) -> dict:
+    """The numbers of one trajectory; those that could not be measured are not there."""
+    made = one.simulation
+    found = {
+        "name": made.name,
+        "scene": made.scene.name,
+        "integrator": made.integrator.label,
+        "lines": made.integrator.commands(made.scene),
+        "dt": made.dt,
+        "error": one.error,
+        "ps": float(one.time[-1]) if len(one.time) else 0.0,
+        "seconds": one.seconds,
+    }
+    if len(one.total) >= FEW:
+        found |= {
+            "temperature": measures.mean(one.temperature),
+            "energy": float(one.total.mean()),
+            "sd": measures.standard_deviation(one.total),
+            "sd_line": measures.about_line(one.time, one.total),
+            "measure": measures.mean(measure(one.total)),
+            "drift": measures.drift(one.time, one.total),
+        }
+    return plain(found | ({"rigidity": rigidity(one.positions)} if one.positions else {}))
+
+
+def measure(total: np.ndarray) -> np.ndarray:
+    """|Delta E| of each sample."""
+    return np.abs(total - total.mean()) / abs(total.mean())
+
+
+def rigidity(positions: Positions) -> float:
+    """Largest change of a distance within a rigid body, Angstrom, from the start to the end."""
+    pairs, (start, *_, end) = measures.body_pairs(positions.bodies), positions.x
+    cell = positions.cell, positions.periodic
+    return float(measures.rigidity_error(start, end, pairs, *cell))
+
+
+def _curve(one: Series) -> dict[str, list[float]]:
+    """``time`` in ps and ``error``, Delta E, of some samples, and the same of its running mean."""
+    window = max(1, len(one.total) // RUNNING)
+    curve = {}
+    for name, width in ("", 1), ("_running", window):
+        time, total = (
+            np.convolve(x, np.full(width, 1 / width), "valid") for x in (one.time, one.total)
+        )
+        pick = figures.picked(len(total))
+        curve[f"time{name}"] = np.round(time[pick], 3).tolist()
+        error = (total[pick] - one.total.mean()) / abs(one.total.mean())
+        curve[f"error{name}"] = np.round(error, 9).tolist()
+    return curve
+
+
+# ---- of several trajectories
+
+
+def _length(*series: Series) -> str:
+    """How long the shortest is, in words."""
+    return f"{min(one.time[-1] for one in series):.4g} ps"
+
+
+def _shortest(pair: Sequence[Series]) -> int:
+    return min(len(one.total) for one in pair)
+
+
+def _dimer_pairs(whole: Found, second: str) -> Pairs:
+    """Dimers of NO_SQUISH and of another integrator from the same starts."""
+    numbers = range(1, 1 + len(whole))
+    names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in numbers]
+    return [(whole[one], whole[other]) for one, other in names if {one, other} <= whole.keys()]
+
+
+def _ratio(pairs: Pairs, of: Callable[[Series], float]) -> Estimate:
+    """A number of the second trajectory over that of the first one, mean of all pairs, with the
+    error that their scatter tells."""
+    return measures.ratio(*([of(one) for one in series] for series in zip(*pairs)))
+
+
+def _average(one: Series) -> float:
+    return measure(one.total).mean()
+
+
+def _drift(series: Sequence[Series]) -> Estimate:
+    """The mean drift of trajectories; of several starts its error is from their scatter."""
+    fits = [measures.drift(one.time, one.total) for one in series]
+    return fits[0] if len(fits) == 1 else measures.of_few([fit.value for fit in fits])
+
+
+def _scatters(ours: Sequence[float], others: Sequence[float]) -> str:
+    """The two standard deviations and their ratio, in words."""
+    first, second = (np.std(some, ddof=1) for some in (ours, others))
+    return f"{second:.2g} and {first:.2g} kcal/mol, {second / first:.2g} times"
+
+
+def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
+    """Stable: the drift moves the energy by less than it fluctuates anyway."""
+    slope = _drift(series)
+    deviation = np.sqrt(np.mean([one.total.var() for one in series]))
+    scale = min(one.time[-1] for one in series) / deviation
+    several = f", mean of {len(series)} starts" * (len(series) > 1)
+    what = f"stable: drift of the energy, times {_length(*series)}, over its sd"
+    note = f"drift {slope.text()} kcal/mol/ps{several}"
+    return check(PAPER[name].label, what, slope.times(scale), low=-1.0, high=1.0, note=note)
+
+
+# ---- figures 2a, 2b and 3
+
+
+def _dimer(whole: Found) -> Iterator[Check]:
+    """Figure 2a.
+
+    All starts are of one trajectory of NO_SQUISH, so they have one shadow energy.  Reference 12's,
+    did it exist, would be the same up to the rotor splitting's small part.  What keeps a shadow
+    energy has the same mean energy from each start; what has none wanders.
+    """
+    check = partial(Check.of, "dimer", source=STATEMENTS["dimer"])
+    pairs = _dimer_pairs(whole, OTHER)
+    if len(pairs) > 1:
+        span, starts = _length(*sum(pairs, ())), f"{len(pairs)} starts"
+        what = f"more accurate: average measure, {span}, mean of {starts}"
+        yield check(OVER, what, _ratio(pairs, _average), low=1.0)
+        first, second = ([one.total.mean() for one in series] for series in zip(*pairs))
+        what = f"its slow part: log10 of the scatter of ⟨E⟩ over {starts} with one shadow energy, "
+        note = (
+            f"{_scatters(first, second)}; all starts lie on one trajectory of NO_SQUISH, and the "
+            "shadow energy that they share is NO_SQUISH's"
+        )
+        over = measures.scatters_apart(first, second)
+        yield check(OVER, what + f"{span} each", over, low=0.0, note=note)
+        what = f"sd of energy in the first {SOON:g} ps, mean of {starts}"
+        same = _ratio(pairs, lambda one: one.total[one.time <= SOON].std())
+        yield check(OVER, what, same, low=1.0 - SAME, high=1.0 + SAME, source="", note=SHARED)
+    if starting := whole.get("dimer-starts"):
+        aim, mean = TEMPERATURE["dimer"], measures.mean(starting.temperature)
+        what = f"mean temperature of the trajectory that all starts are of, {_length(starting)}"
+        usual = {"unit": "K", "source": "Caption of figure 2"}
+        yield check("NO_SQUISH", what, mean, low=aim - KELVIN, high=aim + KELVIN, **usual)
+    if len(pairs) > 1:
+        for name, series in zip(("nosquish", OTHER), zip(*pairs)):
+            yield _steady(check, name, series)
+
+
+def _liquid(whole: Found) -> Iterator[Check]:
+    """Figure 2b."""
+    check = partial(Check.of, "liquid", source=STATEMENTS["liquid"])
+    series = {name: whole.get(f"water-{name}") for name in ("nosquish", OTHER)}
+    ours, other = series.values()
+    if ours and other:
+        span = _length(ours, other)
+        over = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
+        yield check(OVER, f"more accurate: sd of energy about its mean, {span}", over, low=1.0)
+        first, second = (_in_parts(one.total).mean(axis=1) for one in (ours, other))
+        what = f"wander: log10 of the sd of the energy's means in {SIDE} parts, {span}"
+        over = measures.scatters_apart(first, second, measures.freedom_of_walk(SIDE))
+        yield check(OVER, what, over, low=0.0, note=_scatters(first, second))
+    for name, one in series.items():
+        if one:
+            yield _steady(check, name, [one])
+
+
+def _in_parts(total: np.ndarray) -> np.ndarray:
+    """The energy in equal parts of a trajectory: (parts, samples)."""
+    size = len(total) // SIDE
+    return total[: SIDE * size].reshape(SIDE, size)
+
+
+def _peptide(whole: Found) -> Iterator[Check]:
+    """Figure 3."""
+    check = partial(Check.of, "peptide", source=STATEMENTS["peptide"])
+    names = "nosquish", "shake", "rigid/nve/small", "rigid/small", ORDERED
+    series = {name: whole[f"peptide-{name}"] for name in names if f"peptide-{name}" in whole}
+    for name in (name for name in names[:3] if name in series):
+        what = f"average measure about {AVERAGE_MEASURE:g}, {_length(series[name])}"
+        bounds = {"low": AVERAGE_MEASURE / NEAR, "high": AVERAGE_MEASURE * NEAR}
+        yield check(PAPER[name].label, what, measures.mean(measure(series[name].total)), **bounds)
+    for name, against in (ORDERED, "rigid/nve/small"), ("nosquish", "shake"):
+        if {name, against} <= series.keys():
+            yield from _equal(check, series, name, against)
+    drifts = {name: _drift([one]) for name, one in series.items() if name != ORDERED}
+    for name, slope in drifts.items():
+        label, span = PAPER[name].label, _length(series[name])
+        note = f"{slope.text()} kcal/mol/ps"
+        if name == "rigid/small":
+            off, what = abs(slope.value) / slope.margin, f"drifts: |drift| of the energy, {span}"
+            how = {"unit": "margins", "source": "Richardson's scheme, which is not symplectic"}
+            yield check(label, what, off, low=SURE_DRIFT, note=note, **how)
+        elif "rigid/small" in drifts:
+            over = measures.quotient(slope, drifts["rigid/small"])
+            what = f"stable: drift over that of rigid/small, {span}"
+            yield check(label, what, over, low=-LOST, high=LOST, note=note)
+        else:
+            yield _steady(check, name, [series[name]])
+
+
+def _equal(check: Callable, series: Found, name: str, against: str) -> Iterator[Check]:
+    """Two integrators, in parts of the same length."""
+    both = series[against], series[name]
+    label = f"NO_SQUISH{' order 123' if name == ORDERED else ''} over {PAPER[against].label}"
+    what = f"equal: sd of energy about the means of {SIDE} parts, {_length(*both)}"
+    samples = _shortest(both)
+    over = measures.ratio(*(_in_parts(one.total[:samples]).std(axis=1, ddof=1) for one in both))
+    yield check(label, what, over, low=1.0 - EQUAL, high=1.0 + EQUAL)
+    if name == ORDERED:  # these are one scheme; shake is another
+        tells = over.margin < TELLING
+        note = f"margin {over.margin:.2g}" + ("" if tells else f", must be below {TELLING:g}")
+        off = abs(over.value - 1) / over.margin if tells else None
+        what = "equal within the margin: that ratio less 1"
+        yield check(label, what, off, high=EQUAL_MARGINS, unit="margins", note=note)
+
+
+# ---- Gear's scheme
+
+
+def _begun(one: Series) -> Series:
+    """A trajectory without its first `BEGINNING` steps."""
+    kept = one.time > BEGINNING * one.simulation.dt / FS_PER_PS
+    return replace(one, time=one.time[kept], total=one.total[kept])
+
+
+def _gear_pairs(whole: Found) -> Pairs:
+    """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`, where
+    there are several."""
+    pairs = [tuple(map(_begun, pair)) for pair in _dimer_pairs(whole, "gear")]
+    pairs = [pair for pair in pairs if _shortest(pair) >= FEW]
+    return pairs if len(pairs) > 1 else []
+
+
+def _root_mean_squares(pairs: Pairs) -> dict[str, list[float]]:
+    """How far the energy has gone, rms of all starts: ``time`` in ps, ``NO_SQUISH``, ``Gear``."""
+    if not pairs:
+        return {}
+    pick = figures.picked(min(map(_shortest, pairs)), np.geomspace)
+    found = {"time": (pairs[0][0].time[pick] - pairs[0][0].time[0]).tolist()}
+    for name, series in zip(("NO_SQUISH", "Gear"), zip(*pairs)):
+        changes = [one.total[pick] - one.total[0] for one in series]
+        found[name] = np.sqrt(np.mean(np.square(changes), axis=0)).tolist()
+    return found
+
+
+def _gear(found: Found, whole: Found) -> Iterator[Check]:
+    """Gear's scheme: at the usual step, and beside NO_SQUISH from the same starts of the dimer.
+
+    Its error grows with the time, by its drift, and so does the ratio of the average measures: it
+    is the drift that "far" is asked of.
+    """
+    check = partial(Check.of, "gear", source=STATEMENTS["gear"])
+    for scene in "water", "peptide":
+        if gear := found.get(f"{scene}-gear"):
+            span = f"{gear.simulation.steps * DT / FS_PER_PS:g} ps"
+            what = f"unstable at {DT:g} fs: largest |E − E(0)| over the kinetic energy, {span}"
+            total, note = gear.total, f"ended: {gear.error}" if gear.error else ""
+            value = np.abs(total - total[0]).max() / gear.kinetic[0] if len(total) else None
+            yield check(f"Gear, {scene}", what, value, low=1.0, note=note)
+    if not (pairs := _gear_pairs(whole)):
+        return
+    ours, theirs = zip(*pairs)
+    where, first = f"at {DIMER_DT:g} fs", f"without the first {BEGINNING} steps"
+    when = f"{_length(*ours, *theirs)} {first}, {len(pairs)} starts"
+    ours_drift, drift = _drift(ours), _drift(theirs)
+    note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
+    what = f"drifts {where}: |drift| of the energy, {when}"
+    yield check("Gear, dimer", what, off, low=SURE_DRIFT, unit="margins", note=note)
+    what = f"less accurate {where}: average measure, {when}"
+    yield check("Gear over NO_SQUISH, dimer", what, _ratio(pairs, _average), low=1.0)
+    far, what = None, f"far more accurate {where}: drift of the energy, {when}"
+    told = f"Gear's drift itself cannot be told: {note}"
+    if off >= SURE_DRIFT:  # nothing can be said over a drift that may be none
+        far, told = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
+    bounds = {"low": -1 / FAR, "high": 1 / FAR}
+    yield check("NO_SQUISH over Gear, dimer", what, far, **bounds, note=told)
+
+
+def _rigidity(complete: Mapping[str, Series]) -> Iterator[Check]:
+    """The worst of all runs with rigid-body fixes."""
+    worst = {
+        name: rigidity(one.positions)
+        for name, one in complete.items()
+        if one.positions and one.simulation.integrator.kind != "constraints"
+    }
+    if worst:
+        name = max(worst, key=lambda name: worst[name])
+        who = f"all {len(worst)} runs with rigid-body fixes"
+        what = "largest change of a distance within a group"
+        yield Check.of("rigidity", who, what, worst[name], high=RIGID, unit="Å", note=name)
+
+
+def tables(summary: dict) -> list[Table]:
+    """All trajectories."""
+    lengths = [{**row, "status": row["error"] or "ok"} for row in summary["rows"]]
+    return [Table("All trajectories", COLUMNS, lengths, file="table", long=True)]
+
+
+COLUMNS = (
+    Column("name", "trajectory", kind="text"),
+    Column("integrator", "integrator", kind="text"),
+    Column("dt", "dt", "fs", "number"),
+    Column("ps", "length", "ps", "number"),
+    Column("temperature", "temperature", "K", "estimate"),
+    Column("sd", "sd of energy", "kcal/mol", "estimate"),
+    Column("sd_line", "sd about its line", "kcal/mol", "estimate", wide=True),
+    Column("measure", "average measure", "ratio", "estimate"),
+    Column("drift", "drift", "kcal/mol/ps", "estimate"),
+    Column("rigidity", "rigidity", "Å", "number", ".1e"),
+    Column("status", "status", kind="text", wide=True),
+)
+CLAIMS = Claims(
+    "The paper's test problems again",
+    "Does what the paper says of its test problems hold?",
+    "numbers that bear on what the paper says of its test problems",
+    PARTS,
+    plan,
+    judge,
+    tables=tables,
+    checks_file="claims",
+    figures={
+        figures.figure_2a: "Delta E of NO_SQUISH and of reference 12 from the same start, the "
+        f"first of several, and running means (windows of a {RUNNING}th of the time). What both do "
+        "from step to step is the force splitting's; they differ in the slow wander.",
+        figures.figure_2b: "The same of 1,000 waters.",
+        figures.figure_3: "Delta E of the peptide in water. Grey: the average measure that the "
+        f"paper reports, ±{AVERAGE_MEASURE:g}.",
+        figures.gear: "Root mean square over the starts of the energy's change, counted from "
+        f"behind the first {BEGINNING} steps, in which Gear's scheme finds its derivatives. It is "
+        "of higher order, and better at first; its drift comes through where the curves cross.",
+    },
+    ours=False,
+)

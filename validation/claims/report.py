@@ -1,0 +1,47 @@
+"""What `claims` says of a summary."""
+
+from functools import partial
+from importlib import import_module
+
+from ..pages import Figure, Said
+from ..statistics.check import VERDICTS
+from .plan import Claims
+
+
+def claims_of(name: str) -> Claims:
+    """The list of claims of this name."""
+    return import_module(f".{name.replace('-', '_')}", __package__).CLAIMS
+
+
+def said(summary: dict) -> Said:
+    """The answer, all checks, and what the list has beside them."""
+    claims = claims_of(summary["claims"])
+    return Said(
+        claims.title,
+        claims.question,
+        _answer(claims, summary),
+        tables=claims.tables(summary),
+        figures=[
+            Figure(draw.__name__, partial(draw, summary), caption)
+            for draw, caption in claims.figures.items()
+        ],
+        checks=summary["checks"],
+        parts=claims.parts,
+        checks_file=claims.checks_file,
+        notes=claims.notes,
+        failures=[f"{name}: {why}" for name, why in summary.get("failed", {}).items()],
+    )
+
+
+def _answer(claims: Claims, summary: dict) -> str:
+    """How many checks hold, and of which parts those are that do not, or cannot be told."""
+    parts: dict[str, list[str]] = {verdict: [] for verdict in VERDICTS}
+    for check in summary["checks"]:
+        if check["verdict"]:
+            parts[check["verdict"]].append(claims.parts[check["part"]])
+    held, lost, unknown = parts.values()
+    told = f"{len(held)} of {len(held + lost + unknown)} {claims.noun} hold"
+    for words, some in ("do not", lost), ("cannot be told", unknown):
+        where = ", ".join(f"{part} ({some.count(part)})" for part in dict.fromkeys(some))
+        told += f"; {len(some)} {words}: {where}" if some else ""
+    return f"{told}."

@@ -1,0 +1,265 @@
+"""What is compared, a built-in scene or a user's script, and how large errors may be."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from ..own import counted, schemes, shapes
+from ..own.system import Own
+from ..running import starts
+from ..scenes import SCENES, TEMPERATURE, Scene, peptide
+from ..scenes.integrators import OURS, SWEPT, Integrator
+from ..scenes.units import BOLTZMANN, UNITS
+
+# of the usual step: the energy's changes in it count.  Errors of the step are as large as they get
+# by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
+# steps: the standard deviation of a whole run is mostly this
+SPAN = 96
+# times in a ns; in reduced units 1,000 of them stand for it
+NS = {"real": 1e6, "electron": 1e6, "metal": 1e3, "nano": 1.0, "micro": 1e-3}
+NS |= {"si": 1e-9, "cgs": 1e-9}
+ENERGIES = "drift", "energy"  # targets that econserve tells
+MEANS = frozenset(("potential", "density", "rdf"))  # that are held against another run
+ASKED = "energy_sd", "potential"  # targets only if they are asked for
+TARGETS = {  # largest error by default, unit, what it is, why
+    "drift": (
+        0.01,
+        "kT per {ns} and degree of freedom",
+        "drift of the energy that is to be kept",
+        "in 1 {ns} the temperature changes by some per cent at most",
+    ),
+    "temperature": (
+        0.01,
+        "of T",
+        "translation against rotation, or against the thermostat",
+        "3 K at 300 K: what thermometers of force fields tell apart",
+    ),
+    "energy": (
+        0.2,
+        "of the kinetic energy's standard deviation",
+        "change of the energy that is to be kept in {span}, rms, over √2",
+        "a fifth, the old rule for a step that is short enough",
+    ),
+    "energy_sd": (
+        1.0,
+        "{energy}",
+        "standard deviation of the energy that is to be kept; it grows with the run, if it drifts",
+        "none: it depends on the number of bodies",
+    ),
+    "potential": (
+        0.05,
+        "kT per body",
+        "mean potential energy",
+        "0.03 kcal/mol at 300 K: less than most force fields' own error in a heat of vaporization",
+    ),
+    "density": (0.005, "of it", "mean density", "half a per cent, as force fields are fitted to"),
+    "rdf": (
+        0.03,
+        "",
+        "rms of g(r) of the bodies' heaviest atoms",
+        "less than the width of a line in a figure of g(r)",
+    ),
+}
+# the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
+# (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
+HEATED, WHY_HEATED = 1.0, "as much as GROMACS allows by default; the thermostat takes it out"
+COUNTED = (
+    "what {fixes} does to the energy is not counted; of a fix that adds a force, 'fix_modify ID "
+    "energy yes' has LAMMPS count it, if it can"
+)
+FACTORS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0  # of a script's step
+# accuracy of PPPM: an integrator's error is measured, not the mesh's.  With 1e-5 the energy of the
+# peptide at 0.5 fs wanders in 4 ps by 0.072 kcal/mol; with 1e-6 by 0.026, with 1e-7 by 0.022
+MESH = "1e-6"
+STEPS = {  # fs, of the built-in scenes
+    "dimer": (0.05, 0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.5, 2.0, 3.0, 4.0),
+    "water": (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5, 10.0, 12.0),
+    "peptide": (0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.5, 10.0),
+}
+BODIES = {"water": 512}
+DIFFERS = (
+    "shake and rattle leave the H-X-H angles of CH3 and NH3 free, so they move another model, "
+    "whose averages are not held against those of rigid groups"
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene with what its errors are measured by.
+
+    Attributes:
+        word: of the command line.
+        integrators: that can move it, by name.
+        reference: name of the one whose shortest step means are held against.
+        usual: names of those that are compared if none is asked for.
+        steps: time steps that are tried, in the scene's units.
+        temperature: that is kept, or that the start has.
+        boltzmann: Boltzmann's constant in the scene's units.
+        bath: whether a thermostat keeps the temperature.
+        lost: targets that say nothing of the case, each with why.
+        unknown: of an integrator the targets that its runs do not tell; ``why`` is why.
+        own: the script, if it is one.
+    """
+
+    word: str
+    scene: Scene
+    integrators: Mapping[str, Integrator]
+    reference: str
+    usual: tuple[str, ...]
+    steps: tuple[float, ...]
+    temperature: float
+    boltzmann: float = BOLTZMANN
+    bath: bool = False
+    lost: Mapping[str, str] = field(default_factory=dict)
+    unknown: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    why: str = ""
+    notes: tuple[str, ...] = ()
+    own: Own | None = None
+
+    @property
+    def kt(self) -> float:
+        """kT in the scene's energy."""
+        return self.boltzmann * self.temperature
+
+    @property
+    def time(self) -> str:
+        """Name of the scene's unit of time."""
+        return UNITS[self.scene.units].time
+
+    @property
+    def ns(self) -> float:
+        """Times in what costs and drifts are told of."""
+        return NS.get(self.scene.units, 1e3)
+
+    @property
+    def name_of_ns(self) -> str:
+        """What costs and drifts are told of."""
+        return "ns" if self.scene.units in NS else f"1,000 {self.time}"
+
+    def written(self, integrator: Integrator) -> tuple[list[str], str, list[str]]:
+        """Lines of an input script for an integrator, the place where they stand, and what is to be
+        said of commands that they cannot have beside them."""
+        lines = integrator.commands(self.scene)
+        if self.own is None:
+            return lines, "In the place of what moves the atoms", []
+        found = self.own.found
+        gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
+        lost = schemes.naming(gone, self.own.said["commands"], lines)
+        return lines, schemes.place(gone), [] if integrator.then else lost
+
+
+def of_scene(name: str, folder: Path) -> Case:
+    """A built-in scene; ``folder``: for data files of starts."""
+    scene = SCENES[name] if name == "dimer" else _on_mesh(name)
+    scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
+    if scene.subject:
+        scene = replace(scene, title=f"{scene.unit:,} {scene.subject}")
+    able = {key: one for key, one in SWEPT.items() if one.can_run(scene)}
+    lost = {"density": "its box does not change"}
+    if name == "dimer":
+        lost["rdf"] = "its box is not periodic"
+        lost["temperature"] = "two bodies at constant momenta do not share their energy evenly"
+    other = [key for key, one in able.items() if one.kind == "constraints" and name == "peptide"]
+    return Case(
+        word=name,
+        scene=scene,
+        integrators=able,
+        reference=OURS,
+        usual=(OURS, "rigid/nve"),
+        steps=STEPS[name],
+        temperature=TEMPERATURE[name],
+        lost=lost,
+        unknown=dict.fromkeys(other, tuple(sorted(MEANS))),
+        why=DIFFERS,
+    )
+
+
+def _on_mesh(name: str) -> Scene:
+    """A scene with PPPM of the accuracy `MESH`."""
+    scene = peptide.scene() if name == "peptide" else SCENES[name]
+    subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
+    return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
+
+
+def of_script(own: Own) -> Case:
+    """A user's script.
+
+    Raises:
+        LookupError: its atoms are at rest, and nothing can be told.
+    """
+    if not shapes.temperature(own) > 0:
+        raise LookupError(
+            f"the atoms are at rest at '{own.said['run']}', so there is no "
+            "temperature to measure errors by: give them velocities (velocity all create T SEED), "
+            "and let them come to equilibrium"
+        )
+    known = own.integrators
+    ours = next((key for key, one in known.items() if one.kind == "ours"), own.reference)
+    usual = OURS, own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small"
+    return Case(
+        word=own.ask.script,
+        scene=own.scene,
+        integrators=known,
+        reference=ours,
+        usual=tuple(name for name in known if name in usual)[:2],
+        steps=tuple(factor * own.scene.dt for factor in FACTORS),
+        temperature=shapes.temperature(own),
+        boltzmann=own.said["boltzmann"],
+        bath=bool(own.found.state.temp),
+        lost=_lost(own),
+        unknown={key: ENERGIES for key, one in known.items() if counted.wrongly(one)},
+        why=counted.WHY,
+        notes=own.notes,
+        own=own,
+    )
+
+
+def _lost(own: Own) -> dict[str, str]:
+    lost: dict[str, str] = {}
+    lacking = counted.lacking(own)
+    if lacking:
+        why = COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
+        lost |= dict.fromkeys((*ENERGIES, "energy_sd"), why)
+    if own.said["sized"]:  # such atoms turn, too, and their velocities do not tell it
+        lost["temperature"] = "its atoms may have moments of inertia of their own"
+    if not own.found.state.press:
+        lost["density"] = "its box does not change"
+    if not all(own.said["periodic"]) or own.bodies < 10:
+        lost["rdf"] = "its box is not periodic, or has less than ten bodies"
+    return lost
+
+
+def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
+    """Largest errors that are good enough, by name; those that say nothing of the case are left out
+    of the default ones.
+
+    Raises:
+        LookupError: there is no such target, and the message lists all; or it says nothing.
+    """
+    for name in wanted:
+        if name not in TARGETS:
+            known = "; ".join(f"{key}: {what}" for key, (_, _, what, _) in TARGETS.items())
+            raise LookupError(f"there is no target {name}. There are {known}")
+        if name in case.lost:
+            raise LookupError(f"{name} says nothing of {case.word}: {case.lost[name]}")
+    found = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
+    if case.bath and "drift" in found:
+        found["drift"] = HEATED
+    return {
+        name: wanted.get(name, most)
+        for name, most in found.items()
+        if name in wanted or name not in ASKED
+    }
+
+
+def about(case: Case) -> dict[str, dict]:
+    """What each target is, in words, and its default for this case."""
+    words = {"ns": case.name_of_ns, "span": f"{SPAN * case.scene.dt:g} {case.time}"}
+    words["energy"] = UNITS[case.scene.units].energy
+    found = {}
+    for name, (usual, *texts) in TARGETS.items():
+        unit, what, why = (text.format(**words) for text in texts)
+        if name == "drift" and case.bath:
+            usual, why = HEATED, WHY_HEATED
+        found[name] = {"default": usual, "unit": unit, "what": what, "why": why}
+    return found

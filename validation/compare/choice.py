@@ -1,0 +1,235 @@
+"""Which of the points that were measured is the fastest that is accurate enough.  Pure functions;
+nothing between two points is guessed.
+
+Of an integrator a step is judged only if all shorter ones are within the targets, so at most one
+mistake of each can begin, in 5 % of cases over the number of integrators (a fixed sequence of
+tests, and a union bound).  A point that a run of its own judges, ``alone``, is good or bad by that.
+
+Targets are a dictionary from measure to the largest error that is good enough, in its unit.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypedDict
+
+from ..scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
+from ..statistics.check import Check
+from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from ..statistics.measures import Spread
+
+SAFE = 1.5  # times a step that is named, the integrator still runs
+Targets = Mapping[str, float]
+
+
+class Measured(TypedDict):
+    """A row: what is known of a point, as plain data.
+
+    Attributes:
+        ours: whether the integrator is this package's, whatever its keywords.
+        lines: of an input script; ``place`` and ``lost``: see `case.Case.written`.
+        time: sampled from each start, in the scene's units.
+        failed: why it is none, with the step that failed; ``failures``: how many starts did.
+        is_reference: whether means are held against it.  asked: whether it was asked for.
+        alone: whether a long run of its own judges it.
+        cost, cpu: s per ns of the clock, and of all cores.
+        errors: measure to its ``Estimate``; one without an error bar has none, or None.
+        signed: the same with its sign.  by_itself: by its own run, where other steps help.
+        without: targets that its runs do not tell.
+        command: that runs it again.
+    """
+
+    integrator: str
+    label: str
+    ours: bool
+    lines: list[str]
+    place: str
+    lost: list[str]
+    dt: float
+    starts: int
+    time: float
+    failed: str | None
+    failures: int
+    is_reference: bool
+    asked: bool
+    alone: bool
+    cost: Spread | None
+    cpu: Spread | None
+    errors: dict[str, dict]
+    signed: dict[str, dict]
+    by_itself: dict[str, dict]
+    without: list[str]
+    command: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The fastest way to reach the targets.
+
+    Attributes:
+        targets: by which it was chosen: those that the points' runs tell.
+        best: the simplest of the fastest and those that tie with it; None if none meets all targets
+            for sure.
+        fastest: that meets all targets for sure, with the smallest least run time.
+        ties: the others that do, and whose least run time is not above its median.
+        perhaps: those as fast as the best one of which there is no telling.
+    """
+
+    targets: Targets
+    best: Measured | None = None
+    fastest: Measured | None = None
+    ties: tuple[Measured, ...] = ()
+    perhaps: tuple[Measured, ...] = ()
+
+    @property
+    def verdict(self) -> str:
+        """``met``; else ``cannot tell`` if some point may meet the targets, or ``not met``."""
+        return "met" if self.best else "cannot tell" if self.perhaps else "not met"
+
+
+def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> float:
+    """What an error is at most for sure: value + its margin; infinite if it is not known."""
+    found = point["errors"].get(measure)
+    if point["failed"] or found is None or found["error"] is None:
+        return math.inf
+    most = found["value"] + margin(found["error"], found.get("freedom"), confidence)
+    return most if math.isfinite(most) else math.inf
+
+
+def is_zero(point: Measured, measure: str) -> bool:
+    """Whether an error is known, and cannot be told from zero by its 95 % margin."""
+    return 2 * point["errors"][measure]["value"] < bound(point, measure) < math.inf
+
+
+def least(point: Measured) -> float:
+    """The least run time, s per ns; infinite if it is not known."""
+    return point["cost"]["min"] if point["cost"] else math.inf
+
+
+def meets(point: Measured, targets: Targets) -> bool | None:
+    """Whether all errors of a point are within the targets: True if they are with their 95 %
+    margins, False if one less its margin is above or the point failed, None if there is no
+    telling."""
+    if point["failed"]:
+        return False
+    verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
+    return False if False in verdicts else None if None in verdicts else True
+
+
+def _within(found, target):
+    if found is None or found["error"] is None:
+        return None
+    return Check("", "", "", **found, high=target).holds
+
+
+def passes(point: Measured, targets: Targets, level: float = CONFIDENCE) -> bool:
+    """Whether all errors are within the targets, by margins of this confidence."""
+    return all(bound(point, name, level) <= most for name, most in targets.items())
+
+
+def level_of_each(integrators: Iterable[str], share: float = 1.0) -> float:
+    """The confidence by which each step is judged in a sequence; at least the usual one, for errors
+    below zero are no mistake.
+
+    Args:
+        share: of the 5 %, for all sequences together.
+    """
+    return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) * share / max(1, len({*integrators})))
+
+
+def able(points: Sequence[Measured], targets: Targets) -> list[Measured]:
+    """The points that may be good: of each integrator those up to the first that is not for sure,
+    and those that a run of their own judges; without those that are `near_failure`."""
+    bad, near = set(), near_failure(points)
+    found = []
+    for point in sorted(points, key=lambda point: point["dt"]):
+        if meets(point, targets) is False and not point["alone"]:
+            bad.add(point["integrator"])
+        if (point["alone"] or point["integrator"] not in bad) and point not in near:
+            found.append(point)
+    return [point for point in points if point in found]
+
+
+def near_failure(points: Iterable[Measured]) -> list[Measured]:
+    """The points whose step is more than 1 / `SAFE` of one with which their integrator fails.
+
+    What ends a run, as a bond that breaks, is rare at steps that are a little shorter.  A run that
+    does not see it says nothing of one that is longer.
+    """
+    points = list(points)
+
+    def ends(name):
+        failed = (one["dt"] for one in points if one["failed"] and one["integrator"] == name)
+        return min(failed, default=math.inf) * (1 + 1e-9)
+
+    return [
+        one for one in points if not one["failed"] and SAFE * one["dt"] > ends(one["integrator"])
+    ]
+
+
+def _within_targets(points, targets, level):
+    """The points within the targets for sure, from the fastest."""
+    good = [one for one in points if one["alone"] and passes(one, targets)]
+    for name in {point["integrator"]: None for point in points}:
+        own = [one for one in points if one["integrator"] == name and not one["alone"]]
+        for point in sorted(own, key=lambda point: point["dt"]):
+            if not passes(point, targets, level):
+                break
+            good.append(point)
+    return sorted((one for one in good if one["cost"]), key=_by_cost)
+
+
+def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice:
+    """The `Choice` among points.
+
+    Those whose runs tell all targets count; if there are none, all count, by the targets that they
+    tell.
+
+    Args:
+        level: see `level_of_each`.
+    """
+    told = [one for one in points if targets.keys().isdisjoint(one["without"])]
+    if points and not told:
+        lost = {name for one in points for name in one["without"]}
+        targets = {name: most for name, most in targets.items() if name not in lost}
+    some = able(told or list(points), targets) if targets else []
+    good = _within_targets(some, targets, level)
+    usual = good[0]["cost"]["median"] if good and good[0]["cost"] else math.inf
+    tied = [point for point in good if least(point) <= usual]
+    best = min(tied, key=_by_words, default=None)
+    perhaps = [
+        one
+        for one in some
+        if one not in good and meets(one, targets) is not False and least(one) <= usual
+    ]
+    return Choice(
+        dict(targets),
+        best,
+        good[0] if good else None,
+        tuple(point for point in tied if point is not best),
+        tuple(sorted(perhaps, key=_by_cost)),
+    )
+
+
+def nearest(points: Iterable[Measured], targets: Targets) -> tuple[Measured, float] | None:
+    """The point that is the least above the targets, and how many times its worst `bound` is above;
+    None if no point has all these errors."""
+    excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
+    factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
+    return (point, factor) if point and factor < math.inf else None
+
+
+def size(found: Estimate) -> dict:
+    """An error without its sign, as plain data."""
+    return found._replace(value=abs(found.value)).plain()
+
+
+def _by_words(point):
+    """From the simplest: this package's default, then what takes the fewest words in an input
+    script; of equal ones the fastest first."""
+    return point["integrator"] != OURS, len(" ".join(point["lines"]).split()), _by_cost(point)
+
+
+def _by_cost(point):
+    """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
+    return least(point), -point["dt"], point["integrator"]

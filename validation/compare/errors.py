@@ -1,0 +1,370 @@
+"""From runs to errors: what a run gives, how much of it is noise, and a row for each point.
+
+All points are run from the same starts.  What is alike in all runs from a start is its chance, and
+is taken off.  What the runs of a point still differ by from start to start is noise, whatever its
+correlation time: all points together tell how much larger it is than a single run shows.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from ..experiment import Observable, Point
+from ..own.shapes import MVV2E
+from ..running import run
+from ..statistics import measures, structure
+from ..statistics.estimate import Estimate, combined
+from ..statistics.structure import Motion
+from .case import MEANS, SPAN, Case, about
+from .law import by_law
+
+BIN, REACH = 0.04, (0.3, 2.2)  # of g(r), in edges of a body's room
+HALF = 0.95  # of half the box that g(r) reaches at most
+UNLIKELY = 5.0  # standard deviations of a temperature
+LEFT = 3.0  # times what is gone from start to start: what may be left of it, if it goes slowly
+FEWEST = 3  # independent vectors of noise, without which g(r) has no error
+
+
+class Series(NamedTuple):
+    """What counts of a run: thermodynamic output by column, and positions in its frames."""
+
+    thermo: Mapping[str, np.ndarray]
+    motion: Motion
+    frames: Sequence[int]
+    dt: float
+
+
+class Numbers(NamedTuple):
+    """Of a run.
+
+    Attributes:
+        estimates: by the names of `case.TARGETS`.
+        kinds: by which part of it temperatures differ, of translation from that of rotation, and of
+            either from the thermostat's.
+        rdf: (bins,) g(r); None where it says nothing.
+    """
+
+    estimates: Mapping[str, Estimate]
+    kinds: Sequence[Estimate] = ()
+    rdf: np.ndarray | None = None
+
+
+Found = Mapping[Point, Mapping[int, Numbers]]  # of each start, by its number
+
+
+def failure(result: run.Result, temperature: float, boltzmann: float) -> str | None:
+    """None, or in a line why a run is none: it ended early, has no number, or heats."""
+    if result.error:
+        return result.error
+    kelvin, energy = result.thermo["Temp"], result.thermo["TotEng"]
+    freedom = 2 * result.thermo["KinEng"][0] / (boltzmann * kelvin[0]) if kelvin[0] > 0 else 1.0
+    most = max(temperature, kelvin[0]) * (2 + UNLIKELY * math.sqrt(2 / freedom))
+    bad = ~np.isfinite(energy) | ~(kelvin <= most)
+    if not bad.any():
+        return None
+    step = result.thermo["Step"][bad][0]
+    return f"it heats: the temperature is {kelvin[bad][0]:.4g} at step {step:.0f}"
+
+
+def observables(case: Case) -> list[Observable]:
+    """What is measured of a run's `Series` by itself, by the names of `case.TARGETS`."""
+
+    def conserved(series):
+        return series.thermo.get("Econserve", series.thermo["TotEng"])
+
+    def drift(series):
+        """By ns and degree of freedom, in kT."""
+        thermo = series.thermo
+        freedom = 2 * thermo["KinEng"].mean() / (case.boltzmann * thermo["Temp"].mean())
+        slope = measures.line_drift(thermo["Step"] * series.dt, conserved(series))
+        return slope.times(case.ns / (case.kt * freedom))
+
+    def energy(series):
+        """The rms change in `SPAN` steps of the usual length over √2, in parts of the kinetic
+        energy's standard deviation."""
+        apart = (series.thermo["Step"][1] - series.thermo["Step"][0]) * series.dt
+        lag = max(1, round(SPAN * case.scene.dt / apart))
+        kept = conserved(series)
+        square = measures.mean((kept[lag:] - kept[:-lag]) ** 2 / 2)
+        change = np.sqrt(max(square.value, 1e-300))
+        rms = Estimate(change, square.error / (2 * change), square.freedom)
+        return rms.times(1 / max(float(np.std(series.thermo["KinEng"])), 1e-300))
+
+    functions = {
+        "drift": drift,
+        "energy": energy,
+        "energy_sd": lambda series: measures.standard_deviation(conserved(series)),
+        "potential": lambda series: measures.mean(series.thermo["PotEng"] / series.motion.count),
+        "density": lambda series: measures.mean(series.thermo["Density"]),
+    }
+    told = about(case)
+    return [
+        Observable(key, told[key]["what"], told[key]["unit"], of)
+        for key, of in functions.items()
+        if key not in case.lost
+    ]
+
+
+def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Numbers:
+    """What a run gives without its first part, of which ``settles`` is left out."""
+    assert result.positions
+    frames = len(result.positions.x) - 1
+    first = math.ceil(settles * frames * (1 - 1e-9))
+    kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
+    thermo = {name: values[kept] for name, values in result.thermo.items()}
+    series = Series(thermo, Motion(result.positions), range(1 + first, 1 + frames), dt)
+    estimates = {one.key: one.of(series) for one in observables(case)}
+    known = {key: one for key, one in estimates.items() if one is not None}
+    kinds = [] if "temperature" in case.lost else _kinds(case, *temperatures(case, series))
+    return Numbers(known, kinds, None if "rdf" in case.lost else _rdf(series))
+
+
+def temperatures(case: Case, series: Series) -> tuple[np.ndarray, np.ndarray | None]:
+    """Temperatures of the bodies' centres and of their turning, (frames,); None if none turns."""
+    motion, axes = series.motion, case.scene.dimension
+    mass, v = motion.mass, motion.v[list(series.frames)]
+    v = v - np.average(v, axis=1, weights=mass)[:, None]
+    moving, turning, inside = np.zeros(len(v)), np.zeros(len(v)), 0.0
+    for group in motion.groups:
+        own_mass = mass[group]
+        whole = own_mass.sum(axis=1)
+        centre = np.einsum("bn,fbnk->fbk", own_mass, v[:, group]) / whole[:, None]
+        translation = np.einsum("b,fbk->f", whole, centre**2)
+        moving += translation
+        turning += np.einsum("bn,fbnk->f", own_mass, v[:, group] ** 2) - translation
+        inside += whole.sum()
+    freedom = axes * motion.count - axes * inside / mass.sum()
+    scale, rest = MVV2E.get(case.scene.units, 1.0) / case.boltzmann, motion.turning(axes)
+    return moving * scale / freedom, turning * scale / rest if rest else None
+
+
+def _kinds(case, moving, turning) -> list[Estimate]:
+    series = [] if turning is None else [moving - turning]
+    if case.bath:
+        series += [one - case.temperature for one in (moving, turning) if one is not None]
+    return [measures.mean(one / case.temperature) for one in series]
+
+
+def _rdf(series) -> np.ndarray:
+    cell = series.motion.cell
+    room = (abs(np.linalg.det(cell)) / series.motion.count) ** (1 / 3)
+    most = HALF * np.min(np.abs(np.diag(cell))) / 2
+    ends = REACH[0] * room, min(most, REACH[1] * room)
+    frames = slice(series.frames[0], series.frames[-1] + 1)
+    return structure.pair_distribution(series.motion, frames, ends, BIN * room, 1)[0]
+
+
+Starts = Mapping[Point, Mapping[int, Estimate]]  # of each start of each point, by its number
+
+
+class Noise(NamedTuple):
+    """How many times larger errors are than single runs show, and its degrees of freedom.
+
+    It is one factor for all points together (R. T. Birge, Phys. Rev. 40, 207, 1932): what runs of
+    the same point differ by, over their errors.
+    """
+
+    wider: float
+    freedom: int
+
+    @classmethod
+    def of(cls, starts: Starts, chance: Mapping[int, float]) -> "Noise":
+        """Of runs of points from several starts, whose ``chance`` is taken off."""
+        square, freedom = 0.0, 0
+        for found in starts.values():
+            own = {n: one.value - chance.get(n, 0.0) for n, one in found.items()}
+            mean = float(np.mean([*own.values()]))
+            known = {n: one.error for n, one in found.items() if one.error}
+            square += sum(((own[n] - mean) / error) ** 2 for n, error in known.items())
+            freedom += len(own) - 1
+        return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
+
+
+def pooled(starts: Starts, shared: bool, like: Starts | None = None) -> dict[Point, Estimate]:
+    """Means over starts, with the noise that a single run hides.
+
+    What all runs from a start have in common, its chance, is alike in what they are held against.
+    Where they are held against none it may be that the start was not in equilibrium: then what the
+    starts' chances differ by may be left of it, too.
+
+    Args:
+        shared: whether they are held against another run.
+        like: runs that tell the noise; None is these.
+    """
+    told = starts if like is None else like
+    known = _chance(_values(told))
+    noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
+    settles = 0.0 if shared else _settling(told, known)
+    made = {}
+    for point, found in starts.items():
+        mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
+        error, own = combined(*(one.times(1 / len(found))[1:] for one in found.values()))
+        few = noise.wider > 1 and (own is None or noise.freedom < own)
+        wide = math.hypot(noise.wider * error, settles)
+        made[point] = Estimate(mean, wide, noise.freedom if few else own)
+    return made
+
+
+def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
+    """What may be left of the first start's distance from equilibrium, from how much the starts'
+    chances differ, beyond their own errors."""
+    if len(chance) < 2:
+        return 0.0
+    squares = (one.error**2 for found in starts.values() for one in found.values())
+    error = math.sqrt(sum(squares)) / len(starts)
+    return LEFT * max(0.0, max(chance.values()) - min(chance.values()) - error)
+
+
+def _values(starts: Starts) -> dict[Point, dict[int, float]]:
+    return {point: {n: one.value for n, one in found.items()} for point, found in starts.items()}
+
+
+def _chance(found: Mapping[Point, Mapping[int, Any]]) -> dict[int, Any]:
+    """What all runs from a start have in common, of each: by the points that have all starts."""
+    number = max(map(len, found.values()), default=0)
+    complete = [starts for starts in found.values() if len(starts) == number]
+    means = {n: np.mean([one[n] for one in complete], axis=0) for n in (complete or [{}])[0]}
+    return {n: mean - np.mean([*means.values()], axis=0) for n, mean in means.items()}
+
+
+class Structure(NamedTuple):
+    """g(r) of points.
+
+    Attributes:
+        means: (bins,) over starts.
+        runs: how many there are, in lengths of those whose noise is told.
+        noise: (vectors, bins), independent, each the noise of one run: what runs of the same point
+            differ by.
+    """
+
+    means: Mapping[Point, np.ndarray]
+    runs: Mapping[Point, float]
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, found: Found, like: Found, times: float = 1.0) -> "Structure | None":
+        """Of the runs of points; None if they have none. For the arguments see `errors`."""
+        own, told = (_starts(some, lambda one: one.rdf) for some in (found, like))
+        every = [g for some in (own, told) for starts in some.values() for g in starts.values()]
+        bins = min(map(len, every), default=0)
+        if not bins:
+            return None
+        rows = _rows(told, bins).values()
+        noise = [linalg.helmert(len(starts)) @ starts for starts in rows if len(starts) > 1]
+        means = {point: starts.mean(axis=0) for point, starts in _rows(own, bins).items()}
+        runs = {point: times * len(starts) for point, starts in own.items()}
+        return cls(means, runs, np.concatenate([np.empty((0, bins)), *noise]))
+
+    def error(self, point: Point, held: Point) -> Estimate | None:
+        """The rms error, without what noise makes of it; None if nothing tells the noise.
+
+        What runs of a point differ by has no error of the step.  So noise of any correlation time
+        is no error, as it would be if parts of a run stood for independent ones.
+        """
+        ours = [one for one in self.means if one.scheme == held.scheme and one.dt > held.dt]
+        shorter = [one for one in ours if one.dt <= point.dt] or sorted(ours)[:1]
+        if not shorter or not {point, held} <= self.means.keys() or len(self.noise) < FEWEST:
+            return None
+        # what means are held against has an error itself, which goes as the square of its step
+        far = max(shorter)
+        part = held.dt**2 / (far.dt**2 - held.dt**2)
+        weights = dict.fromkeys((point, far, held), 0.0)
+        for one, weight in (point, 1.0), (far, part), (held, -1.0 - part):
+            weights[one] += weight
+        off = sum(weight * self.means[one] for one, weight in weights.items())
+        each = sum(weight**2 / self.runs[one] for one, weight in weights.items())
+        # as many measurements, whose mean is the difference, and whose scatter is its noise
+        number = len(self.noise) + 1
+        scatter = math.sqrt(number * each) * linalg.helmert(number).T @ self.noise
+        return measures.without_noise(off + scatter)
+
+
+def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:
+    """Of each point its starts as rows, without what all runs from a start have in common, in the
+    bins that all runs have."""
+    cut = {point: {n: g[:bins] for n, g in starts.items()} for point, starts in found.items()}
+    chance = _chance(cut)
+    return {
+        point: np.array([g - chance.get(n, 0.0) for n, g in starts.items()])
+        for point, starts in cut.items()
+    }
+
+
+def errors(
+    case: Case,
+    found: Found,
+    held: Point,
+    by_itself: bool = False,
+    like: Found | None = None,
+    times: float = 1.0,
+) -> dict[Point, dict[str, Estimate]]:
+    """How far each point is off, with signs, by the names of `case.TARGETS`; without those that
+    cannot be told.
+
+    Args:
+        held: what means are held against.
+        by_itself: each by its own runs; else also by those with longer steps of its integrator.
+        like: shorter runs that tell the noise, of which each of ``found`` has the length of so many
+            ``times``; None is these.
+    """
+    told = found if like is None else like
+
+    def means(of, shared=False):
+        return pooled(_starts(found, of), shared, _starts(told, of))
+
+    every = [one for starts in found.values() for one in starts.values()]
+    scalars = {
+        name: means(lambda one: one.estimates.get(name), name in MEANS)  # noqa: B023
+        for name in {name for one in every for name in one.estimates}
+    }
+    number = min((len(one.kinds) for one in every), default=0)
+    kinds = [means(lambda one: one.kinds[k]) for k in range(number)]  # noqa: B023
+    structures = Structure.of(found, told, times)
+    made = {}
+    for point in found:
+        own = {name: one[point] for name, one in scalars.items() if point in one}
+        for name in MEANS & own.keys():
+            own[name] = _of_mean(case, name, scalars[name], point, held, by_itself)
+        own["temperature"] = _furthest(
+            by_law(point.dt, _alike(one, point, by_itself)) for one in kinds
+        )
+        own["rdf"] = structures and structures.error(point, held)
+        lost = case.unknown.get(point.scheme, ())
+        made[point] = {name: one for name, one in own.items() if one and name not in lost}
+    return made
+
+
+def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:
+    """Something of each start's numbers, where there is any."""
+    every = {
+        point: {n: of(one) for n, one in starts.items() if of(one) is not None}
+        for point, starts in found.items()
+    }
+    return {point: starts for point, starts in every.items() if starts}
+
+
+def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> dict[float, Estimate]:
+    """Of each step of the point's integrator that tells its error the mean."""
+    return {
+        one.dt: mean
+        for one, mean in means.items()
+        if one.scheme == point.scheme and (one.dt == point.dt or not by_itself)
+    }
+
+
+def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
+    """The difference of temperatures that may be furthest off."""
+    known = filter(None, kinds)
+    return max(known, key=lambda one: abs(one.value) + one.margin, default=None)
+
+
+def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:
+    if held not in means:
+        return None
+    finer = held.dt if held.scheme == point.scheme else 0.0
+    alike = _alike(means, point, by_itself and point != held)
+    error = by_law(point.dt, alike, means[held], finer)
+    return error and error.times(1 / (case.kt if name == "potential" else means[held].value))

@@ -1,0 +1,210 @@
+"""What is run: points, how long, and the runs' jobs.
+
+Short runs of all points, from two starts: the scene's own, and one that a run of the reference
+makes.  What the runs of a point differ by tells how much noise there is that a single run hides.
+"""
+
+import math
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from ..experiment import Point, Trajectory
+from ..running import machine, rounds, run, starts
+from .case import SPAN, Case
+
+STARTS = 2
+FRAMES, APART = 200, 12  # of a run, or steps between them if it is long
+ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames at least
+SETTLES = 0.25  # of the frames are left out
+PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
+LEAST = 400  # steps of a run
+LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
+SHORT, LONG = "short", "longer"  # folders of runs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How runs are made.
+
+    Attributes:
+        out: folder of all.
+        minutes: that all may take, by the time of a step when it is measured.
+        silence: s without a sign of life after which a run is given up.
+    """
+
+    out: Path
+    minutes: float
+    ranks: int = 1
+    silence: float = 120.0
+
+
+class Machine(NamedTuple):
+    """What a run costs here: s of a step and until the first step, and the number of atoms."""
+
+    step: float
+    startup: float
+    atoms: int
+
+
+@dataclass(frozen=True)
+class Lengths:
+    """How long runs are: ``time`` of each in the scene's units, of so many ``frames`` at most."""
+
+    time: float
+    frames: int
+    span: float  # in which the energy's changes count
+
+    @property
+    def sample(self) -> float:
+        """Time between two samples of the energy: the span, or a part of it."""
+        parts = next((one for one in PARTS if one * self.time <= MANY * self.span), 1)
+        return min(self.span / parts, self.time / self.frames)
+
+    def every(self, dt: float) -> int:
+        """Steps between two samples."""
+        return max(1, round(self.sample / dt))
+
+    def runs(self, dt: float) -> list[int]:
+        """Steps between frames."""
+        samples = math.ceil(self.time / self.frames / self.sample * (1 - 1e-9))
+        frames = max(FEW, round(self.time / (samples * self.sample)))
+        return [samples * self.every(dt)] * frames
+
+
+def points(
+    case: Case, only: Collection[str] | None, steps: Sequence[float] | None
+) -> tuple[list[Point], Point]:
+    """What is compared, from the shortest steps, and what means are held against: the reference
+    with the shortest step, or with half of it if it is the only one."""
+    names = [name for name in case.integrators if name in (only or case.usual)]
+    dts = sorted(steps or case.steps)
+    held = Point(case.reference, dts[0] if len(dts) > 1 else dts[0] / 2)
+    return [Point(name, dt) for dt in dts for name in names], held
+
+
+def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) -> Machine:
+    """What a run costs on this machine now.
+
+    Raises:
+        SystemExit: the reference cannot begin.
+        KeyboardInterrupt: after a Ctrl-C.
+    """
+    folder = settings.out / "runs" / "calibration"
+
+    def make(runs):
+        how: dict = {"dt": held.dt, "every": 0, "ranks": settings.ranks, "keeps": "nothing"}
+        one = case.integrators[held.scheme]
+        return run.job(case.scene, one, folder, runs, silence=settings.silence, **how)
+
+    meter.begin("a step's time", 1)
+    step = rounds.calibrate(make)
+    meter.end(None if isinstance(step, float) else step.error)
+    if not isinstance(step, float):
+        if step.interrupted:
+            raise KeyboardInterrupt
+        raise SystemExit(f"{case.scene.title}: {held.scheme}: {step.error}")
+    atoms = run.collect(folder).timings[-1].atoms
+    return Machine(step, 3.0 + 2e-5 * atoms, atoms)
+
+
+def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:
+    """Of each of these runs, in the scene's units, if they may take so many s together."""
+    each = [1 / point.dt for point in points]
+    left = max(LEAST_PART * seconds, seconds - len(each) * machine.startup)
+    return left / (machine.step * sum(each))
+
+
+def lengths(case: Case, points: Collection[Point], machine: Machine, time: float) -> Lengths:
+    """Of runs of points, with as many frames as the longest step and the memory have room for."""
+    longest = max(point.dt for point in points)
+    time = max(time, LEAST * longest / 4, LEAST * case.scene.dt)
+    most = max(FEW, ATOMS // machine.atoms)
+    frames = min(most, max(FRAMES, int(time / longest / APART)))
+    return Lengths(time, frames, SPAN * case.scene.dt)
+
+
+def trajectories(
+    case: Case,
+    points: Iterable[Point],
+    short: Lengths,
+    settings: Settings,
+    numbers: Iterable[int] = range(1, 1 + STARTS),
+    longer: Lengths | None = None,
+) -> list[Trajectory]:
+    """The run that makes the second start, and the runs of points, each from each start, which take
+    turns.
+
+    Args:
+        short: lengths of short runs, by which the starts are apart.
+        numbers: of the starts.
+        longer: lengths of these runs, if they are no short ones.
+    """
+    how = (SHORT, short) if longer is None else (LONG, longer)
+    last = sum(short.runs(case.scene.dt))
+    return [_makes_start(case, short, settings)] + [
+        _trajectory(case, point, *how, settings, number, last)
+        for number in numbers
+        for point in points
+    ]
+
+
+def name_of(folder: str, point: Point, number: int) -> str:
+    """The name of the trajectory of a point from a start."""
+    return f"{folder}/{run.folder_name(point.scheme)}/{point.dt:g}/{number}"
+
+
+def _state(settings: Settings) -> Path:
+    """The dump that is the second start."""
+    return (settings.out / "runs" / "start" / "state.dump").resolve()
+
+
+def _makes_start(case: Case, lengths: Lengths, settings: Settings) -> Trajectory:
+    integrator, steps = case.integrators[case.reference], sum(lengths.runs(case.scene.dt))
+
+    def job() -> run.Job:
+        return run.job(
+            case.scene,
+            integrator,
+            settings.out / "runs" / "start",
+            [steps],
+            dt=case.scene.dt,
+            every=lengths.every(case.scene.dt),
+            keeps="nothing",
+            more=starts.to_dump(_state(settings), steps),
+            origin=machine.origin(case.scene, integrator),
+            **_how(settings),
+        )
+
+    return Trajectory("start", f"{integrator.label}, the second start", job)
+
+
+def _trajectory(case, point, folder, lengths, settings, number, last) -> Trajectory:
+    """The run of a point from a start; ``last``: step of the dump that is the second one."""
+    integrator, state = case.integrators[point.scheme], _state(settings)
+    name = name_of(folder, point, number)
+
+    def job() -> run.Job:
+        scene, files = case.scene, []
+        if number > 1:
+            begin = starts.read(state, last, scene.dimension, box=True)
+            scene, files = replace(scene, setup=(*scene.setup, begin)), [state]
+        return run.job(
+            scene,
+            integrator,
+            settings.out / "runs" / name,
+            lengths.runs(point.dt),
+            dt=point.dt,
+            every=lengths.every(point.dt),
+            keeps="motion",
+            origin=machine.origin(case.scene, integrator, *files),
+            **_how(settings),
+        )
+
+    label = f"{integrator.label}, {point.dt:g} {case.time}, start {number}"
+    return Trajectory(name, label, job, point, start="start" * (number > 1))
+
+
+def _how(settings: Settings) -> dict:
+    return {"ranks": settings.ranks, "silence": settings.silence}

@@ -1,0 +1,97 @@
+"""``cost``: its words, and what they run."""
+
+from argparse import Namespace
+
+from .. import command_line
+from ..scenes import SCENES
+from ..scenes.integrators import BENCHMARKED
+from . import plan
+
+SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
+
+
+def add(verbs: command_line.Verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "cost",
+        run,
+        help="what the fix costs: time in it and of a step, memory, messages, start-up",
+        description="Time fix_nosquish.NVE and LAMMPS's own fixes on the same starts, in turn, and "
+        "count what they hand to MPI (this needs a C compiler). Writes tables to the terminal and "
+        "summary.json, CSV files, figures and a self-contained report.html to the output folder. "
+        "Ctrl-C keeps what is measured, and the same command goes on from there: what was measured "
+        "with the same code, input and settings is not measured again. Measured in parts, the "
+        "output folder gathers them: all of the same code and input is shown.",
+        epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
+        "130 after Ctrl-C.",
+    )
+    words = ", ".join(plan.PARTS)
+    help = f"what to measure, of: {words} (default: all), or a script of yours"
+    part = command_line.scene_or_script(lambda: plan.PARTS)
+    parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
+    sizes = ",".join(map(str, SCENES["water"].sizes))
+    on = ",".join(map(str, plan.COUNTED_ON))
+    for option, kind, metavar, help in (
+        ("--ranks", command_line.wholes, "N,N", f"MPI ranks (default 1,2; of messages {on})"),
+        ("--sizes", command_line.wholes, "N,N", f"of molecules (default {sizes}; --short: first)"),
+        ("--rounds", command_line.whole, "N", "turns of each (default 5; --short: 2)"),
+        ("--seconds", command_line.positive, "S", "of a timed segment (default 1; --short: 0.2)"),
+    ):
+        parser.add_argument(option, type=kind, metavar=metavar, help=help)
+    names = ", ".join(BENCHMARKED)
+    help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
+    command_line.only_of(parser, lambda: BENCHMARKED, help)
+    for option, help in (
+        ("--short", "some minutes in all, for a first look"),
+        ("--again", "measure anew what is there already"),
+    ):
+        parser.add_argument(option, action="store_true", help=help)
+    command_line.silence(parser, 300.0)
+    command_line.out(parser, "results/cost", short=True)
+    command_line.own(parser)
+    command_line.launch(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Run the verb; the exit status."""
+    from .. import pages
+    from ..own import system
+    from ..pages import console
+    from ..running import store
+    from . import criteria, measure, report  # heavy: not for --help
+
+    parts, short = arguments.parts, arguments.short
+    scripts = [one for one in parts if command_line.is_script(one, lambda: plan.PARTS)]
+    if not parts:
+        command_line.need_scenes()
+    if scripts and len(parts) > 1:
+        arguments.parser.error("a script of your own is measured alone")
+    how = arguments.rounds or (2 if short else 5), arguments.seconds or (0.2 if short else 1.0)
+    ranks, script = arguments.ranks or (1, 2), None
+    if scripts:
+        ask, out = system.begin(arguments, scripts[0], short)
+    else:
+        out = command_line.folder(arguments, short)
+    with store.alone(out):
+        if scripts:
+            own = system.take(ask, out, ranks[0], arguments.silence)
+            integrators = command_line.chosen_of(own.integrators, arguments.only)
+            names = tuple(one.name for one in integrators)
+            points = [plan.Point(ask.name, n, own.bodies, names, *how) for n in ranks]
+            script = own.scene, integrators
+        else:
+            wanted = arguments.only or (SHORT if short else None)
+            names = tuple(command_line.chosen_of({name: name for name in BENCHMARKED}, wanted))
+            sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
+            counted = arguments.ranks or ((1, 2) if short else None)
+            points = plan.points(parts or plan.PARTS, counted, sizes, names, *how)
+        screen = console.console()
+        with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
+            call = measure.Call(out, meter, arguments.silence, script)
+            summary = measure.cost(points, call, arguments.again)
+    summary["checks"] = [] if script else criteria.checks(summary["points"], summary["starts"])
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
+    return command_line.status(summary["interrupted"], bool(said.failures))

@@ -1,0 +1,81 @@
+"""Figures of `cost`, from its summary."""
+
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from ..pages.figures import (
+    FAMILIES,
+    INK,
+    PALE,
+    label_ends,
+    message,
+    whiskers,
+)
+from ..scenes.integrators import OURS
+from .criteria import place
+
+FIXES = {OURS: "ours", "rigid/nve": "rigid/nve", "rigid/nve/small": "rigid/nve/small"}
+FIXES |= {"shake": "shake"}  # name of an integrator: its family
+MEASURES = {"modify_ratio": "time in the fix", "loop_ratio": "whole step"}
+
+
+def scenes(summary: dict) -> Figure | None:
+    """Times of ours over those of LAMMPS's fixes, a line by scene, size and number of ranks."""
+    points = [point for point in summary.get("points", []) if _ratios(point, "modify_ratio")]
+    if not points:
+        return None
+    size = 9.5, 1.3 + 0.3 * len(points)
+    figure, axes = plt.subplots(1, 2, figsize=size, layout="constrained", sharey=True)
+    for axis, (key, title) in zip(axes, MEASURES.items()):
+        axis.axvline(1, color=INK, lw=0.8)
+        for height, point in enumerate(points):
+            for (family, ratio), shift in zip(_ratios(point, key).items(), (-0.2, 0, 0.2)):
+                colour, marker = FAMILIES[family]
+                style = {"color": colour, "marker": marker, "ms": 5, "capsize": 2}
+                median, reach = whiskers([ratio])
+                label = family if family not in axis.get_legend_handles_labels()[1] else None
+                axis.errorbar(median, height + shift, xerr=reach, label=label, ls="", **style)
+        axis.set(xscale="log", xlabel=f"{title}: ours over this fix's")
+        axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.xaxis.set_major_formatter("{x:g}")
+        axis.xaxis.set_minor_formatter(NullFormatter())
+        axis.grid(axis="x", color=PALE, lw=0.4)
+    axes[0].set_yticks(range(len(points)), [place(point) for point in points])
+    axes[0].invert_yaxis()
+    axes[0].legend(frameon=False, fontsize=8.5, loc="lower left")
+    message(figure, "Ours over LAMMPS's fixes: left of 1 ours is faster")
+    return figure
+
+
+def _ratios(point, key):
+    """{family of a rival: ours over it}."""
+    found = {row["name"]: row.get(key) for row in point["integrators"]}
+    return {family: found[name] for name, family in FIXES.items() if found.get(name)}
+
+
+def scaling(summary: dict) -> Figure | None:
+    """Bytes per rank and step, and the model's time, against the number of ranks."""
+    counts = [row for row in summary.get("counts", []) if not row["error"]]
+    if not counts:
+        return None
+    figure, axes = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+    what = (
+        (counts, "bytes per rank and step", lambda row: row["bytes"] + row["collective_bytes"]),
+        (summary["model"], "µs per step, by the model", lambda row: 1e6 * row["seconds"]),
+    )
+    message(figure, "What ranks send each other, 1,000 molecules per rank")
+    for axis, (rows, title, value) in zip(axes, what):
+        axis.set(xscale="log", yscale="log", xlabel="ranks")
+        axis.set_title(title, loc="left", fontsize=10)
+        axis.grid(axis="y", color=PALE, lw=0.4)
+        ends = []
+        for name, family in FIXES.items():
+            own = [row for row in rows if row["integrator"] == name and value(row) > 0]
+            if own:
+                colour, marker = FAMILIES[family]
+                places = [(row["ranks"], value(row)) for row in own]
+                axis.plot(*zip(*places), color=colour, marker=marker, ms=5)
+                ends.append((*places[-1], family, colour))
+        label_ends(axis, ends)
+    return figure

@@ -1,0 +1,250 @@
+"""What ours and LAMMPS's own fixes cost: time, memory, messages, the start.
+
+A point that was measured with the same package, code, inputs and settings is not measured again.
+The summary also has what earlier calls have left in the folder, of the same package and inputs.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..running import counting, machine, rounds, run, starts, startup
+from ..running.rounds import Timing
+from ..running.store import Store
+from ..scenes import INPUTS, SCENES, Scene
+from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
+from ..statistics import measures
+from .model import NETWORK, model
+from .plan import Point
+
+MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
+COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
+# forces of the water whose messages are counted: a mesh would send its own, and take its time
+WITHOUT_MESH = (
+    "kspace_style none",
+    "pair_style lj/charmm/coul/charmm 8.0 10.0",
+    "pair_modify mix arithmetic",
+    "pair_coeff 1 1 0.1521 3.1505742268338603",
+    "pair_coeff 2 2 0.046 0.4000135244450124",
+)
+SENT = "messages", "bytes", "collectives", "collective_bytes"
+GROUPS = {"start": "starts", "messages": "counts"}  # of the summary; of other parts ``points``
+
+
+class Cut(KeyboardInterrupt):
+    """A Ctrl-C; ``rows`` are what was measured by then."""
+
+    def __init__(self, rows: list[dict]) -> None:
+        self.rows = rows
+
+
+@dataclass(frozen=True)
+class Call:
+    """Where points are measured, and of what.
+
+    Attributes:
+        out: output folder.
+        silence: s without a sign of life after which a run is given up.
+        script: scene and integrators of a user's script; None for the harness's own.
+    """
+
+    out: Path
+    meter: run.Meter
+    silence: float = 300.0
+    script: tuple[Scene, Sequence[Integrator]] | None = None
+
+
+def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
+    """Measure the points that are not there yet, and collect all that is.
+
+    Args:
+        again: whether to measure anew what is there.
+
+    Returns:
+        summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
+    """
+    store, summary = Store(call.out / "records", "cost.measure"), machine.circumstances()
+    summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
+    cpu, records = summary["machine"]["cpu"], {}
+    for point in wanted:
+        origin = store.origin(point, call.script, cpu, files=point.inputs)
+        kept = None if again else store.kept(point.name, origin)
+        if kept:
+            call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
+            call.meter.end(None)
+        begun = {"part": point.part, "cpu": cpu, "begin": machine.now(), "load": os.getloadavg()[0]}
+        begun |= {"inputs": _inputs(folder.name for folder in point.inputs)}
+        make = partial(_record, point, call, begun)
+        try:
+            records[point.name] = store.once(point.name, origin, make, again)
+        except KeyboardInterrupt as end:
+            rows = end.rows if isinstance(end, Cut) else []
+            records[point.name] = begun | {"rows": rows, "complete": False}
+            summary["interrupted"] = True
+            break
+    if not call.script:
+        records = {name: kept["record"] for name, kept in store.alike().items()} | records
+    for record in records.values():
+        # times of another processor are not held beside this one's
+        if record["cpu"] == cpu and record["inputs"] == _inputs(record["inputs"]):
+            when = {key: record.get(key) for key in ("begin", "end", "load", "complete")}
+            group = GROUPS.get(record["part"], "points")
+            summary[group] += [row | when for row in record["rows"]]
+    known = [*SCENES, *(row["scene"] for row in summary["points"])]
+    summary["points"].sort(key=lambda row: (known.index(row["scene"]), row["bodies"], row["ranks"]))
+    for row in summary["points"]:
+        summary["versions"].update(machine.worker_versions(row["versions"]))
+    for group in GROUPS.values():
+        summary[group].sort(key=lambda row: row["ranks"])
+    return summary | {"links": [NETWORK._asdict()], "model": model(summary["counts"])}
+
+
+def _record(point: Point, call: Call, begun: dict) -> dict:
+    measure = {"start": _start, "messages": _messages}.get(point.part, _scene)
+    return begun | {"rows": measure(point, call), "end": machine.now(), "complete": True}
+
+
+def _inputs(names: Iterable[str]) -> dict[str, str]:
+    """Hashes of folders of inputs."""
+    return {name: machine.contents(INPUTS / name) for name in names}
+
+
+def _scene(point: Point, call: Call) -> list[dict]:
+    """All integrators in turn; then, on several ranks, their messages."""
+    if call.script:
+        scene, integrators = call.script
+    else:
+        scene = starts.of_size(SCENES[point.scene], point.bodies, call.out / "starts").on_mesh(MESH)
+        integrators = [BENCHMARKED[name] for name in point.integrators]
+        if point.part == "messages":
+            scene = replace(scene, setup=(*scene.setup, *WITHOUT_MESH))
+    folder = call.out / "runs" / point.name
+    record: dict = {"scene": point.part, "title": scene.subject or scene.title}
+    record |= {"bodies": point.bodies, "ranks": point.ranks, "dt": scene.dt, "units": scene.units}
+    record |= {"integrators": [], "versions": {}}
+
+    def job(one, runs, part="calibration", setups=0):
+        directory = folder / f"{run.folder_name(one.name)}-{part}"
+        how = {"ranks": point.ranks, "silence": call.silence, "keeps": "nothing", "setups": setups}
+        return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
+
+    loop = _calibrated(integrators, job, record) if point.rounds else 1.0
+    lengths = rounds.lengths(loop, point.seconds)
+    # what moves freely moves for some steps only: nothing keeps its atoms apart
+    runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
+    every = {one.name: one for one in (*integrators, FREE)}
+    label = f"{point.part} {point.bodies:,} on {point.ranks}"
+    labels = {name: f"{label}, {one.label}" for name, one in every.items()}
+
+    def turn(name, number):
+        return job(every[name], runs[name], str(number), rounds.SETUPS)
+
+    found, errors, cut = rounds.in_turn(labels, turn, point.rounds, call.meter)
+    counts: dict[str, list[dict]] = {}
+    if not cut and (point.ranks > 1 or not point.rounds):
+        jobs = {name: job(one, [3, COUNTED], "messages") for name, one in every.items()}
+        counts, cut = _counts(jobs, labels, errors, folder / "counts", call.meter)
+    if cut:
+        short = [name for name in found if len(found[name]) < point.rounds]
+        errors = dict.fromkeys(short, run.INTERRUPTED) | errors
+    for name in point.integrators:
+        row = {key: getattr(every[name], key) for key in ("name", "label", "kind")}
+        row |= {"lines": every[name].commands(scene), "error": errors.get(name)}
+        row |= _numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies)
+        record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
+    versions = [timing.versions for timings in found.values() for timing in timings]
+    record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
+    if cut:
+        raise Cut([record])
+    return [record]
+
+
+def _calibrated(integrators, job, record):
+    """s of a step, of the first integrator that runs: ours, unless it fails."""
+    for one in integrators:
+        step = rounds.calibrate(partial(job, one))
+        if isinstance(step, float):
+            return step
+        if step.interrupted:
+            raise Cut([record])
+    return 1.0
+
+
+def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: int) -> dict:
+    """An integrator's numbers, spreads over its rounds; None for those that were not measured."""
+    rivals = [] if own is ours else ours
+    return {
+        "modify": rounds.spread(own, "modify"),
+        "modify_per_1000": rounds.spread(own, "modify", 1000 / bodies),
+        "modify_ratio": rounds.ratio(rivals, own, "modify"),
+        "loop": rounds.spread(own, "loop"),
+        "loop_ratio": rounds.ratio(rivals, own, "loop"),
+        "cpu": rounds.least_cpu(own),
+        "setup": rounds.difference(own, free, "setup", 1e3),
+        "first_setup": rounds.difference(own, free, "first_setup", 1e3),
+        "memory": rounds.difference(own, free, "peak"),
+        "memory_in_all": rounds.spread(own, "peak"),
+    }
+
+
+def _counts(
+    jobs: dict[str, run.Job],
+    labels: dict[str, str],
+    errors: dict[str, str],
+    folder: Path,
+    meter: run.Meter,
+) -> tuple[dict[str, list[dict]], bool]:
+    """What each rank has sent in each job, and whether a Ctrl-C ended it all; of those that fail
+    the ``errors`` are added."""
+    counts: dict[str, list[dict]] = {}
+    for name in (name for name in jobs if name not in errors):
+        meter.begin(f"{labels[name]}, messages", 1)
+        result = run.run(jobs[name], environment=counting.environment(folder))
+        meter.end(result.error)
+        if result.interrupted:
+            return counts, True
+        if result.error:
+            errors[name] = result.error
+        else:
+            counts[name] = counting.read(folder)
+    return counts, False
+
+
+def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
+    """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
+    found: dict[str, measures.Spread] = {}
+    for key in SENT if own else ():
+        found[key] = measures.spread(rank[key] / COUNTED for rank in own or ())
+        found[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in own or ())
+        if free:
+            more = ((a[key] - b[key]) / COUNTED for a, b in zip(own or (), free))
+            found[f"more_{key}"] = measures.spread(more)
+    return found
+
+
+def _messages(point: Point, call: Call) -> list[dict]:
+    """What the fixes hand to MPI in a step, the mean over the ranks, of each integrator."""
+    try:
+        (record,), cut = _scene(point, call), False
+    except Cut as end:
+        (record,), cut = end.rows, True
+    rows = []
+    for row in record["integrators"]:
+        sent = {key: row.get(f"fix_{key}", {}).get("values") for key in SENT}
+        known = {key: float(np.mean(values)) for key, values in sent.items() if values}
+        where = {"decomposition": "brick", "integrator": row["name"], "ranks": point.ranks}
+        if known or row["error"]:
+            rows.append({**where, "bodies": point.bodies, "error": row["error"], **known})
+    if cut:
+        raise Cut(rows)
+    return rows
+
+
+def _start(point: Point, call: Call) -> list[dict]:
+    ours, folder = BENCHMARKED[OURS], call.out / "runs" / "start"
+    how = folder, point.ranks, point.rounds, call.meter
+    return [startup.measure(SCENES["water"], ours, *how)]

@@ -1,0 +1,277 @@
+"""What `cost` says of its summary."""
+
+from functools import partial
+
+from ..pages import Column, Figure, Said, Table, ranks_of
+from ..scenes.integrators import INTEGRATORS, OURS
+from . import figures
+from .criteria import TITLES, fastest, place
+
+WHERE = (
+    Column("scene", "scene", kind="text"),
+    Column("bodies", "bodies", kind="number", form=","),
+    Column("ranks", "ranks", kind="number"),
+)
+STATUS = Column("status", "status", kind="text", wide=True)
+SENT = {
+    "messages": "messages",
+    "bytes": "bytes",
+    "collectives": "collectives",
+    "collective_bytes": "bytes in these",
+}
+TIMES = (
+    Column("modify", "Modify", "µs/step"),
+    Column("modify_per_1000", "Modify", "µs/step/1,000 bodies", wide=True),
+    Column("modify_ratio", "ours / it", "Modify"),
+    Column("loop", "loop", "µs/step"),
+    Column("loop_ratio", "ours / it", "loop"),
+    Column("setup", "setup", "ms"),
+    Column("first_setup", "first setup", "ms", wide=True),
+    Column("memory", "memory", "MiB/rank"),
+    *(
+        Column(f"{scope}{key}", title, unit, wide=scope != "more_" or "collective_" in key)
+        for key, title in SENT.items()
+        for scope, unit in (("", "/step"), ("fix_", "/step in fixes"), ("more_", "/step more"))
+    ),
+)
+CUT = (
+    Column("decomposition", "decomposition", kind="text"),
+    Column("integrator", "integrator", kind="text"),
+    Column("ranks", "ranks", kind="number", form=","),
+    Column("bodies", "bodies", kind="number", form=","),
+)
+COUNTS = (*CUT, *(Column(key, key, kind="number", form=",.4g") for key in SENT))
+MODEL = (
+    Column("link", "link", kind="text"),
+    *CUT,
+    Column("seconds", "seconds", kind="number", form=".2e"),
+)
+STARTS = {
+    "plain": "LAMMPS with fix nve",
+    "later": "ours, compiled before",
+    "later_added": "ours, compiled before, more than LAMMPS alone",
+    "first": "ours, first use",
+    "first_added": "ours, first use, more than LAMMPS alone",
+}
+FASTEST = "the fastest of LAMMPS's rigid fixes"
+FREE = 90.0  # percent of a core that a rank must have had
+USUAL = "rigid/nve", "rigid/nve/small", "shake"
+NOTES = {
+    "Modify": "Time in the fixes: row Modify of LAMMPS's timing table, average over ranks. Median "
+    "[minimum–maximum] over the rounds, as in the columns that follow.",
+    "ours / it": "The time of fix_nosquish.NVE divided by that of this integrator, both of the "
+    "same round; below 1 ours is faster.",
+    "loop": "Wall time of a whole step.",
+    "setup": "Wall time of `run 0`, less that of a run whose atoms move freely (fix nve/noforce). "
+    "It is the second `run 0` of a process; the first one is in the column “first setup”.",
+    "memory": "Peak resident memory of the rank with the most, less that of a run whose atoms move "
+    "freely. That of ours includes Python's packages.",
+    "messages, bytes": "Sent to other ranks per rank and step: by all of LAMMPS; “in fixes”, as in "
+    "Modify; “more” than a run whose atoms move freely. Counted in 50 steps with re-neighbouring.",
+    "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "
+    "time is that of all ranks. A first use has a copy of the package with nothing compiled.",
+    "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into bricks. Counts "
+    "do not depend on the machine. What travels with atoms that change ranks is part of LAMMPS's "
+    "own messages and is not counted.",
+    "model": "No measurement: a message takes the link's latency, its bytes the bandwidth, one "
+    "after the other; a collective call takes log2(ranks) messages. rigid/nve sums force and "
+    "torque of all bodies on all ranks, 48 bytes per body. Computation is left out.",
+    "rounds": "Each timing is that of a process of its own, in turns (A B C A B C …).",
+}
+
+
+def said(summary: dict) -> Said:
+    """What the fix costs: times against LAMMPS's fixes, memory, messages, start."""
+    points = summary.get("points", [])
+    answer, lines = _whole(points)
+    lines += _busy(points)
+    sent, started = _handed(summary), _started(summary)
+    told = [answer, *started[:1], *sent[:1]]
+    answer = " ".join(filter(None, told)) or "Nothing was measured."
+    tables = [_best(points), _every(points), _starts(summary)]
+    drawn = {
+        "scenes": "Medians; bars from minimum to maximum. Left of 1 ours is faster.",
+        "scaling": "Left: counted. Right: a model of the counted messages, not a measurement.",
+    }
+    title = "What it costs"
+    if not points:
+        title += ": messages" if summary.get("counts") else ": start-up"
+    return Said(
+        title,
+        "What do rigid bodies cost: time in the fix and of a step, memory, messages, start-up?",
+        answer,
+        lines=[*lines, *started[1:], *sent[1:]],
+        tables=[*(table for table in tables if table.rows), *_messages(summary)],
+        figures=[
+            Figure(name, partial(getattr(figures, name), summary), caption)
+            for name, caption in drawn.items()
+        ],
+        checks=summary.get("checks", ()),
+        parts=TITLES,
+        checks_file="goals",
+        notes=NOTES,
+        failures=_failures(summary),
+        commands=summary.get("commands", ()),
+        defeats=_defeats(points),
+        kept=_kept(points),
+    )
+
+
+def _whole(points):
+    """What is said of the time of a whole step: an answer, and further lines."""
+    ratios = sorted(
+        (ratio["median"], place(point)) for point in points if (ratio := fastest(point))
+    )
+    if not ratios:
+        return "", []
+    (low, least), (high, most) = ratios[0], ratios[-1]
+    ends = f"{low:.2f} ({least})" + f" to {high:.2f} ({most})" * (len(ratios) > 1)
+    every = f"A whole step with ours takes {ends} times as long as one with {FASTEST}."
+    water = [ratio for ratio, where in ratios if where.startswith("water")]
+    if not water:
+        return every, []
+    told = f"A step of water takes {water[0]:.2f} to {water[-1]:.2f} times as long as one with "
+    return f"{told}{FASTEST}.", [every]
+
+
+def _defeats(points):
+    """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
+    return [
+        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with {FASTEST}"
+        for point in points
+        if (ratio := fastest(point)) and ratio["min"] > 1
+    ]
+
+
+def _kept(points):
+    """For the table of releases."""
+    kept = {}
+    for point in points:
+        own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
+        for row in own:
+            kept[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
+    return kept
+
+
+def _busy(points):
+    """A warning if a rank had less than a core."""
+    shares = [
+        (row["cpu"], place(point))
+        for point in points
+        for row in point["integrators"]
+        if row.get("cpu") is not None
+    ]
+    least, where = min(shares, default=(FREE, ""))
+    if least >= FREE:
+        return []
+    return [
+        f"The machine was busy: a rank had as little as {least:.0f} % of a core ({where}). Times "
+        "are too long then, and only ratios with a narrow range can be trusted."
+    ]
+
+
+def _best(points):
+    """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
+    columns = [*WHERE, Column("own", "ours", "µs/step")]
+    columns += [
+        Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL
+    ]
+    columns += [Column("whole_ratio", "ours / the fastest rigid fix", "whole step")]
+    rows = []
+    for point in points:
+        found = {row["name"]: row for row in point["integrators"]}
+        if found.get(OURS, {}).get("modify"):
+            ratios = {f"{name}_ratio": found.get(name, {}).get("modify_ratio") for name in USUAL}
+            row = point | ratios | {"whole_ratio": fastest(point)}
+            rows.append(row | {"own": found[OURS]["modify"]})
+    return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
+
+
+def _every(points):
+    """All numbers of all integrators."""
+    keys = [column.key for column in WHERE]
+    rows = [
+        {**row, **{key: point[key] for key in keys}, "status": row["error"] or "ok"}
+        | {"ours": row["kind"] == "ours"}
+        for point in points
+        for row in point["integrators"]
+    ]
+    columns = (*WHERE, Column("label", "integrator", kind="text"), *TIMES, STATUS)
+    return Table("All integrators", columns, rows, "table", long=len(points) > 2)
+
+
+def _starts(summary):
+    rows = [
+        [ranks_of(start["ranks"]), words, *map(_seconds, (times["wall"], times["cpu"]))]
+        for start in summary.get("starts", [])
+        for key, words in STARTS.items()
+        if (times := start.get(key))
+    ]
+    return Table.of("Start, seconds", "ranks, start, wall, CPU", rows)
+
+
+def _started(summary):
+    """What is said of the start."""
+    return [
+        f"On {ranks_of(start['ranks'])} a first use takes {_seconds(start['first']['wall']).text} "
+        f"s, a later start {_seconds(start['later_added']['wall']).text} s more than LAMMPS alone."
+        for start in summary.get("starts", [])
+        if "first" in start and "later_added" in start
+    ]
+
+
+def _seconds(spread):
+    """Median with minimum and maximum."""
+    return Column("spread", "").cell({"spread": spread})
+
+
+def _messages(summary):
+    """What the fixes hand to MPI, and the model."""
+    counts = [row for row in summary.get("counts", []) if not row["error"]]
+    title = "Handed to MPI by the fixes, per rank and step"
+    modelled = "The same on many ranks, by a model"
+    return [
+        Table(title, COUNTS, counts, "counts"),
+        Table(modelled, MODEL, summary.get("model", []), "model", long=True),
+    ]
+
+
+def _handed(summary):
+    """What is said of the messages: counted on the most ranks, and by the model."""
+    lines = []
+    most, rows = _most([row for row in summary.get("counts", []) if not row["error"]])
+    each = "; ".join(
+        f"{row['integrator']} {row['messages'] + row['collectives']:.1f} messages and collective "
+        f"calls of {row['bytes'] + row['collective_bytes']:,.0f} bytes"
+        for row in rows
+    )
+    if rows:
+        lines.append(f"On {most} ranks each rank hands to MPI per step: {each}.")
+    most, rows = _most(summary.get("model", []))
+    each = ", ".join(f"{row['integrator']} {row['seconds'] * 1e6:,.1f} µs" for row in rows)
+    if rows:
+        lines.append(f"By a model, on {most:,} ranks {rows[0]['link']}: {each} per step.")
+    return lines
+
+
+def _most(rows):
+    """The largest number of ranks, and the rows with so many."""
+    most = max((row["ranks"] for row in rows), default=0)
+    return most, [row for row in rows if row["ranks"] == most]
+
+
+def _failures(summary):
+    """What ended with an error."""
+    failed = [
+        (f"{place(point)}, {row['label']}", row["error"])
+        for point in summary.get("points", [])
+        for row in point["integrators"]
+    ]
+    failed += [
+        (f"start, {ranks_of(row['ranks'])}", row["error"]) for row in summary.get("starts", [])
+    ]
+    failed += [
+        (f"{row['decomposition']}, {ranks_of(row['ranks'])}, {row['integrator']}", row["error"])
+        for row in summary.get("counts", [])
+    ]
+    return [f"{name}: {error}" for name, error in failed if error]

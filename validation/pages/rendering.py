@@ -1,0 +1,186 @@
+"""From `contents.Said` to files, to the terminal and to pages that need no other file."""
+
+import base64
+import io
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import jinja2
+import matplotlib.pyplot as plt
+import pandas as pd
+from PIL import Image
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.table import Table as Lines
+from rich.text import Text
+
+from ..running import machine, whole
+from .contents import MARGINS, STYLES, Said, Table
+from .figures import STYLE
+
+TEMPLATES = Path(__file__).parent / "templates"
+COLOURS = {"good": "green", "bad": "red", "open": "dim"}  # in the terminal
+PALETTE = 64  # colours of a PNG; lines and text need no more
+FOLDED = 40  # rows from where on the page folds a table
+GUTTER = (0, 1, 0, 0)  # of the terminal's tables
+
+
+class Section(NamedTuple):
+    """What a page has of a summary; ``name`` is its anchor, ``folder`` has its figures."""
+
+    said: Said
+    summary: dict
+    folder: Path
+    name: str = ""
+
+
+def write(said: Said, summary: dict, out: Path) -> None:
+    """Write summary.json, CSV files, figures and report.html into the folder ``out``."""
+    whole.write(out / "summary.json", summary)
+    write_tables(said, out)
+    draw(said, out)
+    page(out / "report.html", said.title, [Section(said, summary, out)])
+
+
+def write_tables(said: Said, out: Path) -> None:
+    """Write the CSV files; of a table without rows there is none."""
+    for table in said.all_tables:
+        path = out / f"{table.file}.csv"
+        if table.file and table.rows:
+            frame(table).to_csv(path, index=False)
+        elif table.file:
+            path.unlink(missing_ok=True)
+
+
+def frame(table: Table) -> pd.DataFrame:
+    """All columns of a table; None is an empty cell, and changes no other number's form."""
+    headings = [heading for column in table.columns for heading in column.entries({})]
+    rows = [
+        {
+            heading: value
+            for column in table.columns
+            for heading, value in column.entries(row).items()
+        }
+        for row in table.rows
+    ]
+    return pd.DataFrame(rows, columns=headings, dtype=object)
+
+
+def draw(said: Said, out: Path) -> None:
+    """Draw the figures; where there is nothing to draw, that of an earlier command is removed."""
+    with plt.rc_context(STYLE):
+        for figure in said.figures:
+            path, drawn = out / f"{figure.name}.png", figure.draw()
+            if drawn is None:
+                path.unlink(missing_ok=True)
+                continue
+            buffer = io.BytesIO()
+            drawn.savefig(buffer)
+            plt.close(drawn)
+            with Image.open(buffer) as image:
+                few = image.convert("RGB").quantize(PALETTE, kmeans=1, dither=Image.Dither.NONE)
+            few.save(path, optimize=True)
+
+
+def style_of(verdict: str) -> str:
+    """The style of a verdict; empty if it has none."""
+    return next((style for style, words in STYLES.items() if verdict in words), "")
+
+
+def page(
+    path: Path,
+    title: str,
+    sections: Sequence[Section],
+    template: str = "page.html",
+    **head,
+) -> None:
+    """Write a page of sections.
+
+    Args:
+        template: ``page.html``, or another one of `TEMPLATES` that fills its head from ``head``.
+    """
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.policies["json.dumps_kwargs"] = {"sort_keys": False}
+    environment.globals |= {
+        "style_of": style_of,
+        "package": machine.package,
+        "margins": MARGINS,
+        "folded": FOLDED,
+        "picture": _picture,
+    }
+    made = environment.get_template(template).render(title=title, sections=sections, **head)
+    path.write_text(made)
+
+
+def _picture(section: Section, name: str) -> str | None:
+    """A figure's data; None if it is not there."""
+    path = section.folder / f"{name}.png"
+    return base64.b64encode(path.read_bytes()).decode() if path.exists() else None
+
+
+def show(console: Console, said: Said, summary: dict, out: Path) -> None:
+    """Print the question, the answer, tables, checks, failures and where the files are."""
+
+    def tell(text, style=None):
+        console.print(text, style=style, markup=False, soft_wrap=True)
+
+    tell(said.title, "bold")
+    tell(said.question)
+    for table in said.all_tables:
+        if table.title and not table.long:
+            show_table(console, table)
+    for verdict, names in said.open_checks.items():
+        for name in names:
+            tell(f"{verdict}: {name}", COLOURS[style_of(verdict)])
+    if said.checks:
+        tell(MARGINS)
+    for line in said.lines:
+        tell(line)
+    tell(said.answer, "bold")
+    for failure in said.failures:
+        tell(f"✗ {failure}")
+    if summary.get("interrupted"):
+        tell("Interrupted: the same command goes on from here.")
+    tell(f"{out}/report.html and the numbers beside it")
+
+
+def show_table(console: Console, table: Table) -> None:
+    """Print a table; nothing if it has no rows."""
+    made = Lines(
+        title=table.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=GUTTER
+    )
+    columns = [column for column in table.shown if not column.wide]
+    for column in columns:
+        words = column is columns[0] or column.kind in ("text", "verdict", "code")
+        head = f"{column.title}\n{column.unit}" if column.unit else column.title
+        made.add_column(head, justify="left" if words else "right", overflow="fold")
+    for row in table.rows:
+        cells = [column.cell(row, short=True) for column in columns]
+        texts = [Text(one.text, COLOURS.get(style_of(one.verdict), "")) for one in cells]
+        if row.get("error"):
+            texts[0] = Text("✗ ") + texts[0]
+        made.add_row(*texts, style="bold" if row.get("ours") else None)
+    if table.rows:
+        console.print(made)
+        if table.note:
+            console.print(table.note, markup=False, soft_wrap=True)
+
+
+def markdown(table: Table, keys: Iterable[str] = ()) -> str:
+    """A table of the documentation, of the columns with these keys; none: all."""
+    columns = [one for one in table.shown if not keys or one.key in set(keys)]
+
+    def line(cells):
+        return (
+            "| " + " | ".join(one.replace("|", "\\|").replace("\n", "<br>") for one in cells) + " |"
+        )
+
+    heads = line(f"{one.title}, {one.unit}" if one.unit else one.title for one in columns)
+    rows = [line(column.cell(row).text for column in columns) for row in table.rows]
+    return "\n".join([heads, "|" + "---|" * len(columns), *rows])

@@ -1,0 +1,115 @@
+"""``sample``: its words, and what they run."""
+
+import argparse
+from collections.abc import Collection
+from pathlib import Path
+
+from .. import command_line
+
+DEFAULT = "water"
+
+
+def add(verbs: command_line.Verbs) -> None:
+    """Add the verb to the command line."""
+    parser = command_line.verb(
+        verbs,
+        "sample",
+        run,
+        help="what averages cost with their error, of thermostats, barostats and other engines",
+        description="Run a scene at constant temperature, or at constant pressure, with this "
+        "package's thermostats and barostats, with LAMMPS's, and with those of other engines, at "
+        "0.5 to 14 fs. Hold averages against the limit of small steps that they share, and tell "
+        "what an independent sample costs. From both, draw the total error, of bias and noise, "
+        "against the time that is spent. Ctrl-C keeps each run that is complete, and the same "
+        "command goes on from there. With the same lengths the output folder gathers schemes and "
+        "steps. The same command, started once for each core, shares the runs.",
+        epilog="Other engines run where --only names their schemes. OpenMM: pip install "
+        "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
+        "result. Exit status: 0, 1 if no run succeeds or an engine is not installed, 130 after "
+        "Ctrl-C.",
+    )
+    scene = command_line.scene_or_script(scenes)
+    text = f"what to simulate (default {DEFAULT}), or a script of yours"
+    parser.add_argument("scenes", nargs="*", type=scene, metavar="SCENE", help=text)
+    command_line.short_or_full(parser, "300 ps of each point: a day of one core for water")
+    text = "length of each point (default 300, --short 20)"
+    parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
+    text = "time steps in fs (default each scheme's own)"
+    parser.add_argument("--dt", type=command_line.positives, metavar="FS,FS", help=text)
+    text = "schemes, by name; an unknown one lists all"
+    parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
+    text = "independent starts; each tells its own error"
+    command_line.number(parser, "--starts", 1, "N", text)
+    text = "folder of another command for the same scene, whose limit of small steps is taken"
+    parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
+    command_line.silence(parser, 120.0)
+    command_line.out(parser, "results/sample-SCENE", short=True)
+    command_line.own(parser)
+    command_line.launch(parser)
+
+
+def scenes() -> Collection[str]:
+    """Names of the scenes."""
+    from .scenes import SCENES  # heavy: not for --help
+
+    return SCENES
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the verb; the exit status."""
+    if not arguments.scenes:
+        command_line.need_scenes()
+    names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
+    if len(names) > 1 and any(command_line.is_script(name, scenes) for name in names):
+        arguments.parser.error("a script of your own is run alone")
+    statuses = []
+    for name in names:
+        statuses.append(_scene(arguments, name, len(names) > 1))
+        if statuses[-1] == command_line.INTERRUPTED:
+            break
+    return max(statuses)
+
+
+def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
+    """Run and measure a scene or a script; the exit status."""
+    from .. import pages  # heavy: not for --help
+    from ..own import system
+    from ..pages import console
+    from . import criteria, engine, measure, report
+    from .plan import TIMES, Lengths
+    from .runs import Runs
+    from .scenes import SCENES, of_script
+
+    short = not arguments.full
+    if command_line.is_script(name, scenes):
+        ask, out = system.begin(arguments, name, short)
+        plan = of_script(system.take(ask, out, 1, arguments.silence))
+    else:
+        out = _folder(arguments, name, short, several)
+        plan = SCENES[name](out)
+    only = arguments.only and [
+        scheme.name for scheme in command_line.chosen_of(plan.schemes, arguments.only)
+    ]
+    points = plan.points(only, arguments.dt, short)
+    engine.versions(plan.schemes[point.scheme].engine for point in points)
+    known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
+    lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
+    runs = Runs(plan, lengths, out / "runs" / lengths.folder, arguments.silence)
+    screen = console.console()
+    with console.Meter(screen, runs.steps(points)) as meter:
+        summary = measure.sample(runs, points, known, meter)
+    summary["checks"] = [check.plain() for check in criteria.checks(summary)]
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
+    failed = all(row["error"] for row in summary["rows"])
+    return command_line.status(summary["interrupted"], failed)
+
+
+def _folder(arguments: argparse.Namespace, name: str, short: bool, several: bool) -> Path:
+    """The output folder of a scene, which is made."""
+    if arguments.out:
+        out = arguments.out / name if several else arguments.out
+    else:
+        out = Path(arguments.usual.replace("SCENE", name) + "-short" * short)
+    return command_line.made(arguments, out)

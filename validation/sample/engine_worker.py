@@ -1,0 +1,50 @@
+"""One run of an engine that is not LAMMPS, a process of its own: ``python engine_worker.py JOB``.
+
+The job is that of ``running/run.py``, and what is left beside it is as of ``running/worker.py``:
+
+    log.lammps      a thermodynamic table with LAMMPS's columns and units, and how long it took
+    done.json       the engine's version; written last, so its presence means success
+    error.txt       why it failed; it begins with ERROR where the engine says so
+"""
+
+import json
+import sys
+import time
+import traceback
+from importlib import import_module
+from pathlib import Path
+
+COLUMNS = "Step Time PotEng Press Volume"
+
+
+def work(job: dict, folder: Path) -> None:
+    """Do the job in the folder, and leave its files there."""
+    harness = Path(__file__).resolve().parents[1]
+    sys.path[0] = str(harness.parent)  # in the place of this file's folder
+    given, log = job["given"], folder / "log.lammps"
+    engine, begin = import_module(f"{harness.name}.sample.{given['module']}"), time.perf_counter()
+    for number, (step, potential, pressure) in enumerate(engine.samples(given, folder)):
+        values = step * given["dt"], potential, pressure, given["volume"]
+        line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
+        # before the first sample an engine may have a log of its own there
+        with open(log, "a" if number else "w") as file:
+            file.write(line if number else f"{COLUMNS}\n{line}")
+    seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"
+    with open(log, "a") as file:
+        file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")
+    (folder / "done.part").write_text(json.dumps({engine.ENGINE.name: engine.version()}))
+    (folder / "done.part").replace(folder / "done.json")
+
+
+def main() -> None:
+    path = Path(sys.argv[1])
+    try:
+        work(json.loads(path.read_text()), path.parent)
+    except BaseException as failure:
+        traceback.print_exc()
+        (path.parent / "error.txt").write_text(f"{failure}" or type(failure).__name__)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

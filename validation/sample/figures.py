@@ -1,0 +1,117 @@
+"""The figures of ``sample``: their docstrings are their captions."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from ..pages.figures import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, label_ends, message, panels
+from ..report import answers
+from ..statistics.estimate import Estimate
+from ..statistics.precision import Worth
+from .criteria import BOUNDS
+from .observables import BY_KEY
+
+# of these, and of the best of the others
+STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P")
+LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
+TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
+
+
+def precision(summary: Mapping) -> Figure | None:
+    """Total error of averages, of bias and noise, against the time that one core spends. Of each
+    scheme the best step at each time, in fs at the marks. The error of a bias counts as bias: it is
+    what these runs cannot exclude. Dashed: the bounds."""
+
+    def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
+        numbers = ((row["biases"][key], row["noise"][key]) for row in rows)
+        errors = np.array([Worth(*map(Estimate.of, both)).error(TIMES) for both in numbers])
+        best = np.argmin(errors, axis=0)
+        line = errors[best, np.arange(len(TIMES))]
+        axis.plot(TIMES, line, color=colour, lw=1.6)
+        for at in np.flatnonzero(np.diff(best, prepend=-1)):
+            axis.plot(TIMES[at], line[at], marker, color=colour, ms=5)
+            where: dict = {"textcoords": "offset points", "xytext": (4, 4), "fontsize": 8}
+            axis.annotate(f"{rows[best[at]]['dt']:g}", (TIMES[at], line[at]), color=colour, **where)
+        return TIMES[-1], line[-1]
+
+    def scale(axis: Axes, key: str) -> None:
+        axis.set(xscale="log", yscale="log", xlabel="time of one core (s)")
+
+    said = "the same precision of U/N takes {gain} times less time than with {rival}"
+    return _panels(summary, "noise", "total error", said, draw, scale)
+
+
+def bias(summary: Mapping) -> Figure | None:
+    """Distance of averages from the limit of small steps, against the step. Whiskers: 95 %
+    intervals, the limit's error and its correlation with the point included. Dashed: the bounds.
+    The axis is linear up to 4 times a bound, and logarithmic beyond."""
+
+    def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
+        steps, values = (
+            [row["dt"] for row in rows],
+            [Estimate.of(row["biases"][key]) for row in rows],
+        )
+        middle, margins = [one.value for one in values], [one.margin for one in values]
+        how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
+        axis.errorbar(steps, middle, margins, color=colour, **how)
+        return steps[-1], middle[-1]
+
+    def scale(axis: Axes, key: str) -> None:
+        axis.axhline(-BOUNDS[key], color=INK, lw=0.8, ls="--")
+        axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
+        axis.set_xlabel("time step (fs)")
+
+    said = "U/N is off by {bias} kcal/mol"
+    return _panels(summary, "biases", "bias", said, draw, scale)
+
+
+def _panels(
+    summary: Mapping, part: str, what: str, said: str, draw: Callable, scale: Callable
+) -> Figure | None:
+    """A panel for each observable with a bound, and a line for each of `_lines`.
+
+    Args:
+        part: of a row, that is drawn.
+        what: it is, and what is ``said`` of it at the step that the answer names.
+        draw: draws a line, and gives its end.
+        scale: sets an axis's scales.
+    """
+    lines = _lines([row for row in summary["rows"] if row[part]], summary["known"])
+    keys = [key for key in BOUNDS if any(key in row[part] for rows in lines for row in rows)]
+    if not keys:
+        return None
+    figure, axes = panels(len(keys), 2, 6.4, 3.6, 0.6)
+    ends: dict[Axes, list] = {axis: [] for axis in axes}
+    for key, axis in zip(keys, axes):
+        for rows, (colour, marker) in zip(lines, STYLES):
+            if some := [row for row in rows if key in row[part]]:
+                end = draw(axis, key, some, colour, marker)
+                ends[axis].append((*end, some[0]["label"], colour))
+        axis.axhline(BOUNDS[key], color=INK, lw=0.8, ls="--")
+        scale(axis, key)
+        axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
+    for row in answers.table([summary]).rows:
+        words = {"gain": f"{row['gain potential']['value']:.2g}"}
+        words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
+        words |= {"bias": Estimate.of(row["bias potential"]).text()}
+        message(figure, f"{row['scene']}, {row['dt']:g} fs: {said.format(**words)}")
+    for axis, labels in ends.items():
+        label_ends(axis, labels)
+    return figure
+
+
+def _lines(rows: list[dict], known: list[Mapping]) -> list[list[dict]]:
+    """The rows of what users have today, and of the other schemes, from the least noise on."""
+
+    def noise(scheme: str) -> float:
+        known = [row["noise"] for row in by_scheme[scheme] if "potential" in row["noise"]]
+        return min((one["potential"]["value"] for one in known), default=np.inf)
+
+    by_scheme: dict[str, list[dict]] = {}
+    for row in rows:
+        by_scheme.setdefault(row["scheme"], []).append(row)
+    today = [point["scheme"] for point in known if point["scheme"] in by_scheme]
+    others = sorted(by_scheme.keys() - today, key=noise)
+    return [by_scheme[scheme] for scheme in (*today, *others)]

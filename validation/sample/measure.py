@@ -1,0 +1,448 @@
+"""The error of averages, of bias and of noise, that a scheme with a step gives for its time.
+
+All schemes move the same molecules from the same starts.  Biases are distances from the limit of
+small steps that schemes of the same distribution share (`limit`), or from what theory knows.  Noise
+is what one independent sample costs.  Where a scheme is at two states the ratio of its
+distributions is known without any reference (`structure.between_states`).
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from ..experiment import Point
+from ..running import machine, run, whole
+from ..scenes import FS_PER_PS
+from ..statistics import limit, measures, motion, precision, structure
+from ..statistics.estimate import Estimate
+from . import engine
+from .criteria import BOUNDS
+from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
+from .plan import SAMPLED, SITES, Plan
+from .runs import Runs, start_name, table
+from .schemes import Scheme
+
+BLOCKS = 8  # of a start's frames, for the noise of g(r)
+BIN, REACH = 0.1, 0.45  # Angstrom, of g(r), and how far it goes, of the box
+# of each of two states independent samples, as fewer cannot tell a slope, and how many are taken
+# for an independent one, as physical_validation has bins to fill (it counts independent ones)
+LEAST_SAMPLES, DENSER = 50, 4
+LAMMPS = "LAMMPS"  # whose limit is that of the scene's own forces
+# of a row: numbers of each observable
+NESTED = "means", "biases", "remembers", "noise", "less", "faster", "seconds"
+KNOWN = Point("known", 0.0)  # what stands for a limit that another command has found
+
+
+@dataclass
+class Numbers:
+    """What a start of a point gave, or all of them together.
+
+    Attributes:
+        means: of observables.
+        remembers: of each, ps of an independent sample; of a square only with all starts.
+        variances: of each, of a sample.
+        rdf: g(r) of blocks of frames, (blocks, bins).
+        vectors: of squares, the autocovariances of the components, (components, lags).
+        apart: ps between samples.
+        state: samples that are held against those of another state, at constant pressure.
+        loop: s of a step with its samples.
+    """
+
+    means: dict[str, Estimate]
+    remembers: dict[str, Estimate]
+    variances: dict[str, float]
+    rdf: np.ndarray | None = None
+    vectors: dict[str, np.ndarray] = field(default_factory=dict)
+    apart: float = 0.0
+    state: structure.Sampled | None = None
+    loop: float = 0.0
+
+    def noise(self, key: str) -> Estimate:
+        """Variance of a mean times ps."""
+        return self.remembers[key].times(self.variances[key])
+
+
+@dataclass
+class Found:
+    """What the runs gave: of each point the numbers of its starts, by their numbers, why one
+    failed, and s of a core for a ps without samples, in each round."""
+
+    numbers: dict[Point, dict[int, Numbers]] = field(default_factory=dict)
+    errors: dict[Point, str] = field(default_factory=dict)
+    costs: dict[Point, list[float]] = field(default_factory=dict)
+
+    @property
+    def good(self) -> list[Point]:
+        """Points of which no start failed."""
+        return [point for point in self.numbers if point not in self.errors]
+
+
+def sample(
+    runs: Runs, points: Collection[Point], known: Mapping[str, Mapping], meter: run.Meter
+) -> dict:
+    """Run what is not there yet, and measure; points that earlier commands of the same lengths
+    have left in the folder are measured, too.
+
+    Several processes of the same command share the runs.
+
+    Args:
+        known: limits of small steps, by observable, that are taken in the place of the runs' own,
+            see `known_limits`.
+
+    Returns:
+        plain data: circumstances, settings, and what `told` gives.
+    """
+    plan, lengths, found = runs.plan, runs.lengths, Found()
+    done = runs.perform(points, meter)
+    lost = {n: why for n in runs.starts if (why := done.failed.get(start_name(n)))}
+    if len(lost) == lengths.starts:
+        found.errors |= dict.fromkeys(points, f"all starts failed, start 1: {lost[1]}")
+    every = plan.ordered([*points, *runs.left()])
+    for point in every:
+        for start in runs.starts:
+            job = runs.job(point, start)
+            if point not in found.errors and run.is_there(job, failures=True):
+                _measure(found, plan, point, start, job)
+    interrupted = _timed(found, runs, meter, not done.interrupted)
+    summary = machine.circumstances()
+    engines = (plan.schemes[point.scheme].engine for point in found.good)
+    summary["versions"] |= machine.worker_versions(done.versions) | engine.versions(engines)
+    return summary | {
+        "scene": plan.scene.name,
+        "title": plan.scene.title,
+        "interrupted": done.interrupted or interrupted,
+        "lost": lost,
+        "bodies": plan.scene.unit,
+        "temperature": plan.temperature,
+        "known": [point._asdict() for point in plan.known],
+        "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
+        **told(found, runs, every, known),
+    }
+
+
+def known_limits(folder: Path, scene: str) -> dict:
+    """The limits of small steps that another command has found of the same scene.
+
+    Raises:
+        SystemExit: it has left nothing there, or of another scene.
+    """
+    summary = whole.read(folder / "summary.json") or {}
+    if summary.get("scene") != scene or not summary.get("limits"):
+        raise SystemExit(f"{folder} has no limit of small steps of the scene {scene}")
+    return summary["limits"]
+
+
+def _measure(found: Found, plan: Plan, point: Point, start: int, job: run.Job) -> None:
+    """The numbers of a run that is there, or why it has none."""
+    result, samples = table(job)
+    if result.error:
+        found.errors.setdefault(point, result.error)
+        return
+    numbers = of_series(samples, plan, plan.schemes[point.scheme])
+    if plan.sites and not plan.schemes[point.scheme].engine:
+        numbers.rdf = of_frames(Path(job.directory) / SITES, job.runs[0])
+    last = result.timings[-1]
+    numbers.loop = last.seconds / last.steps
+    found.numbers.setdefault(point, {})[start] = numbers
+
+
+def _timed(found: Found, runs: Runs, meter: run.Meter, time: bool) -> bool:
+    """What a ps of each point costs; whether a Ctrl-C came.
+
+    Args:
+        time: whether to time what no earlier command has.
+    """
+    # of LAMMPS, from the first start that a point has
+    first = {
+        point: next(iter(found.numbers[point].items()))
+        for point in found.good
+        if not runs.plan.schemes[point.scheme].engine
+    }
+    loops = {point: (start, numbers.loop) for point, (start, numbers) in first.items()}
+    try:
+        found.costs = runs.costs(loops, meter, time)
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
+    """A run's numbers."""
+    apart = float(np.median(np.diff(samples["Time"]))) / 1e3
+    numbers = Numbers({}, {}, {}, apart=apart)
+    for observable in OBSERVABLES:
+        x = observable.series(samples, plan, scheme)
+        if x is None:
+            continue
+        numbers.means[observable.key] = measures.mean(x)
+        numbers.variances[observable.key] = float(np.var(x, ddof=1))
+        if observable.vector:
+            vector = np.stack([samples[name] for name in observable.vector], axis=1)
+            numbers.vectors[observable.key] = measures.autocovariance(vector)
+        else:
+            numbers.remembers[observable.key] = measures.autocorrelation(x).times(apart)
+    if scheme.pressure is not None:
+        values = thinned(samples["PotEng"], samples["Volume"], times=DENSER)
+        numbers.state = structure.Sampled(scheme.temperature, scheme.pressure, values)
+    return numbers
+
+
+def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
+    """So many times the samples, (series, samples), that are independent in each of the series."""
+    apart = max(map(measures.statistical_inefficiency, series))
+    return np.stack(series)[:, :: int(np.ceil(apart / times))]
+
+
+def of_frames(path: Path, begin: int) -> np.ndarray | None:
+    """g(r) of blocks of a run's frames, (blocks, bins); None if there are too few.
+
+    Args:
+        begin: the first step that counts.
+    """
+    steps, x = motion.read(path)
+    x = x[steps >= begin]
+    if len(x) < BLOCKS:
+        return None
+    with open(path) as file:
+        ends = [next(file).split() for _ in range(8)][5:]
+    box = np.ptp(np.array(ends, float), axis=1)
+    cells = np.repeat(np.diag(box)[None], len(x), axis=0)
+    reach = np.floor(REACH * box.min() / BIN) * BIN
+    return structure.of_sites(x, cells, (BIN, reach), BIN, BLOCKS)
+
+
+def pooled(starts: Sequence[Numbers]) -> Numbers:
+    """The means over starts; of a vector's components all starts together tell the memory."""
+
+    def over(name: str) -> dict[str, Estimate]:
+        some = [getattr(numbers, name) for numbers in starts]
+        return {key: measures.of_starts([one[key] for one in some]) for key in some[0]}
+
+    variances = [numbers.variances for numbers in starts]
+    means = {key: float(np.mean([one[key] for one in variances])) for key in variances[0]}
+    blocks = [numbers.rdf for numbers in starts if numbers.rdf is not None]
+    rdf = np.concatenate(blocks) if blocks else None
+    made = Numbers(over("means"), over("remembers"), means, rdf)
+    for key in starts[0].vectors:
+        components = np.concatenate([numbers.vectors[key] for numbers in starts])
+        memory = measures.autocorrelation_of_square(components)
+        made.remembers[key] = memory.times(starts[0].apart)
+    states = [numbers.state for numbers in starts if numbers.state]
+    if states:
+        values = np.hstack([state.values for state in states])
+        made.state = states[0]._replace(values=values)
+    return made
+
+
+# ---- rows
+
+Fits = Mapping[str, Mapping[str, limit.Fit]]  # of each engine, of each observable
+
+
+def told(found: Found, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]) -> dict:
+    """Rows of the points that were run, and the limits that they are held against; plain data.
+
+    Args:
+        known: see `sample`.
+
+    Returns:
+        ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
+        the limits of its own points, see `told_limit`.
+    """
+    means = {point: pooled([*found.numbers[point].values()]) for point in found.good}
+    fits = fitted(means, runs.plan, known)
+    rows = [
+        _row(point, found, runs, means, fits)
+        for point in points
+        if point in means or point in found.errors
+    ]
+    own, *others = (
+        (name, {key: told_limit(fit) for key, fit in some.items()}) for name, some in fits.items()
+    )
+    return {"rows": rows, "limits": own[1], "others": dict(others)}
+
+
+def fitted(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
+    """The limits of observables that each engine's points tell, LAMMPS's first."""
+    names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
+    return {
+        name: {
+            key: fit
+            for key in CONFIGURATIONS
+            if (fit := _fit(means, key, plan, name, known)) is not None
+        }
+        for name in names
+    }
+
+
+def _engine(scheme: Scheme) -> str:
+    return scheme.engine.name if scheme.engine else LAMMPS
+
+
+def _fit(means, key, plan, engine, known) -> limit.Fit | None:
+    """The common limit of an observable, of an engine's schemes that share it."""
+    some = {point: numbers.means[key] for point, numbers in means.items() if key in numbers.means}
+    if engine == LAMMPS and key in known:  # as if it were a point by itself
+        return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
+    steps = {point: (point.scheme, point.dt) for point in some}
+    reaches = {
+        name: scheme.reach
+        for name, scheme in plan.schemes.items()
+        if scheme.reach and _engine(scheme) == engine
+    }
+    return limit.fit(some, steps, reaches)
+
+
+def told_limit(fit: limit.Fit) -> dict:
+    """A limit as plain data: its number, how well the points agree with it, and their weights."""
+    told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
+    points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
+    return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
+
+
+def _row(
+    point: Point, found: Found, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
+) -> dict:
+    """A point's row.
+
+    Returns:
+        plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
+        ``remembers``, ps of an independent sample; ``noise``, variance of the mean times s of a
+        core, see `precision.Worth`.  ``rdf``: rms distance of g(r) from the limit's.
+        ``deviation``: of a state beside the first, see `structure.between_states`.  ``clock``: of
+        another engine, s by the clock for a ps.  The others are of `_spent`.
+    """
+    plan, error = runs.plan, found.errors.get(point)
+    scheme = plan.schemes[point.scheme]
+    row: dict = {
+        "scheme": scheme.name,
+        "label": scheme.label,
+        "engine": _engine(scheme),
+        "ours": scheme.ours,
+        "dt": point.dt,
+        "lines": runs.lines(point),
+        "starts": 0 if error else len(found.numbers[point]),
+        "error": error,
+    }
+    row |= {
+        name: {} for name in ("means", "biases", "remembers", "noise", "less", "faster", "seconds")
+    }
+    row |= dict.fromkeys(("rdf", "deviation", "clock", "cost", "slowest", "sample"))
+    if error:
+        return row
+    numbers, biases = means[point], _biases(point, plan, means, fits)
+    row["means"], row["biases"], row["remembers"] = (
+        {key: one.plain() for key, one in some.items()}
+        for some in (numbers.means, biases, numbers.remembers)
+    )
+    row["slowest"] = slowest(numbers)
+    row["rdf"], row["deviation"] = apart(point, means, fits), deviation(point, plan, means)
+    if scheme.engine:
+        loops = [start.loop for start in found.numbers[point].values()]
+        row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
+    if point in found.costs:
+        row |= _spent(point, found.costs, plan, means, fits)
+    return row
+
+
+def _biases(point, plan, means, fits) -> dict[str, Estimate]:
+    """Of each observable, in its units."""
+    scheme, found = plan.schemes[point.scheme], {}
+    same = scheme.engine is None or scheme.engine.same
+    limits = fits[LAMMPS if same else _engine(scheme)]
+    for key, mean in means[point].means.items():
+        exact = BY_KEY[key].exact(plan, scheme)
+        if exact is not None:
+            found[key] = measures.difference(mean, Estimate(exact))
+        elif key in limits and not scheme.first:  # the limit is that of the first state
+            found[key] = limits[key].bias(point).times(_unit(key, limits))
+    return found
+
+
+def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
+    """Of biases of an observable, over that of its mean."""
+    return 100 / limits[key].limit.value if BY_KEY[key].relative else 1.0
+
+
+def _spent(point, costs, plan, means, fits) -> dict:
+    """What a point's averages cost.
+
+    Returns:
+        plain data: ``cost``, s of one core for a ps, over rounds that were timed in turn;
+        ``sample``, s of a core for an independent sample of the slowest observable; ``less``, how
+        many times less that is than with each known scheme; ``seconds``, of each observable with a
+        bound s of a core to a total error as large as it; ``faster``, how many times less time it
+        takes than the first known point to the total error of that, see `precision.times`.
+    """
+    today = [known for known in plan.known if known in costs]
+    sample = _sample(means[point], costs[point])
+    own = _worths(point, costs, plan, means, fits)
+    less = {one: measures.quotient(_sample(means[one], costs[one]), sample) for one in today}
+    faster = {}
+    if plan.known[0] in today and plan.known[0] != point:
+        theirs = _worths(plan.known[0], costs, plan, means, fits)
+        both = [key for key in own if key in theirs]
+        faster = {key: precision.times(theirs[key], own[key]).plain() for key in both}
+    return {
+        "cost": measures.spread(costs[point]),
+        "sample": sample.plain(),
+        "less": {known.scheme: times.plain() for known, times in less.items()},
+        "noise": {key: worth.noise.plain() for key, worth in own.items()},
+        "seconds": {
+            key: precision.seconds(worth, BOUNDS[key]).plain()
+            for key, worth in own.items()
+            if key in BOUNDS
+        },
+        "faster": faster,
+    }
+
+
+def slowest(numbers: Numbers) -> str:
+    """The observable of configurations whose independent samples take the longest."""
+    some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
+    return max(some, key=lambda key: some[key].value)
+
+
+def _sample(numbers: Numbers, costs: Sequence[float]) -> Estimate:
+    """s of a core for an independent sample of the slowest observable."""
+    return numbers.remembers[slowest(numbers)].times(float(np.median(costs)))
+
+
+def _worths(point, costs, plan, means, fits) -> dict[str, precision.Worth]:
+    """Bias and noise of a point's averages over configurations."""
+    cost, limits = float(np.median(costs[point])), fits[LAMMPS]
+    return {
+        key: precision.Worth(bias, means[point].noise(key).times(cost * _unit(key, limits) ** 2))
+        for key, bias in _biases(point, plan, means, fits).items()
+        if key in CONFIGURATIONS
+    }
+
+
+def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:
+    """How far the distributions of a point at another state, and of the first state's, are from
+    what the states demand, in standard deviations."""
+    first = means.get(Point(plan.schemes[point.scheme].first, point.dt))
+    states = [one.state for one in (first, means[point]) if one and one.state]
+    if len(states) < 2 or min(state.values.shape[1] for state in states) < LEAST_SAMPLES * DENSER:
+        return None
+    found = structure.between_states(*states)
+    return None if found is None else Estimate(found).plain()
+
+
+def apart(point: Point, means: Mapping[Point, Numbers], fits: Fits) -> dict | None:
+    """The rms distance of a point's g(r) from the limit's.
+
+    The limit is made as that of the potential energy, of the same points with the same weights, in
+    each bin.  Blocks of all these runs together are independent measurements of the difference.
+    """
+    fit = fits[LAMMPS].get("potential")
+    parts = {one: weight for one, weight in fit.distance(point).items() if weight} if fit else {}
+    some = {one: means[one].rdf for one in parts if one in means}
+    known = {one: rdf for one, rdf in some.items() if rdf is not None}
+    if not parts or len(known) < len(parts):
+        return None
+    number = min(map(len, known.values()))
+    off = np.sum([weight * known[one][:number] for one, weight in parts.items()], axis=0)
+    return measures.without_noise(off).plain()

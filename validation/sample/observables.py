@@ -1,0 +1,150 @@
+"""What `sample` looks at: each observable is an entry of `OBSERVABLES`.
+
+A scene without the columns that one needs is without it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..scenes.units import BOLTZMANN, COULOMB
+from ..statistics import measures
+from .plan import DIPOLE, TORQUE, Plan
+from .schemes import Scheme
+
+ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
+FINE = 1e5  # compressibilities are in 1e-5/atm
+MOLECULE = "kcal/mol a molecule"
+# columns of a run's output after the part that is left out, each (samples,)
+Table = Mapping[str, np.ndarray]
+Series = Callable[[Table, Plan, Scheme], np.ndarray | None]
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A mean that is looked at.
+
+    Attributes:
+        key: in rows and files.
+        unit: of biases; of the mean itself, if ``relative``, it is another one, or none.
+        series: whose mean it is; None if there is none.
+        vector: columns of the vector that it is the square of, if it is one.
+        relative: whether biases are in per cent of the limit.
+        exact: the limit, where theory has it; None where it is that of small steps.
+        moves: whether it is of velocities, not of configurations.
+    """
+
+    key: str
+    title: str
+    unit: str
+    series: Series
+    relative: bool = False
+    vector: tuple[str, ...] = ()
+    exact: Callable[[Plan, Scheme], float | None] = lambda plan, scheme: None
+    moves: bool = False
+
+
+def _column(name: str, scale: Callable[[Plan], float] = lambda plan: 1.0) -> Series:
+    """A column over a number."""
+    return lambda table, plan, scheme: table[name] / scale(plan) if name in table else None
+
+
+def _bodies(plan: Plan) -> float:
+    return plan.scene.unit
+
+
+def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    """Of which the mean is var(U) / (kT)^2 of a body: the heat capacity of configurations, at
+    constant volume."""
+    if scheme.pressure is not None:
+        return None
+    return (
+        measures.squares(table["PotEng"]) / (BOLTZMANN * scheme.temperature) ** 2 / plan.scene.unit
+    )
+
+
+def _compressibility(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    """Of which the mean is var(V) / (kT <V>)."""
+    if scheme.pressure is None:
+        return None
+    volume = table["Volume"]
+    unit = FINE / (BOLTZMANN * ATM * scheme.temperature * np.mean(volume))
+    return measures.squares(volume) * unit
+
+
+def _density(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    return None if scheme.pressure is None else table["Density"]
+
+
+def _pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray:
+    """With what a total momentum at zero takes off, which a barostat does not count."""
+    if scheme.pressure is not None:
+        return table["Press"]
+    return table["Press"] + of_momentum(scheme.held, scheme.temperature, table["Volume"])
+
+
+def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> float | np.ndarray:
+    """The pressure that so many degrees of freedom of the total momentum would have, atm: a scheme
+    that keeps it at zero lacks this, and one that does not has it.  ``volume`` in Angstrom^3."""
+    return held * BOLTZMANN * temperature / (3 * volume) * ATM
+
+
+def _dipole(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    if DIPOLE[0] not in table:
+        return None
+    square = sum(table[name] ** 2 for name in DIPOLE)
+    return 4 * np.pi * COULOMB * square / (3 * table["Volume"] * BOLTZMANN * scheme.temperature)
+
+
+def _translation(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    if "f_1[3]" in table:
+        return table["f_1[3]"]
+    if "v_moves" not in table:
+        return None
+    return table["v_moves"] / (3 * plan.scene.unit * BOLTZMANN / 2)
+
+
+def _rotation(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    if "f_1[4]" in table:
+        return table["f_1[4]"]
+    if "v_moves" not in table:
+        return None
+    return (table["c_kinetic"] - table["v_moves"]) / (plan.turning * BOLTZMANN / 2)
+
+
+def _apart(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    moves, turns = _translation(table, plan, scheme), _rotation(table, plan, scheme)
+    return None if moves is None or turns is None else moves - turns
+
+
+def _moving(plan: Plan, scheme: Scheme) -> float:
+    return scheme.temperature * (1 - scheme.held / (3 * plan.scene.unit))
+
+
+OBSERVABLES = (
+    Observable("potential", "U/N", MOLECULE, _column("PotEng", _bodies)),
+    Observable("capacity", "heat capacity", "%", _capacity, relative=True),
+    Observable(
+        "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure
+    ),
+    Observable("density", "density", "%", _density, relative=True),
+    Observable("compressibility", "compressibility", "%", _compressibility, relative=True),
+    Observable("torque", "squared torque", "%", _column(TORQUE, _bodies), relative=True),
+    Observable("dipole", "dipole fluctuation", "%", _dipole, relative=True, vector=DIPOLE),
+    Observable(
+        "temperature", "temp", "K", _column("Temp"),
+        exact=lambda plan, scheme: scheme.temperature, moves=True,
+    ),
+    Observable("translation", "T_trans", "K", _translation, exact=_moving, moves=True),
+    Observable(
+        "rotation", "T_rot", "K", _rotation,
+        exact=lambda plan, scheme: scheme.temperature, moves=True,
+    ),
+    Observable(
+        "apart", "T_trans − T_rot", "K", _apart,
+        exact=lambda plan, scheme: _moving(plan, scheme) - scheme.temperature, moves=True,
+    ),
+)  # fmt: skip
+BY_KEY = {observable.key: observable for observable in OBSERVABLES}
+CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable.moves]

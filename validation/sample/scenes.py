@@ -1,0 +1,131 @@
+"""The scenes of `sample`, each with its temperature and its schemes: entries of `SCENES`."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ..experiment import Point
+from ..own import counted
+from ..own.system import Own
+from ..scenes import TEMPERATURE, peptide, smooth_water
+from ..scenes.integrators import OURS, Integrator
+from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
+from . import with_gromacs, with_openmm
+from .plan import Plan
+from .schemes import (
+    SEED,
+    STRONG,
+    Bodies,
+    Scheme,
+    at_pressure,
+    by_name,
+    constant_volume,
+    ours,
+)
+
+TITLE = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
+HEAVY = 3.0, 4.0  # amu, of water's hydrogens
+# degrees of freedom of the rotation of the peptide's bodies: two of those of two atoms, three of
+# others
+PEPTIDE_TURNS = 4439
+OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # of a script's step
+# what stands before a seed in a script's lines: the keyword, or a temperature with its damping
+SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
+# what users have today, for molecules that shake can hold, for others, and at constant pressure
+RIGID = Point("rigid+langevin", 2.0), Point("rigid/nvt/small", 2.0)
+CONSTRAINED = Point("shake+langevin", 2.0), RIGID[1]
+BAROSTATS = Point("shake+npt", 2.0), Point("rigid/npt/small", 2.0)
+
+
+def _water(_: Path) -> Plan:
+    scene, mass = smooth_water("water", TITLE, "water_512", "512", 512), 15.9994 + 2 * 1.008
+    heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
+    schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
+    starter, others = schemes["langevin-20"], [*with_openmm.SCHEMES, *with_gromacs.SCHEMES]
+    schemes |= by_name(others)
+    return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, "type 1", dipole=True)
+
+
+def _pressure(folder: Path) -> Plan:
+    """The same water at constant pressure, from the starts of constant volume."""
+    water = _water(folder)
+    scene = replace(water.scene, name="pressure")
+    schemes = at_pressure(water.temperature)
+    return Plan(scene, water.temperature, schemes, water.starter, BAROSTATS, water.turning)
+
+
+def _peptide(_: Path) -> Plan:
+    bodies = Bodies(
+        TEMPERATURE["peptide"],
+        points=" points flexible",
+        rest="flexible",
+        everywhere="all",
+        shake=True,
+        alike=False,  # of four atoms it holds three bonds: the averages have their angles' energy
+        longest=6.0,
+    )
+    schemes, sites = constant_volume(bodies), "type 21"  # the water's oxygens
+    starter, scene = schemes["langevin-20"], peptide.scene()
+    return Plan(scene, bodies.temperature, schemes, starter, CONSTRAINED, PEPTIDE_TURNS, sites)
+
+
+def _liquid(liquid: Liquid, folder: Path) -> Plan:
+    schemes = constant_volume(Bodies(liquid.temperature))
+    # it melts the crystal, and cools it
+    ramp = f" temp {liquid.melt:g} {liquid.temperature:g} {STRONG:g}"
+    words = f"{ramp} thermostat langevin seed {SEED}"
+    starter = ours("melt", "melt", words, "NVT")
+    turning = liquid.molecules * (2 if np.linalg.matrix_rank(liquid.shape) == 1 else 3)
+    scene = liquid.scene(folder / "scenes")
+    return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning, "type 1")
+
+
+SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into a folder
+    "water": _water,
+    "pressure": _pressure,
+    "peptide": _peptide,
+    "benzene": partial(_liquid, BENZENE),
+    "co2": partial(_liquid, CARBON_DIOXIDE),
+}
+
+
+def of_script(own: Own) -> Plan:
+    """A script of one's own, at its constant temperature.
+
+    Raises:
+        SystemExit: it is no script that averages of can be held against a limit.
+    """
+    found, scene = own.found.state, own.scene
+    if scene.units != "real" or not found.temp or found.press or found.ramps:
+        raise SystemExit(
+            f"{scene.subject}: sample needs units real and one constant temperature, kept by the "
+            "fix whose place others take, in a box that does not change: give a run with fix nvt, "
+            "rigid/nvt or nosquish/nvt"
+        )
+    temperature, steps = float(found.temp[0]), tuple(factor * scene.dt for factor in OWN_FACTORS)
+    schemes = by_name(
+        Scheme.of(
+            integrator,
+            lines=tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines),
+            held=_held(own, integrator),
+            temperature=temperature,
+            steps=steps,
+            reach=None if "rigid/n" in integrator.label else 2 * scene.dt,
+        )
+        for integrator in own.integrators.values()
+    )
+    starter = schemes.get(OURS, schemes[own.reference])
+    return Plan(scene, temperature, schemes, starter, (Point(own.reference, scene.dt),))
+
+
+def _held(own: Own, integrator: Integrator) -> int:
+    """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
+    random forces, or something else acts on the atoms."""
+    words = " ".join(integrator.lines)
+    random = "langevin" in words or (integrator.kind == "ours" and " thermostat " not in words)
+    alone = (own.found.body > 0).all() and all(own.said["periodic"]) and not counted.acting(own)
+    return 0 if random or not alone else own.said["dimension"]

@@ -1,0 +1,293 @@
+"""The schemes of `sample`: each is an entry of a list in one of the functions below.
+
+`Scheme` says what an entry may have.  `constant_volume` makes those of a scene from what its
+`Bodies` allow, `at_pressure` those with barostats.  Those of other engines are in the engines'
+files.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from ..scenes.integrators import Integrator, constrained, nosquish, rigid
+from .engine import Engine
+
+FIRST_SEED = 7100
+SEED = "SEED"  # in a scheme's lines
+WEAK, DAMPING, STRONG = 500.0, 200.0, 50.0  # fs; friction of 2/ps, 5/ps and 20/ps
+PRESSURE_DAMPING = 500.0  # fs
+MOMENT, FACTOR = 6, 4  # amu Angstrom^2 about each axis of water; times those of other molecules
+# the same, and the skin (Angstrom), of what is to give most independent samples for its time:
+# friction that slows little needs moments that are larger for the same error
+LARGE, TIMES_LARGE, SKIN = 9, 6, 3
+HYBRID = 10  # steps of a trajectory of hybrid Monte Carlo
+PRESSURE = 1.0  # atm
+# states at constant pressure: ends of a scheme's name and label, K above the first state's
+# temperature, and atm.  From the first to the others it is as far as physical_validation advises:
+# the tips of the distributions are some two standard deviations apart, which are 35 kcal/mol of an
+# enthalpy, 1.1 % of a volume
+STATES = (
+    ("", "", 0.0, PRESSURE),
+    ("-308K", ", 308 K", 10.0, PRESSURE),
+    ("-400atm", ", 400 atm", 0.0, 400.0),
+)
+# the bodies' torques are of forces without those of a thermostat, which fix store/force has before
+RAW = "fix raw {group} store/force"
+
+
+@dataclass(frozen=True)
+class Scheme(Integrator):
+    """An integrator with its thermostat, with or without a barostat, at one state.
+
+    Its lines have `SEED` where a start's own number goes.
+
+    Attributes:
+        steps: fs, of the points that are run if no other steps are asked for.
+        reach: fs, of the longest step whose error the terms of the limit's fit can have; infinite
+            for a scheme that has no error of the step, None if its limit is another than that of
+            the scene's other schemes.
+        held: degrees of freedom of the total momentum, where the scheme keeps it at zero.
+        temperature: K.
+        pressure: atm; None at constant volume.
+        first: name of the same scheme at the first state, if this is at another one.
+        whole: whether it moves all atoms, those in no body, too.
+        stride: steps between two that have configurations of the right distribution.
+        engine: that runs it; None for LAMMPS.
+        friction: 1/ps, of another engine's thermostat, which is its line; of one that scales
+            velocities the inverse of its time.
+    """
+
+    steps: tuple[float, ...] = ()
+    reach: float | None = None
+    held: int = 0
+    temperature: float = 298.0
+    pressure: float | None = None
+    first: str = ""
+    whole: bool = False
+    stride: int = 1
+    engine: Engine | None = None
+    friction: float = 0.0
+
+    @classmethod
+    def of(cls, integrator: Integrator, before: tuple[str, ...] = (), **more: Any) -> "Scheme":
+        """An integrator as a scheme.
+
+        Args:
+            before: lines before its own.
+            more: attributes, those of the integrator, too.
+        """
+        return cls(**vars(integrator) | {"lines": (*before, *integrator.lines)} | more)
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is this package's."""
+        return self.kind == "ours"
+
+    def seeded(self, start: int) -> "Scheme":
+        """With the random numbers of a start, from 1."""
+        seed = str(FIRST_SEED + start)
+        return replace(self, lines=tuple(line.replace(SEED, seed) for line in self.lines))
+
+
+def by_name(schemes: Iterable[Scheme]) -> dict[str, Scheme]:
+    """As scenes have them."""
+    return {scheme.name: scheme for scheme in schemes}
+
+
+def state(temperature: float, damping: float, pressure: float | None = None) -> str:
+    """A state in the words of a fix: this package's and LAMMPS's are the same."""
+    words = f" temp {temperature:g} {temperature:g} {damping:g}"
+    if pressure is None:
+        return words
+    return f"{words} iso {pressure:g} {pressure:g} {PRESSURE_DAMPING:g}"
+
+
+def ours(name: str, label: str, words: str, style: str, **more: Any) -> Scheme:
+    """One of this package's."""
+    return Scheme.of(nosquish(name, label, words, style), **more)
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """What a scene's bodies allow at constant volume.
+
+    Attributes:
+        temperature: K.
+        points: keyword of ours for atoms that are in no body.
+        rest: group of these; empty for none.
+        everywhere: group of all atoms that move.
+        shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
+            that bodies do: else its averages are others in the limit, too.
+        equal: whether moments of `MOMENT` are of use, else those of the molecules are scaled.
+        heavy: of hydrogens' masses the LAMMPS commands that set all masses.
+        longest: fs.
+    """
+
+    temperature: float
+    points: str = ""
+    rest: str = ""
+    everywhere: str = "{group}"
+    shake: bool = False
+    alike: bool = True
+    equal: bool = False
+    heavy: Mapping[float, tuple[str, ...]] = field(default_factory=dict)
+    longest: float = 14.0
+
+
+def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
+    """All schemes of LAMMPS at constant volume."""
+    return by_name(
+        replace(
+            scheme,
+            temperature=bodies.temperature,
+            steps=tuple(dt for dt in scheme.steps if dt <= bodies.longest),
+        )
+        for scheme in (*_nosquish(bodies), *_rigid(bodies), *_constrained(bodies))
+    )
+
+
+def _nosquish(bodies: Bodies) -> list[Scheme]:
+    """Ours: with a thermostat in the middle of the step, or hybrid Monte Carlo."""
+    usual, strong, weak = (
+        f"{state(bodies.temperature, damping)} thermostat" for damping in (DAMPING, STRONG, WEAK)
+    )
+    if bodies.equal:
+        ending, word, large = "equal", f"equal {MOMENT}", f"equal {LARGE}"
+        said, told = (f"moments of {moment} amu Å²" for moment in (MOMENT, LARGE))
+    else:
+        ending, word, large = "scaled", f"scale {FACTOR}", f"scale {TIMES_LARGE}"
+        said, told = (f"{factor} times the moments" for factor in (FACTOR, TIMES_LARGE))
+    noise = f"langevin seed {SEED}"
+    chance = f" temp {bodies.temperature:g} steps {HYBRID} seed {SEED}"
+    short: dict = {"style": "NVT", "steps": (1.0, 2.0, 4.0, 6.0, 8.0, 10.0), "reach": 6.0}
+    long: dict = {"style": "NVT", "steps": (4.0, 8.0, 10.0, 12.0, 14.0), "reach": 10.0}
+    keeps: dict = {"style": "NVT", "steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0, "held": 3}
+    exact: dict = {"style": "HMC", "stride": HYBRID, "reach": math.inf}
+    made = [
+        ours("langevin-5", "NVT langevin 5/ps", f"{usual} {noise}", **short),
+        ours("langevin-20", "NVT langevin 20/ps", f"{strong} {noise}", **short | {"reach": 8.0}),
+        ours(
+            f"langevin-5-{ending}", f"NVT langevin 5/ps, {said}",
+            f"{usual} {noise} moments {word}", **long,
+        ),
+        ours(
+            f"langevin-20-{ending}", f"NVT langevin 20/ps, {said}",
+            f"{strong} {noise} moments {word}", **long,
+        ),
+        ours(
+            f"langevin-2-{ending}", f"NVT langevin 2/ps, {told}, skin of {SKIN} Å",
+            f"{weak} {noise} moments {large}", **long,
+            before=(f"neighbor {SKIN} bin",),  # lists of neighbours that last longer
+        ),
+        ours("csvr", "NVT csvr", f"{usual} csvr seed {SEED}", **keeps),
+        ours("nh", "NVT nh", f"{usual} nh", **keeps),
+        ours("hmc", f"HMC, {HYBRID} steps", chance, steps=(2.0, 4.0, 6.0), **exact),
+        # of many bodies no long step is accepted without larger moments
+        ours(
+            f"hmc-{ending}", f"HMC, {HYBRID} steps, {told}", f"{chance} moments {large}",
+            steps=(8.0, 10.0), **exact,
+        ),
+    ]  # fmt: skip
+    if bodies.equal:  # the step chooses larger moments of such molecules only
+        label, words = "NVT langevin 20/ps, moments of the step", f"{strong} {noise} moments step"
+        # the moments are others at each step, and so is what small steps lead to
+        steps = {"steps": (6.0, 8.0, 12.0), "reach": None}
+        made.append(ours("langevin-20-step", label, words, **long | steps))
+    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.points) for scheme in made]
+    whole = bool(bodies.rest)
+    return [replace(scheme, lines=own, whole=whole) for scheme, own in zip(made, lines)]
+
+
+def _rigid(bodies: Bodies) -> list[Scheme]:
+    """LAMMPS's rigid fixes."""
+    usual = state(bodies.temperature, DAMPING)
+    chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
+    lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
+    steps, whole = (0.5, 1.0, 2.0, 3.0, 4.0), bool(bodies.rest)
+    name, label = "rigid+langevin", "rigid/nve/small + langevin"
+    return [
+        # it counts three degrees of freedom more than a whole without momentum has
+        Scheme.of(chains, lines=lines, held=3, steps=steps, whole=whole),
+        Scheme.of(small, _kicks(bodies), name=name, label=label, steps=steps, reach=4.0),
+    ]
+
+
+def _kicks(bodies: Bodies) -> tuple[str, str]:
+    """The forces of LAMMPS's thermostat, and the energy that they give, for any integrator."""
+    words = f"{bodies.temperature:g} {bodies.temperature:g} {DAMPING:g} {SEED} tally yes"
+    return RAW, f"fix bath {bodies.everywhere} langevin {words}"
+
+
+def _constrained(bodies: Bodies) -> list[Scheme]:
+    """What shake holds: atoms as points, with LAMMPS's thermostats."""
+    if not bodies.shake:
+        return []
+    shake, usual, kicks = (
+        _shake(bodies.everywhere),
+        state(bodies.temperature, DAMPING),
+        _kicks(bodies),
+    )
+    light: dict = {"steps": (0.5, 1.0, 2.0, 3.0, 4.0, 6.0), "reach": 4.0}
+    chains = f"fix 1 {bodies.everywhere} nvt{usual}", shake.lines[1]
+    csvr = (f"fix bath {bodies.everywhere} temp/csvr{usual.removeprefix(' temp')} {SEED}",)
+    label = "shake + langevin"
+    made = [
+        Scheme.of(shake, kicks, name="shake+langevin", label=label, **light),
+        Scheme.of(shake, name="shake+nvt", label="shake + nvt", lines=chains, held=3, **light),
+        Scheme.of(shake, csvr, name="shake+csvr", label="shake + csvr", held=3, **light),
+        *(
+            Scheme.of(
+                shake, (*lines, *kicks), name=f"shake-{mass:g}+langevin",
+                label=f"{label}, hydrogens of {mass:g} amu",
+                steps=(2.0, 3.0, 4.0, 5.0, 6.0, 7.0), reach=6.0,
+            )
+            for mass, lines in bodies.heavy.items()
+        ),
+    ]  # fmt: skip
+    return [
+        replace(scheme, whole=True, reach=scheme.reach if bodies.alike else None) for scheme in made
+    ]
+
+
+def _shake(group: str) -> Integrator:
+    """fix nve and fix shake of a group of atoms."""
+    shake = constrained("shake", "1e-6")
+    return replace(shake, lines=tuple(line.replace("{group}", group) for line in shake.lines))
+
+
+def at_pressure(temperature: float) -> dict[str, Scheme]:
+    """This package's barostats, at all `STATES`, and LAMMPS's at short steps: these have to agree
+    in the limit of small steps only."""
+    at, shake, chains = (
+        state(temperature, DAMPING, PRESSURE),
+        _shake("{group}"),
+        rigid("rigid/npt/small"),
+    )
+    short: dict = {"held": 3, "temperature": temperature, "pressure": PRESSURE}
+    short |= {"steps": (1.0, 2.0), "reach": 2.0}
+    lines = shake.lines[1], f"fix 1 {{group}} npt{at}"  # LAMMPS wants shake first here
+    return by_name(
+        [
+            *_barostats(temperature),
+            Scheme.of(shake, name="shake+npt", label="shake + fix npt", lines=lines, **short),
+            Scheme.of(chains, lines=(chains.lines[0] + at,), **short),
+        ]
+    )
+
+
+def _barostats(temperature: float) -> Iterator[Scheme]:
+    """This package's."""
+    for name, label, words, held in (
+        ("npt-langevin", "NPT langevin 5/ps", f"langevin seed {SEED}", 0),
+        ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", 3),
+        ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", 3),
+    ):
+        for ending, said, warmer, pressure in STATES:
+            first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0}
+            other: dict = {"steps": (2.0, 6.0), "first": name}
+            at = f"{state(temperature + warmer, DAMPING, pressure)} thermostat {words}"
+            yield ours(
+                name + ending, label + said, at, "NPT", held=held, pressure=pressure,
+                temperature=temperature + warmer, **other if ending else first,
+            )  # fmt: skip

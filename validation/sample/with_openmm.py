@@ -1,0 +1,140 @@
+"""OpenMM: LangevinMiddleIntegrator with rigid water, and exactly the scene's forces."""
+
+from collections.abc import Iterator
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..scenes.units import COULOMB
+from . import shifted
+from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample
+from .schemes import Scheme
+from .shifted import Shift, Water
+
+TOLERANCE = 1e-6  # relative, of constraints; SETTLE, which water has, needs none
+PARAMETERS = "charge", "site"
+
+
+def version() -> str | None:
+    """Of the package that this Python has; None if it has none."""
+    try:
+        return metadata.version("openmm")
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def energy() -> str:
+    """The energy of a pair, in OpenMM's words; nm and kJ/mol."""
+    size, depth = shifted.SIZE * NM, shifted.DEPTH * KJ
+    coulomb = f"{COULOMB * KJ * NM!r}*charge1*charge2*({_ended(shifted.COULOMB)})"
+    repulsion, dispersion = _ended(shifted.REPULSION), _ended(shifted.DISPERSION)
+    first, second = 4 * depth * size**12, 4 * depth * size**6
+    return f"{coulomb} + site1*site2*({first!r}*({repulsion}) - {second!r}*({dispersion}))"
+
+
+def _ended(shift: Shift) -> str:
+    """1 / r^power, as it ends smoothly."""
+    inner, outer = shift.inner * NM, shift.outer * NM
+    a, b, c = Shift(shift.power, inner, outer).coefficients
+    past = f"max(0, r-{inner!r})" if inner else "r"
+    return f"r^(-{shift.power}) - ({a / 3!r}+{b / 4!r}*{past})*{past}^3 - ({c!r})"
+
+
+def given(course: Course, water: Water) -> dict:
+    """See `Engine`: all numbers and the forces, in OpenMM's units (nm, ps, kJ/mol, g/mol)."""
+    (oxygen, hydrogen), charge, bond = shifted.MASS, shifted.CHARGE, shifted.BOND * NM
+    return {
+        "platform": "CPU",
+        "box": np.diag(water.box * NM).tolist(),
+        "x": (water.x * NM).tolist(),
+        "mass": [oxygen, hydrogen, hydrogen],
+        "parameters": [[charge[0], 1.0], [charge[1], 0.0], [charge[1], 0.0]],
+        "lengths": [bond, bond, shifted.ACROSS * NM],
+        "energy": energy(),
+        "cutoff": shifted.COULOMB.outer * NM,
+        "temperature": course.temperature,
+        "friction": course.friction,
+        "steps": course.steps,
+        "every": course.every,
+        "seed": course.seed,
+    }
+
+
+def words(given: dict) -> list[str]:
+    """See `Engine`."""
+    how = f"{given['temperature']:g} K, {given['friction']:g}/ps, STEP"
+    return [f"LangevinMiddleIntegrator({how})", f"CustomNonbondedForce({given['energy']})"]
+
+
+def samples(given: dict, folder: Path) -> Iterator[Sample]:
+    """See `Engine`."""
+    import openmm  # an engine that need not be here
+
+    try:
+        context, barostat = begun(given)
+        for step in range(0, given["steps"] + 1, given["every"]):
+            if step:
+                context.getIntegrator().step(given["every"])
+            potential = context.getState(getEnergy=True).getPotentialEnergy()._value
+            pressure = barostat.computeCurrentPressure(context)._value
+            yield Sample(step, potential / KJ, pressure * BAR)
+    except openmm.OpenMMException as error:
+        raise Failed(str(error)) from None
+
+
+def begun(given: dict) -> tuple[Any, Any]:
+    """OpenMM's ``Context`` at the start, with velocities of the temperature, and a barostat that
+    only tells the pressure: it never changes the box."""
+    import openmm
+
+    system, barostat = _system(given)
+    integrator = openmm.LangevinMiddleIntegrator(
+        given["temperature"], given["friction"], given["dt"] / 1e3
+    )
+    integrator.setConstraintTolerance(TOLERANCE)
+    integrator.setRandomNumberSeed(given["seed"])
+    platform = openmm.Platform.getPlatformByName(given["platform"])
+    how = {"Threads": "1"} if given["platform"] == "CPU" else {}
+    context = openmm.Context(system, integrator, platform, how)
+    context.setPositions([openmm.Vec3(*place) for place in given["x"]])
+    context.setVelocitiesToTemperature(given["temperature"], given["seed"])
+    return context, barostat
+
+
+def _system(given: dict) -> tuple[Any, Any]:
+    """Rigid three-site molecules with the given forces, and the barostat."""
+    import openmm
+
+    system = openmm.System()
+    system.setDefaultPeriodicBoxVectors(*map(tuple, given["box"]))
+    force = openmm.CustomNonbondedForce(given["energy"])
+    force.setNonbondedMethod(openmm.CustomNonbondedForce.CutoffPeriodic)
+    force.setCutoffDistance(given["cutoff"])
+    for name in PARAMETERS:
+        force.addPerParticleParameter(name)
+    for first in range(0, len(given["x"]), 3):
+        for mass, values in zip(given["mass"], given["parameters"]):
+            system.addParticle(mass)
+            force.addParticle(values)
+        for (i, j), length in zip(((0, 1), (0, 2), (1, 2)), given["lengths"]):
+            system.addConstraint(first + i, first + j, length)
+            force.addExclusion(first + i, first + j)
+    barostat = openmm.MonteCarloBarostat(1.0, given["temperature"], 0)
+    system.addForce(force)
+    system.addForce(barostat)
+    return system, barostat
+
+
+ENGINE = Engine(
+    "OpenMM", "pip install 'fix_nosquish[engines]'", version, given, words, samples, same=True
+)
+SCHEMES = [
+    Scheme(
+        f"openmm-langevin-{friction:g}", f"OpenMM LangevinMiddle {friction:g}/ps",
+        ("LangevinMiddleIntegrator",), kind="engine", engine=ENGINE, friction=friction,
+        steps=(1.0, 2.0, 4.0, 6.0, 8.0), reach=reach,
+    )
+    for friction, reach in ((5.0, 6.0), (20.0, 8.0))
+]  # fmt: skip
