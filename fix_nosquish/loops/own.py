@@ -16,7 +16,7 @@ from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file behind its machine code
+_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
 
@@ -131,14 +131,13 @@ def read(place):
     except OSError:
         return None
     safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
-    code, check = content[:-_HASH], content[-_HASH:]
-    return code if safe and check == _hash(code) else None
+    return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
 
 
 def save(place, code):
     """Write a file, whole or not at all."""
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
-        file.write(code + _hash(code))
+        file.write(_hash(code) + code)
     os.replace(file.name, place)
 
 
