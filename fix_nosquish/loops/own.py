@@ -117,7 +117,8 @@ def place(within, name, level):
             f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
             f"pip install '{PACKAGE}[numba]'"
         ) from None
-    compiler = Path(__file__).with_name("lower.py").read_text()
+    # (with this file, which says what a file has besides)
+    compiler = [Path(__file__).with_name(name).read_text() for name in ("lower.py", "own.py")]
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
     made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
     return within / f"{name}.{made_of}.{level}.o"
