@@ -596,6 +596,17 @@ def test_two_processes_at_once(tmp_path):
     assert use(tmp_path) == [EXPECTED, False]
 
 
+def test_versions_that_share_a_cache(monkeypatch, tmp_path):
+    """Locks out two versions of the package that take each other's files for damaged, so that one
+    of them compiles at each start: the format of a file is a part of its name."""
+    name, read = "fix_nosquish.ranks.lookup", Path.read_text
+    importlib.import_module(name)
+    before = own.place(tmp_path, name, "x86-64")
+    changed = lambda path, **how: read(path, **how) + "\n" * (path.name == "own.py")  # noqa: E731
+    monkeypatch.setattr(Path, "read_text", changed)
+    assert own.place(tmp_path, name, "x86-64") != before
+
+
 SCRIPT = """
 units lj
 atom_style molecular
