@@ -4,8 +4,7 @@ A figure shows at most five lines that matter, has its message as its title (`me
 its lines where they end (`label_ends`) instead of in a legend.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import matplotlib
 
@@ -57,31 +56,6 @@ FAMILIES = {  # of schemes: colour and marker
     "other": (PURPLE, "D"),
 }
 LINE = 9.0  # points that a label needs in height
-Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
-
-
-def draw_each(
-    functions: Iterable[Callable[..., Drawn]], out: Path, *data
-) -> list[tuple[Path, str]]:
-    """Draw figures into a folder: list of (PNG path, caption).
-
-    Where there is none to draw, that of an earlier command is removed.
-
-    Args:
-        functions: each gives `Drawn` of the data; its name is the file's.
-    """
-    made = []
-    with plt.rc_context(STYLE):
-        for function in functions:
-            figure, caption = function(*data) or (None, "")
-            path = Path(out) / f"{function.__name__}.png"
-            if figure is None:
-                path.unlink(missing_ok=True)
-            else:
-                figure.savefig(path)
-                plt.close(figure)
-                made.append((path, caption))
-    return made
 
 
 def message(figure: Figure, text: str) -> None:

@@ -63,7 +63,7 @@ class Job:
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
-        motion: whether velocities, masses and topology are kept with the positions.
+        motion: whether velocities and masses are kept with the positions.
         overlay: see ``Scene``; what the run writes goes into an overlay of its own.
         worker: file of the harness that does it, by its place there; empty for LAMMPS's.
         given: what another worker is given, plain data.
@@ -278,11 +278,7 @@ def collect(directory: Path | str) -> Result:
     positions = None
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
-            arrays = dict(file)
-        if "cell" in arrays:  # of 0.1.0, whose boxes did not change
-            cell = arrays.pop("cell")
-            arrays.setdefault("cells", np.repeat(cell[None], len(arrays["x"]), axis=0))
-        positions = Positions(**arrays)
+            positions = Positions(**file)
     done = whole.read(directory / "done.json")
     message = (
         _read(directory / "error.txt")
