@@ -440,7 +440,7 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     words = ["sample", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
     assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "2"]) == 0
     files = {path.name for path in tmp_path.iterdir()}
-    assert {"summary.json", "table.csv", "checks.csv", "report.html", "precision.png"} <= files
+    assert {"summary.json", "table.csv", "report.html", "precision.png"} <= files
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert len(summary["rows"]) == 3 and not summary["checks"]
     for row in summary["rows"]:
