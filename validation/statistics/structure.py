@@ -129,6 +129,40 @@ def _quiet(function, *arguments, **more):
         return function(*arguments, **more)
 
 
+def _data(temperature, natoms, held=0, pressure=None, **more):
+    """physical_validation's record of a whole at this temperature, and pressure if there is one."""
+    none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
+    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
+    system = records.SystemData(
+        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
+    )
+    kind = "NVT" if pressure is None else "NPT"
+    state = {"volume": 1.0, "temperature": temperature, "pressure": pressure}
+    ensemble = records.EnsembleData(kind, natoms=natoms, **state)
+    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
+    return records.SimulationData(observables=records.ObservableData(**more), **how)
+
+
+def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
+    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
+    standard deviations.
+
+    A single body among many is a small part of a large whole, so its distribution is canonical also
+    where the whole's energy is constant.  physical_validation holds mean and width against the
+    gamma distribution; the larger distance counts.
+
+    Args:
+        energies: independent ones, kcal/mol.
+        temperature: K.
+        bodies: how many an energy is of.
+        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
+    """
+    # two atoms' degrees of freedom are six, a body's
+    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
+    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
+    return max(abs(distance) for distance in found)
+
+
 class Sampled(NamedTuple):
     """A series at constant temperature and pressure: K, atm, and (2, samples) of the potential
     energy, kcal/mol, and the volume, Angstrom^3; a few samples for each independent one."""
@@ -147,18 +181,10 @@ def between_states(first: Sampled, second: Sampled) -> float | None:
     volumes at two pressures, or of enthalpies at two temperatures.  No force field and no limit of
     small steps is needed.
     """
-    none = dict.fromkeys(("nconstraints", "ndof_reduction_tra", "ndof_reduction_rot"), 0)
-    one = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
-    how = {
-        "units": records.UnitData.units("LAMMPS real"),
-        "system": records.SystemData(natoms=1, mass=np.ones(1), **none, **one),
-    }
-    runs = []
-    for temperature, pressure, (energies, volumes) in (first, second):
-        state = {"temperature": temperature, "pressure": pressure}
-        how["ensemble"] = records.EnsembleData("NPT", natoms=1, volume=1.0, **state)
-        observed = records.ObservableData(potential_energy=energies, volume=volumes)
-        runs.append(records.SimulationData(observables=observed, **how))
+    runs = [
+        _data(temperature, 2, pressure=pressure, potential_energy=energies, volume=volumes)
+        for temperature, pressure, (energies, volumes) in (first, second)
+    ]
     try:
         (found,) = _quiet(physical_validation.ensemble.check, *runs, **INDEPENDENT)
     except (physical_validation.util.error.InputError, np.linalg.LinAlgError):

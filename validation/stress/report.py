@@ -59,12 +59,6 @@ def said(summary: dict) -> Said:
             for case, row in every
             if row["verdict"] == "blow-up"
         ],
-        defeats=[
-            f"{case['name']}: {row['verdict']}"
-            for case, row in every
-            if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
-        ],
-        kept={"cases": _answer(cases)},
     )
 
 
