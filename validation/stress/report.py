@@ -32,7 +32,6 @@ def said(summary: dict) -> Said:
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
     lines = [f"{what}: {', '.join(names) or 'nowhere'}." for what, names in worse(cases).items()]
-    ours = [row["verdict"] for _, row in every if row["integrator"] == OURS]
     waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
     if waiting:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
@@ -51,14 +50,18 @@ def said(summary: dict) -> Said:
         ],
         figures=[Figure("matrix", partial(matrix, extreme), READ)],
         notes={case["name"]: f"{case['criterion']}. Error: {case['bars']}." for case in cases},
-        defeats=[f"{what}: {', '.join(names)}." for what, names in worse(cases).items() if names]
-        + [told for case in extreme for told in _longer(case)],
-        kept={"cases that ours passes": f"{ours.count('pass')} of {len(ours)}"},
         failures=[
             f"{case['name']}, {row['label']}: {row['note']}"
             for case, row in every
             if row["verdict"] == "blow-up"
         ],
+        defeats=[
+            f"{case['name']}: {row['verdict']}"
+            for case, row in every
+            if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
+        ]
+        + [told for case in extreme for told in _longer(case)],
+        kept={"cases": _answer(cases)},
     )
 
 
