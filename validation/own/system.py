@@ -21,13 +21,13 @@ from pathlib import Path
 import numpy as np
 
 from .. import command_line
-from ..running import machine, run, starts, store, whole
+from ..running import machine, recorder, run, starts, store, whole
+from ..running.recorder import ALIAS
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..scenes.units import UNITS, Units
-from . import finding, recorder, schemes
+from . import finding, schemes
 from .finding import Found, Unclear
-from .recorder import ALIAS
 from .script import OUTPUT, computed, texts
 
 READER = Path(__file__).with_name("reader.py")

