@@ -26,6 +26,7 @@ COMMITTED = ROOT / "validation" / "results"
 def commands(text):
     """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string,
     or where the next one begins."""
+    text = re.sub(r' --launch "[^"]*"', "", text)
     found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
     return sorted(
         {re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"}

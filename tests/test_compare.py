@@ -554,7 +554,7 @@ def test_a_plan_keeps_its_budget():
     assert all(sum(lengths.runs(point.dt)) >= 100 for point in points)
     case = cases.Case("", SimpleNamespace(dt=1.0), {}, "a", ("a",), (1.0, 2.0), 1.0)
     case = replace(case, integrators={"a": None, "b": None})
-    assert plan.points(case, None, (3.0,)) == ([Point("a", 3.0)], Point("a", 1.5))
+    assert plan.points(case, case.usual, (3.0,)) == ([Point("a", 3.0)], Point("a", 1.5))
     assert plan.points(case, ["b"], None) == ([Point("b", 1.0), Point("b", 2.0)], Point("a", 1.0))
 
 

@@ -53,8 +53,8 @@ def by_hand(rows, targets, level):
     bad = [one["failed"] is not None or max(ends(one, -single)) > 1 for one in rows]
     good, maybe = [], []
     for n, one in enumerate(rows):
-        shorter = [m for m, other in enumerate(rows)
-                   if other["integrator"] == one["integrator"] and other["dt"] <= one["dt"]]  # fmt: skip
+        alike = [m for m, other in enumerate(rows) if other["integrator"] == one["integrator"]]
+        shorter = [m for m in alike if rows[m]["dt"] <= one["dt"]]
         if any(bad[m] for m in shorter) or 1.5 * one["dt"] > fails[one["integrator"]]:
             continue
         (good if all(max(ends(rows[m], sure)) <= 1 for m in shorter) else maybe).append(n)

@@ -228,6 +228,7 @@ def row(
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
     cost, cpu = ({} if fails else one for one in (runs.cost, runs.cpu))
+    signed, by_itself = ({} if fails else one for one in (signed, by_itself))
     failures = runs.failed.get(point, [])
     lines, place, lost = case.written(integrator)
     return {

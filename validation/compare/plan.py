@@ -75,11 +75,12 @@ class Lengths:
 
 
 def points(
-    case: Case, only: Collection[str] | None, steps: Sequence[float] | None
+    case: Case, only: Collection[str], steps: Sequence[float] | None
 ) -> tuple[list[Point], Point]:
-    """What is compared, from the shortest steps, and what means are held against: the reference
-    with the shortest step, or with half of it if it is the only one."""
-    names = [name for name in case.integrators if name in (only or case.usual)]
+    """What is compared, of integrators with these names, from the shortest steps; and what means
+    are held against: the reference with the shortest step, or with half of it if it is the only
+    one."""
+    names = [name for name in case.integrators if name in only]
     dts = sorted(steps or case.steps)
     held = Point(case.reference, dts[0] if len(dts) > 1 else dts[0] / 2)
     return [Point(name, dt) for dt in dts for name in names], held
