@@ -16,6 +16,7 @@ import pytest
 import test_own_fix
 from llvmlite import binding as llvm
 
+from fix_nosquish.errors import RunError
 from fix_nosquish.loops import compiled, machine_code, own
 from validation.running import startup
 
@@ -373,7 +374,7 @@ def test_a_name_used_twice():
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
     bad = getattr(__import__(name), name)
-    with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
+    with pytest.raises(RunError, match=f"{name}.{name} makes an array or raises"):
         bad(np.ones(3))
 
 
@@ -595,6 +596,17 @@ def test_two_processes_at_once(tmp_path):
     assert use(tmp_path) == [EXPECTED, False]
 
 
+def test_versions_that_share_a_cache(monkeypatch, tmp_path):
+    """Locks out two versions of the package that take each other's files for damaged, so that one
+    of them compiles at each start: the format of a file is a part of its name."""
+    name, read = "fix_nosquish.ranks.lookup", Path.read_text
+    importlib.import_module(name)
+    before = own.place(tmp_path, name, "x86-64")
+    changed = lambda path, **how: read(path, **how) + "\n" * (path.name == "own.py")  # noqa: E731
+    monkeypatch.setattr(Path, "read_text", changed)
+    assert own.place(tmp_path, name, "x86-64") != before
+
+
 SCRIPT = """
 units lj
 atom_style molecular
@@ -689,7 +701,7 @@ print(json.dumps([len(loops), [name for name in loops if not hasattr(library, na
 def test_every_loop_is_in_the_library(fresh):
     """Locks out: a build that leaves out loops, or has machine code from the user's cache."""
     count, lacking = answer(start(fresh, EVERY))
-    assert count > 50 and not lacking
+    assert count > 40 and not lacking
     assert files(fresh) == []
 
 
@@ -759,7 +771,7 @@ metadata.version = without
 """
     said = answer(start(fresh, hidden + USE_RANKS, ["same"], 2))
     assert said[0] == said[1] and said[0][0] is True
-    assert "the loops of loops are not in" in said[0][1] and 'pip install "numba' in said[0][1]
+    assert "the loops of loops are not in" in said[0][1] and "[numba]'" in said[0][1]
 
 
 USE_LOOKUP = f"""

@@ -1,4 +1,4 @@
-"""What a user's script is as a scene: shapes, units, energies that its forces keep, what is counted."""
+"""A user's script as a scene: shapes, units, energies that its forces keep, what is counted."""
 
 import json
 import subprocess

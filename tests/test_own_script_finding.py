@@ -9,7 +9,6 @@ import pytest
 import scripts
 from conftest import Silent
 from own_scripts import GAS, refused, take
-from scipy.sparse.csgraph import shortest_path
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
@@ -155,22 +154,6 @@ def test_sizes_and_nearest_atoms_of_large_bodies(taken):
         assert distance == pytest.approx(apart.min()) == pytest.approx(apart[i - 1, j - 1])
 
 
-def test_bonded_pairs():
-    """Locks out pairs that are counted twice, at another distance than the shortest one, or over
-    atoms of other bodies."""
-    rng = np.random.default_rng(5)
-    body = np.repeat([0, 1, 2, 3], [3, 7, 6, 5])
-    bonds = np.unique(np.sort(rng.integers(1, len(body) + 1, size=(22, 2)), axis=1), axis=0)
-    bonds = bonds[bonds[:, 0] < bonds[:, 1]]
-    graph = np.zeros((len(body), len(body)))
-    graph[tuple(bonds.T - 1)] = 1
-    apart = shortest_path(graph, directed=False, unweighted=True)
-    same = (body[:, None] == body) & (body > 0) & np.triu(np.ones_like(graph, dtype=bool), 1)
-    found = finding.bonded_pairs(np.insert(bonds, 0, 1, axis=1), body)
-    assert found.tolist() == [np.sum(apart[same] == one) for one in (1, 2, 3)]
-    assert found.min() > 0
-
-
 def test_a_fix_of_ours_acts_on_the_group_of_its_class():
     """Locks out `check` that counts atoms as moved, or heated, which no fix touches: the class has
     a group and points of its own, and the fix's group says nothing."""
@@ -285,7 +268,7 @@ def test_native_styles_are_ours():
     wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
     assert finding.words_of(native) == finding.words_of(quoted) == wanted
     for one in quoted, native:
-        assert finding.kind_of(one) == "ours" and finding.kept_by(one).temp == ("1.5", "1.5", "2.0")
+        assert finding.kind_of(one) == "ours"
     spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
     assert finding.words_of(spaced).fix("1") == spaced
     # which has no fix style

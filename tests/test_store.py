@@ -89,25 +89,31 @@ def test_what_only_shows_drops_nothing(harness):
     assert changed(harness, "stress/report.py", "small is good", "small is best") == before
     assert changed(harness, "scenes/boxes.py", '"""Small boxes', '"""Little boxes') == before
     assert changed(harness, "scenes/boxes.py", "# ---- runs", "# runs") == before
-    assert changed(harness, "stress/reported.py", "the largest is of", "at worst in") != before
+    assert changed(harness, "stress/reported.py", "tops-runs", "tops-twice") != before
 
 
 def test_titles_drop_nothing(harness):
-    """Locks out a comparison that is lost by a scene's title."""
-    compare = "compare.measure"
-    before = store.code_of(compare)
+    """Locks out results that are lost by a scene's title."""
+    before = store.code_of(MEASURE)
     path = harness / "scenes" / "__init__.py"
     text = path.read_text()
     assert "title=" in text
     path.write_text(text.replace("title=", 'title="another" or '))
     store.code_of.cache_clear()
-    assert store.code_of(compare) != before  # no constant any more
+    assert store.code_of(MEASURE) != before  # no constant any more
     path.write_text(text.replace('title="', 'title="another '))
     store.code_of.cache_clear()
-    assert store.code_of(compare) == before
+    assert store.code_of(MEASURE) == before
 
 
-@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "stress/tops.py"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("stress/tops.py", "scenes/boxes.py", "scenes/bodies.py", "scenes/peptide.py"),
+        *("scenes/__init__.py", "running/run.py", "running/lammps_log.py", "running/starts.py"),
+        *("statistics/measures.py", "statistics/motion.py", "statistics/check.py"),
+    ],
+)
 def test_code_that_measures_counts(harness, name):
     """Locks out results that stay though what made them is another."""
     before = store.code_of(MEASURE)

@@ -13,6 +13,7 @@ import re
 import statistics
 import sys
 from collections import Counter, defaultdict
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -97,11 +98,8 @@ def code(text):
 
 
 def cell(text):
-    """As a table shows it. Results name our styles as the classes that they are in quotes."""
-    styled = re.sub(
-        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", str(text)
-    )
-    return styled.replace("|", "\\|").replace("\n", " ")
+    """As a table shows it."""
+    return styled(str(text)).replace("|", "\\|").replace("\n", " ")
 
 
 def markdown(head, body):
@@ -175,25 +173,6 @@ def compare_times():
     return markdown(["scene", "fix", "shortest times, over ours", "medians, over ours"], body)
 
 
-def published(verb="published", part="spread"):
-    names = {"all": "all together"}
-    body = [
-        [
-            names.get(row["subject"], row["subject"]),
-            margin(row["value"], row["margin"]),
-            f"{plain(row['low'])} to {plain(row['high'])}"
-            if row["low"]
-            else f"at most {plain(row['high'])}",
-            row["verdict"],
-            row["note"],
-        ]
-        for row in rows(verb)
-        if row["part"] == part
-    ]
-    head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
-    return markdown(head, body)
-
-
 # ---- what breaks, where: stress
 
 
@@ -262,23 +241,27 @@ def said(folder):
 def table(folder, title, *keys):
     """The table of a committed summary whose title begins so, with the columns of these keys."""
     (found,) = (one for one in said(folder).all_tables if one.title.startswith(title))
-    return pages.markdown(found, keys)
+    return styled(pages.markdown(found, keys))
+
+
+def checks(folder, *titles):
+    """What is held against bounds, of the parts whose titles begin so; none: of all."""
+    found = said(folder)
+    wanted = [title for title in found.parts.values() if title.startswith(titles or "")]
+    parts = [one for one in found.all_tables if one.title in wanted]
+    rows = [row for part in parts for row in part.rows]
+    keys = "subject", "what", "value", "bound", "verdict"
+    return styled(pages.markdown(replace(parts[0], rows=rows), keys))
+
+
+def styled(text):
+    """Results name our styles as the classes that they are in quotes."""
+    return re.sub(
+        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", text
+    )
 
 
 # ---- ensembles
-
-
-def _schemes(verb, *columns):
-    """A row for each scheme and step, with columns of the committed table, (name, unit) each; those
-    that the table does not have are left out."""
-    table, body = rows(verb), []
-    columns = [(name, unit) for name, unit in columns if f"{name} ({unit})" in table[0]]
-    schemes = list(dict.fromkeys(row["scheme"] for row in table))
-    for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
-        told = (_number(row, name, unit) for name, unit in columns)
-        body.append([row["scheme"], f"{_step(row):g}", row["starts"], *told])
-    heads = (f"{name}, {unit}" for name, unit in columns)
-    return markdown(["scheme", "step, fs", "starts", *heads], body)
 
 
 def _number(row, name, unit):
@@ -292,13 +275,6 @@ def _step(row):
 
 _OF_SAMPLING = "bias", "cost"  # parts of its bounds; the others are those of thermostats
 _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
-
-
-def ensembles_pressure():
-    """Means at constant pressure."""
-    volumes = ("density", "g/cm³"), ("density", "%"), ("κ of V's sd", "1e-5/atm")
-    two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _schemes("sample-pressure", *volumes, *two_states, *_TEMPERATURES)
 
 
 def ensembles_density():
@@ -320,29 +296,7 @@ def ensembles_density():
     return markdown(heads, body)
 
 
-def ensembles_bounds():
-    """What is held against bounds, at constant volume and at constant pressure."""
-    volume = [row for row in rows("sample-water", "checks") if row["part"] not in _OF_SAMPLING]
-    table = [*volume, *rows("sample-pressure", "checks")]
-    return _checks(table, {row["part"] for row in table})
-
-
 # ---- sampling
-
-
-def sampling_bias():
-    """Distances of means from the limit of small steps."""
-    configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
-    more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
-    return _schemes("sample-water", *configurations, *more)
-
-
-def sampling_cost():
-    """What an independent sample costs."""
-    times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
-    less = ((f"less than {one['scheme']}", "times") for one in summary("sample-water")["known"])
-    sample = "sample of the slowest", "s"
-    return _schemes("sample-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def _times(row, observable):
@@ -357,106 +311,7 @@ def _times(row, observable):
     return f"{significant(value, 2)} ({significant(low, 2)} to {most})"
 
 
-def sampling_faster():
-    """How many times less time points take to the total error of what users have today."""
-    observables = "U/N", "squared torque"
-    body = [
-        [row["scheme"], f"{_step(row):g}", *told]
-        for row in rows("sample-water")
-        if any(told := [_times(row, one) for one in observables])
-    ]
-    return markdown(["scheme", "step, fs", *(f"{one}, times less" for one in observables)], body)
-
-
-def sampling_bounds():
-    """What is held against bounds."""
-    return _checks(rows("sample-water", "checks"), _OF_SAMPLING)
-
-
-def _other(scene):
-    """Biases and costs of a scene of `sample` beside water."""
-    verb = f"sample-{scene}"
-    biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
-    less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
-    return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
-
-
-def sampling_peptide():
-    """A peptide in water."""
-    return _other("peptide")
-
-
-def sampling_benzene():
-    """Benzene."""
-    return _other("benzene")
-
-
-def sampling_co2():
-    """Carbon dioxide."""
-    return _other("co2")
-
-
-def engines_bias():
-    """Distances of means in other engines from their limit of small steps."""
-    return _schemes("sample-engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
-
-
-def engines_bounds():
-    """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
-    table = rows("sample-engines", "checks")
-    told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
-    return _checks(told, {row["part"] for row in told})
-
-
 # ---- long runs, theory, paper
-
-
-def long_run():
-    body = [
-        [
-            code(row["label"]),
-            plain(row["angle"]),
-            significant(row["energy"], 1),
-            significant(row["angular_momentum"], 1),
-            significant(row["momentum"], 1),
-            significant(row["shape"], 1),
-        ]
-        for row in rows("long-run")
-    ]
-    head = "integrator", "step, rad", "kinetic energy", "angular momentum", "momentum", "distances"
-    return markdown(head, body)
-
-
-def _checks(table, parts):
-    body = []
-    for row in table:
-        if row["part"] not in parts:
-            continue
-        unit = NBSP + row["unit"] if row["unit"] else ""
-        low, high = row["low"], row["high"]
-        if low and high:
-            bound = f"{plain(low)} to {plain(high)}"
-        else:
-            bound = f"≥{NBSP}{plain(low)}" if low else f"≤{NBSP}{plain(high)}" if high else ""
-        value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
-        body.append([row["subject"], row["what"], value, bound, row["verdict"]])
-    return markdown(["of", "what", "number", "bound", "verdict"], body)
-
-
-def _theory(*parts):
-    return _checks(rows("theory"), parts)
-
-
-def theory_reversal():
-    return _theory("reversal")
-
-
-def theory_symplectic():
-    return _theory("symplectic")
-
-
-def theory_conserved():
-    return _theory("conserved")
 
 
 def theory_rotors():
@@ -509,56 +364,6 @@ def own_scripts():
     return markdown(head, lines)
 
 
-def _paper(*parts):
-    return _checks(rows("paper", "claims"), parts)
-
-
-def paper_dimer():
-    return _paper("dimer")
-
-
-def paper_liquid():
-    return _paper("liquid")
-
-
-def paper_peptide():
-    return _paper("peptide")
-
-
-def paper_gear():
-    return _paper("gear")
-
-
-def paper_rigidity():
-    return _paper("rigidity")
-
-
-def examples():
-    """LAMMPS's examples with the suffix: what comes of each, beside LAMMPS's own fix."""
-    body = []
-    for row in summary("examples")["rows"]:
-        begin, falls = row.get("begin"), row.get("falls", ())
-        motion = significant(max(begin[::2]), 1) if begin else NOTHING
-        half = " and ".join(f"{one:.1f}" for one in falls) or NOTHING
-        means = f"{len(row['outside'])} of {row['columns']}" if row.get("columns") else NOTHING
-        body.append([code(row["example"]), _outcome(row), motion, half, means])
-    head = "input", "result", "first 20 steps", "smaller with half the step", "means outside 95 %"
-    return markdown([*head], body)
-
-
-def _outcome(row):
-    """What came of an example, in words."""
-    if row["verdict"] == "agrees":
-        return "agrees"
-    if row["verdict"] == "known":
-        return f"differs: {row['why']}"
-    note = re.sub(r"^ERROR( on proc \d+)?: (Fix \S+ \S+: )?| \(\S+:\d+\)$", "", row["note"])
-    if row["verdict"] == "not with theirs":
-        ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
-        return f"LAMMPS's own fix ends ({ours}): {code(note)}"
-    return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
-
-
 # ---- where results come from
 
 
@@ -593,20 +398,17 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
-
-
 # ---- pages and the README
 
 
 def render(text):
     """A page of which the braces are filled with what is committed."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    names = {function.__name__: function for function in TABLES}
-    others = {
+    names = {
         function.__name__: function
-        for function in (made, scene, holding, said, summary, significant, table)
+        for function in (*TABLES, made, scene, holding, checks, said, summary, significant, table)
     }
-    return environment.from_string(text).render(**names, **others)
+    return environment.from_string(text).render(**names)
 
 
 def readme_table():
@@ -690,34 +492,12 @@ TABLES = [
     compare_peptide,
     compare_dimer,
     compare_times,
-    published,
     standing,
     cases,
     reported,
-    ensembles_pressure,
     ensembles_density,
-    ensembles_bounds,
-    sampling_bias,
-    sampling_cost,
-    sampling_faster,
-    sampling_bounds,
-    sampling_peptide,
-    sampling_benzene,
-    sampling_co2,
-    engines_bias,
-    engines_bounds,
-    long_run,
-    theory_reversal,
-    theory_symplectic,
-    theory_conserved,
     theory_rotors,
     own_scripts,
-    paper_dimer,
-    paper_liquid,
-    paper_peptide,
-    paper_gear,
-    paper_rigidity,
-    examples,
     readme_table,
 ]
 

@@ -16,8 +16,7 @@ from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-NUMBA = "numba>=0.66"  # as in pyproject.toml
-_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file behind its machine code
+_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
 
@@ -116,9 +115,10 @@ def place(within, name, level):
     except metadata.PackageNotFoundError:
         raise RuntimeError(
             f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
-            f'pip install "{NUMBA}"'
+            f"pip install '{PACKAGE}[numba]'"
         ) from None
-    compiler = Path(__file__).with_name("lower.py").read_text()
+    # (with this file, which says what a file has besides)
+    compiler = [Path(__file__).with_name(name).read_text() for name in ("lower.py", "own.py")]
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
     made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
     return within / f"{name}.{made_of}.{level}.o"
@@ -132,14 +132,13 @@ def read(place):
     except OSError:
         return None
     safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
-    code, check = content[:-_HASH], content[-_HASH:]
-    return code if safe and check == _hash(code) else None
+    return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
 
 
 def save(place, code):
     """Write a file, whole or not at all."""
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
-        file.write(code + _hash(code))
+        file.write(_hash(code) + code)
     os.replace(file.name, place)
 
 

@@ -75,9 +75,8 @@ def run(arguments: Namespace) -> int:
     out, screen, failed = command_line.folder(arguments), console.console(), False
     for name, parts in wanted.items():
         short = "-short" * (not arguments.full and not arguments.out)
-        bench = plan.Bench(out / f"{name}{short}", arguments.full, arguments.time, arguments.ranks)
-        bench.silence, bench.lammps = arguments.silence, arguments.lammps
-        claims = report.claims_of(name)
+        how = arguments.full, arguments.time, arguments.ranks, arguments.silence, arguments.lammps
+        bench, claims = plan.Bench(out / f"{name}{short}", *how, set()), report.claims_of(name)
         for part in parts:
             found = [one for one in measure.names(claims, bench) if one.startswith(part)]
             if not found:

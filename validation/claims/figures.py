@@ -1,7 +1,5 @@
 """Figures of the claims, each of a summary."""
 
-from collections.abc import Callable
-
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,9 +15,9 @@ PEPTIDE = {"peptide-nosquish": "NO_SQUISH", "peptide-shake": "SHAKE"}
 CURVES = *DIMER, *LIQUID, *PEPTIDE
 
 
-def picked(count: int, spaced: Callable = np.linspace) -> np.ndarray:
+def picked(count: int) -> np.ndarray:
     """Which of so many samples a curve has."""
-    return np.unique(spaced(spaced is np.geomspace, count - 1, min(POINTS, count)).astype(int))
+    return np.unique(np.linspace(0, count - 1, min(POINTS, count)).astype(int))
 
 
 def reversal(summary: dict) -> Figure | None:
@@ -98,20 +96,4 @@ def figure_3(summary: dict) -> Figure | None:
     figure = _curves(summary, PEPTIDE, "Figure 3 again: that of the peptide in water", 5)
     for axis in figure.axes if figure else ():
         axis.axhspan(-1, 1, color=PALE, alpha=0.5, lw=0)
-    return figure
-
-
-def gear(summary: dict) -> Figure | None:
-    """How far the energy goes with Gear's scheme and with NO_SQUISH."""
-    found = summary.get("gear")
-    if not found:
-        return None
-    figure, axis = plt.subplots(figsize=(6.5, 3.6), layout="constrained")
-    axis.set(xscale="log", yscale="log", xlabel="t (ps)", ylabel="E(t) − E(0), rms (kcal/mol)")
-    message(figure, "How far the dimer's energy goes")
-    ends = []
-    for name, colour in ("NO_SQUISH", BLUE), ("Gear", PURPLE):
-        axis.plot(found["time"], found[name], lw=0.8, color=colour)
-        ends.append((found["time"][-1], found[name][-1], name, colour))
-    label_ends(axis, ends)
     return figure

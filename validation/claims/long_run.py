@@ -13,7 +13,6 @@ from functools import partial
 
 import numpy as np
 
-from ..pages import Column, Table
 from ..scenes import bodies
 from ..scenes.integrators import INTEGRATORS
 from ..statistics import measures, motion
@@ -104,16 +103,6 @@ def checks(row: dict) -> Iterator[Check]:
         yield check(what, row[key], high=bound)
 
 
-def tables(summary: dict) -> list[Table]:
-    """All runs."""
-    columns = [Column(key, key, kind="text") for key in ("name", "label", "step")]
-    columns += [Column(key, key, kind="number", form=".3g") for key in ("angle", "steps")]
-    columns += [Column(key, key, kind="number", form=".3g") for key in QUANTITIES]
-    columns += [Column("energy_drift", "energy_drift", kind="estimate")]
-    columns += [Column("us_per_step", "us_per_step", kind="number", form=".3g")]
-    return [Table("All runs", columns, summary["runs"], file="table", long=True)]
-
-
 CLAIMS = Claims(
     "A free body for very many steps",
     "Does rounding build up in energy, momenta or shape?",
@@ -121,7 +110,5 @@ CLAIMS = Claims(
     PARTS,
     plan,
     judge,
-    tables=tables,
-    checks_file="checks",
     ours=False,
 )

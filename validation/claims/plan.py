@@ -39,14 +39,14 @@ class Bench:
     """
 
     out: Path
-    full: bool = False
-    time: float | None = None
-    ranks: int = 1
-    silence: float = 300.0
-    lammps: Path | None = None
-    names: set[str] = field(default_factory=set)
-    meter: run.Meter = field(init=False)
+    full: bool
+    time: float | None
+    ranks: int
+    silence: float
+    lammps: Path | None
+    names: set[str]
     interrupted: bool = False
+    meter: run.Meter = field(init=False)
 
     @property
     def runs(self) -> Path:

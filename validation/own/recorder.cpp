@@ -29,10 +29,10 @@ enum { DO, LEAVE_OUT, STOP };                   // what the harness answers to a
 using Answer = int (*)(const char *command, int number, char **words, int at_once);
 
 Answer answer = nullptr;
-bool active = false;              // whether rooms are in use: LAMMPS works in this process
+bool active = false;              // whether overlays are in use: LAMMPS works in this process
 bool within = false;              // whether it is within a command, and not between two
 std::string out;                  // the output folder
-std::vector<std::string> rooms;    // each stands for /; files are written to the first one only
+std::vector<std::string> overlays;    // each stands for /; files are written to the first only
 std::set<std::string> looked;     // the user's files that were looked for
 std::string rest;                 // lines behind the command at which the script was stopped
 
@@ -46,13 +46,13 @@ bool below(const std::string &path, const std::string &folder)
   return path.compare(0, folder.size() + 1, folder + "/") == 0;
 }
 
-// Where a file is in the user's folders, if relative names are those of a room, too.
+// Where a file is in the user's folders, if relative names are those of an overlay, too.
 std::string users(const char *name)
 {
   std::error_code none;    // of an empty name, and in a folder that is gone
   const std::string path = fs::absolute(name, none).lexically_normal().string();
-  for (const auto &room : rooms)
-    if (below(path, room)) return path.substr(room.size());
+  for (const auto &overlay : overlays)
+    if (below(path, overlay)) return path.substr(overlay.size());
   return path;
 }
 
@@ -62,8 +62,8 @@ std::string to_read(const char *name)
   const std::string path = users(name);
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
   std::error_code none;
-  for (const auto &room : rooms)
-    if (fs::exists(room + path, none)) return room + path;
+  for (const auto &overlay : overlays)
+    if (fs::exists(overlay + path, none)) return overlay + path;
   looked.insert(path);
   return fs::exists(name, none) ? name : path;    // as links have it
 }
@@ -74,7 +74,7 @@ std::string to_write(const char *name, bool keeps)
   const std::string path = users(name);
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
   if (below(path, "/dev")) return path;
-  const std::string place = rooms.front() + path;
+  const std::string place = overlays.front() + path;
   const auto folder = [](const std::string &file) { return fs::path(file).parent_path(); };
   std::error_code none;
   if (fs::is_directory(to_read(folder(path).c_str()), none))
@@ -94,10 +94,10 @@ bool from_lammps(void *caller)
 struct Begin {
   Begin()
   {
-    const char *told = getenv("VALIDATION_ROOMS");
+    const char *told = getenv("VALIDATION_OVERLAYS");
     std::istringstream lines(told ? told : "");
     std::getline(lines, out);
-    for (std::string room; std::getline(lines, room);) rooms.push_back(room);
+    for (std::string overlay; std::getline(lines, overlay);) overlays.push_back(overlay);
   }
 } begin;
 }    // namespace
@@ -105,7 +105,7 @@ struct Begin {
 int Input::execute_command()
 {
   static const auto execute = original<int(Input *)>("_ZN9LAMMPS_NS5Input15execute_commandEv");
-  active = !rooms.empty();
+  active = !overlays.empty();
   const int told = answer ? answer(command, narg, arg, command_map->count(command) > 0) : DO;
   if (told == LEAVE_OUT) return 0;
   if (told == DO) {
@@ -125,7 +125,7 @@ extern "C" {
 void recorder_see(Answer given)
 {
   answer = given;
-  active = !rooms.empty();
+  active = !overlays.empty();
 }
 
 int recorder_within()
@@ -160,7 +160,7 @@ FILE *fopen(const char *name, const char *mode)
 {
   static const auto open = original<FILE *(const char *, const char *)>("fopen");
   const bool writes = mode[0] != 'r' || strchr(mode, '+');
-  if (rooms.empty() || (!active && !below(name, ALIAS))) return open(name, mode);
+  if (overlays.empty() || (!active && !below(name, ALIAS))) return open(name, mode);
   FILE *file = open((writes ? to_write(name, mode[0] != 'w') : to_read(name)).c_str(), mode);
   // by whose growth the harness sees that a run is alive
   if (file && writes && ALIAS + "/script/log.lammps" == name) setvbuf(file, nullptr, _IOLBF, BUFSIZ);

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..pages.figures import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, label_ends, message, panels
 from ..report import answers
@@ -38,8 +39,11 @@ def precision(summary: Mapping) -> Figure | None:
 
     def scale(axis: Axes, key: str) -> None:
         axis.set(xscale="log", yscale="log", xlabel="time of one core (s)")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter("{x:g}")
+        axis.yaxis.set_minor_formatter(NullFormatter())
 
-    said = "the same precision of U/N takes {gain} times less time than with {rival}"
+    said = "time for the same precision of U/N, beside {rival}:\n{gain}"
     return _panels(summary, "noise", "total error", said, draw, scale)
 
 
@@ -60,7 +64,8 @@ def bias(summary: Mapping) -> Figure | None:
 
     def scale(axis: Axes, key: str) -> None:
         axis.axhline(-BOUNDS[key], color=INK, lw=0.8, ls="--")
-        axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
+        if max(map(abs, axis.get_ylim())) > LINEAR * BOUNDS[key]:
+            axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
         axis.set_xlabel("time step (fs)")
 
     said = "U/N is off by {bias} kcal/mol"
@@ -82,7 +87,7 @@ def _panels(
     keys = [key for key in BOUNDS if any(key in row[part] for rows in lines for row in rows)]
     if not keys:
         return None
-    figure, axes = panels(len(keys), 2, 6.4, 3.6, 0.6)
+    figure, axes = panels(len(keys), 1, 9.0, 3.0, 0.6)
     ends: dict[Axes, list] = {axis: [] for axis in axes}
     for key, axis in zip(keys, axes):
         for rows, (colour, marker) in zip(lines, STYLES):
@@ -93,7 +98,7 @@ def _panels(
         scale(axis, key)
         axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
     for row in answers.table([summary]).rows:
-        words = {"gain": f"{row['gain potential']['value']:.2g}"}
+        words = {"gain": answers.gain(row["gain potential"])}
         words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
         words |= {"bias": Estimate.of(row["bias potential"]).text()}
         message(figure, f"{row['scene']}, {row['dt']:g} fs: {said.format(**words)}")

@@ -1,5 +1,4 @@
-"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r),
-kinetic energies of single bodies."""
+"""What a run's atoms tell: bodies' degrees of freedom, g(r), and what two states have in common."""
 
 import contextlib
 import io
@@ -20,7 +19,6 @@ import physical_validation  # noqa: E402  it imports pymbar
 
 records = physical_validation.data
 
-KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
 BLOCKS = 5  # of a run's frames, for the noise of g(r)
@@ -143,6 +141,26 @@ def _data(temperature, natoms, held=0, pressure=None, **more):
     ensemble = records.EnsembleData(kind, natoms=natoms, **state)
     how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
     return records.SimulationData(observables=records.ObservableData(**more), **how)
+
+
+def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
+    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
+    standard deviations.
+
+    A single body among many is a small part of a large whole, so its distribution is canonical also
+    where the whole's energy is constant.  physical_validation holds mean and width against the
+    gamma distribution; the larger distance counts.
+
+    Args:
+        energies: independent ones, kcal/mol.
+        temperature: K.
+        bodies: how many an energy is of.
+        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
+    """
+    # two atoms' degrees of freedom are six, a body's
+    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
+    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
+    return max(abs(distance) for distance in found)
 
 
 class Sampled(NamedTuple):

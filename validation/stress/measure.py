@@ -107,8 +107,7 @@ def drift_of_starts(numbers: Sequence[Number]) -> Number:
 
 def _notes(numbers: Sequence[Number]) -> str:
     notes = [number.note for number in numbers if number.note]
-    starts = f"{len(numbers)} starts" if len(numbers) > 1 else ""
-    return ": ".join(filter(None, (starts, "; ".join(notes))))
+    return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
 
 
 class BlowUp(Exception):
@@ -318,9 +317,8 @@ class Rows:
         """What all rows of the folder say, other processes' too.  A row that this code has not
         measured is that of the folder's summary.json, if there it has the same length and inner
         bounds: each row says with what it was measured."""
-        told = whole.read(self.out / "summary.json") or {"cases": []}
-        before = {(case["name"], row["integrator"]): row
-                  for case in told["cases"] for row in case["rows"]}  # fmt: skip
+        told = (whole.read(self.out / "summary.json") or {}).get("cases", ())
+        before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
         found = []
         for case in self.cases.values():
             rows = [self.kept(case.name, name) or before.get((case.name, name)) for name in ALL]

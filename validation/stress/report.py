@@ -55,6 +55,13 @@ def said(summary: dict) -> Said:
             for case, row in every
             if row["verdict"] == "blow-up"
         ],
+        defeats=[
+            f"{case['name']}: {row['verdict']}"
+            for case, row in every
+            if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
+        ]
+        + [told for case in extreme for told in _longer(case)],
+        kept={"cases": _answer(cases)},
     )
 
 
@@ -73,6 +80,20 @@ def _of_script(summary: dict) -> Said:
         parts=TITLES,
         checks_file="table",
     )
+
+
+def _longer(case: dict) -> list[str]:
+    """Who bears a longer step than ours, of a case whose number is one."""
+    ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
+    if ours is None or ours["value"] is None or case["low"] is None:
+        return []
+    most = ours["value"] + Estimate.of(ours).margin
+    told = f"ours {_found(ours).text} {case['unit']}"
+    return [
+        f"{case['name']}: {row['label']} bears {_found(row).text} {case['unit']}, {told}."
+        for row in case["rows"]
+        if row["value"] is not None and row["value"] - Estimate.of(row).margin > most
+    ]
 
 
 def _answer(cases: Iterable[dict]) -> str:
