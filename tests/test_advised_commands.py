@@ -1,6 +1,5 @@
 """Every command that the harness prints as advice is one that its own command line accepts."""
 
-import functools
 import html
 import json
 import re
@@ -17,12 +16,9 @@ if str(ROOT) not in sys.path:
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from test_sweep_choice import advise, synthetic
-
 from validation import __main__ as command
+from validation.compare import report as compare_report
 from validation.report import report as page_of_all
-from validation.sweep import plan as sweep_plan
-from validation.sweep import report as sweep_report
 
 COMMITTED = ROOT / "validation" / "results"
 
@@ -30,25 +26,19 @@ COMMITTED = ROOT / "validation" / "results"
 def commands(text):
     """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string,
     or where the next one begins."""
+    text = re.sub(r' --launch "[^"]*"', "", text)
     found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
     return sorted(
         {re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"}
     )
 
 
-lengths = functools.cache(sweep_plan.lengths)  # takes its time
-
-
 def refused(words):
     """Why the command line refuses these words; None if it takes them."""
     try:
-        arguments = command.parser().parse_args(shlex.split(words))
+        command.parser().parse_args(shlex.split(words))
     except SystemExit as end:
         return None if end.code == 0 else f"refused: python -m validation {words}"
-    if arguments.verb == "sweep":  # which has limits that depend on each other
-        names = tuple(arguments.scenes or sweep_plan.SCENES)
-        lengths(names, arguments.short, arguments.budget)
-        sweep_plan.points(names, arguments.short, arguments.only, arguments.steps)
     return None
 
 
@@ -62,21 +52,20 @@ def assert_accepted(text, least=1):
 def test_commands_are_found():
     """Locks out a search that passes because it finds nothing, and one that takes everything."""
     text = (
-        "Use `python -m validation sweep water`; this: python -m validation sweep butter.\n"
-        "<td>python -m validation advise milk</td>"
+        "Use `python -m validation compare water`; this: python -m validation compare butter.\n"
+        "<td>python -m validation check milk</td>"
     )
-    assert commands(text) == ["advise milk", "sweep butter", "sweep water"]
+    assert commands(text) == ["check milk", "compare butter", "compare water"]
     assert [bool(refused(words)) for words in commands(text)] == [True, True, False]
 
 
 @pytest.mark.parametrize(
     "asked",
     [
-        "advise butter --target energy_sd=1",
-        "sweep butter",
-        "advise mixed --target energy_sd=1",
-        "stability butter",
-        "stability --only butter",
+        "compare butter --target energy_sd=1",
+        "compare mixed",
+        "stress butter",
+        "stress --only butter",
         "claims butter",
         "cost butter",
         "compare butter",
@@ -88,7 +77,7 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
     assert refused(asked)
     told = capsys.readouterr().err
     assert "choose from" in told and asked.split()[1].removeprefix("--") in told
-    if asked.split()[0] in ("advise", "sweep"):
+    if asked.split()[0] == "compare":
         assert "dimer, water, peptide" in told
 
 
@@ -97,36 +86,20 @@ def test_names_of_a_scripts_integrators_are_taken_wherever_they_stand():
     scene's unknown name that passes for one."""
     for words in 'my.in --only "shake 1e-4 + nvt"', '--only "shake 1e-4 + nvt" --ranks 1 my.in':
         assert refused(f"compare {words}") is refused(f"cost {words}") is None
-    assert refused("advise my.in --only rigid/nvt") is None
+    assert refused("compare my.in --only rigid/nvt") is None
     assert refused("compare --only butter --ranks 1 water") and refused("cost --only shake yours")
 
 
 @pytest.mark.parametrize(
-    "asked", [("energy_sd=0.3",), ("energy_sd=0.001",), ("energi=1",), ("drift=2.2e-5",)]
+    "path", sorted(COMMITTED.glob("own-scripts/*/summary.json")), ids=lambda path: path.parent.name
 )
-def test_what_advise_prints(capsys, tmp_path, asked):
-    """Locks out a command that advise prints, on any of its ways, and that then fails."""
-    out = tmp_path / "with a space"
-    out.mkdir()
-    (out / "summary.json").write_text(json.dumps(sweep_report.gathered(synthetic(), out)))
-    told = [
-        advise(capsys, out, *asked)[1],
-        advise(capsys, out, *asked, scene="dimer")[1],
-        advise(capsys, tmp_path, *asked)[1],
-    ]
-    assert_accepted("\n".join(told), least=2)
-
-
-def test_what_advise_prints_where_it_cannot_tell(capsys, tmp_path):
-    """Locks out the advice of a longer sweep that needs words which nobody knows."""
-    summary = synthetic()
-    for point in summary["scenes"]["water"]["points"]:
-        if point["errors"]:
-            point["errors"]["energy_sd"] = {"value": 1.0, "error": 0.5}
-    (tmp_path / "summary.json").write_text(json.dumps(sweep_report.gathered(summary, tmp_path)))
-    status, told = advise(capsys, tmp_path, "energy_sd=1.1")
-    assert status == 1 and "Longer runs tell" in told
-    assert_accepted(told)
+def test_what_answers_print(path):
+    """Locks out a command, or an option, that an answer advises and that then fails."""
+    summary = json.loads(path.read_text())
+    said = compare_report.said(summary)
+    options = re.findall(r"--(?:budget|steps) [\d.,]+", " ".join([said.answer, *said.lines]))
+    assert_accepted("\n".join(one["command"] for one in summary["points"]), least=5)
+    assert not [one for one in options if refused(f"compare my.in {one.rstrip('.,')}")]
 
 
 def test_what_the_page_prints(tmp_path):

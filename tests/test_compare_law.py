@@ -13,7 +13,7 @@ from validation.statistics.estimate import Estimate
 
 @pytest.mark.parametrize("held", [0.0, 1.0])
 @pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
-@pytest.mark.parametrize("part", [-0.05, -0.02, -0.005, 0.0, 0.005, 0.02])
+@pytest.mark.parametrize("part", [-0.05, -0.02, 0.0, 0.02])
 def test_error_bars_from_longer_steps_cover(part, size, held):
     """Locks out error bars that are right for an exact square law only: with one power they cover
     in 10 to 50 % of cases where the fourth power is 5 to 20 % of the error at the longest step.

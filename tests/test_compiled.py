@@ -16,6 +16,7 @@ import pytest
 import test_own_fix
 from llvmlite import binding as llvm
 
+from fix_nosquish.errors import RunError
 from fix_nosquish.loops import compiled, machine_code, own
 from validation.running import startup
 
@@ -373,7 +374,7 @@ def test_a_name_used_twice():
 def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
     bad = getattr(__import__(name), name)
-    with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
+    with pytest.raises(RunError, match=f"{name}.{name} makes an array or raises"):
         bad(np.ones(3))
 
 
@@ -595,6 +596,17 @@ def test_two_processes_at_once(tmp_path):
     assert use(tmp_path) == [EXPECTED, False]
 
 
+def test_versions_that_share_a_cache(monkeypatch, tmp_path):
+    """Locks out two versions of the package that take each other's files for damaged, so that one
+    of them compiles at each start: the format of a file is a part of its name."""
+    name, read = "fix_nosquish.ranks.lookup", Path.read_text
+    importlib.import_module(name)
+    before = own.place(tmp_path, name, "x86-64")
+    changed = lambda path, **how: read(path, **how) + "\n" * (path.name == "own.py")  # noqa: E731
+    monkeypatch.setattr(Path, "read_text", changed)
+    assert own.place(tmp_path, name, "x86-64") != before
+
+
 SCRIPT = """
 units lj
 atom_style molecular
@@ -633,7 +645,8 @@ def built(tmp_path_factory):
     package = shutil.copytree(startup.package(), folder / "fix_nosquish", ignore=without)
     if not list(package.glob("loops_*.so")):  # an editable installation has none
         words = [sys.executable, "-m", "fix_nosquish.loops", package]
-        subprocess.run(words, cwd=folder, check=True, timeout=250)
+        own = dict(os.environ, XDG_CACHE_HOME=str(folder / "cache"))
+        subprocess.run(words, cwd=folder, check=True, timeout=250, env=own)
     for name in "numba", "llvmlite":
         (folder / f"{name}.py").write_text(f"raise ImportError('{name} is not needed')")
     return folder
@@ -686,9 +699,10 @@ print(json.dumps([len(loops), [name for name in loops if not hasattr(library, na
 
 
 def test_every_loop_is_in_the_library(fresh):
-    """Locks out: a build that leaves out loops."""
+    """Locks out: a build that leaves out loops, or has machine code from the user's cache."""
     count, lacking = answer(start(fresh, EVERY))
-    assert count > 50 and not lacking
+    assert count > 40 and not lacking
+    assert files(fresh) == []
 
 
 LEVEL = """
@@ -757,7 +771,7 @@ metadata.version = without
 """
     said = answer(start(fresh, hidden + USE_RANKS, ["same"], 2))
     assert said[0] == said[1] and said[0][0] is True
-    assert "the loops of loops are not in" in said[0][1] and 'pip install "numba' in said[0][1]
+    assert "the loops of loops are not in" in said[0][1] and "[numba]'" in said[0][1]
 
 
 USE_LOOKUP = f"""
@@ -823,7 +837,7 @@ def test_loops_of_a_driver_script_are_refused():
     """Locks out a traceback with a KeyError of the compiler's process, whose main module is another
     one, half a minute after the fix line."""
     with pytest.raises(RuntimeError, match="in a file of its own, NAME"):
-        own.codes(["__main__"], machine_code.LEVELS)
+        own.codes(["__main__"], machine_code.LEVELS[0])
 
 
 @needs_levels

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from conftest import read_thermo
 from systems import LIKE_LAMMPS, RIGID, SMALL, apart, mixture
-from test_output import read
 
 from validation.scenes.integrators import target
 
@@ -50,67 +49,6 @@ def assert_alike(ours, theirs, columns):
         )
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_kinetic_energies(both, ranks):
-    """Locks out columns that are not what compute ke/rigid and erotate/rigid give."""
-    computes = "compute move all ke/rigid 1\ncompute turn all erotate/rigid 1\n"
-    tables = both(
-        f"{OURS}\n{THERMO.format('f_1[1] f_1[2]')}run 40",
-        f"{THEIRS}\n{computes}{THERMO.format('c_move c_turn')}run 40",
-        ranks=ranks,
-    )
-    assert_alike(*tables, ["PotEng", ("f_1[1]", "c_move"), ("f_1[2]", "c_turn")])
-    assert len(tables[0]) == 5 and np.ptp(tables[0]["f_1[2]"]) > 0.1
-
-
-LOCAL = "mol mass xu yu zu vx vy vz fx fy fz tqx tqy tqz angmomx angmomy angmomz omegax omegay "
-LOCAL += "omegaz quatw quati quatj quatk"
-
-
-def rotations(q):
-    """The matrices of quaternions (n, 4)."""
-    w, i, j, k = np.asarray(q).T
-    return np.array([
-        [w*w + i*i - j*j - k*k, 2*(i*j - w*k), 2*(i*k + w*j)],
-        [2*(i*j + w*k), w*w - i*i + j*j - k*k, 2*(j*k - w*i)],
-        [2*(i*k - w*j), 2*(j*k + w*i), w*w - i*i - j*j + k*k],
-    ]).transpose(2, 0, 1)  # fmt: skip
-
-
-def test_bodies_one_by_one(both, system, tmp_path):
-    """Locks out a table of keyword output that is not what compute rigid/local gives."""
-    dump = (
-        f"compute 1 all rigid/local 1 {LOCAL}\ndump 1 all local 20 local index c_1[*]\n"
-        "dump_modify 1 format float %.16g\n"
-    )
-    table = OURS.replace(" order", " output 20 v_table order")
-    both(
-        f"variable table string bodies.csv\n{table}\nrun 20",
-        f"{THEIRS}\n{dump}run 20",
-    )
-    rows = read(tmp_path / "bodies.csv")
-    rows = rows[rows["step"] == 20]
-    theirs = np.loadtxt((tmp_path / "local").read_text().split("ITEM: ENTRIES")[2].splitlines()[1:])
-    theirs = theirs[np.argsort(theirs[:, 1]), 1:]
-    names = LOCAL.split()
-    known = {name: theirs[:, k] for k, name in enumerate(names)}
-    unwrapped = np.stack([rows[a] for a in "xyz"], 1) + (
-        np.stack([rows[f"i{a}"] for a in "xyz"], 1) @ system.h.T
-    )
-    ours = {"mol": rows["body"], **dict(zip(("xu", "yu", "zu"), unwrapped.T))}
-    for name in names[:-4]:
-        values = ours[name] if name in ours else rows[name]
-        scale = np.abs(known[name]).max()
-        np.testing.assert_allclose(values, known[name], rtol=1e-9, atol=1e-9 * scale, err_msg=name)
-    turns = [
-        rotations(np.stack([one[name] for name in four], 1))
-        for one, four in ((rows, ("q0", "q1", "q2", "q3")), (known, names[-4:]))
-    ]
-    # the same axes, which either may number and direct in its own way
-    between = np.abs(turns[0].transpose(0, 2, 1) @ turns[1])
-    assert np.abs(np.sort(between, axis=2) - [0, 0, 1]).max() < 1e-9
-
-
 SPREAD = """
 compute       mol all chunk/atom molecule
 compute       com all vcm/chunk mol
@@ -147,16 +85,6 @@ def test_velocity_zero_rigid_is_refused(refused, system, motion):
     """Locks out a command without effect."""
     script = f"{system.setup}\n{OURS}\nrun 0\nvelocity all zero {motion} rigid 1\n"
     refused(script, "Velocity rigid used with non-rigid fix-ID", system.files)
-
-
-@pytest.mark.parametrize(
-    "compute", ["ke/rigid 1", "erotate/rigid 1", "rigid/local 1 mol mass"], ids=lambda c: c[:6]
-)
-def test_computes_are_refused(refused, system, compute):
-    """Locks out computes that read a rigid fix's own arrays in this one."""
-    script = f"{system.setup}\n{OURS}\ncompute 1 all {compute}\nrun 0\n"
-    says = "does not point to fix rigid" if "local" in compute else "with non-rigid fix-ID"
-    refused(script, says, system.files)
 
 
 PUSH = "group some molecule 2 3 4\nfix push some addforce 3.0 -1.0 0.5\n"

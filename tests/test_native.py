@@ -139,22 +139,6 @@ def test_each_style_has_its_class():
         assert of_style(f"nosquish/{name}").__name__ == name.upper() in INTEGRATORS
 
 
-@pytest.mark.parametrize("first, second", [("native", "quoted"), ("quoted", "native")])
-def test_state_of_the_other_form(run_lammps, tmp_path, first, second):
-    """Locks out a continued run whose thermostat begins anew because the line before the restart
-    had the other form: with chains, it would take another way."""
-    system = mixture("solid planar")
-    words = "temp 1.25 1.25 0.75 thermostat nh"
-    whole = run_lammps(run_of(system, "nvt", first, 40, words=words), files=system.files)
-    half = run_of(system, "nvt", first, 20, words=words, after="write_restart half")
-    run_lammps(half, files=system.files)
-    rest = run_of(system, "nvt", second, 20, words=words)
-    rest = f"read_restart half\n{AFTER}\n" + rest.split("group bodies", 1)[1].split("\n", 1)[1]
-    run = run_lammps(rest, files=system.files, check=False)
-    assert "goes on from the state" in run.log, run.screen
-    np.testing.assert_allclose(run.thermo["PotEng"][-1], whole.thermo["PotEng"][-1], rtol=1e-10)
-
-
 @pytest.mark.parametrize("launcher", LAUNCHERS)
 def test_survives_clear(run_lammps, launcher):
     """Locks out styles that are gone when LAMMPS begins anew."""

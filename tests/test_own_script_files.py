@@ -50,7 +50,7 @@ pair_coeff * *
 
 def pairs(own):
     """What a run of the scene says of its start."""
-    place = Path(own.scene.room).parents[1] / "look"
+    place = Path(own.scene.overlay).parents[1] / "look"
     first = next(iter(own.integrators.values()))
     return run.run(run.job(own.scene, first, place, [2], dt=own.scene.dt, every=1, silence=100.0))
 
@@ -123,7 +123,7 @@ def test_names_are_of_the_scripts_folder_or_of_the_one_where_it_was_started(tmp_
     (one / "in.own").symlink_to(path)
     assert take(one / "in.own", tmp_path / "a").bodies == 1  # the link's own folder
     asked = system.Ask(str(path), str(one))
-    assert system.take(asked, tmp_path / "b", 1, 100.0, tell=lambda _: None).bodies == 1
+    assert system.take(asked, tmp_path / "b", 2, 100.0, tell=lambda _: None).bodies == 1
     (other / "start.data").write_text((one / "start.data").read_text().replace("0 6", "0 7"))
     with pytest.raises(SystemExit, match=r"start.data is another file in .*scripts than in"):
         system.take(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None)

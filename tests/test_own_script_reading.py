@@ -96,7 +96,7 @@ def test_scripts_are_read_with_the_package_that_is_installed():
         "import fix_nosquish; print(fix_nosquish.__file__)"
     )
     how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
-    preloaded = {**os.environ, **recorder.environment("/a/b/room")}
+    preloaded = {**os.environ, **recorder.environment("/a/b/overlay")}
     done = subprocess.run([sys.executable, "-c", code], env=preloaded, **how)
     assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
 
@@ -240,7 +240,7 @@ def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
         with Store(tmp_path / "out", "").locked("script", fcntl.LOCK_EX | fcntl.LOCK_NB) as free:
             seen.append(free)
         if len(seen) == 1:
-            Path(job.directory).mkdir()
+            Path(job.directory).mkdir(exist_ok=True)
             (Path(job.directory) / "state.dump").write_text("half")
             raise KeyboardInterrupt
         return once(job, *more)
@@ -308,7 +308,7 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
     assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
     message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
     assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
-    assert "has no run" in refused(GAS, tmp_path)
+    assert "has no run" in refused(GAS, tmp_path) and "has no run" in refused("", tmp_path)
     message = refused(GAS + "jump /nowhere/nothing\n", tmp_path)
     assert "failed at 'jump /nowhere/nothing'" in message
     assert "Label wasn't found" in refused(GAS + "jump SELF there\n", tmp_path)

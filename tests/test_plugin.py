@@ -131,16 +131,6 @@ def test_script_from_standard_input(tmp_path, run_lammps):
     assert "Loop time" in done.stdout
 
 
-def test_partitions(run_lammps, tmp_path):
-    """Locks out use of MPI's whole world where a partition is a world of its own."""
-    options = ["-partition", "1", "1"]
-    run_lammps(
-        melt("mover.NVE"), files={"mover.py": MOVER}, ranks=2, options=options, launcher="module"
-    )
-    for world in range(2):
-        assert "Loop time" in (tmp_path / f"log.lammps.{world}").read_text()
-
-
 def test_help_option(tmp_path):
     """Locks out a wrapper that swallows lmp's options."""
     done = subprocess.run(

@@ -15,9 +15,8 @@ for needed in ("rich", "matplotlib", "pandas", "jinja2", "physical_validation", 
 
 from validation.__main__ import main
 from validation.running import run
-from validation.sample import engine, measure, scenes, shifted, with_gromacs, with_openmm
-from validation.sample.engine import BAR, KJ, Course
-from validation.sample.shifted import Shift, of_scene
+from validation.sample import engine, measure, scenes, with_gromacs, with_openmm
+from validation.sample.engine import BAR, KJ, Course, Shift, of_scene
 
 SCENE = scenes.SCENES["water"](Path()).scene
 WATER = of_scene(SCENE)
@@ -59,10 +58,10 @@ def by_hand(water):
     """kcal/mol of a configuration with GROMACS's forces: force-switched Lennard-Jones, and a
     reaction field whose force is zero at the cutoff."""
     number, total = water.molecules, 0.0
-    charge = np.tile([shifted.CHARGE[0], shifted.CHARGE[1], shifted.CHARGE[1]], number)
+    charge = np.tile([engine.CHARGE[0], engine.CHARGE[1], engine.CHARGE[1]], number)
     molecule, oxygen = np.repeat(np.arange(number), 3), np.tile([True, False, False], number)
-    reach = shifted.COULOMB.outer
-    ended = [(one, one.coefficients) for one in (shifted.REPULSION, shifted.DISPERSION)]
+    reach = engine.COULOMB.outer
+    ended = [(one, one.coefficients) for one in (engine.REPULSION, engine.DISPERSION)]
     for i in range(len(water.x)):
         d = water.x[i + 1 :] - water.x[i]
         d -= np.round(d / water.box) * water.box
@@ -74,10 +73,10 @@ def by_hand(water):
         total += 332.06371 * charge[i] * np.sum((charge[i + 1 :] * pair)[inside])
         if oxygen[i]:
             r = r[inside & others & oxygen[i + 1 :]]
-            past, sign = np.maximum(r - shifted.DISPERSION.inner, 0), 1.0
+            past, sign = np.maximum(r - engine.DISPERSION.inner, 0), 1.0
             for one, (a, b, c) in ended:
                 term = r ** -float(one.power) - a / 3 * past**3 - b / 4 * past**4 - c
-                total += sign * 4 * shifted.DEPTH * shifted.SIZE**one.power * term.sum()
+                total += sign * 4 * engine.DEPTH * engine.SIZE**one.power * term.sum()
                 sign = -1.0
     return total - 332.06371 * np.sum(charge**2) * 3 / (4 * reach)
 

@@ -4,17 +4,16 @@ import json
 import shutil
 import subprocess
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from conftest import Silent
 
 from validation.running import machine, run, store, whole
 from validation.running.store import Store
 
 ROOT = Path(__file__).resolve().parent.parent
-MEASURE = "breaks.measure"
+MEASURE = "stress.cases"
 
 
 @dataclass(frozen=True)
@@ -86,29 +85,35 @@ def changed(harness, name, old, new):
 def test_what_only_shows_drops_nothing(harness):
     """Locks out results that are lost by another help text, title, comment or figure."""
     before = store.code_of(MEASURE)
-    assert changed(harness, "breaks/command.py", "what users report", "how users see") == before
-    assert changed(harness, "breaks/report.py", "small is good", "small is best") == before
+    assert changed(harness, "stress/command.py", "what users report", "how users see") == before
+    assert changed(harness, "stress/report.py", "small is good", "small is best") == before
     assert changed(harness, "scenes/boxes.py", '"""Small boxes', '"""Little boxes') == before
     assert changed(harness, "scenes/boxes.py", "# ---- runs", "# runs") == before
-    assert changed(harness, "breaks/plan.py", "the largest is of", "at worst in") != before
+    assert changed(harness, "stress/reported.py", "tops-runs", "tops-twice") != before
 
 
 def test_titles_drop_nothing(harness):
-    """Locks out a sweep that is lost by a scene's title."""
-    sweep = "sweep.measure"
-    before = store.code_of(sweep)
+    """Locks out results that are lost by a scene's title."""
+    before = store.code_of(MEASURE)
     path = harness / "scenes" / "__init__.py"
     text = path.read_text()
     assert "title=" in text
     path.write_text(text.replace("title=", 'title="another" or '))
     store.code_of.cache_clear()
-    assert store.code_of(sweep) != before  # no constant any more
+    assert store.code_of(MEASURE) != before  # no constant any more
     path.write_text(text.replace('title="', 'title="another '))
     store.code_of.cache_clear()
-    assert store.code_of(sweep) == before
+    assert store.code_of(MEASURE) == before
 
 
-@pytest.mark.parametrize("name", ["scenes/boxes.py", "running/lammps_log.py", "breaks/plan.py"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("stress/tops.py", "scenes/boxes.py", "scenes/bodies.py", "scenes/peptide.py"),
+        *("scenes/__init__.py", "running/run.py", "running/lammps_log.py", "running/starts.py"),
+        *("statistics/measures.py", "statistics/motion.py", "statistics/check.py"),
+    ],
+)
 def test_code_that_measures_counts(harness, name):
     """Locks out results that stay though what made them is another."""
     before = store.code_of(MEASURE)
@@ -257,31 +262,3 @@ def test_nothing_of_python_runs_between_fork_and_exec(monkeypatch):
         said = process.communicate()[1]
     assert said == "ERROR: no-such-program cannot be started: No such file or directory\n"
     assert len(seen) == 2 and not any(more.get("preexec_fn") for more in seen)
-
-
-def test_breaks_goes_on(tmp_path, monkeypatch):
-    """Locks out cases that are run again after a Ctrl-C, which kept nothing before,
-    and a verdict by an old bound."""
-    pytest.importorskip("rich", reason="the extra 'validation' is not installed")
-    from validation.breaks import measure, plan
-
-    done = []
-
-    def number(simulate, fix):
-        if len(done) == 2:
-            done.append("interrupted")
-            raise KeyboardInterrupt
-        done.append(fix)
-        return 0.5, "a remark"
-
-    case = plan.Case("one", number, 1.0, what="what", why="why")
-    monkeypatch.setattr(measure, "CASES", {"one": case})
-    rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
-    assert interrupted and len(rows) == 2
-    rows, interrupted = measure.breaks(["one"], tmp_path, Silent())
-    assert not interrupted and [row["value"] for row in rows] == [0.5] * 3
-    assert done == [plan.OURS, plan.RIGID, "interrupted", plan.SMALL]
-    monkeypatch.setattr(measure, "CASES", {"one": replace(case, most=0.4, what="in other words")})
-    rows, _ = measure.breaks(["one"], tmp_path, Silent())
-    assert {(row["verdict"], row["what"]) for row in rows} == {("fail", "in other words")}
-    assert len(done) == 4

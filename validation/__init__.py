@@ -1,40 +1,29 @@
 """Comparisons of fix_nosquish with LAMMPS's own rigid and constraint fixes.
 
-Run ``python -m validation --help``.  Below are rooms that import no verb, and of each other only
-those that stand before them:
+Run ``python -m validation --help``.  These rooms import no verb, and of each other only those that
+stand before them:
 
-    statistics    from series and atoms to numbers with errors, and numbers beside bounds
+    statistics    from series and atoms to numbers with errors, and numbers between bounds
     scenes        what is simulated and by which fix: scenes, integrators, data files
-    schemes       the older schemes, as LAMMPS imports them: classes of one's own
+    schemes       the older schemes, as LAMMPS imports them
     running       LAMMPS in processes of its own, in turn or counted; starts; the store of results
-    pages         tables, figures, HTML pages and the terminal, as all reports share them
-    own           a user's script as a scene: reading, finding, integrators
-    trial         which step does for a user's script, and what it costs
+    pages         what a verb says of its results, in the terminal, in files and on a page
+    own           a user's script as a scene: LAMMPS reads it
 
-``choice`` says which of the points that were measured is the fastest that is good enough.
+``experiment`` is what all verbs share: points, trajectories, and the loop that runs them.
 
-Above is a room for each verb, with the same few files: ``plan`` (what runs), ``measure`` (from runs
-to numbers), ``figures``, ``report`` (files, terminal, and what it says to the page of all verbs; a
-long one is in ``section``) and ``command`` (its words, and its entry):
+A verb is a folder with ``command`` (its words), ``plan`` (what runs), ``measure`` (from runs to
+numbers), ``figures`` and ``report``, whose function ``said`` is all that it says of a summary:
 
-    compare       the same start with every integrator: accuracy and cost
-    cost          what a step, a start, memory and messages cost; goals, passes
-    claims        does what the paper and we say hold? lists of statements, a file each
-    ensembles     what long steps sample at constant temperature and pressure
-    sampling      what averages cost with long steps: bias, noise, time to an error
-    engines       the same water in OpenMM and GROMACS: bias of averages
-    sweep         error against run time, every integrator with every step
-    advise        the fastest point of a sweep that meets a target
-    check         before a long run of a user's script: bodies, step, fixes
-    bodies        rigid parts of molecules, into a data file
-    stability     what breaks where, case by case; criteria has every bound
-    breaks        what users report of LAMMPS's rigid fixes, beside ours
+    compare       which integrator and time step reach an accuracy the fastest
+    sample        what averages cost with their error; barostats and other engines, too
+    stress        what breaks, and where
+    claims        whether what the paper and we say holds
+    cost          what the fix costs: time, memory, messages, start-up
+    check         whether a user's script is sound, and which parts of it can be rigid
     report        all results on one page
 
-A new scene is an entry in ``scenes/__init__.py``, a new integrator one in
-``scenes/integrators.py``, a new measure a function in ``statistics/measures.py`` (of series) or
-``statistics/structure.py`` (of atoms).  A new verb is a folder beside ``compare`` whose
-``command.py`` has ``add(verbs)``; it is found by that.
+A new verb is a folder whose ``command.py`` has ``add(verbs)``; it is found by that.
 """
 
 import sys

@@ -65,19 +65,6 @@ def status(interrupted: bool, failed: bool) -> int:
     return INTERRUPTED if interrupted else int(failed)
 
 
-def one_of(kind: str, known: Callable[[], Collection[str]]) -> Callable[[str], str]:
-    """A type of argparse: a word among ``known()``, which is called when a word is there only."""
-
-    def word(text):
-        if text not in (names := known()):
-            raise argparse.ArgumentTypeError(
-                f"there is no {kind} {text}: choose from {', '.join(names)}"
-            )
-        return text
-
-    return word
-
-
 def chosen(names: Collection[str], wanted: Collection[str] | None) -> list[str]:
     """Those of ``names`` that are wanted, in their own order; all if none is named."""
     return [name for name in names if name in (wanted or names)]

@@ -13,6 +13,7 @@ import re
 import statistics
 import sys
 from collections import Counter, defaultdict
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -23,6 +24,8 @@ if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # behind site-packages
 
 from validation import pages  # noqa: E402
+from validation.compare import choice  # noqa: E402
+from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
@@ -95,11 +98,8 @@ def code(text):
 
 
 def cell(text):
-    """As a table shows it. Results name our styles as the classes that they are in quotes."""
-    styled = re.sub(
-        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", str(text)
-    )
-    return styled.replace("|", "\\|").replace("\n", " ")
+    """As a table shows it."""
+    return styled(str(text)).replace("|", "\\|").replace("\n", " ")
 
 
 def markdown(head, body):
@@ -115,34 +115,14 @@ def full(text):
     return re.sub(r",? with --full", "", text)
 
 
-# ---- water: compare, sweep, published
-
-
-def compare_water():
-    body = []
-    for row in rows("compare-water"):
-        kept = float(row["distance (Å)"])
-        body.append(
-            [
-                code(row["integrator"]),
-                margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"]),
-                margin(row["energy drift (kcal/mol/ps)"], row["energy drift margin (kcal/mol/ps)"]),
-                margin(row["temperature (K)"], row["temperature margin (K)"]),
-                margin(row["pressure (atm)"], row["pressure margin (atm)"]),
-                significant(kept, 2) if kept else NOTHING,
-                significant(row["rigidity (Å)"], 1),
-            ]
-        )
-    head = "integrator", "sd of energy, kcal/mol", "drift, kcal/mol/ps", "T, K", "P, atm"
-    return markdown([*head, "distance, Å", "rigidity, Å"], body)
-
+# ---- water: compare, published
 
 SHOWN = "rigid/nve", "rigid", "shake 1e-8 + nve", "rattle 1e-8 + nve", "Gear"
 
 
 def _points(scene):
-    """From integrator and step to a point of the sweep."""
-    found = [row for row in rows("sweep", "points") if row["scene"] == scene]
+    """From integrator and step to a point of a comparison."""
+    found = rows(f"compare-{scene}", "points")
     return {(row["label"], float(row["dt (fs)"])): row for row in found}
 
 
@@ -163,19 +143,19 @@ def _errors(scene):
     return markdown(["step, fs", "ours", *map(code, SHOWN)], body)
 
 
-def sweep_water():
+def compare_water():
     return _errors("water")
 
 
-def sweep_peptide():
+def compare_peptide():
     return _errors("peptide")
 
 
-def sweep_dimer():
+def compare_dimer():
     return _errors("dimer")
 
 
-def sweep_times():
+def compare_times():
     """Time of LAMMPS's fixes over ours, at the same step, over all steps that both bear."""
     body = []
     for scene in "water", "peptide", "dimer":
@@ -193,52 +173,20 @@ def sweep_times():
     return markdown(["scene", "fix", "shortest times, over ours", "medians, over ours"], body)
 
 
-def sweep_fastest():
-    body = []
-    for row in rows("sweep", "fastest"):
-        if row["scene"] == "water" and row["measure"] == "energy_sd":
-            met = row["verdict"] == "met"
-            ties = len(row["a tie with"].split(";")) if row["a tie with"] else 0
-            body.append(
-                [
-                    f"{float(row['target']):g}",
-                    code(row["use"]) if met else row["verdict"],
-                    f"{float(row['dt (fs)']):g}" if met else "",
-                    ties if met else "",
-                    f"{float(row['ours dt (fs)']):g}" if row["ours dt (fs)"] else "",
-                    f"{float(row['ours / fastest']):.2f}" if row["ours / fastest"] else "",
-                ]
-            )
-    head = "sd of energy below, kcal/mol", "fastest", "its step, fs", "as fast", "our step, fs"
-    return markdown([*head, "our time over the fastest's"], body)
+# ---- what breaks, where: stress
 
 
-def published(verb="published", part="spread"):
-    names = {"all": "all together"}
-    body = [
-        [
-            names.get(row["subject"], row["subject"]),
-            margin(row["value"], row["margin"]),
-            f"{plain(row['low'])} to {plain(row['high'])}"
-            if row["low"]
-            else f"at most {plain(row['high'])}",
-            row["verdict"],
-            row["note"],
-        ]
-        for row in rows(verb)
-        if row["part"] == part
-    ]
-    head = "step", "our spread over theirs", "bound", "verdict", "kcal/mol, with standard errors"
-    return markdown(head, body)
-
-
-# ---- what breaks where: stability, breaks
+def _of(part):
+    """The cases of a part, and their rows of the table."""
+    found = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in found}
+    return found, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
     found = defaultdict(lambda: defaultdict(list))
-    for row in rows("stability"):
+    for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
         found[row["label"]][verdict].append(row["case"])
     body = []
@@ -250,9 +198,10 @@ def standing():
 
 
 def cases():
-    ours = {row["case"]: row for row in rows("stability") if row["label"] == OURS}
+    found, lines = _of("extreme")
+    ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in summary("stability")["cases"]:
+    for case in found:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -267,15 +216,16 @@ def cases():
     return markdown(["case", "what it is", "number and bound", "ours", "verdict"], body)
 
 
-def breaks():
-    table = rows("breaks")
-    fixes = list(dict.fromkeys(row["integrator"] for row in table))
-    lines = defaultdict(list)
-    for row in table:
-        lines[row["what"]].append(significant(row["value"], 2) if row["value"] else "ends")
-    return markdown(
-        ["case", *map(code, fixes)], [[what, *numbers] for what, numbers in lines.items()]
-    )
+def reported():
+    """What users report: each case's number with ours and with LAMMPS's fixes."""
+    found, table = _of("reported")
+    fixes = list(dict.fromkeys(row["label"] for row in table))
+    body = []
+    for case in found:
+        numbers = (row["value"] for row in table if row["case"] == case["name"])
+        what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
+        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+    return markdown(["case", *map(code, fixes)], body)
 
 
 # ---- tables as the verbs have them
@@ -291,23 +241,27 @@ def said(folder):
 def table(folder, title, *keys):
     """The table of a committed summary whose title begins so, with the columns of these keys."""
     (found,) = (one for one in said(folder).all_tables if one.title.startswith(title))
-    return pages.markdown(found, keys)
+    return styled(pages.markdown(found, keys))
+
+
+def checks(folder, *titles):
+    """What is held against bounds, of the parts whose titles begin so; none: of all."""
+    found = said(folder)
+    wanted = [title for title in found.parts.values() if title.startswith(titles or "")]
+    parts = [one for one in found.all_tables if one.title in wanted]
+    rows = [row for part in parts for row in part.rows]
+    keys = "subject", "what", "value", "bound", "verdict"
+    return styled(pages.markdown(replace(parts[0], rows=rows), keys))
+
+
+def styled(text):
+    """Results name our styles as the classes that they are in quotes."""
+    return re.sub(
+        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", text
+    )
 
 
 # ---- ensembles
-
-
-def _schemes(verb, *columns):
-    """A row for each scheme and step, with columns of the committed table, (name, unit) each; those
-    that the table does not have are left out."""
-    table, body = rows(verb), []
-    columns = [(name, unit) for name, unit in columns if f"{name} ({unit})" in table[0]]
-    schemes = list(dict.fromkeys(row["scheme"] for row in table))
-    for row in sorted(table, key=lambda one: (schemes.index(one["scheme"]), _step(one))):
-        told = (_number(row, name, unit) for name, unit in columns)
-        body.append([row["scheme"], f"{_step(row):g}", row["starts"], *told])
-    heads = (f"{name}, {unit}" for name, unit in columns)
-    return markdown(["scheme", "step, fs", "starts", *heads], body)
 
 
 def _number(row, name, unit):
@@ -323,21 +277,14 @@ _OF_SAMPLING = "bias", "cost"  # parts of its bounds; the others are those of th
 _TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
 
 
-def ensembles_pressure():
-    """Means at constant pressure."""
-    volumes = ("density", "g/cm³"), ("bias of ρ", "%"), ("κ of V's sd", "1e-5/atm")
-    two_states = ("κ of two P", "1e-5/atm"), ("two states", "sd")
-    return _schemes("ensembles-pressure", *volumes, *two_states, *_TEMPERATURES)
-
-
 def ensembles_density():
     """Biases of the density that follow from those of the pressure at constant volume, in per cent:
     to first order that of the pressure times the compressibility.  Of one per cent and more the
     first order says little, so these are left out."""
     column = "κ of V's sd (1e-5/atm)"
-    kappa = statistics.fmean(float(row[column]) for row in rows("ensembles-pressure"))
+    kappa = statistics.fmean(float(row[column]) for row in rows("sample-pressure"))
     body = []
-    for row in rows("sampling-water"):
+    for row in rows("sample-water"):
         if not row["scheme"].startswith("NVT"):
             continue
         names = "pressure (atm)", "pressure margin (atm)"
@@ -349,29 +296,7 @@ def ensembles_density():
     return markdown(heads, body)
 
 
-def ensembles_bounds():
-    """What is held against bounds, at constant volume and at constant pressure."""
-    volume = [row for row in rows("sampling-water", "checks") if row["part"] not in _OF_SAMPLING]
-    table = [*volume, *rows("ensembles-pressure", "checks")]
-    return _checks(table, {row["part"] for row in table})
-
-
 # ---- sampling
-
-
-def sampling_bias():
-    """Distances of means from the limit of small steps."""
-    configurations = ("U/N", "kcal/mol a molecule"), ("heat capacity", "%"), ("pressure", "atm")
-    more = ("squared torque", "%"), ("dipole fluctuation", "%"), ("T_trans", "K"), ("T_rot", "K")
-    return _schemes("sampling-water", *configurations, *more)
-
-
-def sampling_cost():
-    """What an independent sample costs."""
-    times = ("2τ of U/N", "ps"), ("2τ of dipole fluctuation", "ps")
-    less = ((f"less than {one['scheme']}", "times") for one in summary("sampling-water")["known"])
-    sample = "sample of the slowest", "s"
-    return _schemes("sampling-water", ("cost median", "s/ps"), *times, sample, *less)
 
 
 def _times(row, observable):
@@ -386,106 +311,7 @@ def _times(row, observable):
     return f"{significant(value, 2)} ({significant(low, 2)} to {most})"
 
 
-def sampling_faster():
-    """How many times less time points take to the total error of what users have today."""
-    observables = "U/N", "squared torque"
-    body = [
-        [row["scheme"], f"{_step(row):g}", *told]
-        for row in rows("sampling-water")
-        if any(told := [_times(row, one) for one in observables])
-    ]
-    return markdown(["scheme", "step, fs", *(f"{one}, times less" for one in observables)], body)
-
-
-def sampling_bounds():
-    """What is held against bounds."""
-    return _checks(rows("sampling-water", "checks"), _OF_SAMPLING)
-
-
-def _other(scene):
-    """Biases and costs of a scene of `sampling` beside water."""
-    verb = f"sampling-{scene}"
-    biases = ("U/N", "kcal/mol a molecule"), ("pressure", "atm"), ("squared torque", "%")
-    less = ((f"less than {one['scheme']}", "times") for one in summary(verb)["known"])
-    return _schemes(verb, *biases, ("T_rot", "K"), ("cost median", "s/ps"), *less)
-
-
-def sampling_peptide():
-    """A peptide in water."""
-    return _other("peptide")
-
-
-def sampling_benzene():
-    """Benzene."""
-    return _other("benzene")
-
-
-def sampling_co2():
-    """Carbon dioxide."""
-    return _other("co2")
-
-
-def engines_bias():
-    """Distances of means in other engines from their limit of small steps."""
-    return _schemes("engines", ("U/N", "kcal/mol a molecule"), ("pressure", "atm"))
-
-
-def engines_bounds():
-    """How far limits are from LAMMPS's, and what is known to be within bounds or outside."""
-    table = rows("engines", "checks")
-    told = [one for one in table if one["part"] == "limit" or one["verdict"] != "cannot tell"]
-    return _checks(told, {row["part"] for row in told})
-
-
 # ---- long runs, theory, paper
-
-
-def long_run():
-    body = [
-        [
-            code(row["label"]),
-            plain(row["angle"]),
-            significant(row["energy"], 1),
-            significant(row["angular_momentum"], 1),
-            significant(row["momentum"], 1),
-            significant(row["shape"], 1),
-        ]
-        for row in summary("long-run")["runs"]
-    ]
-    head = "integrator", "step, rad", "kinetic energy", "angular momentum", "momentum", "distances"
-    return markdown(head, body)
-
-
-def _checks(table, parts):
-    body = []
-    for row in table:
-        if row["part"] not in parts:
-            continue
-        unit = NBSP + row["unit"] if row["unit"] else ""
-        low, high = row["low"], row["high"]
-        if low and high:
-            bound = f"{plain(low)} to {plain(high)}"
-        else:
-            bound = f"≥{NBSP}{plain(low)}" if low else f"≤{NBSP}{plain(high)}" if high else ""
-        value = margin(row["value"], row["margin"]) + unit if row["value"] else NOTHING
-        body.append([row["subject"], row["what"], value, bound, row["verdict"]])
-    return markdown(["of", "what", "number", "bound", "verdict"], body)
-
-
-def _theory(*parts):
-    return _checks(rows("theory"), parts)
-
-
-def theory_reversal():
-    return _theory("reversal")
-
-
-def theory_symplectic():
-    return _theory("symplectic")
-
-
-def theory_conserved():
-    return _theory("conserved")
 
 
 def theory_rotors():
@@ -500,15 +326,19 @@ def theory_rotors():
 
 def _confirmed(row, targets, unit):
     """What a long run says of a step: its verdict, and what that could not be told of."""
-    step = f"{plain(row['step'])}{NBSP}{unit}"
+    step = f"{plain(row['dt'])}{NBSP}{unit}"
     if row["failed"]:
         return f"{step}: the run ends with an error"
+    errors = {name: Estimate.of(row["errors"][name]) for name in targets if name in row["errors"]}
     open_ = [
-        f"{name} {margin(row[name], row[f'{name} margin'])}, at most {plain(most)}"
-        for name, most in targets.items()
-        if row[name] and abs(float(row[name]) - most) < float(row[f"{name} margin"])
+        f"{name} {margin(one.value, one.margin)}, at most {plain(targets[name])}"
+        for name, one in errors.items()
+        if abs(one.value - targets[name]) < one.margin
     ]
-    return f"{step}: {row['verdict']}" + (f" ({'; '.join(open_)})" if open_ else "")
+    some = {name: most for name, most in targets.items() if name not in row["without"]}
+    met = {True: "met", False: "not met", None: "cannot tell"}[choice.meets(row, some)]
+    verdict = met + " by the rest" * (some != targets)
+    return f"{step}: {verdict}" + (f" ({'; '.join(open_)})" if open_ else "")
 
 
 def own_scripts():
@@ -517,14 +347,14 @@ def own_scripts():
     known = {folder: summary(f"own-scripts/{folder}") for folder in folders}
     confirms = any(found.get("confirmed") for found in known.values())
     lines = []
-    for folder, found in known.items():
+    for found in known.values():
         unit = "τ" if found["units"] == "lj" else "fs"
         best = found["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
         line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
-        longer = rows(f"own-scripts/{folder}", "confirmed") if found.get("confirmed") else []
+        longer = (found.get("confirmed") or {"points": []})["points"]
         line += [_confirmed(row, found["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
         lines.append(line)
@@ -532,56 +362,6 @@ def own_scripts():
     if confirms:
         head += ["ten times as long", "1.5 times that step"]
     return markdown(head, lines)
-
-
-def _paper(*parts):
-    return _checks(rows("paper", "claims"), parts)
-
-
-def paper_dimer():
-    return _paper("dimer")
-
-
-def paper_liquid():
-    return _paper("liquid")
-
-
-def paper_peptide():
-    return _paper("peptide")
-
-
-def paper_gear():
-    return _paper("gear")
-
-
-def paper_rigidity():
-    return _paper("rigidity")
-
-
-def examples():
-    """LAMMPS's examples with the suffix: what comes of each, beside LAMMPS's own fix."""
-    body = []
-    for row in summary("examples")["rows"]:
-        begin, falls = row.get("begin"), row.get("falls", ())
-        motion = significant(max(begin[::2]), 1) if begin else NOTHING
-        half = " and ".join(f"{one:.1f}" for one in falls) or NOTHING
-        means = f"{len(row['outside'])} of {row['columns']}" if row.get("columns") else NOTHING
-        body.append([code(row["example"]), _outcome(row), motion, half, means])
-    head = "input", "result", "first 20 steps", "smaller with half the step", "means outside 95 %"
-    return markdown([*head], body)
-
-
-def _outcome(row):
-    """What came of an example, in words."""
-    if row["verdict"] == "agrees":
-        return "agrees"
-    if row["verdict"] == "known":
-        return f"differs: {row['why']}"
-    note = re.sub(r"^ERROR( on proc \d+)?: (Fix \S+ \S+: )?| \(\S+:\d+\)$", "", row["note"])
-    if row["verdict"] == "not with theirs":
-        ours = "with the suffix, too" if row["ours"] else "with the suffix it runs"
-        return f"LAMMPS's own fix ends ({ours}): {code(note)}"
-    return f"{row['verdict']}: {code(note) if row['verdict'] == 'refused' else note}"
 
 
 # ---- where results come from
@@ -618,40 +398,30 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
-def apart(column):
-    """How far the first four rows of compare-water lie apart: their standard deviation."""
-    found = [float(row[column]) for row in rows("compare-water")[:4]]
-    return significant(statistics.stdev(found), 2)
-
-
 # ---- pages and the README
 
 
 def render(text):
     """A page of which the braces are filled with what is committed."""
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    names = {function.__name__: function for function in TABLES}
-    others = {
+    names = {
         function.__name__: function
-        for function in (made, scene, holding, apart, said, summary, significant, table)
+        for function in (*TABLES, made, scene, holding, checks, said, summary, significant, table)
     }
-    return environment.from_string(text).render(**names, **others)
+    return environment.from_string(text).render(**names)
 
 
 def readme_table():
     """The README's table: what ours and LAMMPS's fixes give, by the committed results."""
     fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
-    water = {row["integrator"]: row for row in rows("compare-water")}
-    free = {
-        row["label"]: row["energy"]
-        for row in summary("long-run")["runs"]
-        if row["step"] == "practical"
-    }
-    broken = {(row["case"], row["integrator"]): row["value"] for row in rows("breaks")}
+    points = _points("water").items()
+    water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in points if step == 2}
+    free = {row["label"]: row["energy"] for row in rows("long-run") if row["step"] == "practical"}
+    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
     verdicts = defaultdict(Counter)
-    for row in rows("stability"):
+    extreme, lines = _of("extreme")
+    for row in lines:
         verdicts[row["label"]][row["verdict"]] += 1
-    cases = len(summary("stability")["cases"])
     ratios = {
         (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
             row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
@@ -661,7 +431,7 @@ def readme_table():
 
     def energy(fix):
         row = water[fix]
-        return margin(row["sd of energy (kcal/mol)"], row["sd of energy margin (kcal/mol)"])
+        return margin(row["energy_sd (kcal/mol)"], row["energy_sd margin (kcal/mol)"])
 
     def whole(*scene):
         def give(fix):
@@ -679,10 +449,10 @@ def readme_table():
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
     lines = {
-        "water at 2 fs: standard deviation of the energy, kcal/mol": energy,
+        "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
-        f"{cases} cases of the stability atlas: passed, failed": judged,
+        f"{len(extreme)} extreme cases: passed, failed": judged,
         "free body, 10⁷ steps: relative change of the energy": lambda fix: (
             significant(free[fix], 1) if fix in free else ""
         ),
@@ -696,10 +466,8 @@ def readme_table():
 def readme_sampling():
     """The README's sentences on the longest step of equal moments, beside what users have today."""
     scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
-    today = summary("sampling-water")["known"][0]
-    (row,) = (
-        one for one in rows("sampling-water") if (one["scheme"], _step(one)) == (scheme, step)
-    )
+    today = summary("sample-water")["known"][0]
+    (row,) = (one for one in rows("sample-water") if (one["scheme"], _step(one)) == (scheme, step))
     energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
     less = _number(row, f"less than {today['scheme']}", "times")
     return (
@@ -721,39 +489,15 @@ def readme(text):
 
 TABLES = [
     compare_water,
-    sweep_water,
-    sweep_peptide,
-    sweep_dimer,
-    sweep_times,
-    sweep_fastest,
-    published,
+    compare_peptide,
+    compare_dimer,
+    compare_times,
     standing,
     cases,
-    breaks,
-    ensembles_pressure,
+    reported,
     ensembles_density,
-    ensembles_bounds,
-    sampling_bias,
-    sampling_cost,
-    sampling_faster,
-    sampling_bounds,
-    sampling_peptide,
-    sampling_benzene,
-    sampling_co2,
-    engines_bias,
-    engines_bounds,
-    long_run,
-    theory_reversal,
-    theory_symplectic,
-    theory_conserved,
     theory_rotors,
     own_scripts,
-    paper_dimer,
-    paper_liquid,
-    paper_peptide,
-    paper_gear,
-    paper_rigidity,
-    examples,
     readme_table,
 ]
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import refuse
 from ..host import rigid_fixes
-from ..host.command import Command, Line
+from ..host.command import Command
 from ..host.hosts import hook
 from ..loops.compiled import F1, L1, Cell, F, record
 from ..run.integrator import Integrator
@@ -63,11 +63,9 @@ class Ensemble(Integrator):
     parameters: Any
     restart_state: np.ndarray
 
-    def __init__(self, ptr: Any, line: Line | str) -> None:
-        line = Line.quoted(line) if isinstance(line, str) else line
-        command = Command.parse(line, self.keywords, self.own_keywords)
-        self.thermostat: Thermostat | None = self._made(self.thermostats, command, "thermostat")
-        self.barostat: Part = self._made(self.barostats, command, "barostat") or Part(self)
+    def follow_words(self) -> None:
+        self.thermostat: Thermostat | None = self._made(self.thermostats, "thermostat")
+        self.barostat: Part = self._made(self.barostats, "barostat") or Part(self)
         self.momentum = Momentum(self)
         kind = type(self.thermostat) if self.thermostat else Thermostat
         self.momentum.kept = kind.keeps_momentum
@@ -79,7 +77,7 @@ class Ensemble(Integrator):
         self.modules = (
             *(one.__module__ for part in self.parts for one in type(part).__mro__),
             *self.barostat.modules,
-            *(one.module for one in (self.prepares, self.advance)),
+            *(one.module for one in (self.prepares, self.advance, self.lead)),
         )
         within = self.thermostat and f" with {self.thermostat.method} in the middle of the step"
         self.method = f"NO_SQUISH{within or ''}{self.barostat.method}"
@@ -87,8 +85,7 @@ class Ensemble(Integrator):
         self.respa, self.box_every = not self.barostats, int(bool(self.barostats))
         self.backwards = kind.reversible and not self.barostats
         # not in the place of a fix rigid with keyword langevin, whose scalar is a temperature
-        self.couples = line.replaces not in rigid_fixes.BODIES
-        super().__init__(ptr, line)
+        self.couples = self.command.line.replaces not in rigid_fixes.BODIES
         self.flips = self.barostat.flips
         states = [np.zeros(part.state_size) for part in self.parts]
         self.restart_state = np.concatenate([[self.kind, np.nan, 0.0, -1.0, np.nan], *states])
@@ -97,16 +94,16 @@ class Ensemble(Integrator):
             part.state, behind = behind[: part.state_size], behind[part.state_size :]
         self._energy = 0.0  # given before this run, in all
 
-    def _made(self, choices: Mapping[str, Any], command: Command, keyword: str) -> Any:
+    def _made(self, choices: Mapping[str, Any], keyword: str) -> Any:
         """What the word of a keyword stands for; None where there is nothing to choose."""
         if not choices:
             return None
-        word = getattr(command, keyword)
+        word = getattr(self.command, keyword)
         if len(choices) == 1 and word == getattr(Command, keyword):  # the default of another choice
             (word,) = choices
         if word not in choices:
             known = " or ".join(choices)
-            raise command.wrong(f"keyword {keyword} is {word}, and this fix has {known}")
+            raise self.command.wrong(f"keyword {keyword} is {word}, and this fix has {known}")
         what = choices[word]
         if isinstance(what, str):
             module, _, name = what.partition(".")

@@ -112,6 +112,7 @@ class HMC(NVE):
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
     kept, work, respa, needs_energy, numbers = KEPT, WORK, False, True, Bath
+    crosses = False
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
     _has_warned = False

@@ -317,6 +317,7 @@ def put_in(thermostat: type[Thermostat], module: str) -> None:
             {**operations, "D": dilation},
             record(owner[1], thermostat.numbers, **STRAINS),
             work=thermostat.work,
+            ends=(NVE.lead, NVE.tail),
         )
     _PREPARES[thermostat] = _prepares(thermostat, _SCHEMES[of_volume].numbers, owner)
 

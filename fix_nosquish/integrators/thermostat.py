@@ -244,8 +244,9 @@ class Thermostat(Part):
             if cls.merged:
                 letters, operations = "B A B", {"A": cls.merged}
             cls.scheme = Scheme(
-                owner, letters, {**NVE.operations, **operations}, cls.numbers, work=cls.work
-            )
+                owner, letters, {**NVE.operations, **operations}, cls.numbers,
+                work=cls.work, ends=(NVE.lead, NVE.tail),
+            )  # fmt: skip
         # where bodies are measured, what follows from it may be left to a derived class
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:

@@ -36,13 +36,13 @@ def modules():
 def build(place, levels):
     """Write libraries of the package's loops for these levels to a folder."""
     names = modules()
-    codes = own.codes(names, levels)
     compiler = shlex.split(os.environ.get("CXX", "c++"))
-    for level in levels:
-        with tempfile.TemporaryDirectory() as folder:
-            objects = [Path(folder, f"{name}.o") for name in names]
-            for name, one in zip(names, objects, strict=True):
-                one.write_bytes(codes[name, level])
+    with tempfile.TemporaryDirectory() as folder:  # not the user's cache
+        own.compile_all(Path(folder), names, levels)
+        for level in levels:
+            objects = sorted(Path(folder).glob(f"*.{level}.o"))
+            for file in objects:
+                file.write_bytes(own.read(file))
             target = Path(place, f"loops_{level}.so")
             subprocess.run([*compiler, *LINK, *objects, "-o", target], check=True)
 

@@ -42,7 +42,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .machine_code import INLINED, LOOPS, load_here
+from .machine_code import INLINED, LOOPS, load
 
 
 class Kind(NamedTuple):
@@ -372,7 +372,9 @@ class Loop:
                 message = f"{self.name}: {name} must be {kind}, not a {given}"
                 raise TypeError(message) from None
         if not self.machine_code:
-            load_here(self.module)
+            from ..ranks.communicator import ALONE  # which has loops itself
+
+            load(ALONE, self.module)
         addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
         call = partial(self.machine_code, addresses)
         call.cells = used  # they live as long as their addresses are in use

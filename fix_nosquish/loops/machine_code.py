@@ -72,31 +72,29 @@ def load(communicator, *names):
     Raises:
         RunError: on all ranks, if they cannot be compiled or loaded.
     """
-    agreed = communicator.least(level())
-    others: list[str] = []
+    agreed, others = communicator.least(level()), []
+    wanted = [name for name in names if name in LOOPS]
+    if not communicator.any(any(one.level != agreed for name in wanted for one in LOOPS[name])):
+        return
     with communicator.together(FAILED):
-        others = _take_ours([name for name in names if name in LOOPS], agreed)
-    if communicator.any(any(one.level != agreed for name in others for one in LOOPS[name])):
-        codes = None
-        with communicator.together(FAILED):
-            try:
-                if communicator.rank == 0:
-                    codes = _own_codes(others, agreed)
-            finally:
-                communicator.rest()  # while rank 0 compiles
-        codes = communicator.share(codes)
-        with communicator.together(FAILED):
-            _take_own(codes, agreed)
+        others = _take_ours(wanted, agreed)
+    if not others:
+        return
+    from . import own  # few need it
 
-
-def load_here(name):
-    """Make the loops of a module ready on this rank, at the first use of one without `load`.
-
-    Raises:
-        RuntimeError: if they cannot be compiled or loaded.
-    """
-    if others := _take_ours([name], level()):
-        _take_own(_own_codes(others, level()), level())
+    codes = None
+    with communicator.together(FAILED):
+        try:
+            if communicator.rank == 0:
+                codes = own.codes(others, LEVELS[agreed])
+        finally:
+            communicator.rest()  # while rank 0 compiles
+    codes = communicator.share(codes)
+    with communicator.together(FAILED):
+        for name, code in codes.items():
+            engine = own.engine(code)
+            for one in LOOPS[name]:
+                one.take(engine.get_function_address(one.name), engine, agreed)
 
 
 def _take_ours(names, agreed):
@@ -110,19 +108,3 @@ def _take_ours(names, agreed):
         for one, function in zip(LOOPS[name], functions, strict=True):
             one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
     return others
-
-
-def _own_codes(names, agreed):
-    """The machine code of each module."""
-    from . import own  # few need it
-
-    return {name: code for (name, _), code in own.codes(names, [LEVELS[agreed]]).items()}
-
-
-def _take_own(codes, agreed):
-    from . import own
-
-    for name, code in codes.items():
-        engine = own.engine(code)
-        for one in LOOPS[name]:
-            one.take(engine.get_function_address(one.name), engine, agreed)

@@ -16,13 +16,12 @@ from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-NUMBA = "numba>=0.66"  # as in pyproject.toml
 _hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
 
-def codes(names, levels):
-    """The machine code of modules' loops for levels, by pairs of both; compiled if need be.
+def codes(names, level):
+    """The machine code of modules' loops for a level, by their names; compiled if need be.
 
     Raises:
         RuntimeError: if it cannot be made; the message says why.
@@ -33,15 +32,14 @@ def codes(names, levels):
             "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
         )
     within = folder()
-    places = {(name, level): place(within, name, level) for name in names for level in levels}
-    missing = sorted({name for (name, _), one in places.items() if read(one) is None})
-    if missing:
+    places = {name: place(within, name, level) for name in names}
+    if missing := sorted(name for name, file in places.items() if read(file) is None):
         package, begin = missing[0].partition(".")[0], time.perf_counter()
         _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
-        compile_all(within, missing, levels)
+        compile_all(within, missing, [level])
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-    found = {pair: read(one) for pair, one in places.items()}
-    if other := [name for (name, _), code in found.items() if code is None]:
+    found = {name: read(file) for name, file in places.items()}
+    if other := [name for name, code in found.items() if code is None]:
         raise RuntimeError(
             f"the file of {other[0]} has changed since this process imported it: start the process "
             "anew"
@@ -117,9 +115,10 @@ def place(within, name, level):
     except metadata.PackageNotFoundError:
         raise RuntimeError(
             f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
-            f'pip install "{NUMBA}"'
+            f"pip install '{PACKAGE}[numba]'"
         ) from None
-    compiler = Path(__file__).with_name("lower.py").read_text()
+    # (with this file, which says what a file has besides)
+    compiler = [Path(__file__).with_name(name).read_text() for name in ("lower.py", "own.py")]
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
     made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
     return within / f"{name}.{made_of}.{level}.o"

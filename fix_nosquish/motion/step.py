@@ -1,6 +1,7 @@
 """The passes of a step over a rank's bodies, and how they follow from an integrator's splitting."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import NamedTuple
 
 from ..loops.compiled import F2, F, I, Kind, Loop, inlined, loop
@@ -271,11 +272,11 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
             f"splitting {splitting!r}: "
             "a letter that is prepared stands once, and from the first on that moves to the last"
         )
-    shares = [(operations[letter].does, 1.0 / letters.count(letter)) for letter in letters]
+    shares = (*((operations[letter].does, 1.0 / letters.count(letter)) for letter in letters),)
     middle: tuple[Callable, ...] = (_chain(shares[first:cut]),)
     for k in prepared:
         if measures := steps[k].measures:
-            middle = _chain([*shares[first:k], (measures, 1.0)]), _chain(shares[k:cut])
+            middle = _chain((*shares[first:k], (measures, 1.0))), _chain(shares[k:cut])
     return Stages(
         _chain(shares[:first]), middle, _chain(shares[cut:]),
         any(one.moves for one in steps[cut:]), bool(prepared), any(one.named for one in steps),
@@ -301,19 +302,24 @@ def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, 
             )
 
 
-def _chain(parts: list[tuple[Callable, float]]) -> Callable:
+@cache  # each is compiled once
+def _chain(parts: tuple[tuple[Callable, float], ...]) -> Callable:
     """One function of several, done one after the other, each for its share of dt."""
     if not parts:
         return nothing
     (does, share), *rest = parts
-    others = _chain(rest)
+    others = _chain(tuple(rest))
+
+    @inlined
+    def part(block, kind, dt, parameters):
+        does(block, kind, share * dt, parameters)
 
     @inlined
     def chain(block, kind, dt, parameters):
         does(block, kind, share * dt, parameters)
         others(block, kind, dt, parameters)
 
-    return chain
+    return chain if rest else part
 
 
 class Scheme:
@@ -323,6 +329,7 @@ class Scheme:
         owner: the module that the loops belong to, and what their names stand behind.
         splitting, operations: see `stages`.
         numbers, rows, starts, work: see `declaration.Declaration`.
+        ends: lead and tail, if they are those of another step.
 
     Attributes:
         advance, go_on, lead, tail, start: see there.
@@ -338,6 +345,7 @@ class Scheme:
         rows: int = 0,
         starts: Callable | None = None,
         work: int = 0,
+        ends: tuple[Loop, Loop] | None = None,
     ) -> None:
         self.operations, self.numbers, self.work = operations, numbers, work
         parts = stages(splitting, operations)
@@ -347,8 +355,12 @@ class Scheme:
             return make_pass(name, does, until, owner, numbers, named, places, rows)
 
         self.advance = _make_advance(parts, owner, numbers, rows)
-        self.lead = alone("lead", parts.lead, TORQUE + 3, parts.named)
-        self.tail = alone("tail", parts.tail, TORQUE + 3, parts.named, parts.tail_moves)
+        if ends:
+            self.lead, self.tail = ends
+        else:
+            self.lead = self.tail = alone("lead", parts.lead, TORQUE + 3, parts.named)
+        if not ends and (parts.tail is not parts.lead or parts.tail_moves):
+            self.tail = alone("tail", parts.tail, TORQUE + 3, parts.named, parts.tail_moves)
         second, measured = parts.middle[-1], len(parts.middle) > 1
         self.go_on = alone("go_on", second, P + 4, parts.named, True) if measured else None
         self.start = alone("start", starts, TORQUE + 3, True) if starts else None

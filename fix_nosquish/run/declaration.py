@@ -10,7 +10,7 @@ from ..loops.compiled import Cell, Kind, Loop
 from ..motion import step
 from ..motion.operations import Parameters
 
-_OF_LOOPS = "splitting", "operations", "numbers", "rows", "starts"
+_OF_LOOPS = "splitting", "operations", "rows", "starts"
 
 
 class Declaration:
@@ -19,7 +19,7 @@ class Declaration:
     The step:
         splitting, operations: what a step is; see `step.stages`.
         numbers: the record of the parameters that its operations take: `operations.Parameters`, or
-            one that extends it.
+            one that extends it. A class with the operations of another one extends the other's.
         rows: how many numbers of its own each body has; they go where the body goes, and begin as
             0. In a block they are the rows from BLOCK_ROWS on.
         kept: how many more numbers go where the body goes, behind its rows in the state, which

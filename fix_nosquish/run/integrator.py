@@ -123,6 +123,8 @@ class Integrator(Registered, Declaration):
 
     @hook
     def _define(self, line: Line) -> None:
+        self.command = Command.parse(line, self.keywords, self.own_keywords)
+        self.follow_words()
         several = self.communicator.size > 1 or not driven_by_plugin()
         modules = step, migration, sharing, virial, passes, *((lookup,) if several else ())
         machine_code.load(
@@ -131,7 +133,6 @@ class Integrator(Registered, Declaration):
             *(kind.__module__ for kind in type(self).__mro__),
             *self.modules,
         )
-        self.command = Command.parse(line, self.keywords, self.own_keywords)
         rotation.refuse_other_rotor(self)
         self.membership = Membership(self.lammps, self.communicator, self.command)
         self.infile = self.command.infile and self.lammps.text(self.command.infile)
@@ -150,6 +151,10 @@ class Integrator(Registered, Declaration):
             # None if others may come
             self.array_rows = None if self.template else count(self.membership)
             self.rigid_flag = self.lammps.radius is not None
+
+    def follow_words(self) -> None:
+        """Take what a derived class is made of by the words of its fix line, its `command`; loops
+        are loaded behind this."""
 
     # ------------------------------------------------------------- what holds
 

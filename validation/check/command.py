@@ -4,6 +4,8 @@ from argparse import Namespace
 
 from .. import command_line
 
+PARTS = "water", "CH3", "NH3", "rings"
+
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
@@ -11,14 +13,19 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "check",
         run,
-        help="before a long run of a script of yours: its bodies, its step, what does not fit",
+        help="before a long run of a script of yours: is it sound, and which parts can be rigid",
         description="Look at a LAMMPS input script before its long run: which bodies there are, "
         "their shapes and moments, whether the step is safe for the fastest rotation and the "
         "stiffest force, whether groups, exclusions and fixes fit, and what each integrator makes "
-        "of the start. No file of yours is written to.",
-        epilog="Exit status: 0 if all numbers are within their bounds, 1 if not, 130 after Ctrl-C.",
+        "of the start. With --rigid, find parts of its molecules that can be rigid, by bonds and "
+        "masses, and write the files and the lines with which the script has them. No file of "
+        "yours is written to.",
+        epilog="Exit status: 0 if all numbers are within their bounds (with --rigid: if there are "
+        "such parts), 1 if not, 130 after Ctrl-C.",
     )
     command_line.script(parser)
+    help = "find parts that can be rigid, of: %(choices)s (default all)"
+    parser.add_argument("--rigid", nargs="*", choices=PARTS, metavar="PART", help=help)
     command_line.ranks(parser, 1)
     command_line.silence(parser, 60.0)
     command_line.out(parser, "results/check-SCRIPT")
@@ -28,18 +35,26 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
+    from .. import pages
     from ..own import system
     from ..pages import console
     from ..running import store
-    from . import measure, report  # heavy: not for --help
+    from . import measure, report, rigid  # heavy: not for --help
 
     ask, out = system.begin(arguments, arguments.scene)
     with store.alone(out):
+        if arguments.rigid is not None:
+            wanted = arguments.rigid or PARTS
+            counts, told = rigid.written(ask, out, arguments.silence, wanted)
+            print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
+            print("\n".join(told))
+            return int(not any(counts.values()))
         own = system.take(ask, out, arguments.ranks, arguments.silence)
         screen = console.console()
         with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:
             summary = measure.check(own, out, arguments.ranks, arguments.silence, meter)
-    report.write(summary, out)
-    report.show(screen, summary, out)
-    lost = any(one["verdict"] == "does not hold" for one in summary["checks"])
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
+    lost = any(found["verdict"] == "does not hold" for found in summary["checks"])
     return command_line.status(summary["interrupted"], lost)

@@ -3,20 +3,23 @@
 From the state at the script's run, and from some steps with each integrator.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from .. import COMMAND
+from ..experiment import Trajectory, perform
 from ..own import counted, finding, shapes
-from ..own.finding import Unclear
 from ..own.script import texts
+from ..own.shapes import Bodies, Kind
 from ..own.system import Own
 from ..running import machine, run
+from ..running.store import Store
+from ..scenes.integrators import Integrator
 from ..statistics.check import Check
-from . import suffix
 
 STEPS = 20  # with each integrator
 # rad: a body that turns further in a step is not followed any more
@@ -25,6 +28,13 @@ TURN = 0.5
 # off (1 / (1 - (wh/2)^2) = 1.33 in its position), with 0.6 a tenth
 STIFF = 0.6
 ALIKE = 1e-3  # of the largest moment: rounding of a data file's digits is less
+SOME = 200  # atoms of a body whose pairs are counted
+IDLE = (
+    "these forces cost time and do nothing: neigh_modify exclude molecule/intra {} leaves them "
+    "out, where each body has a molecule ID of its own; special_bonds lj/coul 0 0 0 does, where "
+    "bonds tell them, but for all bonds. With a mesh, its part of what exclude leaves out stays: "
+    "this adds a constant to the energy"
+)
 TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the script"}
 
 
@@ -32,34 +42,62 @@ def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> 
     """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
     made = shapes.bodies(own)
     kinds = shapes.kinds(own, made)
-    checks = [*_bodies(own, made, kinds), *_step(own, made, kinds), *_script(own)]
     rows, interrupted = _starts(own, out, ranks, silence, meter)
+    checks = [*_bodies(own, made, kinds), *_step(own, made, kinds), *_script(own)]
+    checks.append(_forces_within(own, made, out, ranks, silence))
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
-        "suffix": suffix.note(own.found, own.said["commands"]),
+        "suffix": _suffix(own),
         "units": own.scene.units,
         "dt": own.scene.dt,
         "temperature": shapes.temperature(own),
         "kinds": [asdict(kind) for kind in kinds],
-        "checks": [_told(one).plain() for one in checks],
+        "checks": [_told(found).plain() for found in checks],
         "integrators": rows,
         "interrupted": interrupted,
     }
 
 
-def _told(one: Check) -> Check:
+def _job(own: Own, integrator: Integrator, folder: Path, steps: int, **how) -> run.Job:
+    origin = machine.origin(own.scene, integrator)
+    how |= {"dt": own.scene.dt, "every": 1, "keeps": "nothing", "origin": origin}
+    return run.job(own.scene, integrator, folder, [steps], **how)
+
+
+def _starts(
+    own: Own, out: Path, ranks: int, silence: float, meter: run.Meter
+) -> tuple[list[dict], bool]:
+    """A row for each integrator: what it makes of the start, and of some steps; and whether a
+    Ctrl-C ended it."""
+    integrators, runs = own.integrators.values(), out / "runs"
+    how = {"ranks": ranks, "silence": silence}
+    every = [
+        Trajectory(
+            one.name,
+            one.label,
+            partial(_job, own, one, runs / run.folder_name(one.name), STEPS, **how),
+        )
+        for one in integrators
+    ]
+    done = perform(every, Store(out, "check.measure"), meter)
+    ended = {one.name: one for one in integrators if one.name in done.jobs}
+    rows = [_row(own, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()]
+    return rows, done.interrupted
+
+
+def _told(found: Check) -> Check:
     """Without the note on what is wrong, where nothing is, but the longest step."""
-    return replace(one, note="") if one.holds and one.part != "step" else one
+    return replace(found, note="") if found.holds and found.part != "step" else found
 
 
-def _bodies(own, made, kinds):
+def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
     """Kinds, images, neighbours."""
     units = own.units
     for kind in kinds:
         note = (
-            "bodies of these atoms differ in shape: each keeps the one that it has. If they are to "
-            f"be alike, '{COMMAND} bodies' writes a data file with mean shapes"
+            "bodies of these atoms differ in shape: each keeps the one that it has. Molecules get "
+            f"one shape by '{COMMAND} check SCRIPT --rigid'"
         )
         what = "largest difference of a moment from the kind's mean"
         yield Check("bodies", kind.name, what, kind.scatter, high=ALIKE, note=note)
@@ -84,12 +122,12 @@ def _bodies(own, made, kinds):
         )  # fmt: skip
 
 
-def _usual_distance(own) -> float:
+def _usual_distance(own: Own) -> float:
     volume = abs(np.linalg.det(np.array(own.said["cell"])))
     return float((volume / len(own.found.body)) ** (1 / 3))
 
 
-def _step(own, made, kinds):
+def _step(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
     turns = max(kinds, key=lambda kind: kind.angle)
     safe = own.scene.dt * TURN / max(turns.angle, 1e-300)
     note = f"by this number alone, {safe:.3g} {own.units.time} and below is safe"
@@ -105,8 +143,8 @@ def _step(own, made, kinds):
         yield Check("step", name, what, frequency * own.scene.dt, high=STIFF, note=note)
 
 
-def _script(own):
-    """Exclusions, groups, other fixes."""
+def _script(own: Own) -> Iterator[Check]:
+    """Groups, other fixes."""
     movers = shapes.moved(own)
     count = np.sum([*movers.values()], axis=0)
     idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
@@ -114,185 +152,83 @@ def _script(own):
     yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
     note = f"two of these fixes move the same atoms: {', '.join(movers)}"
     yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
-    pairs = _computed(own)
-    note = f"these forces cost time and do nothing: {_exclusion(own)}"
-    if pairs is None:
-        note = "the script's neigh_modify exclude leaves out a part of them: this is not counted"
-    yield Check(
-        "script", "forces within bodies", "pairs of atoms that have them", pairs, high=0, note=note
-    )
-    heats = finding.thermostats(own.said, own.atoms, own.found)
     yield from _mesh(own)
+    heats = finding.thermostats(own.said, own.atoms, own.found)
     number = len(heats) + bool(own.found.state.temp)
     note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
     yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
 
 
-def _mesh(own):
+def _mesh(own: Own) -> Iterator[Check]:
     """Whether a run that is continued has another mesh: LAMMPS chooses it for the box as it is when
     a run begins."""
-    free = chosen_mesh(own.said["commands"]) if own.found.state.press else ()
+    words = [texts(line) for line in own.said["commands"]]
+    styles = [found[1] for found in words if found[0] == "kspace_style"]
+    given = {word for found in words if found[0] == "kspace_modify" for word in found}
+    free = [word for word in ("mesh", "gewald") if word not in given]
     note = (
         "at constant pressure LAMMPS chooses them anew for the box of each run, so the energy "
         "jumps between runs, and a run in parts parts from one run. Give those that the log of the "
         "first run names (G vector, grid): kspace_modify mesh NX NY NZ gewald G"
     )
-    if free:
+    if free and own.found.state.press and "pppm" in "".join(styles[-1:]):
         what = f"{' and '.join(free)} that each run chooses anew"
         yield Check("script", "the mesh", what, len(free), high=0, note=note)
 
 
-def chosen_mesh(commands: Iterable[str]) -> list[str]:
-    """What of a kspace_style with a mesh LAMMPS chooses by itself: none where both are given."""
-    style, given = "none", {"mesh": "", "gewald": ""}
-    for words in map(texts, commands):
-        if words[0] == "kspace_style":
-            style = words[1]
-        for at, word in enumerate(words if words[0] == "kspace_modify" else ()):
-            if word in given:
-                value = words[at + 1 : at + (4 if word == "mesh" else 2)]
-                given[word] = "".join(value) if any(map(float, value)) else ""
-    return [name for name, value in given.items() if not value] if "pppm" in style else []
+def _forces_within(own: Own, made: Bodies, out: Path, ranks: int, silence: float) -> Check:
+    """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
+    first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds."""
+    atoms: list[int] = []
+    for group, keys in zip(made.groups, made.keys):
+        _, first = np.unique(keys, return_index=True)
+        atoms += (1 + group[first, :SOME]).ravel().tolist()
+    folder = (out / "runs" / "pairs").resolve()
+    more = [
+        f"group own_sample id {' '.join(map(str, atoms))}",
+        "compute own_pairs own_sample property/local patom1 patom2",
+        f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
+    ]
+    how = {"ranks": ranks, "silence": silence, "more": more}
+    result = run.once(_job(own, own.integrators[own.reference], folder, 0, **how), failures=True)
+    what = "pairs of atoms that have them, in one body of each kind"
+    counts = partial(Check, "script", "forces within bodies", what, high=0)
+    if result.error:
+        return counts(None, note=f"not counted: {result.error}")
+    rows = (folder / "pairs").read_text().partition("ITEM: ENTRIES")[2].splitlines()[1:]
+    pairs = np.array([row.split() for row in rows], float).astype(int).reshape(-1, 2) - 1
+    first, second = own.found.body[pairs.T]
+    return counts(int(np.sum(first == second)), note=IDLE.format(own.found.group))
 
 
-def _exclusion(own) -> str:
-    """What leaves out the forces within bodies, and nothing else."""
-    told = f"neigh_modify exclude molecule/intra {own.found.group} leaves out all of them"
-    if "molecule" not in own.atoms:
-        told = "neigh_modify exclude molecule/intra GROUP, where atoms have molecule IDs"
-    elif not _one_body_a_molecule(own):
-        told = (
-            "give each body a molecule ID of its own, then neigh_modify exclude molecule/intra "
-            f"{own.found.group}. Now a molecule has several bodies, whose forces this would leave "
-            "out, too"
-        )
-    if reached := _reached(own):
-        told = f"special_bonds lj/coul 0 0 0 leaves out {reached:,} of them; {told}"
-    styles = [words[1] for words in map(texts, own.said["commands"]) if words[0] == "kspace_style"]
-    if styles and styles[-1] != "none":
-        told += (
-            ". Of what exclude leaves out, the mesh's part stays, which adds a constant to the "
-            "energy: LAMMPS warns of it, and motion and pressure are right"
-        )
-    return told
+def _suffix(own: Own) -> list[str]:
+    """What ``lmp -sf nosquish`` makes of a script, in a sentence; none if it has no fix rigid."""
+    if own.found.kind != "rigid":
+        return []
+    words = [line for line in own.said["commands"] if texts(line)[0] == "suffix"]
+    told = f", unless '{words[-1]}' in it says otherwise" if words else ", without an edit"
+    fix = f"fix {own.found.ids[0]} ({own.found.style})"
+    return [f"'lmp -sf nosquish -in SCRIPT' replaces {fix} by one of fix_nosquish{told}."]
 
 
-def _one_body_a_molecule(own) -> bool:
-    inside = own.found.body > 0
-    pairs = np.stack([np.asarray(own.atoms["molecule"])[inside], own.found.body[inside]])
-    return len(np.unique(pairs, axis=1).T) == len(np.unique(pairs[0]))
-
-
-def _reached(own) -> int:
-    """Pairs within bodies that special_bonds would leave out and does not yet; 0 if it would leave
-    out others, too."""
-    more = ~_left_out_by_bonds(own)
-    within, every = (_bonded(own, body)[more] for body in (own.found.body, own.found.body * 0 + 1))
-    return int(within.sum()) if (within == every).all() else 0
-
-
-def _bonded(own, body) -> np.ndarray:
-    return finding.bonded_pairs(own.atoms.get("bonds", np.empty((0, 3), int)), body)
-
-
-def _left_out_by_bonds(own) -> np.ndarray:
-    """Whether special_bonds leaves out pairs that are one, two and three bonds apart, (3,)."""
-    return np.all(np.array(own.said["special"]) == 0, axis=0)[1:]
-
-
-def _computed(own) -> int | None:
-    """Pairs of atoms within bodies whose forces are computed: all but those that bonds tell, as far
-    as their factors of special_bonds are 0; none where an exclusion leaves all of them out, and
-    None where it leaves out a part."""
-    left_out = [_left_out(own, words) for words in exclusions(own.said["commands"])]
-    if True in left_out:
-        return 0
-    if None in left_out:
-        return None
-    sizes = np.bincount(own.found.body)[1:].astype(np.int64)
-    near = _bonded(own, own.found.body)[_left_out_by_bonds(own)]
-    return int(np.sum(sizes * (sizes - 1) // 2) - sum(near))
-
-
-def exclusions(commands: Iterable[str]) -> list[list[str]]:
-    """The words behind ``exclude`` of all neigh_modify that are in force."""
-    found: list[list[str]] = []
-    for words in map(texts, commands):
-        for at, word in enumerate(words if words[0] == "neigh_modify" else ()):
-            if word == "exclude":
-                found = [] if words[at + 1] == "none" else [*found, words[at + 1 : at + 4]]
-    return found
-
-
-def _left_out(own, words: Sequence[str]) -> bool | None:
-    """Whether an exclusion leaves out all pairs within bodies; False for none of them, None for a
-    part, or if this is not known."""
-    kind, *names = words
-    inside = own.found.body > 0
-    try:
-        if kind in ("molecule/intra", "molecule"):
-            here = there = _named(own, "group", names[0])
-            body, molecule = own.found.body[inside], np.asarray(own.atoms["molecule"])[inside]
-            pairs = np.unique(np.stack([body, molecule]), axis=1)
-            whole = pairs.shape[1] == own.found.body.max()  # each body in one molecule
-        elif kind in ("group", "type"):
-            here, there = (_named(own, kind, name) for name in names[:2])
-            whole = True
-        else:
-            return None
-    except (Unclear, ValueError, KeyError):  # a group that is no more, or a range of types
-        return None
-    if whole and (here & there)[inside].all():
-        return True
-    count = own.found.body.max() + 1
-    one, other, both = (
-        np.bincount(own.found.body[some & inside], minlength=count)
-        for some in (here, there, here & there)
-    )
-    return None if (one * other > both).any() else False
-
-
-def _named(own, kind: str, name: str) -> np.ndarray:
-    """The mask of the atoms of a group or a type."""
-    if kind == "type":
-        return np.asarray(own.atoms["type"]) == int(name)
-    return finding.in_group(own.said, own.atoms, name)
-
-
-def _starts(own, out, ranks, silence, meter):
-    """A row for each integrator: what it makes of the start, and of some steps."""
-    rows = []
-    for one in own.integrators.values():
-        directory = out / "runs" / run.folder_name(one.name)
-        how: dict = {"dt": own.scene.dt, "ranks": ranks, "silence": silence, "keeps": "nothing"}
-        origin = machine.origin(own.scene, one)
-        meter.begin(one.label, STEPS)
-        job = run.job(own.scene, one, directory, [STEPS], every=1, origin=origin, **how)
-        result = run.once(job)
-        meter.end(result.error)
-        error = result.error or _no_number(result.thermo)
-        row: dict = {"name": one.name, "label": one.label, "error": error}
-        row["uncounted"] = counted.wrongly(one)
-        if result.thermo and not error:
-            row |= _start(own, result.thermo)
-            if not row["uncounted"]:
-                energy = result.thermo.get("Econserve", result.thermo["TotEng"])
-                row["change"] = float(np.ptp(energy))
-        rows.append(row)
-        if result.interrupted:
-            return rows, True
-    return rows, False
-
-
-def _start(own, thermo) -> dict:
-    """What an integrator makes of the start."""
+def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
+    """What an integrator makes of the start, and of some steps."""
+    thermo = result.thermo
+    error = result.error or _no_number(thermo)
+    row: dict = {"name": integrator.name, "label": integrator.label, "error": error}
+    row["uncounted"] = counted.wrongly(integrator)
+    if error or not thermo:
+        return row
     heat = own.said["boltzmann"] * thermo["Temp"][0]
-    return {
+    row |= {
         "temperature": float(thermo["Temp"][0]),
         "freedom": round(float(2 * thermo["KinEng"][0] / max(heat, 1e-300))),
         "pressure": float(thermo["Press"][0]),
         "potential": float(thermo["PotEng"][0]),
     }
+    if not row["uncounted"]:
+        row["change"] = float(np.ptp(thermo.get("Econserve", thermo["TotEng"])))
+    return row
 
 
 def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:

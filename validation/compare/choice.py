@@ -143,7 +143,7 @@ def able(points: Sequence[Measured], targets: Targets) -> list[Measured]:
     bad, near = set(), near_failure(points)
     found = []
     for point in sorted(points, key=lambda point: point["dt"]):
-        if meets(point, targets) is False and not point["alone"]:
+        if meets(point, targets) is False:
             bad.add(point["integrator"])
         if (point["alone"] or point["integrator"] not in bad) and point not in near:
             found.append(point)

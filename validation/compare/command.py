@@ -20,7 +20,7 @@ def add(verbs: command_line.Verbs) -> None:
         "each is off and what it costs, and name the fastest whose errors are within the targets, "
         "with the lines for the input script. Writes summary.json, CSV files, figures and "
         "report.html to the output folder. After a Ctrl-C the same command goes on.",
-        epilog="Exit status: 0 if a step is within the targets by its 95 %% margins, 1 if none is, "
+        epilog="Exit status: 0 if a step is within the targets by its 95 % margins, 1 if none is, "
         "2 if a word is wrong, 130 after Ctrl-C.",
     )
     kind = command_line.scene_or_script(lambda: SCENES)
@@ -69,9 +69,10 @@ def run(arguments: Namespace) -> int:
         wanted = cases.targets(case, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
-    only = (arguments.only and arguments.only != ["all"]) or None
-    names = [one.name for one in command_line.chosen_of(case.integrators, only and arguments.only)]
-    points, held = plan.points(case, arguments.only and names, arguments.steps)
+    asked = None if arguments.only == ["all"] else arguments.only
+    names = [one.name for one in command_line.chosen_of(case.integrators, asked)]
+    only = names if arguments.only else case.usual
+    points, held = plan.points(case, only, arguments.steps)
     settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
     screen = console.console()
     with console.Meter(screen, 1) as meter:

@@ -86,8 +86,8 @@ def observables(case: Case) -> list[Observable]:
         """The rms change in `SPAN` steps of the usual length over √2, in parts of the kinetic
         energy's standard deviation."""
         apart = (series.thermo["Step"][1] - series.thermo["Step"][0]) * series.dt
-        lag = max(1, round(SPAN * case.scene.dt / apart))
         kept = conserved(series)
+        lag = max(1, min(len(kept) // 2, round(SPAN * case.scene.dt / apart)))
         square = measures.mean((kept[lag:] - kept[:-lag]) ** 2 / 2)
         change = np.sqrt(max(square.value, 1e-300))
         rms = Estimate(change, square.error / (2 * change), square.freedom)
@@ -183,29 +183,42 @@ class Noise(NamedTuple):
         return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
 
 
-def pooled(starts: Starts, shared: bool, like: Starts | None = None) -> dict[Point, Estimate]:
+class Pooled(NamedTuple):
     """Means over starts, with the noise that a single run hides.
 
     What all runs from a start have in common, its chance, is alike in what they are held against.
     Where they are held against none it may be that the start was not in equilibrium: then what the
-    starts' chances differ by may be left of it, too.
+    starts' chances differ by may be left of it in all means, too.
 
-    Args:
-        shared: whether they are held against another run.
-        like: runs that tell the noise; None is these.
+    Attributes:
+        settles: standard error of all of them together, from starts that are not in equilibrium.
     """
-    told = starts if like is None else like
-    known = _chance(_values(told))
-    noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
-    settles = 0.0 if shared else _settling(told, known)
-    made = {}
-    for point, found in starts.items():
-        mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
-        error, own = combined(*(one.times(1 / len(found))[1:] for one in found.values()))
-        few = noise.wider > 1 and (own is None or noise.freedom < own)
-        wide = math.hypot(noise.wider * error, settles)
-        made[point] = Estimate(mean, wide, noise.freedom if few else own)
-    return made
+
+    means: Mapping[Point, Estimate]
+    settles: float
+
+    @classmethod
+    def of(cls, starts: Starts, shared: bool, like: Starts | None = None) -> "Pooled":
+        """Of points' starts.
+
+        Args:
+            shared: whether they are held against another run.
+            like: runs that tell the noise; None is these.
+        """
+        told = starts if like is None else like
+        known = _chance(_values(told))
+        noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
+        made = {}
+        for point, found in starts.items():
+            mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
+            error, own = combined(*(one.times(1 / len(found))[1:] for one in found.values()))
+            few = noise.wider > 1 and (own is None or noise.freedom < own)
+            made[point] = Estimate(mean, noise.wider * error, noise.freedom if few else own)
+        return cls(made, 0.0 if shared else _settling(told, known))
+
+    def with_settling(self, found: Estimate | None) -> Estimate | None:
+        """An error of these means, with what settles."""
+        return found and found._replace(error=math.hypot(found.error, self.settles))
 
 
 def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
@@ -313,7 +326,7 @@ def errors(
     told = found if like is None else like
 
     def means(of, shared=False):
-        return pooled(_starts(found, of), shared, _starts(told, of))
+        return Pooled.of(_starts(found, of), shared, _starts(told, of))
 
     every = [one for starts in found.values() for one in starts.values()]
     scalars = {
@@ -325,11 +338,12 @@ def errors(
     structures = Structure.of(found, told, times)
     made = {}
     for point in found:
-        own = {name: one[point] for name, one in scalars.items() if point in one}
+        own = {name: one.with_settling(one.means.get(point)) for name, one in scalars.items()}
         for name in MEANS & own.keys():
-            own[name] = _of_mean(case, name, scalars[name], point, held, by_itself)
+            own[name] = _of_mean(case, name, scalars[name].means, point, held, by_itself)
         own["temperature"] = _furthest(
-            by_law(point.dt, _alike(one, point, by_itself)) for one in kinds
+            one.with_settling(by_law(point.dt, _alike(one.means, point, by_itself)))
+            for one in kinds
         )
         own["rdf"] = structures and structures.error(point, held)
         lost = case.unknown.get(point.scheme, ())
@@ -362,7 +376,7 @@ def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
 
 
 def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:
-    if held not in means:
+    if point not in means or held not in means:
         return None
     finer = held.dt if held.scheme == point.scheme else 0.0
     alike = _alike(means, point, by_itself and point != held)

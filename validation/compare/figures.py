@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWNBASE
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, panels
+from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, PURPLE, RED, SKY, message, panels
 from ..scenes import integrators
 from ..scenes.units import UNITS
 from ..statistics.estimate import SURE, Estimate
@@ -18,7 +18,7 @@ from .choice import Measured, bound, is_zero
 MAIN = "energy_sd", "energy", "drift"  # the first of these that there is
 # drawn, of many: a scheme's variants lie on its line
 SHOWN = (integrators.OURS, "rigid/nve", "rigid", "shake-1e-8", "gear")
-MORE = ("#7a5195", "v"), ("#a6a11f", "X"), ("#3d9fb0", "P"), ("#9db4d6", "D"), ("#bfa5cf", "<")
+MORE = (PURPLE, "P"), (SKY, "X"), (RED, "v"), (INK, "D")
 READ = (
     f"Left and down is better. Whiskers: the error's {SURE} interval, and the run time from the "
     "least of its repeats to their median. A pale point with an arrow is what an error is at most, "
@@ -45,7 +45,7 @@ def _styles(points: Iterable[Measured]) -> dict[str, dict]:
     for point in points:
         name = point["integrator"]
         if name not in found:
-            known = (OURS, "o") if point["ours"] else MARKS.get(name.rpartition("-")[0] or name)
+            known = (OURS, "o") if point["ours"] else MARKS.get(name.partition("-")[0])
             colour, marker = known or next(spare)
             wide = 2.2 if point["ours"] else 1.2
             found[name] = {"color": colour, "marker": marker, "lw": wide, "ms": 5}
@@ -93,8 +93,10 @@ def cost(summary: Mapping) -> Figure | None:
     axis.set(xscale="log", yscale="log", xlabel=f"run time (s per {summary['ns']})")
     axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
     axis.grid(color=PALE, lw=0.4)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
+    message(figure, "Error against run time: left and down is better")
     return figure
 
 
@@ -145,4 +147,5 @@ def errors(summary: Mapping) -> Figure | None:
         axis.set_xlabel(f"step ({UNITS[summary['units']].time})")
     handles = axes[0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5)
+    message(figure, "Errors against the time step: inside the band is good enough")
     return figure

@@ -20,6 +20,7 @@ ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames
 SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
+STARTUP = 3.0  # s until a run's first step, about, of few atoms
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
 SHORT, LONG = "short", "longer"  # folders of runs
 
@@ -74,11 +75,12 @@ class Lengths:
 
 
 def points(
-    case: Case, only: Collection[str] | None, steps: Sequence[float] | None
+    case: Case, only: Collection[str], steps: Sequence[float] | None
 ) -> tuple[list[Point], Point]:
-    """What is compared, from the shortest steps, and what means are held against: the reference
-    with the shortest step, or with half of it if it is the only one."""
-    names = [name for name in case.integrators if name in (only or case.usual)]
+    """What is compared, of integrators with these names, from the shortest steps; and what means
+    are held against: the reference with the shortest step, or with half of it if it is the only
+    one."""
+    names = [name for name in case.integrators if name in only]
     dts = sorted(steps or case.steps)
     held = Point(case.reference, dts[0] if len(dts) > 1 else dts[0] / 2)
     return [Point(name, dt) for dt in dts for name in names], held
@@ -106,7 +108,7 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
             raise KeyboardInterrupt
         raise SystemExit(f"{case.scene.title}: {held.scheme}: {step.error}")
     atoms = run.collect(folder).timings[-1].atoms
-    return Machine(step, 3.0 + 2e-5 * atoms, atoms)
+    return Machine(step, STARTUP + 2e-5 * atoms, atoms)
 
 
 def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:

@@ -8,7 +8,7 @@ from ..pages import Column, Figure, Said, Table, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from . import figures
-from .choice import Choice, Measured, able, bound, choose, meets, near_failure, nearest
+from .choice import Choice, Measured, able, bound, choose, least, meets, near_failure, nearest
 
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
 LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
@@ -135,8 +135,27 @@ def said(summary: Mapping) -> Said:
             Figure("errors", partial(figures.errors, summary), figures.ERRORS),
         ],
         notes=NOTES | about | script,
+        defeats=[*_defeats(answer)],
+        kept=_kept(answer),
         failures=[f"{one['label']} fails with {one['failed']}" for one in first.values()],
     )
+
+
+def _defeats(answer: Answer) -> Iterator[str]:
+    """Where another integrator reaches the targets sooner than ours, each beside its best step."""
+    best, ties = answer.choice.best, answer.choice.ties
+    if best is None or best["ours"] or any(one["ours"] for one in ties):
+        return
+    ours = answer.among([one for one in answer.points if one["ours"]]).best
+    times = f"ours takes {least(ours) / least(best):.2g} times as long" if ours else "ours does not"
+    yield f"{answer.summary['title']}: {answer.named([best])} reaches the targets; {times}."
+
+
+def _kept(answer: Answer) -> dict[str, str]:
+    """What the table of releases keeps."""
+    best = answer.choice.best
+    told = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
+    return {"fastest within the targets": told}
 
 
 def _about(one: Mapping) -> str:

@@ -4,19 +4,11 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages.figures import (
-    FAMILIES,
-    INK,
-    PALE,
-    label_ends,
-    message,
-    whiskers,
-)
+from ..pages.figures import INK, MARKS, PALE, label_ends, message, whiskers
 from ..scenes.integrators import OURS
 from .criteria import place
 
-FIXES = {OURS: "ours", "rigid/nve": "rigid/nve", "rigid/nve/small": "rigid/nve/small"}
-FIXES |= {"shake": "shake"}  # name of an integrator: its family
+FIXES = OURS, "rigid/nve", "rigid/nve/small", "shake"
 MEASURES = {"modify_ratio": "time in the fix", "loop_ratio": "whole step"}
 
 
@@ -30,11 +22,11 @@ def scenes(summary: dict) -> Figure | None:
     for axis, (key, title) in zip(axes, MEASURES.items()):
         axis.axvline(1, color=INK, lw=0.8)
         for height, point in enumerate(points):
-            for (family, ratio), shift in zip(_ratios(point, key).items(), (-0.2, 0, 0.2)):
-                colour, marker = FAMILIES[family]
+            for (name, ratio), shift in zip(_ratios(point, key).items(), (-0.2, 0, 0.2)):
+                colour, marker = MARKS[name]
                 style = {"color": colour, "marker": marker, "ms": 5, "capsize": 2}
                 median, reach = whiskers([ratio])
-                label = family if family not in axis.get_legend_handles_labels()[1] else None
+                label = name if name not in axis.get_legend_handles_labels()[1] else None
                 axis.errorbar(median, height + shift, xerr=reach, label=label, ls="", **style)
         axis.set(xscale="log", xlabel=f"{title}: ours over this fix's")
         axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -49,9 +41,9 @@ def scenes(summary: dict) -> Figure | None:
 
 
 def _ratios(point, key):
-    """{family of a rival: ours over it}."""
+    """{rival: ours over it}."""
     found = {row["name"]: row.get(key) for row in point["integrators"]}
-    return {family: found[name] for name, family in FIXES.items() if found.get(name)}
+    return {name: found[name] for name in FIXES if found.get(name)}
 
 
 def scaling(summary: dict) -> Figure | None:
@@ -70,12 +62,12 @@ def scaling(summary: dict) -> Figure | None:
         axis.set_title(title, loc="left", fontsize=10)
         axis.grid(axis="y", color=PALE, lw=0.4)
         ends = []
-        for name, family in FIXES.items():
+        for name in FIXES:
             own = [row for row in rows if row["integrator"] == name and value(row) > 0]
             if own:
-                colour, marker = FAMILIES[family]
+                colour, marker = MARKS[name]
                 places = [(row["ranks"], value(row)) for row in own]
                 axis.plot(*zip(*places), color=colour, marker=marker, ms=5)
-                ends.append((*places[-1], family, colour))
+                ends.append((*places[-1], "ours" if name == OURS else name, colour))
         label_ends(axis, ends)
     return figure

@@ -3,7 +3,6 @@
 What cannot be told is not guessed: an `Unclear` says which option tells it.
 """
 
-import itertools
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -221,7 +220,7 @@ def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had:
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
         "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
         "ID, if several fixes move that group). Where atoms have no molecule IDs, "
-        f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data file"
+        f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
     )
 
 
@@ -358,21 +357,6 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
     return State(temp, tuple(press), couple), kept, dropped
 
 
-def keywords_of(line: str) -> list[tuple[str, ...]]:
-    """The keywords of a fix that has a kind, see `kind_of`, each with the words that follow it."""
-    words, kind, ours = texts(line)[4:], kind_of(line), words_of(line)
-    if ours:
-        return [*_split(ours.keywords)]
-    if kind == "rigid":
-        words = words[body_words(words) :]
-    return [] if kind == "constraints" else [*_split(words)]
-
-
-def kept_by(line: str) -> State:
-    """The temperature and pressure that a fix keeps which has a kind, see `kind_of`."""
-    return state_of([*itertools.chain(*keywords_of(line))])[0]
-
-
 def body_words(words: Sequence[str]) -> int:
     """How many words a body style takes."""
     if words[:1] == ["custom"]:
@@ -424,8 +408,7 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     if name not in atoms:
         raise Unclear(
             f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
-            f"'{COMMAND} bodies SCRIPT' finds rigid parts and writes them into a data "
-            "file"
+            f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
         )
     value = np.asarray(atoms[name])
     found = np.zeros(len(value), int)
@@ -468,26 +451,6 @@ def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
-def bonded_pairs(bonds: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Of pairs of atoms within bodies how many are one, two and three bonds apart, (3,).
-
-    Args:
-        bonds: as rows (type, atom, atom).  body: of each atom, from 1; 0 is none.
-    """
-    ends = np.concatenate([bonds[:, 1:], bonds[:, :0:-1]]) - 1
-    shape = (len(body), len(body))
-    step = coo_array((np.ones(len(ends), dtype=bool), ends.T), shape=shape).tocsr()
-    reached = near = coo_array((np.ones(len(body), dtype=bool), [np.arange(len(body))] * 2)).tocsr()
-    counts = []
-    for _ in range(3):
-        near = near @ step
-        near = near > near.multiply(reached)  # no shorter way
-        reached = reached + near
-        i, j = near.nonzero()
-        counts.append(np.sum((body[i] == body[j]) & (body[i] > 0)) // 2)
-    return np.array(counts)
-
-
 def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     """Of atoms that are held by shake, or not at all."""
     line, body = fixes[fix_id], None
@@ -510,8 +473,8 @@ def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     name, setup = _group_of(said, atoms, body, group)
     if bodies is None and not _same(atoms, body):
         raise Unclear(
-            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} bodies "
-            "SCRIPT' writes a data file that has them, or tell by --group and --bodies"
+            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} check SCRIPT "
+            "--rigid' writes lines that tell the bodies, or tell by --group and --bodies"
         )
     moving = [own for own in known if kind_of(fixes[own]) == "plain"]
     movers = moving or _movers(said, atoms, fixes, body > 0)

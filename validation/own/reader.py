@@ -5,15 +5,15 @@ told the words, with all variables in place (see ``recorder``), and answers whet
 LAMMPS stops where the first run would begin in which a fix moves rigid bodies, or that is asked
 for.  Minimizations and ``run 0`` are no such run: they are done, as runs before it are.
 
-``ask.json`` has ``script``, ``folder`` (in which the harness was started), ``out`` and ``room``
-(see ``recorder``), ``variables`` (lists of a name and its values, as of the option -var), ``fix``
+``ask.json`` has ``script``, ``workplace`` (of LAMMPS), ``overlay`` (see ``recorder``),
+``variables`` (lists of a name and its values, as of the option -var), ``fix``
 (IDs of fixes that move the atoms, if told), ``any`` (any run will do), ``everything`` (so will what
 is none, as a minimization), ``at`` (which of these runs, from 1).  Left beside it:
 
     read.json       ``commands`` up to the run, without those whose work another has undone, and
                     ``at_once`` (which of them act once, on what a restart file has: they are not to
                     be repeated), ``fixes`` (ID to its command, at that run), ``run`` (its words),
-                    ``later`` (runs behind it, as they are written), ``workplace`` (of LAMMPS), what
+                    ``later`` (runs behind it, as they are written), ``workplace``, what
                     LAMMPS says of the system, ``left_out`` (commands that are not done), ``files``
                     (of the user's, that were looked for), ``asked`` (what else was looked for)
     state.restart   the state that runs begin with
@@ -112,6 +112,12 @@ class Script:
         self.lmp = lammps(cmdargs=options)
         self._kept = ANSWER(self._asked)
         RECORDER.recorder_see(self._kept)
+        self.lmp.command("label harness")  # which does nothing
+        if not self.count:
+            raise Failure(
+                "the harness cannot see what this LAMMPS does, for it was compiled in a way that "
+                "binds its functions early (as -Ofast does): use the Python package lammps"
+            )
 
     def _asked(self, command: bytes, number: int, words, at_once: int) -> int:
         """What the library asks of each command: see ``recorder.cpp``."""
@@ -201,11 +207,6 @@ class Script:
                 raise Failure(self._said(failure)) from failure
         finally:
             RECORDER.recorder_see(None)
-        if not self.count:
-            raise Failure(
-                "the harness cannot see what this LAMMPS does, for it was compiled in a way that "
-                "binds its functions early (as -Ofast does): use the Python package lammps"
-            )
 
     def _said(self, failure: Exception) -> str:
         """LAMMPS's message, and at which command."""
@@ -231,14 +232,13 @@ def _undone(line: str, made: str, name: str) -> bool:
     return line.startswith(made) and script.texts(line)[:2] in [[kind, name] for kind in kinds]
 
 
-def _script(ask: dict, folder: Path) -> Script:
-    """What LAMMPS does with the script in a folder, with the runs before the one that is asked
-    for."""
+def _script(ask: dict) -> Script:
+    """What LAMMPS does with the script, with the runs before the one that is asked for."""
     for doing in False, True:
-        os.chdir(folder)
+        os.chdir(ask["workplace"])
         if WORLD.rank == 0:  # nothing of what was written without earlier runs
-            shutil.rmtree(ask["room"], ignore_errors=True)
-            Path(ask["room"]).mkdir()
+            shutil.rmtree(ask["overlay"], ignore_errors=True)
+            Path(ask["overlay"]).mkdir()
         WORLD.Barrier()
         found, failure = Script(ask, doing), None
         try:
@@ -260,24 +260,13 @@ def _script(ask: dict, folder: Path) -> Script:
 
 def read(ask: dict, out: Path) -> None:
     """Read the script, and leave what it says in ``out``."""
-    here, start = Path(ask["script"]).parent, Path(ask["folder"])
-    try:
-        found, workplace = _script(ask, here), here
-    except Failure as failure:
-        if here == start or isinstance(failure.__cause__, MPIAbortException):
-            raise
-        try:  # LAMMPS takes names as of the folder in which it is started
-            found, workplace = _script(ask, start), start
-        except Failure:
-            raise failure from None
+    found = _script(ask)
     every = RECORDER.recorder_looked().decode(errors="surrogateescape").splitlines()
     files = [name for name in sorted(every) if not name.startswith(("/proc/", "/sys/", "/dev/"))]
-    if workplace == here != start:
-        _refuse_others(files, here, start)
     lmp = found.lmp
     later = RECORDER.recorder_rest().decode(errors="replace").splitlines()
     said = {
-        "workplace": str(workplace),
+        "workplace": ask["workplace"],
         "commands": [line for line, _ in found.commands],
         "at_once": [once for _, once in found.commands],
         "fixes": found.fixes,
@@ -303,20 +292,6 @@ def read(ask: dict, out: Path) -> None:
         (out / "read.json").write_text(json.dumps(said, indent=1))
 
 
-def _refuse_others(files: Sequence[str], here: Path, start: Path) -> None:
-    """Refuse files that are others in the folder in which the harness was started."""
-    for name in map(Path, files):
-        if not name.is_relative_to(here) or not name.is_file():
-            continue
-        other = start / name.relative_to(here)
-        if other.is_file() and other.read_bytes() != name.read_bytes():
-            raise Failure(
-                f"{name.name} is another file in {here} than in {start}. LAMMPS takes the one of "
-                "the folder in which it is started: start this command in the script's folder, or "
-                "rename one of them"
-            )
-
-
 def _system(lmp: lammps) -> dict:
     """What LAMMPS says of the system."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
@@ -329,7 +304,6 @@ def _system(lmp: lammps) -> dict:
         "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
         "periodic": periodic,
         "boltzmann": lmp.extract_global("boltz"),
-        "special": [lmp.extract_global(f"special_{kind}") for kind in ("lj", "coul")],
         "sized": any(lmp.extract_setting(f"{kind}_flag") > 0 for kind in sized),
     }
 
@@ -420,7 +394,7 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
 
     known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
     known |= dict.fromkeys("xvf", (1, 3))
-    more = {"molecule": (0, 1), "q": (1, 1), "rmass": (1, 1)}
+    more = {"molecule": (0, 1), "rmass": (1, 1)}
     known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
     found = {name: gather(name, *how) for name, how in known.items()}
     masses = np.array(lmp.numpy.extract_atom("mass")).ravel()

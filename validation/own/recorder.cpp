@@ -7,10 +7,12 @@
 #include "lammps.h"
 #include "modify.h"
 
+#include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <filesystem>
 #include <set>
 #include <sstream>
@@ -27,10 +29,10 @@ enum { DO, LEAVE_OUT, STOP };                   // what the harness answers to a
 using Answer = int (*)(const char *command, int number, char **words, int at_once);
 
 Answer answer = nullptr;
-bool active = false;              // whether rooms are in use: LAMMPS works in this process
+bool active = false;              // whether overlays are in use: LAMMPS works in this process
 bool within = false;              // whether it is within a command, and not between two
 std::string out;                  // the output folder
-std::vector<std::string> rooms;    // each stands for /; files are written to the first one only
+std::vector<std::string> overlays;    // each stands for /; files are written to the first only
 std::set<std::string> looked;     // the user's files that were looked for
 std::string rest;                 // lines behind the command at which the script was stopped
 
@@ -44,13 +46,13 @@ bool below(const std::string &path, const std::string &folder)
   return path.compare(0, folder.size() + 1, folder + "/") == 0;
 }
 
-// Where a file is in the user's folders, if relative names are those of a room, too.
+// Where a file is in the user's folders, if relative names are those of an overlay, too.
 std::string users(const char *name)
 {
   std::error_code none;    // of an empty name, and in a folder that is gone
   const std::string path = fs::absolute(name, none).lexically_normal().string();
-  for (const auto &room : rooms)
-    if (below(path, room)) return path.substr(room.size());
+  for (const auto &overlay : overlays)
+    if (below(path, overlay)) return path.substr(overlay.size());
   return path;
 }
 
@@ -60,10 +62,10 @@ std::string to_read(const char *name)
   const std::string path = users(name);
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
   std::error_code none;
-  for (const auto &room : rooms)
-    if (fs::exists(room + path, none)) return room + path;
+  for (const auto &overlay : overlays)
+    if (fs::exists(overlay + path, none)) return overlay + path;
   looked.insert(path);
-  return path;
+  return fs::exists(name, none) ? name : path;    // as links have it
 }
 
 // Where a file is to be written.
@@ -72,7 +74,7 @@ std::string to_write(const char *name, bool keeps)
   const std::string path = users(name);
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
   if (below(path, "/dev")) return path;
-  const std::string place = rooms.front() + path;
+  const std::string place = overlays.front() + path;
   const auto folder = [](const std::string &file) { return fs::path(file).parent_path(); };
   std::error_code none;
   if (fs::is_directory(to_read(folder(path).c_str()), none))
@@ -81,20 +83,21 @@ std::string to_write(const char *name, bool keeps)
   return place;
 }
 
-// Whether LAMMPS calls, and not Python or a compiler of ours.
+// Whether LAMMPS calls, or a library that its Python package brings, and not Python itself.
 bool from_lammps(void *caller)
 {
   Dl_info info;
-  return active && dladdr(caller, &info) && strstr(info.dli_fname, "liblammps");
+  if (!active || !dladdr(caller, &info)) return false;
+  return strstr(info.dli_fname, "liblammps") || strstr(info.dli_fname, "/lammps.libs/");
 }
 
 struct Begin {
   Begin()
   {
-    const char *told = getenv("VALIDATION_ROOMS");
+    const char *told = getenv("VALIDATION_OVERLAYS");
     std::istringstream lines(told ? told : "");
     std::getline(lines, out);
-    for (std::string room; std::getline(lines, room);) rooms.push_back(room);
+    for (std::string overlay; std::getline(lines, overlay);) overlays.push_back(overlay);
   }
 } begin;
 }    // namespace
@@ -102,7 +105,7 @@ struct Begin {
 int Input::execute_command()
 {
   static const auto execute = original<int(Input *)>("_ZN9LAMMPS_NS5Input15execute_commandEv");
-  active = !rooms.empty();
+  active = !overlays.empty();
   const int told = answer ? answer(command, narg, arg, command_map->count(command) > 0) : DO;
   if (told == LEAVE_OUT) return 0;
   if (told == DO) {
@@ -122,7 +125,7 @@ extern "C" {
 void recorder_see(Answer given)
 {
   answer = given;
-  active = !rooms.empty();
+  active = !overlays.empty();
 }
 
 int recorder_within()
@@ -157,7 +160,7 @@ FILE *fopen(const char *name, const char *mode)
 {
   static const auto open = original<FILE *(const char *, const char *)>("fopen");
   const bool writes = mode[0] != 'r' || strchr(mode, '+');
-  if (rooms.empty() || (!active && !below(name, ALIAS))) return open(name, mode);
+  if (overlays.empty() || (!active && !below(name, ALIAS))) return open(name, mode);
   FILE *file = open((writes ? to_write(name, mode[0] != 'w') : to_read(name)).c_str(), mode);
   // by whose growth the harness sees that a run is alive
   if (file && writes && ALIAS + "/script/log.lammps" == name) setvbuf(file, nullptr, _IOLBF, BUFSIZ);
@@ -167,6 +170,19 @@ FILE *fopen(const char *name, const char *mode)
 FILE *fopen64(const char *name, const char *mode)
 {
   return fopen(name, mode);
+}
+
+int open(const char *name, int flags, ...)
+{
+  static const auto open = original<int(const char *, int, ...)>("open");
+  va_list more;
+  va_start(more, flags);
+  const mode_t mode = flags & O_CREAT ? va_arg(more, mode_t) : 0;
+  va_end(more);
+  if (!from_lammps(__builtin_return_address(0))) return open(name, flags, mode);
+  const bool writes = flags & (O_WRONLY | O_RDWR);
+  const std::string place = writes ? to_write(name, !(flags & O_TRUNC)) : to_read(name);
+  return open(place.c_str(), flags, mode);
 }
 
 FILE *popen(const char *command, const char *mode)

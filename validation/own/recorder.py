@@ -1,7 +1,7 @@
 """The library that lets the harness see what LAMMPS does with a user's script: ``recorder.cpp``.
 
 A process that is started with `environment` sees each file that LAMMPS opens.  What LAMMPS writes
-goes into a folder, a *room*, that stands for the root of all files, so no file of the user's is
+goes into a folder, an *overlay*, that stands for the root of all files, so no file of the user's is
 written to; what it reads comes from there if it is there.  A reader (see ``reader``) sees each
 command, too, and answers whether LAMMPS executes it.
 """
@@ -11,25 +11,25 @@ from pathlib import Path
 
 ALIAS = "/validation-out"  # as the output folder is called in commands
 LIBRARY = "recorder.so"
-ROOMS = "VALIDATION_ROOMS"
+OVERLAYS = "VALIDATION_OVERLAYS"
 
 
 def environment(
-    room: Path | str, written: Path | None = None, preloaded: str | None = None
+    overlay: Path | str, written: Path | None = None, preloaded: str | None = None
 ) -> dict[str, str]:
     """Variables of the environment with which to start ranks.
 
     Args:
-        room: of a script, two folders below the output folder, which is `ALIAS` in commands; empty
-            for the harness's own scenes, which need no variables.
-        written: another room, to which all is written.
+        overlay: of a script, two folders below the output folder, which is `ALIAS` in commands;
+            empty for the harness's own scenes, which need no variables.
+        written: another overlay, to which all is written.
         preloaded: other libraries.
     """
-    if not room:
+    if not overlay:
         return {}
-    folders = Path(room).parents[1], written and written.resolve(), room
+    folders = Path(overlay).parents[1], written and written.resolve(), overlay
     loaded = " ".join(filter(None, (str(_library()), preloaded)))
-    return {"LD_PRELOAD": loaded, ROOMS: "\n".join(map(str, filter(None, folders)))}
+    return {"LD_PRELOAD": loaded, OVERLAYS: "\n".join(map(str, filter(None, folders)))}
 
 
 def _library() -> Path:

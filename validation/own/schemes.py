@@ -137,8 +137,8 @@ def _ours(found: Found, units: str) -> Iterator[Integrator]:
     rest = [*made, *moves]
     if found.rest and (state.press or found.points):
         rest, points = made, f" points {found.points or REST}"
-        if found.holder:  # atoms that shake holds are no free points
-            return
+        if found.holder:  # atoms that shake holds are no points: the box scales them
+            rest, points = [*made, *moves], f" dilate {REST}"
     style = f"nosquish/{state.ensemble}"
     for number, (kind, more) in enumerate(_kinds(state, units)):
         said = state_words(state) + more + found.keywords + points

@@ -151,10 +151,6 @@ def take(
         except Unclear as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
         those, reference, more = schemes.schemes(found, said["units"])
-        if not any(integrator.kind == "ours" for integrator in those):
-            more.append(
-                "None of ours: atoms that shake holds cannot share a box with our barostat."
-            )
         scene, late = _scene(ask, folder, said, atoms, found)
         how: dict = {"ranks": ranks, "silence": silence}
         if found.kind in ("constraints", "plain"):
@@ -179,7 +175,7 @@ def refuse_ramps(own: Own) -> None:
         raise SystemExit(
             f"{own.scene.subject}: '{own.said['run']}' changes "
             f"{' and '.join(own.found.state.ramps)}, so means do not tell what a step does: give a "
-            "run that keeps them. 'check', 'compare' and 'cost' take this one"
+            "run that keeps them. 'check' and 'cost' take this one"
         )
 
 
@@ -211,9 +207,9 @@ def _reading(ask, out, ranks, silence, everything=False):
         return said, dict(file), folder
 
 
-def room(folder: Path) -> Path:
+def overlay(folder: Path) -> Path:
     """What stands for the root of all files, where the script writes to its own."""
-    return folder / "room"
+    return folder / "overlay"
 
 
 def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
@@ -240,19 +236,51 @@ def _contents(files: Sequence[str]) -> str:
 def _files_of(said: Mapping, folder: Path) -> str:
     """Hash of the files that a script's runs follow from: the user's, those that the script has
     written, the state and the bodies."""
-    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "room"))
+    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
     known = [machine.contents(file) for file in made if file.exists()]
     return store.digest(_contents(said["files"]), known)
 
 
 def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:
+    """Have a script read in its own folder; or, if it fails there, in the one in which the harness
+    was started, of which LAMMPS takes names.
+
+    Raises:
+        SystemExit: it fails in both, in which case the first message is told; or it could be read
+            in both, and files differ.
+    """
+    here, start = Path(ask.script).parent, Path(ask.folder)
+    name, messages = Path(ask.script).name, list[str]()
+    for workplace in dict.fromkeys((here, start)):
+        message = _read_in(workplace, ask, folder, ranks, everything, silence)
+        if not message:
+            break
+        messages.append(message)
+    else:
+        raise SystemExit(f"{name}: {messages[0]}")
+    said = json.loads((folder / "read.json").read_text())
+    for file in map(Path, said["files"] if workplace == here != start else ()):
+        other = start / os.path.relpath(file, here)
+        both = file.is_relative_to(here) and file.is_file() and other.is_file()
+        if both and other.read_bytes() != file.read_bytes():
+            raise SystemExit(
+                f"{name}: {file.name} is another file in {here} than in {start}. LAMMPS takes the "
+                "one of the folder in which it is started: start this command in the script's "
+                "folder, or rename one of them"
+            )
+    # the last file: it tells that the others are whole
+    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, everything, said)})
+    return said
+
+
+def _read_in(workplace, ask, folder, ranks, everything, silence) -> str:
+    """Have a script read in a folder; why that failed."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     plain = {
         "script": ask.script,
-        "folder": ask.folder,
-        "out": str(folder.parent),
-        "room": str(room(folder)),
+        "workplace": str(workplace),
+        "overlay": str(overlay(folder)),
         "variables": ask.variables,
         "fix": ask.fix,
         "any": bool(ask.group or ask.bodies),
@@ -264,26 +292,22 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
-    how |= recorder.environment(room(folder), preloaded=how.get("LD_PRELOAD"))
+    how |= recorder.environment(overlay(folder), preloaded=how.get("LD_PRELOAD"))
+    output, error = folder / "output.txt", folder / "error.txt"
     with (
-        open(folder / "output.txt", "w") as output,
-        run.started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process,
+        open(output, "w") as file,
+        run.started(words, stdout=file, stderr=subprocess.STDOUT, env=how) as process,
     ):
         hung = run.watch(process, folder / "log.lammps", silence)
-    error = folder / "error.txt"
     if hung:
-        error.write_text(
+        return (
             f"nothing was written for {silence:g} s while it was read. A run before the one that "
             "is asked for is done as it is: if it takes so long between two lines of thermo "
             "output, --silence S waits longer"
         )
-    if error.exists() or not (folder / "read.json").exists():
-        why = error.read_text() if error.exists() else f"ended, see {folder / 'output.txt'}"
-        raise SystemExit(f"{Path(ask.script).name}: {run.one_line(why)}")
-    said = json.loads((folder / "read.json").read_text())
-    # the last file: it tells that the others are whole
-    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, everything, said)})
-    return said
+    if (folder / "read.json").exists() and not error.exists():
+        return ""
+    return run.one_line(error.read_text()) if error.exists() else f"ended, see {output}"
 
 
 def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
@@ -309,13 +333,6 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
     return before + behind
 
 
-def without_fixes(said: Mapping) -> list[str]:
-    """Commands that make the script's atoms, and its forces, without fixes that act in runs."""
-    kept = "property/atom", "cmap"
-    gone = [fix_id for fix_id, line in said["fixes"].items() if finding.style_of(line) not in kept]
-    return [line for _, line in repeated(said, gone)]
-
-
 def _scene(
     ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
 ) -> tuple[Scene, list[str]]:
@@ -336,7 +353,7 @@ def _scene(
         name=ask.name,
         title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
         folder=Path(said["workplace"]),
-        room=str(room(folder)),
+        overlay=str(overlay(folder)),
         setup=(*before, *found.setup),
         group=found.group,
         bodies=found.bodies,
@@ -389,6 +406,8 @@ def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]
     for integrator in those:
         job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
         result = run.once(job, failures=True)
+        if result.interrupted:
+            raise KeyboardInterrupt
         if not result.error:
             return result, why
         why.append(f"{integrator.label} cannot begin: {result.error}")

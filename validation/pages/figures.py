@@ -4,8 +4,7 @@ A figure shows at most five lines that matter, has its message as its title (`me
 its lines where they end (`label_ends`) instead of in a legend.
 """
 
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import matplotlib
 
@@ -18,7 +17,11 @@ from matplotlib.figure import Figure
 
 from ..statistics.measures import Spread
 
-OURS, OTHERS, THIRD, INK, PALE = "#0b6e4f", "#5b7db1", "#c06c3e", "#333333", "#bdbdbd"
+# Okabe and Ito's colours (jfly.uni-koeln.de/color), which the colour-blind can tell
+BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
+    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
+)
+OURS, INK, PALE, MISSED = BLUE, "#333333", "#bdbdbd", "#b00000"
 STYLE: dict = {
     "font.size": 10,
     "axes.spines.top": False,
@@ -32,56 +35,16 @@ STYLE: dict = {
     "savefig.bbox": "tight",
 }
 
-MARKS = {  # integrator: colour, marker; pale ones are variants of the one before
-    "nosquish": (OURS, "o"),
-    "rigid/nve": (OTHERS, "s"),
-    "rigid": ("#9db4d6", "s"),
-    "rigid/nve/omp": ("#2f4b7c", "s"),
-    "rigid/omp": ("#b9c6de", "D"),
-    "rigid/nve/small": (THIRD, "^"),
-    "rigid/small": ("#e0b08f", "^"),
-    "rigid/small/omp": ("#8c4a25", "^"),
-    "shake": ("#7a5195", "v"),
-    "rattle": ("#bfa5cf", "v"),
-}
-MISSED = "#b00000"
-# Okabe and Ito's colours (jfly.uni-koeln.de/color), by what is drawn; each has a marker, too
-BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
-    *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
-)
-FAMILIES = {  # of schemes: colour and marker
-    "ours": (BLUE, "o"),
+MARKS = {  # integrator: colour and marker
+    "nosquish": (BLUE, "o"),
     "rigid/nve": (ORANGE, "s"),
+    "rigid": (SKY, "D"),
     "rigid/nve/small": (GREEN, "^"),
+    "rigid/small": (INK, "<"),
     "shake": (RED, "v"),
-    "other": (PURPLE, "D"),
+    "rattle": (PURPLE, "P"),
 }
 LINE = 9.0  # points that a label needs in height
-Drawn = tuple[Figure, str] | None  # a figure and its caption, or None where there is none to draw
-
-
-def draw_each(
-    functions: Iterable[Callable[..., Drawn]], out: Path, *data
-) -> list[tuple[Path, str]]:
-    """Draw figures into a folder: list of (PNG path, caption).
-
-    Where there is none to draw, that of an earlier command is removed.
-
-    Args:
-        functions: each gives `Drawn` of the data; its name is the file's.
-    """
-    made = []
-    with plt.rc_context(STYLE):
-        for function in functions:
-            figure, caption = function(*data) or (None, "")
-            path = Path(out) / f"{function.__name__}.png"
-            if figure is None:
-                path.unlink(missing_ok=True)
-            else:
-                figure.savefig(path)
-                plt.close(figure)
-                made.append((path, caption))
-    return made
 
 
 def message(figure: Figure, text: str) -> None:
@@ -122,29 +85,6 @@ def whiskers(spreads: Sequence[Spread]) -> tuple[np.ndarray, np.ndarray]:
     """Medians of spreads, and how far minimum and maximum are from them, as for errorbar."""
     median, low, high = np.transpose([(one["median"], one["min"], one["max"]) for one in spreads])
     return median, np.array([median - low, high - median])
-
-
-def bars(
-    axis: Axes,
-    labels: Sequence[str],
-    spreads: Sequence[Spread],
-    texts: Sequence[str],
-    colours: str | Sequence[str],
-) -> None:
-    """Horizontal bars from the top: medians, whiskers from minimum to maximum, texts behind."""
-    places = np.arange(len(labels))
-    median, reach = whiskers(spreads)
-    low, high = median - reach[0], median + reach[1]
-    axis.barh(places, median, color=colours, height=0.64)
-    axis.errorbar(median, places, xerr=reach, fmt="none", ecolor=INK, capsize=2, lw=1)
-    for place, top, text in zip(places, high, texts):
-        behind: dict = {"textcoords": "offset points", "va": "center", "fontsize": 8.5}
-        axis.annotate(text, (max(top, 0), place), (6, 0), **behind)
-    axis.set_yticks(places, labels)
-    axis.tick_params(axis="y", length=0)
-    axis.invert_yaxis()
-    axis.locator_params(axis="x", nbins=6)
-    axis.set_xlim(min(0, 1.1 * low.min()), 1.35 * max(high.max(), 1e-3))
 
 
 def panels(

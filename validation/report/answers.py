@@ -40,7 +40,9 @@ COLUMNS = (
 
 def is_sample(summary: Mapping) -> bool:
     """Whether a summary has points beside a limit of small steps, timed in turn."""
-    return {"scene", "known", "limits", "rows"} <= summary.keys()
+    if not {"scene", "known", "limits", "rows"} <= summary.keys():
+        return False
+    return any(set(GAINS) <= row["noise"].keys() for row in summary["rows"])
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
@@ -64,7 +66,8 @@ def _ordered(summaries):
 
 def _answer(summary):
     """The row of a scene; None if no point, or no rival, is within the bounds."""
-    points = [row for row in summary["rows"] if row["noise"] and row["cost"] and _not_off(row)]
+    timed = [row for row in summary["rows"] if set(GAINS) <= row["noise"].keys()]
+    points = [row for row in timed if _not_off(row)]
     own = [row for row in points if row["ours"]]
     rivals = [row for row in points if not row["ours"]]
     if not own or not rivals:
@@ -120,7 +123,7 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
         for key in GAINS:
             name, unit = NAMES[key]
             errors.append(f"{name} {Estimate.of(row[f'bias {key}']).text()} {unit}")
-            gains.append(f"{name} {_gain(row[f'gain {key}'])}")
+            gains.append(f"{name} {gain(row[f'gain {key}'])}")
         told.append(
             f"{row['scene'][0].upper()}{row['scene'][1:]}: {row['dt']:g} fs with {row['scheme']}. "
             f"CPU time for the same statistical error, beside {row['rival']} at "
@@ -130,7 +133,8 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
     return told
 
 
-def _gain(ratio):
+def gain(ratio: Mapping) -> str:
+    """How much less time ours takes, in words that its interval allows."""
     if ratio["low"] > 1:
         return f"{_ends(ratio)} times less"
     if ratio["high"] < 1:
@@ -147,7 +151,7 @@ def defeats(rows: Sequence[Mapping]) -> list[str]:
     """Where ours is not known to need less time than the best rival."""
     return [
         f"{row['scene']}, {NAMES[key][0]}: beside {row['rival']} at {row['rival dt']:g} fs, "
-        f"{_gain(row[f'gain {key}'])}"
+        f"{gain(row[f'gain {key}'])}"
         for row in rows
         for key in GAINS
         if row[f"gain {key}"]["low"] <= 1
@@ -158,12 +162,13 @@ def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
     """For the table of releases: {(scene, number): text}."""
     found = {}
     for row in table(summaries).rows:
-        scene = f"{row['scene']}, {row['dt']:g} fs"
+        scene = row["scene"]
+        found[scene, "step, fs"] = f"{row['dt']:g}"
         for key in GAINS:
             name, unit = NAMES[key]
             found[scene, f"error of {name}, {unit}"] = Estimate.of(row[f"bias {key}"]).text()
-            gain = "CPU time for {} beside the best rival, times less"
-            found[scene, gain.format(name)] = _ends(row[f"gain {key}"])
+            what = "CPU time for {} beside the best rival, times less"
+            found[scene, what.format(name)] = _ends(row[f"gain {key}"])
         found[scene, "CPU time of a ps, s"] = f"{row['cost']['median']:.3g}"
     return found
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import pandas as pd
 
 from .. import CHECKOUT, COMMAND, NAME, RESULTS
-from ..pages import Column, Section, Table, page
+from ..pages import Column, Section, Table
+from ..pages.rendering import page
 from . import answers
 
 TITLE = "Rigid bodies in LAMMPS: how long a step, what it gains, at what error"
@@ -65,7 +66,8 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
         sections,
         "overview.html",
         answers=answers.sentences(best.rows),
-        tables=[best, releases()],
+        best=best,
+        releases=releases(),
         data=answers.figure(summaries),
         defeats=lost,
         problems=problems,

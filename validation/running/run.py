@@ -63,8 +63,8 @@ class Job:
         ranks: number of MPI ranks.
         silence: s without a word in the log after which the run counts as hung.
         origin: hash of what the result follows from beside all this (see ``machine.origin``).
-        motion: whether velocities, masses and topology are kept with the positions.
-        room: see ``Scene``; what the run writes goes into a room of its own.
+        motion: whether velocities and masses are kept with the positions.
+        overlay: see ``Scene``; what the run writes goes into an overlay of its own.
         worker: file of the harness that does it, by its place there; empty for LAMMPS's.
         given: what another worker is given, plain data.
     """
@@ -79,7 +79,7 @@ class Job:
     silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
     origin: str | None = None
     motion: bool = False
-    room: str = ""
+    overlay: str = ""
     worker: str = ""
     given: dict = field(default_factory=dict)
 
@@ -160,7 +160,7 @@ def job(
         silence=silence,
         origin=origin,
         motion=keeps == "motion",
-        room=scene.room,
+        overlay=scene.overlay,
     )
 
 
@@ -195,7 +195,7 @@ def run(
     worker = WORKER.parents[1] / job.worker if job.worker else WORKER
     words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
-    how |= recorder.environment(job.room, directory / "room", how.get("LD_PRELOAD"))
+    how |= recorder.environment(job.overlay, directory / "overlay", how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:
         try:
             with started(words, stdout=output, stderr=subprocess.STDOUT, env=how) as process:
@@ -278,11 +278,7 @@ def collect(directory: Path | str) -> Result:
     positions = None
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
-            arrays = dict(file)
-        if "cell" in arrays:  # of 0.1.0, whose boxes did not change
-            cell = arrays.pop("cell")
-            arrays.setdefault("cells", np.repeat(cell[None], len(arrays["x"]), axis=0))
-        positions = Positions(**arrays)
+            positions = Positions(**file)
     done = whole.read(directory / "done.json")
     message = (
         _read(directory / "error.txt")

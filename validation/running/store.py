@@ -39,7 +39,7 @@ class Store:
 
     Args:
         folder: of the files; it is made when a record is kept.
-        module: name of the harness's module that measures, as ``breaks.measure``.
+        module: name of the harness's module that measures, as ``stress.measure``.
     """
 
     def __init__(self, folder: Path, module: str) -> None:

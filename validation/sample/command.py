@@ -30,7 +30,7 @@ def add(verbs: command_line.Verbs) -> None:
     )
     scene = command_line.scene_or_script(scenes)
     text = f"what to simulate (default {DEFAULT}), or a script of yours"
-    parser.add_argument("scenes", nargs="*", type=scene, metavar="SCENE", help=text)
+    parser.add_argument("scene", nargs="?", type=scene, default=DEFAULT, metavar="SCENE", help=text)
     command_line.short_or_full(parser, "300 ps of each point: a day of one core for water")
     text = "length of each point (default 300, --short 20)"
     parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
@@ -57,35 +57,21 @@ def scenes() -> Collection[str]:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
-    if not arguments.scenes:
-        command_line.need_scenes()
-    names = list(dict.fromkeys(arguments.scenes)) or [DEFAULT]
-    if len(names) > 1 and any(command_line.is_script(name, scenes) for name in names):
-        arguments.parser.error("a script of your own is run alone")
-    statuses = []
-    for name in names:
-        statuses.append(_scene(arguments, name, len(names) > 1))
-        if statuses[-1] == command_line.INTERRUPTED:
-            break
-    return max(statuses)
-
-
-def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
-    """Run and measure a scene or a script; the exit status."""
-    from ..own import system  # heavy: not for --help
+    from .. import pages  # heavy: not for --help
+    from ..own import system
     from ..pages import console
     from . import criteria, engine, measure, report
-    from .plan import TIMES, Lengths
-    from .runs import Runs
+    from .plan import TIMES, Lengths, Runs
     from .scenes import SCENES, of_script
 
     short = not arguments.full
-    if command_line.is_script(name, scenes):
-        ask, out = system.begin(arguments, name, short)
+    if command_line.is_script(arguments.scene, scenes):
+        ask, out = system.begin(arguments, arguments.scene, short)
         plan = of_script(system.take(ask, out, 1, arguments.silence))
     else:
-        out = _folder(arguments, name, short, several)
-        plan = SCENES[name](out)
+        arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
+        out = command_line.folder(arguments, short)
+        plan = SCENES[arguments.scene](out)
     only = arguments.only and [
         scheme.name for scheme in command_line.chosen_of(plan.schemes, arguments.only)
     ]
@@ -98,16 +84,8 @@ def _scene(arguments: argparse.Namespace, name: str, several: bool) -> int:
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, known, meter)
     summary["checks"] = [check.plain() for check in criteria.checks(summary)]
-    report.write(summary, out)
-    report.show(screen, summary, out)
+    said = report.said(summary)
+    pages.write(said, summary, out)
+    pages.show(screen, said, summary, out)
     failed = all(row["error"] for row in summary["rows"])
     return command_line.status(summary["interrupted"], failed)
-
-
-def _folder(arguments: argparse.Namespace, name: str, short: bool, several: bool) -> Path:
-    """The output folder of a scene, which is made."""
-    if arguments.out:
-        out = arguments.out / name if several else arguments.out
-    else:
-        out = Path(arguments.usual.replace("SCENE", name) + "-short" * short)
-    return command_line.made(arguments, out)

@@ -23,13 +23,12 @@ def work(job: dict, folder: Path) -> None:
     sys.path[0] = str(harness.parent)  # in the place of this file's folder
     given, log = job["given"], folder / "log.lammps"
     engine, begin = import_module(f"{harness.name}.sample.{given['module']}"), time.perf_counter()
-    for step, potential, pressure in engine.samples(given, folder):
-        # an engine may have a log of its own there until the first sample comes
-        lines = [] if log.exists() else [COLUMNS]
-        numbers = step * given["dt"], potential, pressure, given["volume"]
-        lines.append(f"{step} " + " ".join(f"{number:.15g}" for number in numbers))
-        with open(log, "a") as file:
-            file.write("\n".join([*lines, ""]))
+    for number, (step, potential, pressure) in enumerate(engine.samples(given, folder)):
+        values = step * given["dt"], potential, pressure, given["volume"]
+        line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
+        # before the first sample an engine may have a log of its own there
+        with open(log, "a" if number else "w") as file:
+            file.write(line if number else f"{COLUMNS}\n{line}")
     seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"
     with open(log, "a") as file:
         file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")

@@ -15,17 +15,14 @@ import numpy as np
 from ..experiment import Point
 from ..running import machine, run, whole
 from ..scenes import FS_PER_PS
-from ..statistics import limit, measures, motion, precision, structure
+from ..statistics import limit, measures, precision, structure
 from ..statistics.estimate import Estimate
 from . import engine
 from .criteria import BOUNDS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
-from .plan import SAMPLED, SITES, Plan
-from .runs import Runs, start_name, table
+from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
-BLOCKS = 8  # of a start's frames, for the noise of g(r)
-BIN, REACH = 0.1, 0.45  # Angstrom, of g(r), and how far it goes, of the box
 # of each of two states independent samples, as fewer cannot tell a slope, and how many are taken
 # for an independent one, as physical_validation has bins to fill (it counts independent ones)
 LEAST_SAMPLES, DENSER = 50, 4
@@ -43,20 +40,21 @@ class Numbers:
         means: of observables.
         remembers: of each, ps of an independent sample; of a square only with all starts.
         variances: of each, of a sample.
-        rdf: g(r) of blocks of frames, (blocks, bins).
         vectors: of squares, the autocovariances of the components, (components, lags).
         apart: ps between samples.
         state: samples that are held against those of another state, at constant pressure.
+        far: standard deviations between the distribution of the bodies' kinetic energy and the
+            canonical one, see `structure.distribution`.
         loop: s of a step with its samples.
     """
 
     means: dict[str, Estimate]
     remembers: dict[str, Estimate]
     variances: dict[str, float]
-    rdf: np.ndarray | None = None
     vectors: dict[str, np.ndarray] = field(default_factory=dict)
     apart: float = 0.0
     state: structure.Sampled | None = None
+    far: float | None = None
     loop: float = 0.0
 
     def noise(self, key: str) -> Estimate:
@@ -106,7 +104,8 @@ def sample(
             if point not in found.errors and run.is_there(job, failures=True):
                 _measure(found, plan, point, start, job)
     interrupted = _timed(found, runs, meter, not done.interrupted)
-    summary, engines = machine.circumstances(), (plan.schemes[one.scheme].engine for one in every)
+    summary = machine.circumstances()
+    engines = (plan.schemes[point.scheme].engine for point in found.good)
     summary["versions"] |= machine.worker_versions(done.versions) | engine.versions(engines)
     return summary | {
         "scene": plan.scene.name,
@@ -140,8 +139,6 @@ def _measure(found: Found, plan: Plan, point: Point, start: int, job: run.Job) -
         found.errors.setdefault(point, result.error)
         return
     numbers = of_series(samples, plan, plan.schemes[point.scheme])
-    if plan.sites and not plan.schemes[point.scheme].engine:
-        numbers.rdf = of_frames(Path(job.directory) / SITES, job.runs[0])
     last = result.timings[-1]
     numbers.loop = last.seconds / last.steps
     found.numbers.setdefault(point, {})[start] = numbers
@@ -185,6 +182,10 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
     if scheme.pressure is not None:
         values = thinned(samples["PotEng"], samples["Volume"], times=DENSER)
         numbers.state = structure.Sampled(scheme.temperature, scheme.pressure, values)
+    if scheme.reach and KINETIC in samples:
+        (kinetic,), bodies = thinned(samples[KINETIC]), plan.scene.unit
+        others = scheme.held + 3 * bodies - plan.turning
+        numbers.far = structure.distribution(kinetic, scheme.temperature, bodies, others)
     return numbers
 
 
@@ -192,24 +193,6 @@ def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
     """So many times the samples, (series, samples), that are independent in each of the series."""
     apart = max(map(measures.statistical_inefficiency, series))
     return np.stack(series)[:, :: int(np.ceil(apart / times))]
-
-
-def of_frames(path: Path, begin: int) -> np.ndarray | None:
-    """g(r) of blocks of a run's frames, (blocks, bins); None if there are too few.
-
-    Args:
-        begin: the first step that counts.
-    """
-    steps, x = motion.read(path)
-    x = x[steps >= begin]
-    if len(x) < BLOCKS:
-        return None
-    with open(path) as file:
-        ends = [next(file).split() for _ in range(8)][5:]
-    box = np.ptp(np.array(ends, float), axis=1)
-    cells = np.repeat(np.diag(box)[None], len(x), axis=0)
-    reach = np.floor(REACH * box.min() / BIN) * BIN
-    return structure.of_sites(x, cells, (BIN, reach), BIN, BLOCKS)
 
 
 def pooled(starts: Sequence[Numbers]) -> Numbers:
@@ -221,9 +204,7 @@ def pooled(starts: Sequence[Numbers]) -> Numbers:
 
     variances = [numbers.variances for numbers in starts]
     means = {key: float(np.mean([one[key] for one in variances])) for key in variances[0]}
-    blocks = [numbers.rdf for numbers in starts if numbers.rdf is not None]
-    rdf = np.concatenate(blocks) if blocks else None
-    made = Numbers(over("means"), over("remembers"), means, rdf)
+    made = Numbers(over("means"), over("remembers"), means)
     for key in starts[0].vectors:
         components = np.concatenate([numbers.vectors[key] for numbers in starts])
         memory = measures.autocorrelation_of_square(components)
@@ -309,9 +290,10 @@ def _row(
     Returns:
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
         ``remembers``, ps of an independent sample; ``noise``, variance of the mean times s of a
-        core, see `precision.Worth`.  ``rdf``: rms distance of g(r) from the limit's.
-        ``deviation``: of a state beside the first, see `structure.between_states`.  ``clock``: of
-        another engine, s by the clock for a ps.  The others are of `_spent`.
+        core, see `precision.Worth`.  ``deviation``: of a state beside the first, see
+        `structure.between_states`.  ``distribution``: of the kinetic energy, over starts.
+        ``clock``: of another engine, s by the clock for a ps.  The
+        others are of `_spent`.
     """
     plan, error = runs.plan, found.errors.get(point)
     scheme = plan.schemes[point.scheme]
@@ -328,7 +310,7 @@ def _row(
     row |= {
         name: {} for name in ("means", "biases", "remembers", "noise", "less", "faster", "seconds")
     }
-    row |= dict.fromkeys(("rdf", "deviation", "clock", "cost", "slowest", "sample"))
+    row |= dict.fromkeys(("deviation", "distribution", "clock", "cost", "slowest", "sample"))
     if error:
         return row
     numbers, biases = means[point], _biases(point, plan, means, fits)
@@ -337,7 +319,9 @@ def _row(
         for some in (numbers.means, biases, numbers.remembers)
     )
     row["slowest"] = slowest(numbers)
-    row["rdf"], row["deviation"] = apart(point, means, fits), deviation(point, plan, means)
+    row["deviation"] = deviation(point, plan, means)
+    far = [start.far for start in found.numbers[point].values() if start.far is not None]
+    row["distribution"] = measures.spread(far) if far else None
     if scheme.engine:
         loops = [start.loop for start in found.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
@@ -428,20 +412,3 @@ def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict 
         return None
     found = structure.between_states(*states)
     return None if found is None else Estimate(found).plain()
-
-
-def apart(point: Point, means: Mapping[Point, Numbers], fits: Fits) -> dict | None:
-    """The rms distance of a point's g(r) from the limit's.
-
-    The limit is made as that of the potential energy, of the same points with the same weights, in
-    each bin.  Blocks of all these runs together are independent measurements of the difference.
-    """
-    fit = fits[LAMMPS].get("potential")
-    parts = {one: weight for one, weight in fit.distance(point).items() if weight} if fit else {}
-    some = {one: means[one].rdf for one in parts if one in means}
-    known = {one: rdf for one, rdf in some.items() if rdf is not None}
-    if not parts or len(known) < len(parts):
-        return None
-    number = min(map(len, known.values()))
-    off = np.sum([weight * known[one][:number] for one, weight in parts.items()], axis=0)
-    return measures.without_noise(off).plain()

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..scenes.units import BOLTZMANN, COULOMB
 from ..statistics import measures
-from .plan import DIPOLE, TORQUE, Plan
+from .plan import DIPOLE, KINETIC, MOVES, TORQUE, Plan
 from .schemes import Scheme
 
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
@@ -98,19 +98,15 @@ def _dipole(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _translation(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    if "f_1[3]" in table:
-        return table["f_1[3]"]
-    if "v_moves" not in table:
+    if MOVES not in table:
         return None
-    return table["v_moves"] / (3 * plan.scene.unit * BOLTZMANN / 2)
+    return table[MOVES] / (3 * plan.scene.unit * BOLTZMANN / 2)
 
 
 def _rotation(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    if "f_1[4]" in table:
-        return table["f_1[4]"]
-    if "v_moves" not in table:
+    if MOVES not in table:
         return None
-    return (table["c_kinetic"] - table["v_moves"]) / (plan.turning * BOLTZMANN / 2)
+    return (table[KINETIC] - table[MOVES]) / (plan.turning * BOLTZMANN / 2)
 
 
 def _apart(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:

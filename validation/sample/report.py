@@ -1,136 +1,200 @@
-"""From the points of ``sample`` to files and the terminal."""
+"""What `sample` says of its summary."""
 
-from pathlib import Path
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
-from rich.console import Console
-
-from ..pages import points
-from ..pages.points import Part
-from ..pages.said import Figure, Said, of_checks
-from ..pages.tables import Column
-from ..statistics.estimate import Estimate
+from ..pages import Column, Figure, Said, Table
+from ..report import answers
+from ..statistics.check import VERDICTS
+from ..statistics.estimate import SURE, Estimate
+from . import figures
 from .criteria import BOUNDS, TITLES
-from .figures import bias, precision
 from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES
 from .plan import LEAST
 
+POINT = (
+    Column("label", "scheme", kind="text"),
+    Column("dt", "step", "fs", "number"),
+    Column("starts", "starts", kind="number"),
+)
+BIASES = (
+    *(
+        Column(f"biases {one.key}", one.title, one.unit, "estimate", wide=one.moves)
+        for one in OBSERVABLES
+    ),
+    Column("rdf", "g(r)", "rms", "estimate"),  # of committed results
+)
 MEANS = (
     Column("means density", "density", "g/cm³", "estimate"),
     Column("means compressibility", "κ of V's sd", "1e-5/atm", "estimate"),
     Column("means two_pressures", "κ of two P", "1e-5/atm", "estimate"),  # of committed results
     Column("deviation", "two states", "sd", "estimate"),
-)
-BIASES = (
-    *(Column(f"biases {one.key}", one.title, one.unit, "estimate") for one in OBSERVABLES),
-    Column("rdf", "g(r)", "rms", "estimate"),
+    Column("means temperature", "temp", "K", "estimate"),
+    Column("means apart", "T_trans − T_rot", "K", "estimate"),
 )
 REMEMBERS = tuple(
-    Column(f"remembers {key}", f"2τ of {BY_KEY[key].title}", "ps", "estimate")
+    Column(f"remembers {key}", f"2τ of {BY_KEY[key].title}", "ps", "estimate", wide=True)
     for key in CONFIGURATIONS
 )
-COSTS = (
-    Column("cost", "cost", "s/ps"),
-    *REMEMBERS,
-    Column("sample", "sample of the slowest", "s", "estimate"),
-)
-CLOCK = Column("clock", "clock", "s/ps")
+SAMPLE = Column("sample", "sample of the slowest", "s", "estimate")
 WORKS = (
     *(
         Column(f"seconds {key}", f"time of {BY_KEY[key].title} to ±{most:g}", "s", "interval")
         for key, most in BOUNDS.items()
     ),
     *(
-        Column(f"faster {key}", f"times faster, {BY_KEY[key].title}", "times", "interval")
+        Column(
+            f"faster {key}", f"times faster, {BY_KEY[key].title}", "times", "interval", wide=True
+        )
         for key in CONFIGURATIONS
     ),
 )
+# of the kinetic energy; wall time of another engine
+FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
+ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")
+NOTES = {
+    "biases": "Means less their limit. The limit's error counts, and so does that a point may be a "
+    "part of it. U(h) = U₀ + a h² is fitted to all points with short steps of the schemes that "
+    "sample the same distribution, with one U₀ and a factor a of each scheme, and a term in h⁴ "
+    "where a scheme has four steps or more. rigid/nvt/small is held against it, but is no part of "
+    "it: it counts three degrees of freedom of the total momentum, so its limit is another. "
+    "OpenMM has the scene's forces, so its points are held against LAMMPS's limit. GROMACS has no "
+    "Coulomb forces that end so: it runs with a reaction field, and has its own limit.",
+    "U/N": "Potential energy of a molecule.",
+    "pressure": "At constant volume with what a total momentum that is kept at zero takes off; at "
+    "constant pressure that of the barostat is the limit.",
+    "heat capacity": "Of configurations: var(U) / (kT)², in per cent of the limit.",
+    "squared torque": "Mean squared torque of the forces on a molecule about its centre, in per "
+    "cent of the limit: how sharply libration is sampled.",
+    "dipole fluctuation": "⟨M²⟩ / (3 ε₀ V kT) of the whole's dipole M, in per cent of the limit: "
+    "what a dielectric constant is made of.",
+    "temp, T_trans, T_rot": "LAMMPS's temp, and the temperatures of the molecules' centres and of "
+    "their rotation, less the thermostat's. temp counts three degrees of freedom less than "
+    "Langevin's thermostats move.",
+    "K": "How far mean and width of the bodies' kinetic energy are from the canonical "
+    "distribution, in standard deviations, by physical_validation; the larger one counts. A bias "
+    "that is there grows in these units with the length of the run.",
+    "density, κ of V's sd": "Mean density, and the compressibility var(V) / (kT ⟨V⟩).",
+    "two states": "How far the slope of the logarithm of the ratio of two distributions is from "
+    "the exact one, in standard deviations, by physical_validation: of enthalpies at two "
+    "temperatures, of volumes at two pressures. The first state is that of the scheme with the "
+    "same name, at the same step.",
+    "2τ, cost": "Time of one independent sample, and the time that one core had for a ps, without "
+    "output, all points in turn.",
+    "sample of the slowest": "Cost times the largest of these 2τ: time of one core for an "
+    "independent sample. “Less than” is how many times less it costs than with that scheme at its "
+    "usual step; it is held against its bound only where its margin is at most half of it.",
+    "time to": f"Time of one core to a total error, √(bias² + noise²), as large as the bound, with "
+    f"its {SURE} interval; ∞: the bias alone is larger.",
+    "times faster": "How many times less time it takes to the total error that the first of "
+    "today's schemes has when its noise is as large as its bias. ∞: that scheme does not come to "
+    "it; 0: this scheme does not.",
+    "clock": "Of another engine the time of the whole run by the clock, on a core that others may "
+    "have used, too. It compares nothing.",
+}
 
 
-def flat(row: dict) -> dict:
-    """A row whose numbers of each observable stand beside the others."""
-    more = {f"{name} {key}": one for name in NESTED for key, one in row[name].items()}
-    return row | more
-
-
-def parts(summary: dict) -> list[Part]:
-    """The tables, with the columns that any row has a number in."""
-    known = summary["known"]
-    less = tuple(
-        Column(f"less {one['scheme']}", f"less than {one['scheme']}", "times", "estimate")
-        for one in known
+def said(summary: dict) -> Said:
+    """Averages of one scene, and what they cost."""
+    rows, settings = [_flat(row) for row in summary["rows"]], summary["settings"]
+    answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
+    starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
+    length = f"{settings['time']:g} ps of each point from {starts}, after {settings['settle']:g} ps"
+    drawn = figures.precision, figures.bias
+    return Said(
+        f"What averages cost: {summary['title']}",
+        "Which error do averages have with which scheme and step, and what does it cost?",
+        answer,
+        lines=[f"{length} that are left out.", *_limits(summary), *_lost(summary)],
+        tables=[table for table in _tables(summary, rows) if table.rows],
+        figures=[Figure(one.__name__, partial(one, summary), _caption(one)) for one in drawn],
+        checks=summary["checks"],
+        parts=TITLES,
+        notes=NOTES,
+        failures=[
+            f"{row['label']}, {row['dt']:g} fs: {row['error']}" for row in rows if row["error"]
+        ],
     )
-    rows = [flat(row) for row in summary["rows"]]
-    every = {
-        "Bias, from the limit of small steps": BIASES,
-        "Means": MEANS,
-        "What an independent sample costs": (*COSTS, *less, CLOCK),
+
+
+def _caption(figure: Callable) -> str:
+    return " ".join((figure.__doc__ or "").split())
+
+
+def _flat(row: dict) -> dict:
+    """A row whose numbers of each observable stand beside the others."""
+    more = {f"{name} {key}": one for name in NESTED for key, one in row.get(name, {}).items()}
+    return row | more | {"status": row["error"] or "ok"}
+
+
+def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
+    """Those of the page, and the file's, each with the columns that any row has a number in."""
+    less = (
+        Column(f"less {one['scheme']}", f"less than {one['scheme']}", "times", "estimate")
+        for one in summary["known"]
+    )
+    costs = Column("cost", "cost", "s/ps"), *REMEMBERS, SAMPLE, *less, CLOCK
+    parts = {
+        "Bias, from the limit of small steps": (*BIASES, FAR),
+        "At constant pressure": MEANS if any("means density" in row for row in rows) else (),
+        "What an independent sample costs": costs,
         "Time to a total error": WORKS,
     }
-    made = []
-    for title, columns in every.items():
-        some = tuple(one for one in columns if any(row.get(one.key) for row in rows))
-        made += [Part(title, some, rows)] * bool(some)
-    return made
+    every = []
+    for title, columns in parts.items():
+        some = [one for one in columns if any(row.get(one.key) for row in rows)]
+        every += some
+        if some:
+            yield Table(title, (*POINT, *some), rows)
+    ends = [one for one in ENDS if any(row.get(one.key) for row in rows)]
+    yield Table("", (*POINT, *every, *ends), rows, "table")
+    lines = {row["label"]: row for row in rows}
+    told = Column("lines", "what it is told", kind="code")
+    yield Table("Input of each scheme", (POINT[0], told), [*lines.values()], long=True)
 
 
-def limits(summary: dict) -> list[str]:
+def _verdicts(summary: Mapping) -> str:
+    """How many numbers are within their bounds."""
+    if summary["settings"]["time"] < LEAST:
+        return (
+            f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell "
+            "their own errors."
+        )
+    verdicts = [check["verdict"] for check in summary["checks"]]
+    held, lost, unknown = (verdicts.count(one) for one in VERDICTS)
+    return (
+        f"Of {len(verdicts)} numbers {held} are within their bounds, {lost} are not, and of "
+        f"{unknown} these runs cannot tell."
+    )
+
+
+def _limits(summary: Mapping) -> list[str]:
     """The limits of small steps, and whether the points agree with a common one."""
-    told = [of_limit(BY_KEY[key].title, one) for key, one in summary["limits"].items()]
-    for engine, own in summary.get("others", {}).items():
-        told += [of_limit(f"{engine}, {BY_KEY[key].title}", one) for key, one in own.items()]
+    some = {"": summary["limits"]} | {f"{name}, ": own for name, own in summary["others"].items()}
+    told = [
+        _limit(f"{name}{BY_KEY[key].title}", limit)
+        for name, own in some.items()
+        for key, limit in own.items()
+    ]
     return told or [
         "No limit of small steps: it takes a scheme with two short steps, or one without error."
     ]
 
 
-def of_limit(name: str, one: dict) -> str:
-    """A limit, of `told_limit`, in a sentence."""
-    text = f"{name}: the limit of small steps is {Estimate.of(one).text()}"
-    schemes = len({scheme for scheme, *_ in one["points"]})
-    text += f", of {len(one['points'])} points of {schemes} schemes"
-    if one["left"]:
-        agrees = "agree" if one["agrees"] else "do NOT agree"
-        text += f", which {agrees} with it: χ² is {one['chi2']:.1f} with {one['left']} degrees "
-        text += f"of freedom, probability {one['probability']:.2g}"
+def _limit(name: str, limit: Mapping) -> str:
+    """A limit, of `measure.told_limit`, in a sentence."""
+    text = f"{name}: the limit of small steps is {Estimate.of(limit).text()}"
+    schemes = len({scheme for scheme, *_ in limit["points"]})
+    text += f", of {len(limit['points'])} points of {schemes} schemes"
+    if limit["left"]:
+        agrees = "agree" if limit["agrees"] else "do NOT agree"
+        text += f", which {agrees} with it: χ² is {limit['chi2']:.1f} with {limit['left']} degrees "
+        text += f"of freedom, probability {limit['probability']:.2g}"
     return text + "."
 
 
-def _told(summary):
-    failed = summary.get("lost", {}).items()  # a former summary does not tell
-    lost = (f"No average has start {number}, which failed: {why}." for number, why in failed)
-    short = ""
-    if summary["settings"]["time"] < LEAST:
-        short = (
-            f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell "
-            "their own errors."
-        )
-    return {"titles": TITLES, "limits": [*limits(summary), *lost], "too_short": short}
-
-
-def write(summary: dict, out: Path) -> None:
-    """Write summary.json, table.csv, checks.csv, figures and report.html into a folder.
-
-    Args:
-        summary: plain data: ``rows``, ``limits``, ``checks``, settings and circumstances.
-    """
-    made, rows = parts(summary), [flat(row) for row in summary["rows"]]
-    table = points.frame(rows, (one for part in made for one in part.columns))
-    table["slowest"] = [row["slowest"] for row in rows]
-    drawn = precision, bias
-    points.write(summary, out, table, "sample.html", drawn, made, **_told(summary))
-
-
-def show(console: Console, summary: dict, out: Path) -> None:
-    """Print the points, the limits, the checks, what failed and where the files are."""
-    points.show(console, summary, out, parts(summary), **_told(summary))
-
-
-def say(summary: dict) -> Said:
-    """For the report of all verbs."""
-    noun = "statements about the error and the cost of averages with long steps"
-    figures = [
-        Figure("precision.png", "Total error of averages against the time that is spent."),
-        Figure("bias.png", "Bias of averages against the time step."),
-    ]
-    return of_checks(summary, TITLES, noun, lines=_told(summary)["limits"], figures=figures)
+def _lost(summary: Mapping) -> list[str]:
+    """Why starts are in no average; a former summary does not tell."""
+    failed = summary.get("lost", {}).items()
+    return [f"No average has start {number}, which failed: {why}." for number, why in failed]

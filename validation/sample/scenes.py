@@ -47,7 +47,7 @@ def _water(_: Path) -> Plan:
     schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
     starter, others = schemes["langevin-20"], [*with_openmm.SCHEMES, *with_gromacs.SCHEMES]
     schemes |= by_name(others)
-    return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, "type 1", dipole=True)
+    return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, dipole=True)
 
 
 def _pressure(folder: Path) -> Plan:
@@ -68,9 +68,9 @@ def _peptide(_: Path) -> Plan:
         alike=False,  # of four atoms it holds three bonds: the averages have their angles' energy
         longest=6.0,
     )
-    schemes, sites = constant_volume(bodies), "type 21"  # the water's oxygens
-    starter, scene = schemes["langevin-20"], peptide.scene()
-    return Plan(scene, bodies.temperature, schemes, starter, CONSTRAINED, PEPTIDE_TURNS, sites)
+    schemes, scene = constant_volume(bodies), peptide.scene()
+    starter = schemes["langevin-20"]
+    return Plan(scene, bodies.temperature, schemes, starter, CONSTRAINED, PEPTIDE_TURNS)
 
 
 def _liquid(liquid: Liquid, folder: Path) -> Plan:
@@ -81,7 +81,7 @@ def _liquid(liquid: Liquid, folder: Path) -> Plan:
     starter = ours("melt", "melt", words, "NVT")
     turning = liquid.molecules * (2 if np.linalg.matrix_rank(liquid.shape) == 1 else 3)
     scene = liquid.scene(folder / "scenes")
-    return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning, "type 1")
+    return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning)
 
 
 SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into a folder

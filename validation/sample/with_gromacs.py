@@ -17,10 +17,9 @@ from pathlib import Path
 import numpy as np
 
 from ..running import run
-from . import shifted
-from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample
+from . import engine
+from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample, Water
 from .schemes import Scheme
-from .shifted import Water
 
 GMX = "gmx"
 ENERGIES = "energies.xvg"
@@ -110,9 +109,9 @@ def settings(course: Course) -> str:
         log=max(1, course.steps // LOGGED // course.every) * course.every,
         list_steps=LIST_STEPS,
         tolerance=TOLERANCE,
-        coulomb=shifted.COULOMB.outer * NM,
-        inner=shifted.DISPERSION.inner * NM,
-        outer=shifted.DISPERSION.outer * NM,
+        coulomb=engine.COULOMB.outer * NM,
+        inner=engine.DISPERSION.inner * NM,
+        outer=engine.DISPERSION.outer * NM,
         time=1 / course.friction,
         temperature=course.temperature,
         seed=course.seed,
@@ -122,14 +121,14 @@ def settings(course: Course) -> str:
 def topology(water: Water) -> str:
     """The text of a top file."""
     return TOPOLOGY.format(
-        oxygen=shifted.MASS[0],
-        hydrogen=shifted.MASS[1],
-        size=shifted.SIZE * NM,
-        depth=shifted.DEPTH * KJ,
-        negative=shifted.CHARGE[0],
-        positive=shifted.CHARGE[1],
-        bond=shifted.BOND * NM,
-        across=shifted.ACROSS * NM,
+        oxygen=engine.MASS[0],
+        hydrogen=engine.MASS[1],
+        size=engine.SIZE * NM,
+        depth=engine.DEPTH * KJ,
+        negative=engine.CHARGE[0],
+        positive=engine.CHARGE[1],
+        bond=engine.BOND * NM,
+        across=engine.ACROSS * NM,
         molecules=water.molecules,
     )
 
@@ -164,7 +163,7 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
     log = folder / "log.lammps"
     one_core = "-ntmpi", "1", "-ntomp", "1", "-pin", "off", "-nb", "cpu"
     _gmx(folder, "mdrun", "-deffnm", "run", "-g", log.name, *one_core)
-    log.replace(folder / "run.log")
+    shutil.copy(log, folder / "run.log")
     energy = "energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"
     _gmx(folder, *energy, typed="Potential\nPressure\n\n")
     yield from read((folder / ENERGIES).read_text(), given["dt"])

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from ..scenes.units import COULOMB
-from . import shifted
-from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample
+from . import engine
+from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample, Shift, Water
 from .schemes import Scheme
-from .shifted import Shift, Water
 
 TOLERANCE = 1e-6  # relative, of constraints; SETTLE, which water has, needs none
 PARAMETERS = "charge", "site"
@@ -27,9 +26,9 @@ def version() -> str | None:
 
 def energy() -> str:
     """The energy of a pair, in OpenMM's words; nm and kJ/mol."""
-    size, depth = shifted.SIZE * NM, shifted.DEPTH * KJ
-    coulomb = f"{COULOMB * KJ * NM!r}*charge1*charge2*({_ended(shifted.COULOMB)})"
-    repulsion, dispersion = _ended(shifted.REPULSION), _ended(shifted.DISPERSION)
+    size, depth = engine.SIZE * NM, engine.DEPTH * KJ
+    coulomb = f"{COULOMB * KJ * NM!r}*charge1*charge2*({_ended(engine.COULOMB)})"
+    repulsion, dispersion = _ended(engine.REPULSION), _ended(engine.DISPERSION)
     first, second = 4 * depth * size**12, 4 * depth * size**6
     return f"{coulomb} + site1*site2*({first!r}*({repulsion}) - {second!r}*({dispersion}))"
 
@@ -44,16 +43,16 @@ def _ended(shift: Shift) -> str:
 
 def given(course: Course, water: Water) -> dict:
     """See `Engine`: all numbers and the forces, in OpenMM's units (nm, ps, kJ/mol, g/mol)."""
-    (oxygen, hydrogen), charge, bond = shifted.MASS, shifted.CHARGE, shifted.BOND * NM
+    (oxygen, hydrogen), charge, bond = engine.MASS, engine.CHARGE, engine.BOND * NM
     return {
         "platform": "CPU",
         "box": np.diag(water.box * NM).tolist(),
         "x": (water.x * NM).tolist(),
         "mass": [oxygen, hydrogen, hydrogen],
         "parameters": [[charge[0], 1.0], [charge[1], 0.0], [charge[1], 0.0]],
-        "lengths": [bond, bond, shifted.ACROSS * NM],
+        "lengths": [bond, bond, engine.ACROSS * NM],
         "energy": energy(),
-        "cutoff": shifted.COULOMB.outer * NM,
+        "cutoff": engine.COULOMB.outer * NM,
         "temperature": course.temperature,
         "friction": course.friction,
         "steps": course.steps,
@@ -85,31 +84,13 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
 
 
 def begun(given: dict) -> tuple[Any, Any]:
-    """OpenMM's ``Context`` at the start, with velocities of the temperature, and a barostat that
-    only tells the pressure: it never changes the box."""
+    """OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the start, with
+    velocities of the temperature; and a barostat that only tells the pressure: it never changes the
+    box."""
     import openmm
 
-    system, barostat = _system(given)
-    integrator = openmm.LangevinMiddleIntegrator(
-        given["temperature"], given["friction"], given["dt"] / 1e3
-    )
-    integrator.setConstraintTolerance(TOLERANCE)
-    integrator.setRandomNumberSeed(given["seed"])
-    platform = openmm.Platform.getPlatformByName(given["platform"])
-    how = {"Threads": "1"} if given["platform"] == "CPU" else {}
-    context = openmm.Context(system, integrator, platform, how)
-    context.setPositions([openmm.Vec3(*place) for place in given["x"]])
-    context.setVelocitiesToTemperature(given["temperature"], given["seed"])
-    return context, barostat
-
-
-def _system(given: dict) -> tuple[Any, Any]:
-    """Rigid three-site molecules with the given forces, and the barostat."""
-    import openmm
-
-    system = openmm.System()
+    system, force = openmm.System(), openmm.CustomNonbondedForce(given["energy"])
     system.setDefaultPeriodicBoxVectors(*map(tuple, given["box"]))
-    force = openmm.CustomNonbondedForce(given["energy"])
     force.setNonbondedMethod(openmm.CustomNonbondedForce.CutoffPeriodic)
     force.setCutoffDistance(given["cutoff"])
     for name in PARAMETERS:
@@ -122,9 +103,18 @@ def _system(given: dict) -> tuple[Any, Any]:
             system.addConstraint(first + i, first + j, length)
             force.addExclusion(first + i, first + j)
     barostat = openmm.MonteCarloBarostat(1.0, given["temperature"], 0)
-    system.addForce(force)
-    system.addForce(barostat)
-    return system, barostat
+    for one in force, barostat:
+        system.addForce(one)
+    how = given["temperature"], given["friction"], given["dt"] / 1e3
+    integrator = openmm.LangevinMiddleIntegrator(*how)
+    integrator.setConstraintTolerance(TOLERANCE)
+    integrator.setRandomNumberSeed(given["seed"])
+    platform = openmm.Platform.getPlatformByName(given["platform"])
+    one_core = {"Threads": "1"} if given["platform"] == "CPU" else {}
+    context = openmm.Context(system, integrator, platform, one_core)
+    context.setPositions([openmm.Vec3(*place) for place in given["x"]])
+    context.setVelocitiesToTemperature(given["temperature"], given["seed"])
+    return context, barostat
 
 
 ENGINE = Engine(

@@ -44,7 +44,7 @@ class Scene:
         output: LAMMPS commands behind those of the output.
         dimension: of space, 2 or 3.
         origin: hash of its files; empty where these are all in the folder.
-        room: of a user's script, see ``own.recorder``; empty for the harness's own scenes.
+        overlay: of a user's script, see ``own.recorder``; empty for the harness's own scenes.
     """
 
     name: str
@@ -68,7 +68,7 @@ class Scene:
     output: tuple[str, ...] = ()
     dimension: int = 3
     origin: str = ""
-    room: str = ""
+    overlay: str = ""
 
     def on_mesh(self, accuracy: str) -> "Scene":
         """The scene with another accuracy of its PPPM; without effect on one that has none."""

@@ -1,4 +1,4 @@
-"""Small scenes in reduced units for the stability atlas: bodies and their data file."""
+"""Small scenes in reduced units for `stress`: bodies and their data file."""
 
 from collections.abc import Sequence
 from dataclasses import replace

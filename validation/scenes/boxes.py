@@ -1,5 +1,5 @@
 """Small boxes of rigid Lennard-Jones bodies of many shapes, and what a run of one leaves: for
-`breaks`, and for tests."""
+`stress`, and for tests."""
 
 import itertools
 from pathlib import Path

@@ -11,7 +11,6 @@ OLDER = {
     "Gear": f"{INSTALLED}.schemes.gear",
 }  # class: its module, which LAMMPS imports
 OUTSIDE = OLDER | {"Shadowed": f"{INSTALLED}.schemes.shadow"}  # all that are no fix style
-REFERENCE = "rigid/nve"  # ratios and distances are taken from this one
 
 
 @dataclass(frozen=True)

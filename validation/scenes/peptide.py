@@ -1,26 +1,12 @@
-"""The peptide of figure 3: what SHAKE holds of it, and its helix."""
+"""The peptide of figure 3: what SHAKE holds of it."""
 
 import gzip
 import re
-import warnings
 from dataclasses import replace
 
-import mdtraj
 import numpy as np
 
-from ..statistics import measures
-from ..statistics.positions import NM_PER_ANGSTROM
 from . import SCENES, Scene
-
-# names of the peptide's atoms, which are the data file's first
-PDB = SCENES["peptide"].folder / "peptide.pdb"
-
-
-def topology() -> mdtraj.Topology:
-    """The peptide's, as mdtraj's ``Topology``."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # mdtraj's about this file's box
-        return mdtraj.load_topology(str(PDB))
 
 
 def scene() -> Scene:
@@ -51,24 +37,3 @@ def scene() -> Scene:
         return " ".join(sorted(found, key=int))
 
     return replace(plain, constraints=f"b {types('Bonds', 2)} a {types('Angles', 3)}")
-
-
-def helical(frames: np.ndarray) -> np.ndarray:
-    """Residues that are alpha helix by DSSP, (frames,), of unwrapped positions of the peptide
-    (frames, atoms, 3) in Angstrom."""
-    path = mdtraj.Trajectory(frames * NM_PER_ANGSTROM, topology())
-    return (mdtraj.compute_dssp(path, simplified=True) == "H").sum(axis=1)
-
-
-def helicity(x: np.ndarray, cell: np.ndarray, periodic: np.ndarray) -> np.ndarray:
-    """Helical residues over those of the first frame, (frames,), of positions of all atoms, the
-    peptide's first, in any image (frames, atoms, 3).
-
-    Args:
-        cell: vectors as rows.  periodic: (3,) bool.
-    """
-    x = x[:, : topology().n_atoms]
-    # an atom is never far from the one before
-    steps = measures.nearest_image(np.diff(x, axis=1), cell, periodic)
-    found = helical(np.concatenate([x[:, :1], x[:, :1] + np.cumsum(steps, axis=1)], axis=1))
-    return found / found[0]

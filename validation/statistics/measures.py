@@ -155,44 +155,6 @@ def mean(x: np.ndarray) -> Estimate:
     )
 
 
-def parts_of_runs(runs: Sequence[np.ndarray]) -> tuple[float, float]:
-    """As how many independent parts a run's mean counts, and the variance of that mean.
-
-    Halves of a run tell the variance: what is slow adds to it, and is hidden by faster noise in
-    shorter parts.  All bins of all runs tell it together.  What is slower than a run stays hidden
-    from the run itself.
-
-    Args:
-        runs: of the same motion and length, each (parts, bins) of successive parts.
-    """
-
-    def variance(count: int) -> float:  # of a mean, if so many parts of the run are independent
-        means = (_joined(one, count) for one in runs)
-        return float(np.mean([one.var(axis=0, ddof=1).mean() for one in means])) / count
-
-    number = min(map(len, runs))
-    if number < 2:
-        return float(number), np.inf
-    single = variance(number)
-    of_mean = max(single, variance(2))
-    return number * single / of_mean if of_mean > 0 else float(number), of_mean
-
-
-def independent(runs: Sequence[np.ndarray], number: int, variance: float) -> list[np.ndarray]:
-    """Runs in so many parts, whose scatter is that of independent ones: it tells the ``variance``
-    of a run's mean, see `parts_of_runs`."""
-    joined = [_joined(one, number) for one in runs]
-    seen = float(np.mean([one.var(axis=0, ddof=1).mean() for one in joined])) / number
-    wider = np.sqrt(variance / seen) if seen > 0 else 1.0
-    scatter = (one - one.mean(axis=0) for one in joined)
-    return [one.mean(axis=0) + wider * off for one, off in zip(runs, scatter)]
-
-
-def _joined(parts: np.ndarray, number: int) -> np.ndarray:
-    """Of (parts, bins) so many successive parts."""
-    return np.array([some.mean(axis=0) for some in np.array_split(parts, number)])
-
-
 def squares(x: np.ndarray) -> np.ndarray:
     """(x - <x>)^2 of each sample, times n / (n - g): so their mean is the variance about what the
     mean is in ever longer series, in units of ``x``^2."""

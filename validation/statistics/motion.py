@@ -13,12 +13,6 @@ def dump(every: int) -> list[str]:
     ]
 
 
-def has_frames(folder: Path) -> bool:
-    """Whether `dump` left a whole frame."""
-    path = Path(folder) / "atoms.dump"
-    return path.exists() and len(read(path)[0]) > 0
-
-
 def frames(folder: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """What `dump` left, whole frames only: steps (frames,), masses (atoms,), positions and
     velocities (frames, atoms, 3)."""

@@ -4,8 +4,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-NM_PER_ANGSTROM = 0.1  # mdtraj has nm
-
 
 def _nothing() -> np.ndarray:
     return np.empty(0)
@@ -18,8 +16,7 @@ class Positions:
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
         cells: (frames, 3, 3), of each frame the cell's vectors as rows.  periodic: (3,) bool.
-        v, mass, bonds, angles: of a job with ``motion`` only: velocities as ``x``, (atoms,), rows
-            of atoms counted from 0.
+        v, mass: of a job with ``motion`` only: velocities as ``x``, (atoms,).
     """
 
     x: np.ndarray
@@ -28,8 +25,6 @@ class Positions:
     periodic: np.ndarray
     v: np.ndarray = field(default_factory=_nothing)
     mass: np.ndarray = field(default_factory=_nothing)
-    bonds: np.ndarray = field(default_factory=_nothing)
-    angles: np.ndarray = field(default_factory=_nothing)
 
     @property
     def cell(self) -> np.ndarray:

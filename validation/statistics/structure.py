@@ -1,19 +1,16 @@
-"""What a run's atoms tell: how far bodies are from a reference, what holds them, g(r),
-kinetic energies of single bodies."""
+"""What a run's atoms tell: bodies' degrees of freedom, g(r), and what two states have in common."""
 
 import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mdtraj
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from . import measures
-from .estimate import Estimate
 from .positions import Positions
 
 logging.getLogger("pymbar").setLevel(logging.ERROR)  # that it has no JAX
@@ -22,7 +19,6 @@ import physical_validation  # noqa: E402  it imports pymbar
 
 records = physical_validation.data
 
-KCAL = 1e7 / 4184  # kcal/mol in a g/mol (Angstrom/fs)^2
 STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
 BLOCKS = 5  # of a run's frames, for the noise of g(r)
@@ -42,7 +38,7 @@ class Motion:
 
     def __init__(self, positions: Positions) -> None:
         self.x, self.v, self.mass = positions.x, positions.v, positions.mass
-        self.bodies, self._bonds, self._angles = positions.bodies, positions.bonds, positions.angles
+        self.bodies = positions.bodies
         self.cell, self.periodic = positions.cell, positions.periodic
         self.cells = positions.cells
         order = np.argsort(self.bodies, kind="stable")
@@ -62,52 +58,6 @@ class Motion:
         centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
         return centre, r - centre[:, None]
 
-    def distance(self, frame: int, exact: np.ndarray) -> Estimate:
-        """Root mean square over all bodies of how far their centres of mass are from those of
-        ``exact``, (atoms, 3); Angstrom."""
-        moved = [
-            self._image(self._parts(self.x[frame], group)[0] - self._parts(exact, group)[0])
-            for group in self.groups
-        ]
-        return _rms(np.linalg.norm(np.concatenate(moved), axis=1))
-
-    def angle(self, frame: int, exact: np.ndarray) -> Estimate:
-        """Root mean square over all bodies of the angle of the rotation that fits them best to
-        ``exact``; radians.
-
-        Of linear bodies the angle between their axes; single atoms do not count.  The fit is by
-        singular values (Kabsch, Acta Cryst. A32, 922, 1976).
-        """
-        angles = []
-        for group in self.groups:
-            if group.shape[1] > 1:
-                a, b = self._parts(exact, group)[1], self._parts(self.x[frame], group)[1]
-                straight = _straight(a)
-                angles += [_between(a[straight], b[straight]), _turned(a[~straight], b[~straight])]
-        return _rms(np.concatenate(angles))
-
-    def bond_error(self) -> float:
-        """Largest change of a bond within a body from its length at the start, in all frames;
-        Angstrom."""
-        i, j = self._within(self._bonds).T
-        length = np.linalg.norm(self._image(self.x[:, i] - self.x[:, j]), axis=-1)
-        return np.abs(length - length[0]).max()
-
-    def angle_error(self) -> float:
-        """Largest change of an angle within a body of three atoms from the start's, in all frames;
-        radians."""
-        sizes = np.bincount(self.bodies)
-        rows = self._within(self._angles)
-        i, centre, k = rows[sizes[self.bodies[rows[:, 0]]] == 3].T
-        a, b = (self._image(self.x[:, end] - self.x[:, centre]) for end in (i, k))
-        angle = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
-        return np.abs(angle - angle[0]).max()
-
-    def _within(self, rows):
-        """Those of which all atoms are in one body."""
-        body = self.bodies[rows]
-        return rows[(body[:, 0] != 0) & (body == body[:, :1]).all(axis=1)]
-
     def turning(self, dimension: int) -> int:
         """Degrees of freedom of all bodies' turning."""
         found = 0
@@ -119,23 +69,6 @@ class Motion:
                 found += 3 * bodies - int(_straight(self._parts(self.x[0], group)[1]).sum())
         return found
 
-    def kinetic(self, frames: Sequence[int] | slice) -> np.ndarray:
-        """Kinetic energies of the nonlinear bodies of three atoms, which every integrator holds as
-        a whole: (frames, bodies), kcal/mol."""
-        (group,) = (group for group in self.groups if group.shape[1] == 3)
-        group = group[~_straight(self._parts(self.x[0], group)[1])]
-        square = self.mass[group][..., None] * self.v[frames][:, group] ** 2
-        return KCAL / 2 * square.sum(axis=(2, 3))
-
-
-def _rms(distances):
-    """`Estimate` of it, of independent distances."""
-    square = distances**2
-    value, number = np.sqrt(square.mean()), len(square)
-    if not value or number < 2:
-        return Estimate(value)
-    return Estimate(value, square.std(ddof=1) / np.sqrt(number) / (2 * value), number - 1)
-
 
 def _straight(r):
     """Which bodies are linear, of atoms (bodies, n, 3) about their centres."""
@@ -143,22 +76,6 @@ def _straight(r):
         return np.ones(len(r), bool)
     singular = np.linalg.svd(r, compute_uv=False)
     return singular[:, 1] < STRAIGHT * singular[:, 0]
-
-
-def _between(a, b):
-    """Angles (bodies,) between the axes of linear bodies, each from its centre to its farthest
-    atom."""
-    far = np.argmax((a**2).sum(axis=2), axis=1)
-    a, b = a[np.arange(len(a)), far], b[np.arange(len(b)), far]
-    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
-
-
-def _turned(a, b):
-    """Angles (bodies,) of the rotations that fit ``a`` to ``b`` best, both (bodies, n, 3) about
-    their centres."""
-    u, _, v = np.linalg.svd(np.swapaxes(b, 1, 2) @ a)
-    u[:, :, 2] *= np.linalg.det(u @ v)[:, None]
-    return Rotation.from_matrix(u @ v).magnitude() if len(a) else np.empty(0)
 
 
 def pair_distribution(
@@ -212,74 +129,6 @@ def _quiet(function, *arguments, **more):
         return function(*arguments, **more)
 
 
-def _data(temperature, natoms, held=0, pressure=None, **more):
-    """physical_validation's record of a whole at this temperature, and pressure if there is one."""
-    none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
-    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
-    system = records.SystemData(
-        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
-    )
-    kind = "NVT" if pressure is None else "NPT"
-    state = {"volume": 1.0, "temperature": temperature, "pressure": pressure}
-    ensemble = records.EnsembleData(kind, natoms=natoms, **state)
-    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
-    return records.SimulationData(observables=records.ObservableData(**more), **how)
-
-
-def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
-    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
-    standard deviations.
-
-    A single body among many is a small part of a large whole, so its distribution is canonical also
-    where the whole's energy is constant.  physical_validation holds mean and width against the
-    gamma distribution; the larger distance counts.
-
-    Args:
-        energies: independent ones, kcal/mol.
-        temperature: K.
-        bodies: how many an energy is of.
-        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
-    """
-    # two atoms' degrees of freedom are six, a body's
-    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
-    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
-    return max(abs(distance) for distance in found)
-
-
-def equipartition(
-    translation: np.ndarray,
-    rotation: np.ndarray,
-    moving: float,
-    turning: float,
-    temperature: float,
-) -> float:
-    """How far the mean kinetic energies of translation and of rotation are from the temperature, in
-    standard deviations.
-
-    By physical_validation; the larger distance of the two counts.  The widths are not looked at,
-    which are not canonical where the whole's energy is constant.
-
-    Args:
-        translation, rotation: (samples,) kcal/mol of the whole, independent ones.
-        moving, turning: their degrees of freedom.
-        temperature: K.
-    """
-    names = "total", "translational", "rotational and internal", "rotational", "internal"
-    data = _data(temperature, natoms=2)
-    data.system.ndof_per_molecule = [
-        dict(zip(names, (moving + turning, moving, turning, turning, 0)))
-    ]
-    data.observables.kinetic_energy_per_molecule = [
-        dict(zip(names, ([t + r], [t], [r], [r], [0]))) for t, r in zip(translation, rotation)
-    ]
-    # not looked at, for energies are there
-    nothing = np.zeros((len(translation), 2, 3))
-    data.trajectory = records.TrajectoryData(nothing, nothing)
-    found = _quiet(physical_validation.kinetic_energy.equipartition, data, **INDEPENDENT)
-    _, (translational, _), (rotational, _), *_ = found
-    return max(abs(translational), abs(rotational))
-
-
 class Sampled(NamedTuple):
     """A series at constant temperature and pressure: K, atm, and (2, samples) of the potential
     energy, kcal/mol, and the volume, Angstrom^3; a few samples for each independent one."""
@@ -298,26 +147,20 @@ def between_states(first: Sampled, second: Sampled) -> float | None:
     volumes at two pressures, or of enthalpies at two temperatures.  No force field and no limit of
     small steps is needed.
     """
-    runs = [
-        _data(temperature, 2, pressure=pressure, potential_energy=energies, volume=volumes)
-        for temperature, pressure, (energies, volumes) in (first, second)
-    ]
+    none = dict.fromkeys(("nconstraints", "ndof_reduction_tra", "ndof_reduction_rot"), 0)
+    one = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
+    how = {
+        "units": records.UnitData.units("LAMMPS real"),
+        "system": records.SystemData(natoms=1, mass=np.ones(1), **none, **one),
+    }
+    runs = []
+    for temperature, pressure, (energies, volumes) in (first, second):
+        state = {"temperature": temperature, "pressure": pressure}
+        how["ensemble"] = records.EnsembleData("NPT", natoms=1, volume=1.0, **state)
+        observed = records.ObservableData(potential_energy=energies, volume=volumes)
+        runs.append(records.SimulationData(observables=observed, **how))
     try:
         (found,) = _quiet(physical_validation.ensemble.check, *runs, **INDEPENDENT)
     except (physical_validation.util.error.InputError, np.linalg.LinAlgError):
         return None
     return found
-
-
-def convergence(deviations: Mapping[float, np.ndarray]) -> float:
-    """physical_validation's largest deviation of the ratios of the energy's standard deviations
-    from the square of the steps' ratios.
-
-    Args:
-        deviations: time step to (samples,).
-    """
-    units, runs = records.UnitData.units("LAMMPS real"), []
-    for dt, values in deviations.items():
-        observables = records.ObservableData(constant_of_motion=values)
-        runs.append(records.SimulationData(units=units, dt=dt, observables=observables))
-    return _quiet(physical_validation.integrator.convergence, runs, verbose=False)

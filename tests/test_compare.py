@@ -1,0 +1,579 @@
+"""What `compare` measures of a scene and of a user's script, and what it says of it."""
+
+import json
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent, read_thermo
+from own_scripts import GAS, take
+from test_compare_choice import row
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import RESULTS, command_line, pages
+from validation.__main__ import main
+from validation.check import measure as check
+from validation.compare import case as cases
+from validation.compare import errors, figures, plan, report
+from validation.experiment import Point
+from validation.own import counted, shapes
+from validation.pages import console
+from validation.running import rounds, run
+from validation.scenes.integrators import Integrator
+from validation.scenes.units import UNITS
+from validation.statistics import measures, structure
+from validation.statistics.estimate import Estimate
+
+
+def series(own, x, v, frames, thermo=(), dt=1.0):
+    """Positions and velocities of a script's atoms as a run leaves them."""
+    cells, periodic = np.array([own.said["cell"]] * len(v)), np.array([True] * 3)
+    mass, body = own.atoms["mass"], own.found.body
+    positions = run.Positions(x, body, cells, periodic, v=v, mass=mass)
+    return errors.Series(dict(thermo), structure.Motion(positions), frames, dt), positions
+
+
+def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
+    """Locks out degrees of freedom that are counted wrongly: bodies with velocities drawn for a
+    temperature have it, in translation and in rotation."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    random, kelvin, frames = np.random.default_rng(1), 250.0, 400
+    made = shapes.bodies(own)
+    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    scale = own.said["boltzmann"] * kelvin / shapes.mvv2e(own)
+    mass = own.atoms["mass"]
+    centre = random.normal(size=(frames, len(group), 3)) * np.sqrt(scale / mass[group[0]].sum())
+    spin = random.normal(size=(frames, len(group), 3)) * np.sqrt(
+        np.where(moments > 1e-6 * moments[:, :1], scale / np.maximum(moments, 1e-12), 0.0)
+    )
+    omega = np.einsum("bik,fbk->fbi", axes, spin)
+    v = np.zeros((frames, len(mass), 3))
+    v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
+    x = np.broadcast_to(own.atoms["x"], v.shape)
+    found, _ = series(own, x, v, range(frames))
+    assert found.motion.turning(3) == 2 * own.bodies  # of linear ones
+    moving, turning = errors.temperatures(cases.of_script(own), found)
+    assert moving.mean() == pytest.approx(kelvin, rel=0.01)
+    assert turning.mean() == pytest.approx(kelvin, rel=0.01)
+
+
+def test_numbers_are_of_what_counts_of_a_run(tmp_path):
+    """Locks out the energy of the atoms in the place of the one that is to be kept, and frames from
+    before the part that counts."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    case, random, frames, first = cases.of_script(own), np.random.default_rng(1), 40, 10
+    v = np.tile(random.normal(size=(len(own.atoms["mass"]), 3)), (1 + frames, 1, 1))
+    v[: 1 + first] *= 3.0
+    x = np.broadcast_to(own.atoms["x"], v.shape)
+    thermo = dict.fromkeys(("PotEng", "KinEng", "Temp", "TotEng", "Density"), np.ones(1 + frames))
+    thermo |= {"Step": np.arange(1.0 + frames), "Econserve": np.arange(1.0 + frames)}
+    (made, positions) = series(own, x, v, [frames])
+    result = SimpleNamespace(positions=positions, thermo=thermo)
+    found = errors.numbers(case, 1.0, result, first / frames)
+    rest = np.arange(first, 1.0 + frames)
+    assert found.estimates["energy_sd"].value == pytest.approx(np.std(rest, ddof=1))
+    (moving,), (turning,) = errors.temperatures(case, made)
+    assert found.kinds[0].value == pytest.approx((moving - turning) / case.temperature, rel=1e-9)
+    assert len(found.rdf) > 10
+
+
+def test_what_a_failure_is():
+    """Locks out a run without numbers that counts as one, an explosion that LAMMPS survives, and a
+    small system's temperature that merely fluctuates."""
+
+    def why(energy, kelvin, kinetic=1e5, error=None):
+        thermo = {"Step": np.arange(3.0), "Temp": np.array(kelvin), "TotEng": np.array(energy)}
+        thermo["KinEng"] = np.full(3, kinetic)
+        return errors.failure(SimpleNamespace(error=error, thermo=thermo), 300.0, 0.002)
+
+    assert why([1.0, 1.0, 1.0], [300.0, 310.0, 590.0]) is None
+    assert "heats" in why([1.0, 1.0, 1.0], [300.0, 310.0, 650.0])
+    assert (
+        why([1.0, 1.0, 1.0], [300.0, 310.0, 650.0], kinetic=3.0) is None
+    )  # ten degrees of freedom
+    assert why([1.0, np.nan, 1.0], [300.0] * 3) and why([1.0] * 3, [300.0, np.nan, 300.0])
+    assert why([1.0] * 3, [300.0] * 3, error="ERROR: Lost atoms") == "ERROR: Lost atoms"
+
+
+def of(own, wanted):
+    """The targets of a script."""
+    return cases.targets(cases.of_script(own), wanted)
+
+
+def test_targets_are_those_that_a_script_has(tmp_path):
+    """Locks out a target that says nothing of a script, one that is not known, and a barostat
+    whose work counts as unknown: econserve has it, with each of ours."""
+    lines = "compute t all temp/sphere\nthermo_modify temp t"
+    spheres = take(scripts.spheres(tmp_path, lines), tmp_path / "out1")
+    assert set(of(spheres, {})) == {"drift", "energy", "rdf"}
+    assert any("moments of inertia of their own" in one for one in spheres.notes)
+    co2 = take(scripts.co2(tmp_path), tmp_path / "out")
+    assert set(of(co2, {})) == {"drift", "energy", "temperature", "density", "rdf"}
+    assert of(co2, {"drift": 1.0})["drift"] == 1.0
+    with pytest.raises(LookupError, match="there is no target speed"):
+        of(co2, {"speed": 1.0})
+    spce = take(scripts.spce(tmp_path), tmp_path / "out2")
+    found = of(spce, {"energy": 0.1})
+    assert found["energy"] == 0.1 and found["drift"] == cases.HEATED
+    assert "density" not in found
+    path = scripts.rings(tmp_path)
+    rings = take(path, tmp_path / "out3")
+    assert "energy" not in of(rings, {})  # fix langevin stays
+    with pytest.raises(LookupError, match=r"drift says nothing of .*in\.rings"):
+        of(rings, {"drift": 1.0})
+    text = path.read_text().replace("timestep 4", "unfix heat\ntimestep 4")
+    path.write_text(text)
+    assert "energy" in of(take(path, tmp_path / "out3"), {})
+    press = "unfix heat\nfix press all press/berendsen iso 1 1 1000\ntimestep 4"
+    path.write_text(text.replace("unfix heat\ntimestep 4", press))
+    assert "energy" not in of(take(path, tmp_path / "out3"), {})  # as this one does
+
+
+def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
+    """Locks out a drift that is the work of a wall, whose energy LAMMPS counts only if it is asked
+    to; and one that is asked for and then left out."""
+    path = scripts.clusters(tmp_path)
+    own = take(path, tmp_path / "out")
+    assert counted.acting(own) == ["wall"] and not counted.lacking(own)
+    assert {"drift", "energy"} <= set(of(own, {}))
+    path.write_text(path.read_text().replace("fix_modify wall energy yes\n", ""))
+    own = take(path, tmp_path / "out")
+    assert counted.lacking(own) == ["wall"]
+    assert set(of(own, {})) == {"temperature"}
+    with pytest.raises(LookupError, match="what fix wall does to the energy is not counted"):
+        of(own, {"drift": 1.0})
+    for commands, asked in (
+        (["fix a all indent", "fix_modify a energy yes"], {"a"}),
+        (["fix_modify a energy yes", "fix a all indent"], set()),
+        (["fix_modify a virial yes energy yes", "fix_modify a energy no"], set()),
+    ):
+        assert counted._asked(commands) == asked
+
+
+def test_targets_of_bodies_at_rest_are_refused(tmp_path):
+    """Locks out runs of some minutes that end in a division by zero, for nothing moves."""
+    path = tmp_path / "in.rest"
+    path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
+    with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
+        of(take(path, tmp_path / "out"), {})
+
+
+def energies(own, kept, every):
+    """What is made of a series of the energy, with samples so many steps apart."""
+    thermo = {"Step": every * np.arange(len(kept)), "Econserve": kept, "TotEng": kept}
+    kinetic = 2.0 * np.resize([1.0, -1.0], len(kept))
+    thermo |= {"KinEng": kinetic, "Temp": np.ones(len(kept)), "PotEng": kept, "Density": kept}
+    made = errors.Series(thermo, SimpleNamespace(count=1), [], own.scene.dt)
+    known = ("energy", "energy_sd")
+    every = errors.observables(cases.of_script(own))
+    return {one.key: one.of(made) for one in every if one.key in known}
+
+
+@pytest.mark.parametrize("kind", ["clusters", "spce"])
+def test_the_energys_change_is_what_is_said_of_it(kind, taken):
+    """Locks out a number that depends on how often the energy is looked at, which errors of some
+    steps vanish from, or on the length of the run, which the wander at a cutoff grows with."""
+    own = taken(kind)
+    step = own.scene.dt
+    span = cases.SPAN * step
+    random = np.random.default_rng(2)
+    walk = np.cumsum(random.normal(size=400_000)) / np.sqrt(cases.SPAN)  # a variance of 1 in it
+    angle = np.cumsum(0.2 * random.normal(size=len(walk)))  # forgotten in about 50 steps
+    energy = walk + np.sqrt(2) * np.sin(angle) + random.normal(size=len(walk))
+    for stride in (1, 12, 48, 96):
+        for part in (1, 10):
+            found = energies(own, energy[: len(energy) // part : stride], stride)["energy"]
+            forgotten = 1 - np.exp(-0.02 * cases.SPAN)
+            right = np.sqrt(0.5 + forgotten + 1) / 2.0
+            assert abs(found.value - right) < 2 * found.margin < 0.3
+    about = cases.about(cases.of_script(own))
+    assert f"kept in {span:g} {own.units.time}, rms" in about["energy"]["what"]
+    heated = kind == "spce"
+    usual = cases.HEATED if heated else 0.01  # the page says it, too
+    assert about["drift"]["default"] == usual
+
+
+@pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])
+def test_samples_of_the_energy_are_equally_apart(long):
+    """Locks out samples whose distance depends on the step, on the budget, or differs within a
+    run; and runs that are longer or shorter than was planned."""
+    for frames in 20, 200, 1000:
+        lengths = plan.Lengths(long, frames, cases.SPAN * 2.0)
+        for factor in (0.5, *cases.FACTORS):
+            dt = 2.0 * factor
+            every, runs = lengths.every(dt), lengths.runs(dt)
+            assert all(one % every == 0 for one in runs) and len(set(runs)) == 1
+            if long >= cases.SPAN * 2.0 * frames:
+                assert sum(runs) * dt == pytest.approx(long, rel=0.1)
+                span = cases.SPAN * 2.0 / (every * dt)
+                assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
+            assert 1 <= len(runs) <= frames
+
+
+@pytest.mark.parametrize("unit", (1e-10, 1e-8, 1e-4, 1.0))
+def test_g_is_the_same_in_each_unit_of_length(unit):
+    """Locks out a g(r) of zeros, and an error of it that is zero, in units si and cgs, where a
+    volume in single precision is none."""
+    x = np.random.default_rng(1).uniform(0, 20, (40, 60, 3))
+    cells = np.array([20 * np.eye(3)] * len(x))
+    found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
+    r = np.abs(x[:, :, None] - x[:, None])
+    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
+    edges = 2.0 + 0.5 * np.arange(16)
+    ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
+    np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
+
+
+def test_each_units_drift_is_told_of_a_time_that_runs_have():
+    """Locks out a drift per 1,000 s, or per 1,000 ns, which no run can tell: all but reduced units
+    have the ns, of their own length."""
+    second = {"fs": 1e-15, "ps": 1e-12, "ns": 1e-9, "µs": 1e-6, "s": 1.0}
+    for style, units in UNITS.items():
+        case = cases.Case("", SimpleNamespace(units=style), {}, "", (), (), 1.0)
+        if style == "lj":
+            assert (case.ns, case.name_of_ns) == (1000.0, "1,000 τ")
+        else:
+            assert case.ns * second[units.time] == pytest.approx(1e-9)
+            assert case.name_of_ns == "ns"
+
+
+WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
+
+
+PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts`` and words
+    "two fixes": ("spce", {}, {}),
+    "in quotes": ("spce", {"fix": f"group water type 1 2\n{WATER}\nfix_modify 1 virial yes"}, {}),
+    "no rigid fix": (
+        "spce",
+        {"fix": "group water type 1 2\nfix move all nve"},
+        {"group": "water", "bodies": "molecule"},
+    ),
+    "others beside bodies": ("solute", {}, {}),
+    "points of ours": ("staged", {}, {}),
+    "pressure": ("co2", {}, {}),
+}
+
+
+def with_advice(text, told):
+    """A script with what ``compare`` tells of it."""
+    kept = text.replace("&\n", "").splitlines()
+    lines = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    (place,) = (line for line in told.splitlines() if line.startswith("In the place of"))
+    assert place.endswith("and of the script's timestep:")
+    ids = re.findall(r"fix (\S+) \(", place)
+    fixes = [
+        n for n, line in enumerate(kept) if line.split()[:1] == ["fix"] and line.split()[1] in ids
+    ]
+    kept[fixes[-1]] = "\n".join(lines)
+    lost = [n for n, line in enumerate(kept) if line.startswith("timestep")] + fixes[:-1]
+    for line in told.splitlines():
+        if line.startswith("These name a fix that goes"):
+            some = line.rstrip(".").partition("have to go, too: ")[2].split("; ")
+            lost += [kept.index(one) for one in some]
+    return "\n".join(line for n, line in enumerate(kept) if n not in lost) + "\n"
+
+
+@pytest.mark.parametrize("which", PRINTED)
+def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
+    """Locks out lines that LAMMPS refuses in the place where they are said to stand, or that begin
+    with another system than the one that was tried; and a place that is not said."""
+    kind, how, ask = PRINTED[which]
+    path = getattr(scripts, kind)(tmp_path, **how)
+    own = take(path, tmp_path / "out", **ask)
+    first = next(one for one in own.integrators.values() if one.kind in ("ours", "rigid"))
+    (start,), _ = check._starts(
+        replace(own, integrators={"": first}), tmp_path / "out", 1, 300.0, Silent()
+    )
+    text = path.read_text().replace("log water.log", "")
+    columns = "thermo_style custom step temp pe\nthermo_modify norm no\nrun 3"
+    text = re.sub(r"^run [1-9]\d*$(?!(.|\n)*^run )", columns, text, flags=re.M)
+    case = cases.of_script(own)
+    for one in own.integrators.values():
+        keys = "lines", "place", "lost"
+        best = row(own.scene.dt, one.name) | dict(zip(keys, case.written(one)))
+        told = [best["place"] + ", and of the script's timestep:", *best["lost"]]
+        told += [f"    {line}" for line in report._input(best)]
+        done = run_lammps(with_advice(text, "\n".join(told)))
+        rows = read_thermo(done.log[done.log.rindex("   Step") :])
+        assert rows["Step"][-1] - rows["Step"][0] == 3
+        assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
+
+
+def test_lines_make_the_group_that_they_name(taken):
+    """Locks out lines for the script that name a group that it does not have."""
+    own = taken("solute")
+    ours = next(one for one in own.integrators.values() if one.kind == "ours")
+    lines, place, _ = cases.of_script(own).written(ours)
+    assert lines[0] == own.found.setup[0] and "own_bodies" in lines[-1] and "fix" in place
+
+
+def test_integrators_whose_energy_says_nothing(taken):
+    """Locks out a drift of rigid/nvt that is LAMMPS's bookkeeping, and one of ours that is left
+    out."""
+    own = taken("spce")
+    yours = Integrator("yours", "yours", ("fix 1 {group} rigid/small molecule langevin 1 1 1 5",))
+    assert counted.wrongly(yours)
+    case = cases.of_script(own)
+    assert case.unknown == dict.fromkeys(("rigid/nvt", "rigid/nvt/small"), cases.ENERGIES)
+    one = Estimate(1.0, 0.1)
+    told = errors.Numbers(dict.fromkeys(("drift", "energy", "energy_sd"), one))
+    points = [Point(name, 2.0) for name in own.integrators]
+    found = errors.errors(case, {point: {1: told} for point in points}, points[0])
+    for point, known in found.items():
+        assert set(known) == {"energy_sd"} | set(cases.ENERGIES) * (
+            point.scheme not in case.unknown
+        )
+
+
+# ---- what is said
+
+
+def summary_of(targets, *rows, **more):
+    """A comparison's summary."""
+    about = {name: {"unit": "", "what": name, "why": "", "default": most}
+             for name, most in targets.items()}  # fmt: skip
+    summary = {"targets": targets, "points": list(rows), "units": "real", "about": about}
+    summary |= {"ns": "ns", "ranks": 1, "minutes": 5.0, "level": 0.95, "time": 100.0, "dt": 2.0}
+    summary |= {"title": "a scene", "notes": [], "why": "nobody counts it", "unknown": {}}
+    summary |= {"machine": {"cpu": "a processor", "cores": 2}, "versions": {"lammps": "2025"}}
+    return summary | {"command": "python -m validation compare water", "date": "2026"} | more
+
+
+def told(summary):
+    """The answer, and further sentences."""
+    found = report.said(summary)
+    return found.answer, list(found.lines)
+
+
+def test_the_answer_is_the_choice_with_its_lines():
+    """Locks out an answer without the step, its cost, how sure it is, the lines for the script, or
+    what there is beside it; and the reference's row that is advised though nobody asked for it."""
+    held = row(1.0, drift=(0.1, 0.01)) | {"is_reference": True}
+    good, bad = row(4.0, cost=[1.5, 1.25, 2.0], drift=(0.1, 0.01)), row(6.0, drift=(9.0, 0.1))
+    summary = summary_of({"drift": 1.0}, held | {"asked": False}, good, bad)
+    answer, lines = told(summary)
+    assert answer.startswith("nosquish with a step of 4 fs: 1.25 s per ns, on 1 rank. Sure by 95 %")
+    assert "With 6 fs: too much of drift: 9.00 ± 0.20." in lines
+    assert lines[-2:] == ["    fix 1 all nosquish molecule", "    timestep 4"]
+    assert report.answered(summary)["advised"]["dt"] == 4.0
+    answer, lines = told(summary_of({"drift": 1.0}, good))
+    assert any("longest step that was tried" in line for line in lines)
+    assert told(summary_of({"drift": 1.0}, held))[0].startswith("nosquish with a step of 1 fs")
+    nothing = summary_of({"drift": 1.0}, held | {"asked": False})
+    assert told(nothing) == ("No run is complete, so nothing is known yet.", [])
+    other = row(6.0, "other", cost=[1.0], drift=(0.9, 0.3))
+    _, lines = told(summary_of({"drift": 1.0}, good, other))
+    assert "As fast or faster, if they are within the targets: other, 6 fs." in lines
+
+
+def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
+    """Locks out an answer that says nothing, a budget that would not tell, and one of years, from
+    runs of a few samples; and an error of no step that is taken for one."""
+
+    def minutes(value, error, freedom=None):
+        one = row(4.0, drift=(value, error, freedom))
+        summary = summary_of({"drift": 0.02}, one)
+        return report.answered(summary)["minutes_that_tell"], told(summary)[0]
+
+    # ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5; then noise is half of the square
+    for (value, error), least in ((0.0, 0.1), 29), ((0.014, 0.01), 10), ((0.11, 0.1), 73):
+        found, answer = minutes(value, error)
+        assert found == least and f"About --budget {least} tells" in answer
+    found, answer = minutes(0.0, 10.0, 1)
+    assert found is None and "try about --budget 50 first" in answer
+    bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
+    answer, lines = told(summary_of({"drift": 1.0}, bad, row(2.0, drift=(0.9, 0.3))))
+    assert answer.startswith("No step that was tried is within the targets")
+    assert lines[0].startswith("Even with 1 fs there is too much of drift")
+    assert lines[1].startswith("The nearest: nosquish, 2 fs")
+
+
+def test_what_runs_do_not_tell_is_said():
+    """Locks out an answer that does not say by what it is, where nobody knows an energy, and one
+    that blames the step for a structure that nothing tells."""
+    lost = row(4.0, "rigid/nvt", t=(0.01, 0.01)) | {"without": ["drift"]}
+    answer, lines = told(summary_of({"drift": 1.0, "t": 1.0}, lost))
+    assert answer.startswith("rigid/nvt with a step of 4 fs")
+    assert lines[:2] == ["Of rigid/nvt nobody knows drift: nobody counts it.",
+                         "So this is by t only."]  # fmt: skip
+    answer, lines = told(summary_of({"drift": 1.0}, lost))
+    assert answer.startswith("Nothing is a target that these integrators' runs tell")
+    _, lines = told(summary_of({"t": 1.0, "rdf": 1.0}, row(4.0, t=(0.01, 0.01))))
+    assert any(line.startswith("Nothing is known of g(r)") for line in lines)
+
+
+def test_tables_have_each_point(tmp_path, capsys):
+    """Locks out points that are dropped on the way to a file, failed ones first of all, a verdict
+    that is not theirs, and a crash at the end where everything fails."""
+    good, bad = row(1.0, energy=(0.1, 0.01)), row(2.0, energy=(0.5, 0.01))
+    fails = row(3.0, cost=None) | {"failed": "3: exploded"}
+    summary = summary_of({"energy": 0.2}, good, bad, fails)
+    said = report.said(summary)
+    pages.write(said, summary, tmp_path)
+    pages.show(console.console(), said, summary, tmp_path)
+    lines = (tmp_path / "points.csv").read_text().splitlines()
+    assert [line.split(",")[1] for line in lines[1:]] == ["1.0", "2.0", "3.0"]
+    assert [re.search(r"\b(met|not met|fail)\b", line)[1] for line in lines[1:]] == [
+        "met", "not met", "fail"]  # fmt: skip
+    assert (tmp_path / "cost.png").exists() and (tmp_path / "errors.png").exists()
+    assert "fails with 3: exploded" in capsys.readouterr().out
+    summary = summary_of({"energy": 0.2}, fails) | {"interrupted": True}
+    pages.write(report.said(summary), summary, tmp_path)
+    assert not (tmp_path / "cost.png").exists()
+
+
+def test_figures_mark_failures_and_doubts():
+    """Locks out failures that are drawn as points or not at all, and an error bar that hides that
+    an error may be zero."""
+    rows = [row(dt, cost=[10 / dt, 11 / dt], energy_sd=(dt**2, 0.1)) for dt in (1.0, 2.0, 4.0)]
+    rows[0]["errors"]["energy_sd"] = {"value": 1e-9, "error": 0.01, "freedom": None}
+    rows.append(row(8.0, cost=None) | {"failed": "8: exploded"})
+    top, axis = figures.cost(summary_of({"energy_sd": 1.0}, *rows)).axes
+    crosses = [line for line in top.lines if line.get_marker() == "x"]
+    assert [list(line.get_xdata()) for line in crosses] == [[8.0]]
+    drawn = {tuple(place) for container in axis.containers
+             for place in container.lines[0].get_xydata()}  # fmt: skip
+    expected = [(10.0, 0.0196), (5.0, 4.0), (2.5, 16.0)]
+    assert np.allclose(sorted(drawn), sorted(expected), rtol=1e-3, atol=1e-9)
+
+
+# ---- from end to end
+
+
+def steady(patch, step=2e-4):
+    """Let a step take so many s, whatever the machine does."""
+    patch.setattr(rounds, "calibrate", lambda make: run.run(make([3, 40])) and step)
+    patch.setattr(plan, "STARTUP", 0.0)
+
+
+@pytest.fixture(scope="module")
+def rings(tmp_path_factory):
+    """Rings at constant energy, with steps that are safe and one that is far too long: the words,
+    the output folder, and what the verb came to."""
+    folder = tmp_path_factory.mktemp("rings")
+    path = scripts.rings(folder)
+    path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
+    words = ["compare", str(path), "--budget", "0.05", "--steps", "2,4,60", "--only", "nosquish"]
+    words += ["--target", "energy=0.2", "drift=100", "temperature=0.3", "rdf=10"]
+    words += ["--out", str(folder / "out")]
+    with pytest.MonkeyPatch.context() as patch:
+        steady(patch, 3e-4)
+        yield words, folder / "out", main(words)
+
+
+@pytest.mark.timeout(900)
+def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
+    """Locks out advice for a step at which the run heats or its energy fluctuates above the target,
+    and a row without its starts, costs or a command."""
+    _, out, status = rings
+    summary = json.loads((out / "summary.json").read_text())
+    short, good, bad = summary["points"]
+    assert status == 0 and summary["advised"]["dt"] in (2, 4)
+    assert (short["is_reference"], good["dt"], bad["dt"]) == (True, 4, 60)
+    assert short["starts"] == 2 and short["errors"]["energy"]["value"] < 0.2
+    assert bad["failed"] and bad["cost"] is None and bad["failures"] == 1
+    assert set(short["errors"]) >= set(summary["targets"]) and short["cost"]["min"] > 0
+    page = (out / "report.html").read_text()
+    assert "with a step of" in page and "pair_modify shift yes" in page
+
+
+@pytest.mark.timeout(900)
+def test_the_same_command_runs_nothing_again(rings):
+    """Locks out runs that are done again, a long run that is judged by what chose it, and another
+    answer the second time."""
+    words, out, status = rings
+    begin = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
+    assert main(words) == status and begin
+    now = {one: one.stat().st_mtime_ns for one in out.glob("runs/**/done.json")}
+    del now[out / "runs" / "calibration" / "done.json"]
+    assert now == {one: begin[one] for one in now}
+    summary = json.loads((out / "summary.json").read_text())
+    for alone in (one for one in summary["points"] if one["alone"]):
+        assert alone["time"] > summary["time"]  # of which as much is left out
+
+
+@pytest.mark.timeout(600)
+def test_a_scene_goes_the_same_way(tmp_path, monkeypatch):
+    """Locks out a scene whose errors are not those of the square of the step, that is held against
+    another start, or whose failures are not told; and points of both starts that are one."""
+    steady(monkeypatch, 2e-6)
+    words = ["compare", "dimer", "--budget", "0.02", "--steps", "0.2,0.4,8", "--out", str(tmp_path)]
+    assert main([*words, "--only", "nosquish", "shake-1e-8"]) in (0, 1)
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    rows = {(one["integrator"], one["dt"]): one for one in summary["points"]}
+    for name in "nosquish", "shake-1e-8":
+        short, long = (rows[name, dt]["errors"]["energy_sd"]["value"] for dt in (0.2, 0.4))
+        assert long / short == pytest.approx(4.0, rel=0.2)
+        assert rows[name, 8.0]["failed"]
+    jobs = [json.loads((tmp_path / f"runs/short/nosquish/0.2/{n}/job.json").read_text())
+            for n in (1, 2)]  # fmt: skip
+    read = [[line for line in job["commands"] if line.startswith("read_dump")] for job in jobs]
+    assert read[0] == [] and "start/state.dump" in read[1][0]
+
+
+def test_a_committed_point_is_measured_again(tmp_path, monkeypatch):
+    """Locks out numbers of today's code that differ from the committed ones: of the dimer, whose
+    energy is an orbit's, within the spread of its starts."""
+    steady(monkeypatch, 2e-6)
+    words = ["compare", "dimer", "--budget", "0.02", "--steps", "0.2,0.4", "--out", str(tmp_path)]
+    assert main([*words, "--only", "nosquish"]) in (0, 1)
+    found, known = (
+        next(one for one in json.loads(path.read_text())["points"]
+             if (one["integrator"], one["dt"]) == ("nosquish", 0.4))["errors"]["energy_sd"]
+        for path in (tmp_path / "summary.json", RESULTS / "compare-dimer" / "summary.json")
+    )  # fmt: skip
+    apart = measures.difference(Estimate.of(found), Estimate.of(known))
+    assert abs(apart.value) < apart.margin
+
+
+def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
+    """Locks out a traceback in place of a summary, and points after the interruption."""
+    steady(monkeypatch)
+    ended = run.Result("interrupted", {}, [], None, {}, interrupted=True)
+    monkeypatch.setattr(run, "once", lambda job, on_step=None, failures=False: ended)
+    monkeypatch.setattr(plan, "atoms_of", lambda folder: 6)
+    assert main(["compare", "dimer", "--out", str(tmp_path)]) == command_line.INTERRUPTED
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["interrupted"] and summary["points"] == []
+
+
+def test_a_plan_keeps_its_budget():
+    """Locks out runs that take longer together than they may, and runs too short to fail."""
+    here = plan.Machine(1e-3, 2.0, 1000)
+    points = [Point(name, dt) for name in "ab" for dt in (1.0, 2.0, 4.0)]
+    time = plan.time_of(points, here, 600.0)
+    spent = sum(here.startup + here.step * time / point.dt for point in points)
+    assert spent == pytest.approx(600.0)
+    case = SimpleNamespace(scene=SimpleNamespace(dt=2.0))
+    lengths = plan.lengths(case, points, here, 0.0)
+    assert all(sum(lengths.runs(point.dt)) >= 100 for point in points)
+    case = cases.Case("", SimpleNamespace(dt=1.0), {}, "a", ("a",), (1.0, 2.0), 1.0)
+    case = replace(case, integrators={"a": None, "b": None})
+    assert plan.points(case, case.usual, (3.0,)) == ([Point("a", 3.0)], Point("a", 1.5))
+    assert plan.points(case, ["b"], None) == ([Point("b", 1.0), Point("b", 2.0)], Point("a", 1.0))
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("butter", "dimer, water, peptide"),
+        ("water --steps 1,-2", "positive"),
+        ("water --only rigit", "rigit"),
+        ("dimer --target energi=1", "there is no target energi"),
+        ("dimer --target density=1", "density says nothing of dimer"),
+        ("water --target energy", "MEASURE=VALUE"),
+        ("water --budget 0", "positive"),
+        ("water --run 2", "--run is for a script"),
+    ],
+)
+def test_words_that_are_wrong_are_refused(words, said, capsys, tmp_path, monkeypatch):
+    """Locks out a traceback, or a night's work, where something is misspelt."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main(["compare", *words.split()])
+    assert end.value.code == 2 and said in capsys.readouterr().err

@@ -1,0 +1,296 @@
+"""From series and positions to numbers: against exact answers, and by how often intervals cover.
+
+Statistical tests pass within five standard errors and use fixed random seeds.
+"""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from validation.statistics import measures
+from validation.statistics.estimate import margin
+
+
+def ar1(n, phi, seed):
+    """Stationary noise with unit variance and autocorrelation phi^k."""
+    noise = np.random.default_rng(seed).normal(size=n)
+    x = np.empty(n)
+    x[0] = noise[0]
+    for i in range(1, n):
+        x[i] = phi * x[i - 1] + np.sqrt(1 - phi**2) * noise[i]
+    return x
+
+
+def random_walk(n, seed):
+    return np.cumsum(np.random.default_rng(seed).normal(size=n))
+
+
+STEPS = (
+    0.0,
+    0.003,
+    0.01,
+    0.02,
+    0.04,
+    0.1,
+    0.3,
+    1.0,
+    10.0,
+    None,
+)  # of a walk over a 64th of a series; a walk alone
+
+
+def noise_of(rng, series, n, time, step):
+    """White noise (time 0) or AR(1) with this correlation time in samples, with a walk: its
+    variance in a 64th of the series over that of that part's mean without it, as far as that is
+    white; None for a walk alone."""
+    phi = np.exp(-1 / time) if time else 0.0
+    white = rng.normal(size=(series, n))
+    white[:, 0] /= np.sqrt(1 - phi**2)
+    x = lfilter([np.sqrt(1 - phi**2)], [1, -phi], white)
+    walk = np.cumsum(rng.normal(size=(series, n)), axis=1) * np.sqrt((1 + phi) / (1 - phi)) * 64 / n
+    return walk if step is None else x + np.sqrt(step) * walk
+
+
+@pytest.mark.parametrize(
+    "n, time", [(100, 0), (100, 1 / 50), (119, 1 / 200), (640, 0), (640, 1 / 50)]
+)
+def test_drift_error_covers(n, time):
+    """Locks out an error that covers too seldom or too often, whatever the noise: white or
+    correlated, with a walk of any size.
+
+    An error by the most likely walk covered 45 % of weak walks, and two errors 65 %; one that
+    averages over all walks 98 % of white noise.
+    """
+    rng, t = np.random.default_rng(n), np.arange(n) * 0.1
+    for step in STEPS:
+        found = measures.drift(t, 0.3 * t - 7.0 + noise_of(rng, 6000, n, time * n, step))
+        off = np.abs(found.value - 0.3)
+        assert 0.64 < np.mean(off < found.error) < 0.72, step
+        assert 0.93 < np.mean(off < 2 * found.error) < 0.96, step
+        assert 0.94 < np.mean(off < found.margin) < 0.97, step
+        if step is None and not time:
+            least = (
+                64 / n / (0.1 * np.sqrt(n))
+            )  # no slope of a walk scatters less than that of its ends
+            assert np.std(found.value) < 1.4 * least, (
+                "an error so large that the checks above cannot fail"
+            )
+
+
+@pytest.mark.parametrize("n, time", [(120, 0), (640, 0), (640, 1 / 50)])
+def test_the_drift_of_one_line_covers_and_is_surer(n, time):
+    """Locks out a margin that covers too seldom, whatever walks, as one by the most likely walk
+    does (76 % of a weak walk), and one that is no smaller than by stretches in noise that does
+    not wander."""
+    rng, t = np.random.default_rng(n), np.arange(n) * 0.1
+    for step in (0.0, 0.03, 0.3, 10.0, None):
+        series = 0.3 * t - 7.0 + noise_of(rng, 250, n, time * n, step)
+        found = [measures.line_drift(t, row) for row in series]
+        margins = [one.margin for one in found]
+        hits = np.abs([one.value - 0.3 for one in found]) < margins
+        assert np.mean(hits) > 0.93, step
+        stretches = np.median(measures.drift(t, series).margin)
+        assert np.median(margins) < (0.7 if step == 0.0 else 1.2) * stretches, step
+    assert measures.line_drift(t[:7], t[:7]).error == np.inf
+
+
+def test_deviation_about_the_line():
+    """Locks out a drift that passes for scatter: about the line the deviation is the noise's, with
+    and without a drift."""
+    t, x = np.arange(4000) * 0.1, ar1(4000, 0.5, seed=8)
+    assert measures.standard_deviation(x + 0.1 * t).value > 10
+    assert measures.about_line(t, x + 0.1 * t) == pytest.approx(measures.about_line(t, x))
+    assert measures.about_line(t, x).value == pytest.approx(1.0, rel=0.05)
+
+
+def test_drift_of_several_series_and_of_none():
+    """Locks out series that are mixed up, and a series without noise that has some or ends in a
+    division by zero."""
+    t = np.arange(500) * 0.1
+    x = np.cumsum(np.random.default_rng(2).normal(size=(3, 500)), axis=1)
+    both = measures.drift(t, x)
+    for row, value, error in zip(x, both.value, both.error):
+        assert measures.drift(t, row)[:2] == pytest.approx((value, error))
+    assert measures.drift(t, np.full(500, 7.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-14)
+    assert measures.drift(t, 3 * t)[:2] == pytest.approx((3.0, 0.0), abs=1e-12)
+    assert all(
+        np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (4, 5, 8, 13, 23, 24, 47)
+    )
+    assert measures.drift(t[:3], x[0, :3]).error == np.inf, "three values tell no error"
+    assert measures.drift(t[:1], x[:, :1]).error == np.inf
+
+
+def test_of_one_or_two_values_no_error_is_known():
+    """Locks out a number for sure, of a single start or of two samples."""
+    assert measures.of_few([2.0]) == (2.0, np.inf, None)
+    assert measures.ratio([1.0], [2.0]).margin == np.inf
+    assert measures.mean([3.0]).margin == np.inf
+    for x in [1.0], [1.0, 2.0]:
+        assert measures.standard_deviation(np.array(x)).error == np.inf
+
+
+def test_ratio_of_pairs():
+    """Locks out the ratio turned round, and the scatter of the single ratios given as the error of
+    their mean."""
+    rng = np.random.default_rng(6)
+    found = np.array(
+        [
+            measures.ratio(*np.exp(rng.normal(size=(2, 50)) * 0.1 + [[0.0], [0.3]]))
+            for _ in range(200)
+        ]
+    )
+    assert found[:, 0].mean() == pytest.approx(np.exp(0.3), rel=0.01)
+    assert found[:, 1].mean() == pytest.approx(found[:, 0].std(), rel=0.2)
+
+
+SLOW = 500  # samples of correlation time
+
+
+def two_times(n, seed):
+    """White noise with unit variance, of which 6 % is slow."""
+    return np.sqrt(0.94) * ar1(n, 0.0, seed) + np.sqrt(0.06) * ar1(
+        n, np.exp(-1 / SLOW), 1000 + seed
+    )
+
+
+def test_errors_with_two_times():
+    """Locks out a slow part of the noise that is lost behind a fast one, in the error of a mean and
+    in that of a standard deviation.
+
+    The variance of the mean is that of both parts by themselves, (0.94 + 0.06 * 2 * 500) / n.
+    """
+    n, rng = 60000, np.random.default_rng(7)
+    noise = [two_times(n, seed) for seed in range(10)]
+    expected = np.sqrt((0.94 + 0.06 * 2 * SLOW) / n)
+    assert np.mean([measures.mean(x)[1] for x in noise]) == pytest.approx(expected, rel=0.25)
+    turned = [
+        np.sqrt(1 + 0.1 * x) * rng.choice([-1, 1], n) for x in noise
+    ]  # (turned - 0)^2 is 1 + 0.1 x
+    assert np.mean([measures.standard_deviation(x)[1] for x in turned]) == pytest.approx(
+        0.1 * expected / 2, rel=0.25
+    )
+
+
+@pytest.mark.parametrize("n", [4, 13, 23])
+def test_error_of_the_mean_of_few(n):
+    """Locks out blocks of a short series that leave samples out, or are none: of independent ones
+    the error is 1 / sqrt(n)."""
+    errors = [measures.mean(ar1(n, 0.0, seed))[1] for seed in range(400)]
+    assert np.mean(errors) == pytest.approx(1 / np.sqrt(n), rel=0.25)
+
+
+@pytest.mark.parametrize("time", [0.0, 0.01, 0.03, 0.1, 0.3])
+def test_the_mean_of_a_short_series_covers(time):
+    """Locks out a margin that takes g's value for sure: where the correlation time was a tenth of
+    the series it covered in 80 % of cases, at 0.3 in 62 %; a variance that is too small by what the
+    mean's error takes off it; and a margin so wide that it covers always."""
+    rng, n = np.random.default_rng(8), 300
+    found = [
+        (measures.mean(x), measures.squares(x).mean()) for x in noise_of(rng, 600, n, time * n, 0)
+    ]
+    hits = np.mean([abs(one.value) < one.margin for one, _ in found])
+    assert (0.93 if time < 0.3 else 0.86) < hits < 0.985
+    scatter = margin(np.std([one.value for one, _ in found]))
+    assert np.median([one.margin for one, _ in found]) < (1.3 if time < 0.03 else 2.0) * scatter
+    if time < 0.3:
+        assert np.mean([square for _, square in found]) == pytest.approx(1.0, abs=0.06)
+
+
+def test_error_of_standard_deviation():
+    """Locks out an error of the variance given as that of its root: sd / sqrt(2n)."""
+    sd, error, _ = measures.standard_deviation(3.0 * ar1(20000, 0.0, seed=4))
+    assert error == pytest.approx(3.0 / np.sqrt(2 * 20000), rel=0.1)
+    assert abs(sd - 3.0) < 5 * error
+
+
+@pytest.mark.parametrize("number, table", [(2, 12.706), (4, 3.182), (32, 2.040)])
+def test_margin_of_few_is_students(number, table):
+    """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two)
+    or 90 % (four); a table of Student's t beside it."""
+    rows = np.random.default_rng(number).normal(size=(4000, number))
+    found = [measures.of_few(row) for row in rows]
+    assert found[0].margin / found[0].error == pytest.approx(table, rel=1e-3)
+    assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.012)
+    assert measures.margin(1.0) == pytest.approx(1.960, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "sizes, second", [((4, 4), 1.0), ((2, 32), 0.2), ((3, 5), 3.0), ((4, 200), 3.0)]
+)
+def test_sum_of_numbers_with_few_values_each(sizes, second):
+    """Locks out the larger number of degrees of freedom, or Welch's where a part has one: the
+    interval of a sum of two means then covers too seldom."""
+    rng, covered = np.random.default_rng(5), []
+    for _ in range(3000):
+        one, other = (
+            measures.of_few(size * rng.normal(size=number))
+            for number, size in zip(sizes, (1.0, second))
+        )
+        error, freedom = measures.combined(one[1:], other[1:])
+        covered.append(abs(one.value + other.value) < measures.margin(error, freedom))
+    assert 0.94 < np.mean(covered) < 0.99
+    assert measures.combined((3.0, None), (4.0, None)) == (5.0, None) and measures.combined(
+        (0.0, 3), (0.0, None)
+    ) == (0.0, None)
+
+
+def test_quotient_and_power_have_the_freedom_of_their_parts():
+    """Locks out a quotient whose error counts as sure, and a law through points that few values
+    tell."""
+    few, many = measures.Estimate(2.0, 0.2, 3), measures.Estimate(-4.0, 0.4)
+    assert measures.quotient(few, many)[:2] == pytest.approx((-0.5, 0.05 * np.sqrt(2)), rel=1e-9)
+    assert measures.quotient(few, many).margin == pytest.approx(
+        np.hypot(0.05 * 3.182, 0.05 * 1.960), rel=1e-3
+    )
+    assert measures.quotient(many, many).freedom is None
+    x = np.array([1.0, 2.0, 4.0])
+    law = measures.power(x, [measures.Estimate(3 * one**2, 0.3 * one**2, 5) for one in x])
+    assert law[:2] == pytest.approx(
+        (2.0, 0.1 / (np.sqrt(2) * np.log(2)))
+    ) and law.freedom == pytest.approx(5.0)
+
+
+CUBE = np.diag([10.0, 10.0, 10.0])
+
+
+SKEWED = np.array([[10.0, 0, 0], [4.0, 9.0, 0], [-3.0, 2.0, 8.0]])
+
+
+ALL = (True, True, True)
+
+
+@pytest.mark.parametrize("cell", [CUBE, SKEWED], ids=["cube", "triclinic"])
+def test_distance_ignores_periodic_images(cell):
+    """Locks out distances of a box length between images of one atom."""
+    x = np.random.default_rng(2).uniform(0, 8, size=(20, 3))
+    y = x + np.random.default_rng(3).integers(-2, 3, size=(20, 3)) @ cell
+    y[7] += [0.03, 0.0, -0.04]
+    assert measures.largest_distance(x, y, cell, ALL) == pytest.approx(0.05, abs=1e-12)
+
+
+def test_distance_counts_in_a_direction_that_is_not_periodic():
+    """Locks out folding across a wall."""
+    x, y = np.zeros((1, 3)), np.array([[0.0, 0.0, 9.0]])
+    assert measures.largest_distance(x, y, CUBE, (True, True, False)) == pytest.approx(9.0)
+
+
+def test_rigidity_error_of_a_displaced_atom():
+    """Locks out missed pairs, pairs across bodies, and a body that merely crossed a face, also one
+    of a box that has another size at the end."""
+    bodies = np.array([5, 2, 5, 2, 5, 0, 0])  # two bodies, two atoms in none
+    start = np.random.default_rng(5).uniform(4, 6, size=(7, 3))
+    pairs = measures.body_pairs(bodies)
+    assert {tuple(sorted(pair)) for pair in pairs.tolist()} == {(0, 2), (0, 4), (2, 4), (1, 3)}
+    end = start.copy()
+    end[bodies == 5] += [7.0, 0.0, 0.0]  # the body moved; one of its atoms was wrapped
+    end[2] -= [10.0, 0.0, 0.0]
+    end[5:] += 1.0  # atoms in no body may move
+    assert measures.rigidity_error(start, end, pairs, CUBE, ALL) < 1e-12
+    wider = end.copy()
+    wider[2] -= [1.0, 0.0, 0.0]
+    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL, 1.1 * CUBE) < 1e-12
+    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL) > 0.1
+    along = (start[3] - start[1]) / np.linalg.norm(start[3] - start[1])
+    end[3] += 2e-6 * along
+    error = measures.rigidity_error(start, end, pairs, CUBE, ALL)
+    assert error == pytest.approx(2e-6, abs=1e-12)

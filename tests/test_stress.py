@@ -1,0 +1,519 @@
+"""The verb ``stress``: verdicts, rows that are kept, numbers that are known otherwise, that cases
+tell integrators apart, and what breaks on a user's script."""
+
+import csv
+import dataclasses
+import json
+import threading
+from pathlib import Path
+
+import committed
+import numpy as np
+import pytest
+import scripts
+from conftest import Silent
+from scipy import stats
+
+ROOT = Path(__file__).resolve().parent.parent
+
+for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
+    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+
+from validation import pages
+from validation.__main__ import main
+from validation.claims.top import free_top
+from validation.running import run
+from validation.scenes import bodies
+from validation.statistics import measures
+from validation.stress import measure, molecules, report, script, tops
+from validation.stress.cases import CASES
+from validation.stress.criteria import CRITERIA, Criterion
+from validation.stress.measure import BlowUp, CannotRun, Case, Number
+
+COMMITTED = ROOT / "validation" / "results" / "stress"
+
+
+def criterion(bound=1.0, side="≤", **more):
+    return Criterion(side, bound, "", ("test",), "a number", "none", "none", (), **more)
+
+
+def case(number, name="test", side="≤", **more):
+    usual = {"physics": "None.", "criterion": "a number", "bars": "so and so"}
+    usual |= {"short": 1, "full": 2, "bounds": {"test": criterion(side=side)}}
+    return Case(name=name, measure=number, **usual | more)
+
+
+def row(found, integrator="nosquish", folder=Path("unused"), length=None):
+    """The row of a case with an integrator; of another length, if one is given."""
+    if length is not None:
+        found = dataclasses.replace(found, short=length)
+    stand = measure.Stand(found, measure.COMPARED[integrator], folder, 60.0, Silent())
+    *_, last = measure.grown(stand, integrator, False)
+    return measure.judged(found, last)
+
+
+def stress(cases, names, out, full=False, only=("nosquish",)):
+    return measure.stress(cases, names, out, full, 60.0, Silent(), only)
+
+
+def raises(error):
+    def measured(stand, length):
+        raise error
+
+    return measured
+
+
+@pytest.mark.parametrize(
+    "number, side, verdict",
+    [
+        (lambda stand, length: Number(0.5, 0.1), "≤", "pass"),
+        (lambda stand, length: Number(0.5, 0.3), "≤", "cannot tell"),
+        (lambda stand, length: Number(1.5, 0.1), "≤", "fail"),
+        (lambda stand, length: Number(1.5, 0.1), "≥", "pass"),
+        (lambda stand, length: Number(np.nan), "≤", "blow-up"),
+        (lambda stand, length: Number(np.inf), "≥", "blow-up"),
+        (raises(BlowUp("after step 7: lost atoms")), "≤", "blow-up"),
+        (raises(CannotRun("no such cluster")), "≤", "cannot run"),
+        (raises(np.linalg.LinAlgError("singular")), "≤", "blow-up"),
+        (raises(ZeroDivisionError()), "≤", "blow-up"),
+        (lambda stand, length: np.empty(3)[length + 2], "≤", "blow-up"),
+    ],
+)
+def test_verdicts(tmp_path, number, side, verdict):
+    """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower
+    bound taken for an upper one, and an analysis of a broken run that ends all."""
+    found = row(case(number, side=side), folder=tmp_path)
+    assert found["verdict"] == verdict
+    assert (found["value"] is None) == (verdict in measure.BROKEN)
+    if verdict in measure.BROKEN:
+        assert found["note"]
+    json.dumps(found, allow_nan=False)
+
+
+@pytest.mark.parametrize("size", [1e80, 1e150, 1e200])
+def test_drift_of_what_blew_up(size):
+    """Locks out squares that overflow: the slope of a series that explodes is that of the same one
+    with numbers of order one, times its size."""
+    t = np.linspace(0.0, 1.0, 1000)
+    x = np.exp(40 * (t - 1)) + 1e-3 * np.sin(1e5 * t)
+    with np.errstate(all="ignore"):
+        found = measures.drift(t, size * x)
+    np.testing.assert_allclose(found.times(1 / size), measures.drift(t, x), rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    "verdicts, breaks, behind",
+    [
+        ({"nosquish": "blow-up", "rigid": "fail"}, True, False),
+        ({"nosquish": "blow-up", "shake": "pass"}, True, True),
+        ({"nosquish": "cannot run", "rigid": "blow-up", "shake": "cannot tell"}, True, False),
+        ({"nosquish": "blow-up", "rigid": "blow-up", "gear": "pass"}, False, False),
+        ({"nosquish": "fail", "rigid": "pass"}, False, True),
+        ({"nosquish": "pass", "rigid": "pass", "shake": "cannot run"}, False, False),
+        ({"rigid": "pass", "shake": "fail"}, False, False),
+    ],
+)
+def test_where_ours_is_worse(verdicts, breaks, behind):
+    """Locks out a blow-up of ours that is not told, and one that is told though every LAMMPS fix
+    has it."""
+    kinds = {"nosquish": "ours", "gear": "ours", "rigid": "rigid", "shake": "constraints"}
+    rows = [
+        {"integrator": name, "kind": kinds[name], "verdict": verdict}
+        for name, verdict in verdicts.items()
+    ]
+    found = measure.worse([{"name": "test", "rows": rows}])
+    assert [bool(names) for names in found.values()] == [breaks, behind]
+
+
+def test_rows_are_kept(tmp_path, monkeypatch):
+    """Locks out rows that are lost by a Ctrl-C or run again after it, those of other cases
+    forgotten, those of other lengths taken, and a case that is asked for and not measured anew by
+    other code."""
+    done = []
+
+    def measured(stand, length):
+        done.append((stand.case.name, stand.integrator.name, length))
+        if len(done) == 2:
+            raise KeyboardInterrupt
+        return Number(0.5)
+
+    cases = {name: case(measured, name) for name in ("one", "two")}
+
+    def run_them(names, full=False):
+        summary = stress(cases, names, tmp_path, full, ["nosquish", "rigid"])
+        measure.whole.write(tmp_path / "summary.json", summary)
+        found = {told["name"]: len(told["rows"]) for told in summary["cases"]}
+        return found, summary["interrupted"], summary["command"]
+
+    assert run_them(["one"])[:2] == ({"one": 1}, True)
+    assert run_them(["one"])[:2] == ({"one": 2}, False)
+    assert [name for _, name, _ in done] == ["nosquish", "rigid", "rigid"]
+    assert run_them(["two"])[0] == {"one": 2, "two": 2} and len(done) == 5
+    assert run_them(["one"], full=True)[0] == {"one": 2}
+    assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
+    monkeypatch.setattr("validation.running.store.code_of", lambda module: "other")
+    found, _, command = run_them(["two"])
+    assert found == {"two": 2} and command == "python -m validation stress two --short"
+    assert len(done) == 9
+
+
+def test_rows_of_the_folder_are_judged_by_the_bounds_of_today(tmp_path):
+    """Locks out rows that are run again for a new bound, old verdicts that stay, and rows that
+    other inner bounds made."""
+    cases = {name: case(lambda stand, length: Number(0.5), name) for name in ("one", "two")}
+    measure.whole.write(tmp_path / "summary.json", stress(cases, cases, tmp_path / "elsewhere"))
+
+    def told(bounds):
+        stricter = {"one": dataclasses.replace(cases["one"], bounds=bounds), "two": cases["two"]}
+        found = stress(stricter, ["two"], tmp_path)["cases"]
+        return {case["name"]: case["rows"][0]["verdict"] for case in found}
+
+    assert told({"test": criterion(0.1)}) == {"one": "fail", "two": "pass"}
+    inner = {"test": criterion(0.1), "inner": criterion(0.3, inner=True)}
+    assert told(inner) == {"two": "pass"}
+
+
+def test_a_length_of_some_is_a_tenth(tmp_path):
+    """Locks out slow schemes that run for all the length, and a tenth that others get."""
+    found = case(lambda stand, length: Number(1e-6 * length), full=1000, tenth=measure.SLOW)
+    summary = stress({"test": found}, ["test"], tmp_path, True, ["nosquish", "gear"])
+    told = {one["integrator"]: one["value"] * 1e6 for one in summary["cases"][0]["rows"]}
+    assert told == pytest.approx({"nosquish": 1000, "gear": 100})
+    assert found.length(False, "gear") == 1
+
+
+def test_a_case_is_one_process_alone(tmp_path):
+    """Locks out two processes in one case's folder, and one that waits while there are other
+    cases."""
+    done = []
+
+    def measured(stand, length):
+        done.append(stand.case.name)
+        return Number(0.5)
+
+    cases = {name: case(measured, name) for name in ("one", "two")}
+    with measure.Rows(cases, tmp_path, False).store.locked("one"):
+        run_them = threading.Thread(target=stress, args=(cases, ["one", "two"], tmp_path))
+        run_them.start()
+        for _ in range(60):  # on a busy machine it takes a while
+            run_them.join(0.5)
+            if done:
+                break
+        assert run_them.is_alive() and done == ["two"]
+    run_them.join(30.0)
+    assert done == ["two", "one"]
+
+
+# ---- exact answers
+
+
+@pytest.mark.parametrize(
+    "moment", [(1, 1, 1), (1, 1, 1e-12), (1, 1, 2), (1 + 1e-6, 1 + 1e-6, 2), (0.7, 0.9, 1.3)]
+)
+def test_bodies_have_the_moments_that_they_are_named_after(moment):
+    """Locks out needles and disks of other moments."""
+    x, mass = bodies.three_rods(np.array(moment, float))
+    tensor = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in zip(mass, x))
+    np.testing.assert_allclose(tensor, np.diag(moment), rtol=1e-3, atol=1e-16)
+
+
+@pytest.mark.parametrize("tilt", tops.TILTS)
+def test_time_between_turns_over(tilt):
+    """Locks out a wrong exact answer: the exact motion, position by position, turns over as often;
+    and a pace that is not held against it."""
+    moments, _ = bodies.moments(bodies.BENT, bodies.MASSES)
+    start = moments * tops.MIDDLE * np.array([tilt, 1.0, tilt])
+    exact = tops.exact_interval(tilt)
+    times = np.linspace(0.0, 3.2 * exact, 600)
+    unit = np.array([1.0, 0, 0, 0])
+    along = np.array([free_top(unit, start, moments, time)[1][1] for time in times])
+    over = tops._turns_over(times, along)
+    np.testing.assert_allclose(np.diff(over), exact, rtol=1e-5)
+    assert len(over) >= 3 and tops._pace(over, exact).value < 1e-5
+    assert tops._pace(1.02 * over, exact).value == pytest.approx(0.02, rel=1e-3)
+    assert tops._pace(over[:2], exact).value == 1.0
+
+
+@pytest.mark.parametrize("moment", [(1.0, 1.0, 1.0), (1.0, 1.0, 0.1), (1.0, 1.0, 1.9)])
+def test_exact_symmetric_top(moment):
+    """Locks out a wrong exact answer: angular momentum and energy stay, and Euler's equations hold
+    at each moment."""
+    moment, spin, turn = np.array(moment), np.array([0.6, -0.5, 0.7]), bodies.turned(1)
+    h = 1e-4
+    for time in 0.0, 1.0, 30.0:
+        before, now, after = (
+            bodies.symmetric_top(turn, spin, moment, time + step) for step in (-h, 0.0, h)
+        )
+        step = (now.inv() * after * (now.inv() * before).inv()).as_rotvec()
+        omega = step / (2 * h)  # in the top's frame
+        np.testing.assert_allclose(now.apply(moment * omega), turn.apply(moment * spin), atol=1e-6)
+        np.testing.assert_allclose(moment @ omega**2, moment @ spin**2, rtol=1e-6)
+    again = bodies.symmetric_top(turn, spin, moment, 0.0)
+    np.testing.assert_allclose(again.as_matrix(), turn.as_matrix())
+
+
+# ---- bounds
+
+
+def test_every_case_has_criteria():
+    """Locks out a case without a criterion that judges it, a criterion of no case, and one without
+    derivation, need or dated history, whose last entry is the bound."""
+    for found in CASES.values():
+        judges = [one for one in found.criteria.values() if not one.inner]
+        assert judges and all(one.side == "≤" for one in judges[1:]), found.name
+        assert found.physics and found.criterion and found.bars
+    named = {name for one in CRITERIA.values() for name in one.cases}
+    assert named == {name for name, one in CASES.items() if one.part == measure.EXTREME}
+    for name, one in CRITERIA.items():
+        assert one.derivation and one.need and one.quantity and one.side in "≤≥", name
+        assert one.changes[-1].bound == one.bound, f"{name}: add a Change with date and reason"
+        assert all(change.date and change.reason for change in one.changes), name
+        dates = [change.date for change in one.changes]
+        assert dates == sorted(dates), name
+        last = [change.cases for change in one.changes if change.bound == one.bound]
+        assert {case for some in last for case in some} == set(one.cases), name
+
+
+def test_committed_rows_are_judged_by_the_bounds_of_today():
+    """Locks out a bound that is changed in the table alone, results that other bounds have judged,
+    a case that nobody fails, and a page that claims another verdict."""
+    summary = json.loads((COMMITTED / "summary.json").read_text())
+    passed = dict.fromkeys(measure.ALL, 0)
+    assert [told["name"] for told in summary["cases"]] == [*CASES]
+    for told in summary["cases"]:
+        found = CASES[told["name"]]
+        assert (told["low"], told["high"]) == found.bound.within(), found.name
+        texts = [one.text() for one in found.criteria.values()]
+        assert [one["text"] for one in told["criteria"]] == texts, found.name
+        for line in told["rows"]:
+            again = measure.judged(found, line)
+            keys = "verdict", "value", "note"
+            assert [again[key] for key in keys] == [line[key] for key in keys], line["command"]
+            passed[line["integrator"]] += line["verdict"] == "pass" and told["part"] == "extreme"
+        assert {"fail", "blow-up"} & {line["verdict"] for line in told["rows"]}, found.name
+    page = committed.render((ROOT / "docs" / "results" / "stability.md").read_text())
+    for name, label in report._labels(summary["cases"]).items():
+        assert f"| `{committed.cell(label)}` | {passed[name]} |" in page
+    assert sum(line.endswith("| pass |") for line in page.splitlines()) == passed["nosquish"]
+
+
+def test_table_follows_from_the_summary(tmp_path):
+    """Locks out a committed table that its summary does not make, to the last byte."""
+    summary = json.loads((COMMITTED / "summary.json").read_text())
+    pages.write_tables(report.said(summary), tmp_path)
+    assert (tmp_path / "table.csv").read_bytes() == (COMMITTED / "table.csv").read_bytes()
+
+
+# ---- starts
+
+
+def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
+    """Locks out a verdict that stays unsure though there could be more starts, starts that are run
+    again, and more looks than doublings."""
+    done = []
+
+    def measured(stand, length):
+        done.append(stand.start)
+        return Number([0.2, 1.4, *[0.2] * 7][stand.start])
+
+    cases = {"test": case(measured, starts=(4, 19), together=measure.mean_of_starts)}
+    for _ in range(2):
+        (line,) = stress(cases, ["test"], tmp_path)["cases"][0]["rows"]
+        assert done == list(range(8)) and line["verdict"] == "pass" and len(line["numbers"]) == 8
+
+
+@pytest.mark.parametrize("looks, starts", [([1], (1, 1)), ([4, 8, 16, 19], (4, 19))])
+def test_many_looks_are_one_verdict(looks, starts):
+    """Locks out that each look at more starts spends all of the 5 %: of a number that lies on its
+    bound 13 % of the verdicts were sure then."""
+    many = starts[1] > 1
+    found = case(None, starts=starts, **{"together": measure.mean_of_starts} if many else {})
+    assert found.looks == looks
+    sure = 0
+    for seed in range(4000):
+        values = 1.0 + 0.3 * np.random.default_rng(seed).normal(size=19)
+        error = 0.0 if many else 0.3  # the scatter of starts tells it
+        numbers = [[Number(value, error) for value in values[:look]] for look in looks]
+        sure += any(found.verdict(some) != "cannot tell" for some in numbers)
+    assert 0.02 < sure / 4000 < 0.06
+
+
+def test_drifts_of_starts_have_a_sign():
+    """Locks out a mean of absolute values, which chance alone keeps from zero."""
+    numbers = [Number(0.3, 0.1, freedom=62.0), Number(-0.1, 0.1, freedom=62.0)]
+    found = measure.drift_of_starts(numbers)
+    told = found.value, found.error, found.freedom
+    np.testing.assert_allclose(told, [0.1, 0.1 / np.sqrt(2), 62.0])
+
+
+# ---- that cases tell integrators apart
+
+# each with a length that is short, who passes and who does not
+APART = [
+    ("needles", 20_000, "nosquish", "rigid/nve"),
+    ("disks", 4000, "rigid/nve", "matubayasi-nakahara"),
+    ("middle-axis", 1000, "nosquish", "rigid"),
+    ("turn-per-step", 10_000, "shake 1e-8", "rigid"),
+    ("long-dimer", 20_000, "rattle 1e-4", "gear"),
+    ("far-away", 50, "nosquish", "rigid/nve/small"),
+    ("images-half", None, "nosquish", "rigid/nve/small"),
+    ("temp-csvr", None, "nosquish", "rigid/nve"),
+]
+
+
+@pytest.mark.parametrize("name, length, passes, does_not", APART)
+def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
+    """Locks out a bound that nobody can fail, and one that nobody can keep."""
+    for who, verdicts in (passes, ("pass",)), (does_not, ("fail", "blow-up")):
+        found = row(CASES[name], who, tmp_path / "runs", length)
+        assert found["verdict"] in verdicts, found
+
+
+def test_ranks_tell_integrators_apart(tmp_path, monkeypatch):
+    """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last
+    bit whatever is run."""
+    monkeypatch.setattr("validation.stress.contact.RANKS", (4,))
+    found = row(CASES["ranks"], "rigid/nve", tmp_path, 10)
+    assert found["verdict"] == "pass" and found["value"] > 0.0, found
+    found = row(CASES["ranks"], "rattle 1e-4", tmp_path, 10)
+    assert found["verdict"] == "fail" and found["value"] > 1e6 * CASES["ranks"].bound.bound, found
+
+
+class First:
+    """A stand of the first start."""
+
+    start = 0
+
+
+def changing(monkeypatch, bears):
+    """Put energies that change in place of runs; gives the list of the time steps tried."""
+    tried = []
+
+    def changes(stand, scene, label, dts, time, allowed, **how):
+        tried.extend(dts)
+        return np.array([0.01 * allowed if bears(dt, scene) else np.inf for dt in dts]), "broke"
+
+    monkeypatch.setattr(molecules, "changes", changes)
+    return tried
+
+
+@pytest.mark.parametrize("good", range(0, 48, 3))
+def test_limit_by_halving(monkeypatch, good):
+    """Locks out a bisection that ends elsewhere than trying all steps does, tries more than need
+    be, or invents a limit below the first step."""
+    steps = np.arange(0.5, 12.1, 0.25)
+    tried = changing(monkeypatch, lambda dt, scene: dt < 0.4 + 0.25 * good)
+    found = molecules.halved(None, None, steps, 1.0)
+    assert len(set(tried)) <= 8
+    assert good < 4 or any(0.7 < 2 * dt / found.value < 1.3 for dt in tried)
+    every = molecules.limit(First, None, steps, 1.0)
+    assert (found.value, found.error) == (every.value, every.error)
+    if good == 0:
+        assert found.value == found.error == 0.0 and found.note.startswith("not even at 0.5 fs")
+    elif good < 47:
+        assert (found.value, found.error) == (0.375 + 0.25 * good, 0.0625)
+
+
+def test_limit_of_steps_that_are_bad_below_good_ones(monkeypatch):
+    """Locks out a limit of the step where shorter steps break too, as where an energy drifts with
+    any step."""
+    changing(monkeypatch, lambda dt, scene: 4.0 < dt < 8.1 or dt < 0.6)
+    found = molecules.halved(None, None, np.arange(0.5, 12.1, 0.5), 1.0)
+    assert (found.value, found.error) == (0.75, 0.125)
+
+
+def test_limit_is_a_mean_over_starts(monkeypatch):
+    """Locks out an error bar without what another start gives, or one for which four starts were as
+    good as many."""
+    changing(monkeypatch, lambda dt, scene: dt < scene)
+    limits = (4.1, 5.1, 6.1, 7.1)
+    starts = [molecules.limit(First, one, np.arange(1.0, 12.0), 1.0) for one in limits]
+    found = measure.mean_of_starts(starts)
+    assert found.value == 6.0
+    scatter = stats.t.ppf(0.975, 3) * np.std([4, 5, 6, 7], ddof=1) / 2
+    expected = np.hypot(scatter, stats.norm.ppf(0.975) * 0.25)
+    np.testing.assert_allclose(measures.margin(found.error, found.freedom), expected)
+
+
+def test_limit_of_a_run_that_breaks_at_once(tmp_path):
+    """Locks out a crash, and a limit, where not even the first step is borne."""
+
+    def measured(stand, length):
+        return molecules.limit(stand, molecules.dimer_of(0.1), np.array([50.0, 60.0]), length)
+
+    found = row(case(measured, side="≥"), folder=tmp_path, length=5000.0)
+    assert (found["verdict"], found["value"]) == ("fail", 0.0)
+    assert found["note"].startswith("not even at 50 fs"), found
+
+
+def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
+    """Locks out a light dimer that is hotter or colder than the others."""
+    kinetic = []
+    for mass in 1.0, 0.1, 0.01:
+
+        def measured(stand, length, mass=mass):
+            how = {"dt": 0.01, "every": 1}
+            result, _ = stand.run(molecules.dimer_of(mass), f"{mass}", [length], **how)
+            return Number(result.thermo["KinEng"][0])
+
+        kinetic.append(row(case(measured), "rigid/nve", tmp_path)["value"])
+    np.testing.assert_allclose(kinetic, kinetic[1], rtol=1e-9)
+
+
+def test_refused_bodies_are_not_run(tmp_path):
+    """Locks out shake on bodies that it cannot hold, and an error of LAMMPS that is none."""
+    assert row(CASES["needles"], "shake 1e-8", tmp_path)["verdict"] == "cannot run"
+
+    def measured(stand, length):
+        scene = dataclasses.replace(molecules.dimer_of(0.1), bodies="nonsense")
+        stand.run(scene, "run", [1], dt=0.1, every=1)
+
+    found = row(case(measured), "rigid/nve", tmp_path)
+    assert found["verdict"] == "blow-up" and "ERROR" in found["note"], found
+
+
+# ---- the command
+
+
+def test_command(tmp_path, monkeypatch, capsys):
+    """Locks out files that are missing or hold less than was run, a page with links to other files
+    or without the bounds' reasons, and unknown names that are taken."""
+    monkeypatch.setattr(run, "run", lambda *_: pytest.fail("nothing is to be run"))
+    out, only = str(tmp_path), ["shake 1e-8", "rattle 1e-8"]
+    assert main(["stress", "needles", "disks", "--only", *only, "--out", out]) == 0
+    with open(tmp_path / "table.csv") as file:
+        table = list(csv.DictReader(file))
+    pairs = [(line["case"], line["integrator"], line["error is"]) for line in table]
+    assert pairs == [(a, b, CASES[a].bars) for a in ("needles", "disks") for b in only]
+    page = (tmp_path / "report.html").read_text()
+    for word in "cannot run", CASES["disks"].criterion, CRITERIA["orientation"].derivation:
+        assert word in page
+    assert 'src="http' not in page and 'href="http' not in page
+    assert "Not all integrators have run yet in needles, disks." in capsys.readouterr().out
+    for words in ["nonsense"], ["needles", "--only", "nonsense"]:
+        with pytest.raises(SystemExit):
+            main(["stress", *words, "--out", out])
+        assert "choose from" in capsys.readouterr().err
+    assert main(["stress", "--list"]) == 0
+    shown = capsys.readouterr().out
+    assert all(name in shown for name in CASES)
+
+
+@pytest.mark.timeout(600)
+def test_what_breaks_on_a_script(tmp_path):
+    """Locks out a number that cannot fail: a step that is far too long does, longer ones are not
+    run then, and runs of another length end elsewhere."""
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
+    path.write_text(text.replace("timestep 4", "timestep 10"))
+    out = tmp_path / "out"
+    assert main(["stress", str(path), "--only", "nosquish", "--out", str(out)]) == 0
+    checks = json.loads((out / "summary.json").read_text())["checks"]
+    parts = {part: [one for one in checks if one["part"] == part] for part in script.TITLES}
+    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
+    assert parts["step"][-1]["verdict"] == "does not hold"
+    folder = out / "runs" / "nosquish"
+    ran = [factor for factor in script.LONGER if (folder / f"{factor:g}-times-the-step").exists()]
+    assert len(ran) == len(parts["step"])
+    ends = [run.collect(folder / name).positions.x for name in ("in-one", "in-two")]
+    assert np.abs(ends[0][-1] - ends[1][-1]).max() < 1e-3 < np.abs(ends[0][1] - ends[1][-1]).max()

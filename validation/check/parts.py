@@ -1,0 +1,134 @@
+"""Rigid parts of molecules, from bonds and masses: water, CH3, NH3, aromatic rings.  No LAMMPS."""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ..statistics import measures
+
+# g/mol; a mass within NEAR of one of these is that element
+ELEMENTS = {"H": 1.008, "C": 12.011, "N": 14.007, "O": 15.999, "S": 32.06, "F": 18.998}
+NEAR = 0.3
+RING = 5, 6  # atoms of an aromatic ring
+# Angstrom: how far an atom of a ring may be from its plane in a run at room temperature
+FLAT = 0.35
+ROUNDS = 5  # of fits to a mean shape, and means of what is fitted
+PARTS = "water", "CH3", "NH3", "rings"
+Atoms = Mapping[str, np.ndarray]
+
+
+def _elements(mass: np.ndarray) -> np.ndarray:
+    """The element of each atom, by its mass; empty for none."""
+    found = np.full(len(mass), "", dtype="<U2")
+    for name, known in ELEMENTS.items():
+        found[np.abs(mass - known) < NEAR] = name
+    return found
+
+
+def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
+    """Of each atom those that it is bonded to, from 0; ``bonds`` has rows (type, ID, ID)."""
+    found: list[list[int]] = [[] for _ in range(atoms)]
+    for _, i, j in bonds:
+        found[i - 1].append(j - 1)
+        found[j - 1].append(i - 1)
+    return found
+
+
+def rigid(
+    atoms: Atoms, cell: np.ndarray, periodic: Sequence[bool], wanted: Collection[str] = PARTS
+) -> tuple[np.ndarray, dict[str, int]]:
+    """The rigid part of each atom, numbered from 1 in order of their first atoms, 0 for none; and
+    how many there are of each of `PARTS`.
+
+    Args:
+        atoms: ``mass``, ``x`` and ``bonds``, as of ``own``.
+        cell: vectors as rows, Angstrom.
+        wanted: of `PARTS`.
+    """
+    number, kinds = len(atoms["mass"]), _elements(atoms["mass"])
+    tied = _neighbours(atoms["bonds"], number)
+    made: dict[str, list[set[int]]] = {name: [] for name in PARTS}
+    for atom in range(number):
+        light = [other for other in tied[atom] if kinds[other] == "H" and len(tied[other]) == 1]
+        if kinds[atom] == "O" and len(tied[atom]) == len(light) == 2:
+            made["water"].append({atom, *light})
+        elif kinds[atom] in ("C", "N") and len(light) == 3 and len(tied[atom]) <= 4:
+            made["CH3" if kinds[atom] == "C" else "NH3"].append({atom, *light})
+    made["rings"] = _joined(
+        ring | {other for atom in ring for other in tied[atom] if kinds[other] == "H"}
+        for ring in _rings(tied, kinds)
+        if _is_flat(_whole(atoms["x"][sorted(ring)], cell, periodic))
+    )
+    every = sorted((part for name in wanted for part in made[name]), key=min)
+    body = np.zeros(number, int)
+    for index, part in enumerate(every, 1):
+        body[list(part)] = index
+    return body, {name: len(made[name]) for name in wanted}
+
+
+def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
+    """Closed walks of `RING` atoms that can be aromatic, each once."""
+    able = [kind in ("C", "N", "O", "S") and len(some) <= 3 for kind, some in zip(kinds, tied)]
+    seen = set()
+    for first in np.flatnonzero(able):
+        walks = [[int(first)]]
+        while walks:
+            walk = walks.pop()
+            for atom in tied[walk[-1]]:
+                if atom == first and len(walk) in RING and frozenset(walk) not in seen:
+                    seen.add(frozenset(walk))
+                    yield set(walk)
+                elif atom > first and able[atom] and atom not in walk and len(walk) < max(RING):
+                    walks.append([*walk, atom])
+
+
+def _whole(x: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
+    """Atoms of bodies (..., atoms, 3), put together by nearest images."""
+    return x[..., :1, :] + measures.nearest_image(x - x[..., :1, :], cell, periodic)
+
+
+def _is_flat(r: np.ndarray) -> bool:
+    r = r - r.mean(axis=0)
+    return bool(np.abs(r @ np.linalg.svd(r)[2][2]).max() < FLAT)
+
+
+def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
+    """Parts, with those that share atoms as one."""
+    found: list[set[int]] = []
+    for part in parts:
+        touching = [other for other in found if other & part]
+        found = [*(other for other in found if other not in touching), part.union(*touching)]
+    return found
+
+
+def alike(
+    atoms: Atoms, body: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
+) -> tuple[np.ndarray, float]:
+    """Places of all atoms when each body has the mean shape of its kind; and the largest distance
+    that an atom moved.  Bodies of the same types are a kind; of a type, atoms stand for each other
+    in order of ID."""
+    moved = np.zeros_like(atoms["x"], dtype=float)
+    order = np.lexsort((atoms["type"], body))  # stable
+    kinds: dict[tuple, list[np.ndarray]] = {}
+    for own in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
+        if body[own[0]]:
+            kinds.setdefault((*atoms["type"][own],), []).append(own)
+    for rows in kinds.values():
+        group = np.array(rows)
+        mass = atoms["mass"][group[0]]
+        r = _whole(atoms["x"][group], cell, periodic)
+        if group.shape[1] == 4:  # CH3: a mirror image is no other kind, two of its H are swapped
+            volume = np.linalg.det(r[:, 1:] - r[:, :1])
+            light = np.argsort(mass, kind="stable")[:2]
+            mirrored = np.flatnonzero(volume * volume[0] < 0)[:, None]
+            group[mirrored, light] = group[mirrored, light[::-1]]
+            r[mirrored, light] = r[mirrored, light[::-1]]
+        centred = r - (np.einsum("i,bij->bj", mass, r) / mass.sum())[:, None]
+        shape = centred[0]
+        for _ in range(ROUNDS):
+            turns = [Rotation.align_vectors(shape, one)[0] for one in centred]
+            shape = np.mean([turn.apply(one) for turn, one in zip(turns, centred)], axis=0)
+        fitted = np.array([turn.inv().apply(shape) for turn in turns])
+        moved[group] = fitted - centred
+    return atoms["x"] + moved, float(np.linalg.norm(moved, axis=1).max(initial=0.0))

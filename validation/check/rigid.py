@@ -1,0 +1,145 @@
+"""Writes rigid parts of a user's molecules: the files and the lines with which a script has them.
+
+The script keeps all commands that make its atoms.  A file says of each atom in which body it is,
+and another one has places in which all bodies of a kind have one shape; a few lines in the place of
+the script's fixes read both.
+"""
+
+import os
+import re
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+
+import numpy as np
+
+from ..own import finding, schemes, system
+from ..own.finding import Found
+from ..own.script import texts
+from ..scenes.integrators import OURS
+from . import parts
+
+GROUP, BODY = "own_bodies", "own_body"
+OTHERS = "own_others"  # atoms in no body that the bodies' fix does not move
+STYLE = f"custom v_{BODY}"
+CHAINS = "nvt", "npt"  # fixes whose thermostats are chains
+PLACES = "x y z ix iy iz"
+FAR = 0.5  # Å: parts of a kind in which atoms differ by more have no mean shape
+ALIKE = (
+    "read_dump gives all parts of a kind their mean shape: for this an atom moves by {:.3g} Å at "
+    "most. Without that line each part keeps its own shape."
+)
+DIFFER = (
+    f"Each part keeps its own shape: parts of a kind differ by more than {FAR:g} Å, in shape or in "
+    "the order of their atoms."
+)
+
+
+def written(
+    ask: system.Ask, out: Path, silence: float, wanted: Collection[str]
+) -> tuple[dict[str, int], list[str]]:
+    """How many parts there are of each kind, and sentences and lines for the user.
+
+    Args:
+        out: folder of the files.
+        silence: s without a sign of life after which the reading of the script is given up.
+        wanted: of `parts.PARTS`.
+
+    Raises:
+        SystemExit: with one message, what is wrong and the way out.
+    """
+    asked = replace(ask, group=GROUP, bodies=STYLE)  # at its first run, whatever moves atoms there
+    said, atoms, _ = system.read(asked, out, 1, silence)
+    if not len(atoms.get("bonds", ())):
+        raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")
+    if said["units"] not in ("real", "metal"):
+        raise SystemExit(f"{ask.name}: elements cannot be told by masses in units {said['units']}")
+    cell, periodic = np.array(said["cell"]), said["periodic"]
+    body, counts = parts.rigid(atoms, cell, periodic, wanted)
+    if not body.any():
+        return counts, ["No rigid part, so no file is written."]
+    inside, groups = body > 0, [*said["groups"], GROUP]
+    mask = atoms["mask"].astype(np.int64) | inside.astype(np.int64) << len(said["groups"])
+    known = atoms | {"mask": mask, f"v_{BODY}": body}
+    try:
+        found = finding.find(said | {"groups": groups}, known, ask.fix, GROUP, STYLE)
+    except finding.Unclear as unclear:
+        raise SystemExit(f"{ask.name}: {unclear}") from None
+    x, moved = parts.alike(atoms, body, cell, periodic)
+    files = {out / f"{ask.name}.bodies": _bodies(body), out / f"{ask.name}.shapes": _dump(x, atoms)}
+    for file, text in files.items():
+        file.write_text(text)
+    of_bodies, shapes = (_named(file, Path(ask.script).parent) for file in files)
+    read = f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native"
+    lines = [
+        f"variable {BODY} atomfile {of_bodies}",
+        f"variable own_inside atom v_{BODY}>0",
+        f"group {GROUP} variable own_inside",
+        *([read] if moved <= FAR else []),
+        *_moving(found, said, known),
+    ]
+    gone = dict(zip(found.ids, found.lines))
+    told = [
+        f"{schemes.place(gone)}:",
+        *(f"    {line}" for line in lines),
+        ALIKE.format(moved) if moved <= FAR else DIFFER,
+        *schemes.naming(gone, said["commands"], lines),
+    ]
+    if found.dropped:
+        told.append(f"Keywords that ours does not have: {', '.join(found.dropped)}.")
+    return counts, [*told, *_torn(found, said, atoms)]
+
+
+def _named(file: Path, folder: Path) -> str:
+    """A file as a script in the folder names it, by its whole path if LAMMPS takes that."""
+    text = str(file.resolve())
+    if not text.isascii() or '"' in text:
+        text = os.path.relpath(text, folder)
+    return text if re.fullmatch(r"[\w./+-]+", text, re.A) else f'"{text}"'
+
+
+def _bodies(body: np.ndarray) -> str:
+    """A file of a variable of style atomfile: the body of each atom that is in one."""
+    inside = np.flatnonzero(body)
+    return f"{len(inside)}\n" + "".join(f"{atom + 1} {body[atom]}\n" for atom in inside)
+
+
+def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
+    """A dump of places of all atoms; its box, of which LAMMPS reads nothing here, is none."""
+    head = ("TIMESTEP\n0", f"NUMBER OF ATOMS\n{len(x)}", "BOX BOUNDS pp pp pp" + "\n0 1" * 3)
+    rows = zip(count(1), x, atoms["image"])
+    text = (f"{atom} {' '.join(f'{value:.17g}' for value in (*at, *image))}\n"
+            for atom, at, image in rows)  # fmt: skip
+    return "".join((*(f"ITEM: {item}\n" for item in (*head, f"ATOMS id {PLACES}")), *text))
+
+
+def _moving(found: Found, said: Mapping, atoms: parts.Atoms) -> list[str]:
+    """The lines that move the bodies, and what the script's fixes have moved beside them."""
+    ours = {one.name: one for one in schemes.schemes(found, said["units"])[0] if one.kind == "ours"}
+    chains = f"{OURS}-nh" if finding.style_of(found.mover) in CHAINS else OURS
+    made = [line.format(group=GROUP, bodies=STYLE) for line in ours[chains].lines]
+    moved = finding.in_group(said, atoms, texts(found.mover)[2])
+    if found.state.press and not (moved | (found.body > 0)).all():  # the box scales all others, too
+        taken = f"{GROUP} {schemes.REST}" if f"points {schemes.REST}" in made[-1] else GROUP
+        line = made.pop().replace(f" dilate {schemes.REST}", "")
+        made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]
+    return made
+
+
+def _torn(found: Found, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
+    """What is to be said of bonds between bodies and other atoms that nothing holds."""
+    bonds = np.asarray(atoms["bonds"])
+    first, second = found.body[bonds[:, 1:].T - 1]
+    styles = [words[1] for words in map(texts, said["commands"]) if words[0] == "bond_style"]
+    loose = np.full(len(bonds), styles[-1:] == ["zero"])
+    for line in found.lines:
+        if finding.kind_of(line) == "constraints":
+            mask = finding.in_group(said, atoms, texts(line)[2])
+            loose |= finding.held_bonds(atoms, mask)
+    if number := int((loose & (first != second)).sum()):
+        yield (
+            f"{number:,} bonds between bodies and other atoms have no force, or shake held them: "
+            "nothing holds these together. Give such bonds a style with forces, or have whole "
+            "molecules as bodies."
+        )

@@ -1,0 +1,480 @@
+"""What breaks, where: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's
+rigid and constraint fixes.
+
+A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stress` runs
+cases with integrators, row by row.  A row keeps what was measured, from each start; it is judged
+against the bounds of ``criteria`` whenever it is shown.  Several processes may run with the same
+output folder: one alone has a case, and the summary of each has the rows of all.
+"""
+
+import shlex
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .. import NAME
+from ..running import machine, run, whole
+from ..running.run import Meter, Result
+from ..running.store import Store
+from ..scenes import SCENES, Scene
+from ..scenes.integrators import INTEGRATORS, OURS, SWEPT, Integrator
+from ..statistics import measures
+from ..statistics.check import Check
+from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from . import criteria
+from .criteria import Criterion
+
+BROKEN = {"blow-up", "cannot run"}
+SURVIVED = {"pass", "fail", "cannot tell"}
+_WORDS = {True: "pass", False: "fail", None: "cannot tell"}
+
+# in the order of the table's columns
+# the paper's other schemes, here to be compared with: not made for speed
+SLOW = ("matubayasi-nakahara", "gear")
+_RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
+_HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
+COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
+COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)}
+ALL = tuple(COMPARED)
+# without those that are much like another
+FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
+EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
+LESS = " (reference 12 and Gear: a tenth of that)"
+# why a number has the error bar that it has, or none
+LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
+EXACT = (
+    "none: the largest of all deviations in runs that give the same each time, of which no mean is "
+    "taken"
+)
+
+
+@dataclass(frozen=True)
+class Number:
+    """What a case measures.
+
+    Attributes:
+        value: in the case's unit.
+        error: its standard error, or how finely it was looked for.
+        note: what else there is to say, as which part of the case the number is of.
+        freedom: degrees of freedom of the error; None for many.
+        parts: of a case with several criteria, the number of each, by name; ``value`` is then the
+            largest of them, each over its bound.
+    """
+
+    value: float
+    error: float = 0.0
+    note: str = ""
+    freedom: float | None = None
+    parts: dict[str, float] | None = None
+
+    @classmethod
+    def of(cls, estimate: Estimate, note: str = "") -> "Number":
+        """An estimate with a note."""
+        return cls(float(estimate.value), float(estimate.error), note, estimate.freedom)
+
+
+def of_parts(parts: Mapping[str, float], note: str) -> Number:
+    """The `Number` of a case with several criteria, each with a bound from above, by name."""
+    parts = {name: float(value) for name, value in parts.items()}
+    return Number(_largest(parts), note=note, parts=parts)
+
+
+def _largest(parts: Mapping[str, float]) -> float:
+    return float(max(value / criteria.CRITERIA[name].bound for name, value in parts.items()))
+
+
+def the_one(numbers: Sequence[Number]) -> Number:
+    """Of a case with one start."""
+    return numbers[0]
+
+
+def mean_of_starts(numbers: Sequence[Number]) -> Number:
+    """Their mean, with the error that their scatter tells and how finely each was looked for."""
+    mean = measures.of_few([number.value for number in numbers])
+    looked = float(np.mean([number.error for number in numbers])), None
+    return Number.of(Estimate(mean.value, *measures.combined(mean[1:], looked)), _notes(numbers))
+
+
+def drift_of_starts(numbers: Sequence[Number]) -> Number:
+    """|mean| of rates that may have either sign; the errors are those of the lines."""
+    parts = ((number.error / len(numbers), number.freedom) for number in numbers)
+    mean = abs(np.mean([number.value for number in numbers]))
+    return Number.of(Estimate(mean, *measures.combined(*parts)), _notes(numbers))
+
+
+def _notes(numbers: Sequence[Number]) -> str:
+    notes = [number.note for number in numbers if number.note]
+    return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
+
+
+class BlowUp(Exception):
+    """A run that broke: what it said, and after which step."""
+
+
+class CannotRun(Exception):
+    """Why an integrator is not run on a case."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A situation that some integrator does not bear.
+
+    Attributes:
+        name: on the command line and of its folder.
+        physics: what happens, in a sentence.
+        criterion: the number, in words.
+        bars: what the number's error is, or why there is none.
+        measure: the number, of a stand and a length.
+        short, full: lengths; what they count is the function's own.
+        compared: names of the integrators that it is run with; and ``few`` with --short.
+        tenth: names of those with a tenth of the length with --full.
+        starts: how many at least and at most, between which a row gets more until its verdict is
+            sure.
+        together: of the starts' numbers, the row's.
+        bounds: criteria by name, other than those that name the case.
+        part: `EXTREME` or `REPORTED`.
+    """
+
+    name: str
+    physics: str
+    criterion: str
+    bars: str
+    measure: Callable[["Stand", Any], Number]
+    short: Any
+    full: Any
+    compared: tuple[str, ...] = ALL
+    few: tuple[str, ...] = FEW
+    tenth: tuple[str, ...] = ()
+    starts: tuple[int, int] = (1, 1)
+    together: Callable[[Sequence[Number]], Number] = the_one
+    bounds: dict[str, Criterion] | None = None
+    part: str = EXTREME
+
+    @classmethod
+    def of(cls, name: str, physics: str, short: Any, full: Any, **more) -> Callable:
+        """A decorator that makes a case of its measure."""
+        return lambda measure: cls(name, physics, measure=measure, short=short, full=full, **more)
+
+    @property
+    def criteria(self) -> dict[str, Criterion]:
+        """All that bound its numbers, by name."""
+        return criteria.of_case(self.name) if self.bounds is None else self.bounds
+
+    @property
+    def bound(self) -> Criterion:
+        """Of the number: its criterion's, or that each part is below its own."""
+        judges = [criterion for criterion in self.criteria.values() if not criterion.inner]
+        return judges[0] if len(judges) == 1 else criteria.EACH
+
+    @property
+    def inner(self) -> dict[str, float]:
+        """Bounds that what is measured follows from."""
+        found = {name: some.bound for name, some in self.criteria.items() if some.inner}
+        return found | {"rounding": criteria.rounding(1)}
+
+    def length(self, full: bool, integrator: str | None = None) -> Any:
+        """Of a full run or of a short one, with an integrator's name."""
+        if not full:
+            return self.short
+        return self.full // 10 if integrator in self.tenth else self.full
+
+    def integrators(self, full: bool) -> list[str]:
+        """Names of the integrators that it is run with."""
+        return [name for name in self.compared if full or name in self.few]
+
+    def number(self, numbers: Sequence[Number]) -> Number:
+        """The row's `Number`, of its starts'; of one with parts by the bounds of today."""
+        found = self.together(numbers)
+        return replace(found, value=_largest(found.parts)) if found.parts else found
+
+    @property
+    def looks(self) -> list[int]:
+        """Numbers of starts at which a row may have enough: the least, doubled again and again, and
+        the most."""
+        least, most = self.starts
+        doubled = (least * 2**k for k in range(most.bit_length()))
+        return [*(number for number in doubled if number < most), most]
+
+    def verdict(self, numbers: Sequence[Number]) -> str:
+        """pass, fail, or cannot tell where the interval of the starts' number reaches over the
+        bound.  Each of the `looks` is a chance to be sure by
+        chance: so intervals are wider, of 95 % for all looks together."""
+        found = self.number(numbers)
+        confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
+        wider = margin(1.0, found.freedom, confidence) / margin(1.0, found.freedom)
+        number = found.value, found.error * wider, *self.bound.within()
+        return _WORDS[Check("", "", "", *number, freedom=found.freedom).holds]
+
+
+@dataclass
+class Stand:
+    """Where a case is run with one integrator.
+
+    Attributes:
+        folder: of this case with this integrator; the case's own files may stand in its parent.
+        silence: s without a sign of life after which a run is given up.
+        ranks: of scenes that are worth more than one.
+        start: which of the starts, from 0, of a case that has several.
+        seconds: that steps have taken.
+    """
+
+    case: Case
+    integrator: Integrator
+    folder: Path
+    silence: float
+    meter: Meter
+    ranks: int = 1
+    start: int = 0
+    seconds: float = 0.0
+
+    def run(self, scene: Scene, label: str, runs: list[int], **how) -> tuple[Result, Path]:
+        """As `attempt`, but a `BlowUp`, too, if it broke later or its energy is not finite."""
+        result, folder = self.attempt(scene, label, runs, **how)
+        steps = result.thermo.get("Step", np.zeros(1))
+        if result.error:
+            raise BlowUp(f"after step {steps[-1]:.0f}: {result.error}")
+        finite = np.isfinite(result.thermo.get("TotEng", np.zeros(1)))
+        if not finite.all():
+            raise BlowUp(f"energy not finite, by step {steps[np.argmin(finite)]:.0f}")
+        return result, folder
+
+    def attempt(
+        self,
+        scene: Scene,
+        label: str,
+        runs: list[int],
+        *,
+        more: Iterable[str] = (),
+        files: Iterable[Path] = (),
+        by: Integrator | None = None,
+        **how,
+    ) -> tuple[Result, Path]:
+        """Do the runs, or take over what is there.
+
+        Args:
+            label: of the run's folder.
+            more: LAMMPS commands before the first run; ``{folder}`` is the run's.
+            files: what the run follows from beside the scene.
+            by: another integrator than the stand's.
+            how: as ``run.job`` has it.
+
+        Returns:
+            the result, which may have broken after its first line of output, and its folder.
+
+        Raises:
+            CannotRun: the integrator does not hold such bodies.
+            BlowUp: it was refused, or broke, before the first step.
+            KeyboardInterrupt: after a Ctrl-C.
+        """
+        integrator = by or self.integrator
+        if not integrator.can_run(scene):
+            why = "there is no cluster of bonds and angles that holds these bodies"
+            raise CannotRun(f"{integrator.label}: {why}")
+        folder = (self.folder / run.folder_name(label)).resolve()
+        lines = [line.replace("{folder}", str(folder)) for line in more]
+        origin = machine.origin(scene, integrator, *files)
+        how = {"silence": self.silence, "keeps": "nothing", "origin": origin, "more": lines, **how}
+        job = run.job(scene, integrator, folder, runs, **how)
+        total = sum(runs) + sum(int(line.split()[1]) for line in lines if line.startswith("run "))
+        share = 1 / max(1, total)
+        result = run.once(job, lambda step: self.meter.at(min(1.0, step * share)), failures=True)
+        self.seconds += sum(timing.seconds for timing in result.timings)
+        if result.interrupted:
+            raise KeyboardInterrupt
+        if result.error and "Step" not in result.thermo:
+            raise BlowUp(result.error)
+        return result, folder
+
+
+class Rows:
+    """All rows of an output folder, by names of case and integrator."""
+
+    def __init__(self, cases: Mapping[str, Case], out: Path, full: bool) -> None:
+        self.cases, self.out, self.full = cases, out, full
+        self.store = Store(out / "rows", "stress.cases")
+        self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
+
+    def place(self, case: str, integrator: str) -> tuple[str, str]:
+        """A row's name in the store and its origin: code, length and inner bounds."""
+        found = self.cases[case]
+        settings = found.length(self.full, integrator), found.inner, self.scenes
+        return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
+
+    def kept(self, case: str, integrator: str) -> dict | None:
+        """The row that was measured with this code, or None."""
+        found = self.store.kept(*self.place(case, integrator))
+        return found and found["record"]
+
+    def keep(self, case: str, row: dict) -> None:
+        """Keep a row, as far as it is known."""
+        place = self.place(case, row["integrator"])
+        self.store.keep(*place, row, _enough(self.cases[case], row))
+
+    def summary(self) -> dict:
+        """What all rows of the folder say, other processes' too.  A row that this code has not
+        measured is that of the folder's summary.json, if there it has the same length and inner
+        bounds: each row says with what it was measured."""
+        told = (whole.read(self.out / "summary.json") or {}).get("cases", ())
+        before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
+        found = []
+        for case in self.cases.values():
+            rows = [self.kept(case.name, name) or before.get((case.name, name)) for name in ALL]
+            shown = [judged(case, row) for row in rows if row and self._is_of(case, row)]
+            if shown:
+                found.append(_plain(case, self.full) | {"rows": shown})
+        named = [case["name"] for case in found if len(found) < len(self.cases)]
+        words = ["stress", *named, "--full" if self.full else "--short"]
+        command = shlex.join(["python", "-m", NAME, *words])
+        return {"full": self.full, "cases": found, "command": command}
+
+    def _is_of(self, case: Case, row: dict) -> bool:
+        """Whether a row has this length, these inner bounds, and the least number of starts."""
+        if not (row["ended"] or len(row["numbers"]) >= case.starts[0]):
+            return False
+        same = row["length"], row["inner"]
+        return same == (case.length(self.full, row["integrator"]), case.inner)
+
+
+def _plain(case: Case, full: bool) -> dict:
+    """A case without its rows, as plain data."""
+    low, high = case.bound.within()
+    sign, value = ("≥", low) if high is None else ("≤", high)
+    words = {key: getattr(case, key) for key in ("name", "part", "physics", "criterion", "bars")}
+    bounds = [{"quantity": some.quantity, "text": some.text()} for some in case.criteria.values()]
+    numbers = {"bound": f"{sign} {value:g}", "low": low, "high": high, "unit": case.bound.unit}
+    runs = {"length": case.length(full), "integrators": case.integrators(full)}
+    return words | numbers | runs | {"criteria": bounds}
+
+
+def stress(
+    cases: Mapping[str, Case],
+    names: Collection[str],
+    out: Path,
+    full: bool,
+    silence: float,
+    meter: Meter,
+    only: Collection[str] | None = None,
+) -> dict:
+    """Run what is not there yet; another process may run other cases into the same folder
+    meanwhile.
+
+    Args:
+        cases: all that there are.  names: of those to run.
+        full: whether with full lengths.
+        silence: s without a sign of life after which a run is given up.
+        only: names of integrators; None for all that the cases name.
+
+    Returns:
+        plain data: ``cases``, each with its ``rows``; circumstances.
+    """
+    interrupted, circumstances = False, machine.circumstances()
+    rows = Rows(cases, out, full)
+    try:
+        for case in rows.store.shared(names):
+            for _, name in plan(cases, [case], full, only):
+                meter.begin(f"{case}, {COMPARED[name].label}", 1)
+                stand = Stand(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
+                ended = None
+                for row in grown(stand, name, full, rows.kept(case, name)):
+                    rows.keep(case, row)
+                    ended = row["ended"] and row["ended"][1]
+                meter.end(ended)
+    except KeyboardInterrupt:
+        interrupted = True
+    return circumstances | {"interrupted": interrupted} | rows.summary()
+
+
+def plan(
+    cases: Mapping[str, Case], names: Iterable[str], full: bool, only: Collection[str] | None = None
+) -> list[tuple[str, str]]:
+    """(case, integrator), names, in the order in which they run."""
+    planned = (
+        (case, name) for case in names for name in cases[case].integrators(full or bool(only))
+    )
+    return [(case, name) for case, name in planned if not only or name in only]
+
+
+def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
+    """Run a case with an integrator, of that name in `COMPARED`; its row, as far as it is known, as
+    plain data without verdict, after each start that it did not have yet.  The stand is in the
+    case's folder, and gets one there."""
+    case, length = stand.case, stand.case.length(full, name)
+    stand.ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
+    stand.folder /= run.folder_name(name)
+    stand.folder.mkdir(parents=True, exist_ok=True)
+    words = ["stress", case.name, "--only", name, "--full" if full else "--short"]
+    row = row or {
+        "integrator": name,
+        "label": stand.integrator.label,
+        "kind": stand.integrator.kind,
+        "numbers": [],
+        "ended": None,
+        "length": length,
+        "inner": case.inner,
+        "seconds": 0.0,
+        "versions": machine.versions() | {"package": machine.package_hash()[:12]},
+        "command": shlex.join(["python", "-m", NAME, *words]),
+    }
+    while not _enough(case, row):
+        stand.start, before = len(row["numbers"]), stand.seconds
+        row = row | {"date": machine.now()} | _measured(stand, length, row["numbers"])
+        row["seconds"] += stand.seconds - before
+        yield row
+
+
+def _enough(case: Case, row: dict) -> bool:
+    """Whether a row needs no more starts: at one of the looks its verdict is sure."""
+    count = len(row["numbers"])
+    if row["ended"] or count >= case.starts[1]:
+        return True
+    return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
+
+
+def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
+    """What one start more adds to a row."""
+    try:
+        with np.errstate(all="ignore"):  # what breaks, overflows: the number tells
+            number = stand.case.measure(stand, length)
+        if not np.isfinite(number.value):
+            raise BlowUp(f"not finite; {number.note}")
+        estimate = Estimate(number.value, number.error, number.freedom)
+        return {"numbers": [*before, asdict(number) | estimate.plain()]}
+    except BlowUp as found:
+        return {"ended": ["blow-up", str(found)]}
+    except CannotRun as found:
+        return {"ended": ["cannot run", str(found)]}
+    # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
+    except (ValueError, IndexError, ArithmeticError) as found:
+        return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
+
+
+def judged(case: Case, row: dict) -> dict:
+    """A row with its number, verdict and note, by the bounds of today."""
+    if row["ended"]:
+        verdict, note = row["ended"]
+        found = {"value": None, "error": None, "freedom": None, "note": note}
+        return row | found | {"verdict": verdict}
+    numbers = [Number(**plain) for plain in row["numbers"]]
+    number = asdict(case.number(numbers))
+    found = {key: number[key] for key in ("value", "error", "freedom", "note")}
+    return row | found | {"verdict": case.verdict(numbers)}
+
+
+def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
+    """Where ours is worse than LAMMPS's fixes: names of cases by what happens."""
+    found: dict[str, list[str]] = {
+        "Ours breaks where a LAMMPS fix does not": [],
+        "Ours does not pass what a LAMMPS fix passes": [],
+    }
+    breaks, behind = found.values()
+    for case in cases:
+        theirs = {row["verdict"] for row in case["rows"] if row["kind"] != "ours"}
+        for row in (row for row in case["rows"] if row["integrator"] == OURS):
+            if row["verdict"] in BROKEN and theirs & SURVIVED:
+                breaks.append(case["name"])
+            if row["verdict"] != "pass" and "pass" in theirs:
+                behind.append(case["name"])
+    return found

@@ -1,0 +1,188 @@
+"""What `stress` says of its summary: of cases, or of a user's script."""
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from functools import partial
+
+from rich.console import Console
+
+from ..pages import Cell, Column, Figure, Said, Table, show_table
+from ..scenes.integrators import OURS
+from ..statistics.estimate import Estimate
+from .criteria import CRITERIA
+from .figures import READ, matrix
+from .measure import ALL, EXTREME, REPORTED, Case, worse
+from .script import TITLES
+
+TABLES = {
+    EXTREME: "Extreme cases",
+    REPORTED: "What users report as broken, in Lennard-Jones units: small is good",
+}
+KEYS = (
+    *("case", "integrator", "label", "value", "margin", "error is", "unit", "bound"),
+    *("verdict", "note", "measured with", "date", "command"),
+)
+
+
+def said(summary: dict) -> Said:
+    """What breaks, where."""
+    if "checks" in summary:
+        return _of_script(summary)
+    cases = summary["cases"]
+    every = [(case, row) for case in cases for row in case["rows"]]
+    extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
+    lines = [f"{what}: {', '.join(names) or 'nowhere'}." for what, names in worse(cases).items()]
+    ours = [row["verdict"] for _, row in every if row["integrator"] == OURS]
+    waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
+    if waiting:
+        lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
+    return Said(
+        "What breaks, where",
+        "Which integrator breaks where: at long steps, in heat and cold, with odd bodies, on many "
+        "ranks, far away, and where users report it?",
+        _answer(cases),
+        lines=lines,
+        tables=[
+            _table(TABLES[EXTREME], extreme),
+            _table(TABLES[REPORTED], reported),
+            _bounds(),
+            _changes(),
+            Table("", [Column(key, key, kind="text") for key in KEYS], _lines(every), "table"),
+        ],
+        figures=[Figure("matrix", partial(matrix, extreme), READ)],
+        notes={case["name"]: f"{case['criterion']}. Error: {case['bars']}." for case in cases},
+        defeats=[f"{what}: {', '.join(names)}." for what, names in worse(cases).items() if names]
+        + [told for case in extreme for told in _longer(case)],
+        kept={"cases that ours passes": f"{ours.count('pass')} of {len(ours)}"},
+        failures=[
+            f"{case['name']}, {row['label']}: {row['note']}"
+            for case, row in every
+            if row["verdict"] == "blow-up"
+        ],
+        defeats=[
+            f"{case['name']}: {row['verdict']}"
+            for case, row in every
+            if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
+        ],
+        kept={"cases": _answer(cases)},
+    )
+
+
+def _of_script(summary: dict) -> Said:
+    """What breaks on a user's script."""
+    checks = summary["checks"]
+    lost = [check for check in checks if check["verdict"] == "does not hold"]
+    who = Counter(check["subject"] for check in lost)
+    told = ", ".join(f"{name} {number}" for name, number in who.items())
+    return Said(
+        f"What breaks: {summary['title']}",
+        "Do longer steps, a run in two parts or another number of ranks break it?",
+        f"Numbers out of their bounds: {told or 'none'}.",
+        lines=summary["notes"],
+        checks=checks,
+        parts=TITLES,
+        checks_file="table",
+    )
+
+
+def _longer(case: dict) -> list[str]:
+    """Who bears a longer step than ours, of a case whose number is one."""
+    ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
+    if ours is None or ours["value"] is None or case["low"] is None:
+        return []
+    most = ours["value"] + Estimate.of(ours).margin
+    told = f"ours {_found(ours).text} {case['unit']}"
+    return [
+        f"{case['name']}: {row['label']} bears {_found(row).text} {case['unit']}, {told}."
+        for row in case["rows"]
+        if row["value"] is not None and row["value"] - Estimate.of(row).margin > most
+    ]
+
+
+def _answer(cases: Iterable[dict]) -> str:
+    """How many cases ours passes, and the one of LAMMPS's fixes that passes most."""
+    rows = [row for case in cases for row in case["rows"]]
+    ran = Counter(row["label"] for row in rows if row["verdict"] != "cannot run")
+    passed = Counter(row["label"] for row in rows if row["verdict"] == "pass")
+    kinds = {row["label"]: row["kind"] for row in rows}
+    theirs = [label for label in ran if kinds[label] != "ours"]
+    best = max(theirs, key=lambda label: passed[label] / ran[label], default=None)
+    ours = next((row["label"] for row in rows if row["integrator"] == OURS), None)
+    told = [f"{label} {passed[label]} of {ran[label]}" for label in (ours, best) if label]
+    most = ", the largest share of LAMMPS's fixes" * (best is not None)
+    return f"Passed, of the cases that a fix can run: {', '.join(told)}{most}."
+
+
+def _labels(cases: Iterable[dict]) -> dict[str, str]:
+    """Names and labels of the integrators that have rows, in order."""
+    found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    return {name: found[name] for name in ALL if name in found}
+
+
+def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
+    """The lines of table.csv."""
+    return [
+        {**row, "case": case["name"], "margin": Estimate.of(row).margin or None}
+        | {"error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
+        | {"measured with": _package(row)}
+        for case, row in every
+    ]
+
+
+def _package(row: Mapping) -> str:
+    """With which package a row was measured."""
+    found = row["versions"]
+    return f"fix_nosquish {found['fix_nosquish']} ({found['package']}), LAMMPS {found['lammps']}"
+
+
+def _found(row: Mapping | None) -> Cell:
+    """A row's number, with its verdict."""
+    if row is None:
+        return Cell("not run")
+    if row["value"] is None:
+        return Cell(
+            "breaks" if row["verdict"] == "blow-up" else "cannot run", verdict=row["verdict"]
+        )
+    number = Estimate.of(row)
+    small = number.margin <= 1e-3 * abs(number.value)
+    text = (Estimate(number.value) if small else number).text()
+    return Cell(text, row["value"], row["verdict"])
+
+
+def _table(title: str, cases: list[dict]) -> Table:
+    """Cases by integrators, each with its number."""
+    labels, rows = _labels(cases), []
+    for case in cases:
+        found = {row["integrator"]: row for row in case["rows"]}
+        bound = f"{case['bound']} {case['unit']}".strip()
+        numbers = (_found(found.get(name)) for name in labels)
+        rows.append([case["name"], case["physics"], bound, *numbers])
+    return Table.of(title, ["case", "what happens", "bound", *labels.values()], rows)
+
+
+def _bounds() -> Table:
+    """Every bound, and what it is derived from."""
+    head = "quantity, bound, derived from, whose need, cases, since"
+    rows = [
+        (some.quantity, some.text(), some.derivation, some.need, ", ".join(some.cases), some.date)
+        for some in CRITERIA.values()
+    ]
+    title = "Bounds: each is derived from physics or from a user's need, apart from any result"
+    return Table.of(title, head, rows, long=True)
+
+
+def _changes() -> Table:
+    """Every change of a bound."""
+    changes = [change for some in CRITERIA.values() for change in some.changes]
+    rows = [(one.date, ", ".join(one.cases), one.old, one.new, one.reason) for one in changes]
+    return Table.of("Changes of bounds", "date, cases, from, to, reason", rows, long=True)
+
+
+def list_cases(console: Console, cases: Mapping[str, Case]) -> None:
+    """Print all cases, bounds and integrators."""
+    rows = [(case.name, case.physics, case.criterion, case.bound.text(), case.bars)
+            for case in cases.values()]  # fmt: skip
+    show_table(console, Table.of("Cases", "case, physics, number, bound, error", rows))
+    show_table(console, _bounds())
+    names = ", ".join(f'"{name}"' if " " in name else name for name in ALL)
+    console.print(f"integrators: {names}", soft_wrap=True)
