@@ -91,11 +91,11 @@ QUICK = {
         test_own_fix.py::test_runs_in_a_row[1]
         test_own_fix.py::test_bad_input_ends_all_ranks[no words at all]""",
     "validation": """
-        test_validation.py::test_distance_ignores_periodic_images
-        test_validation.py::test_thermo_table
-        test_validation.py::test_a_crash_is_a_result
-        test_validation.py::test_comparison_from_end_to_end
-        test_validation.py::test_help_is_instant
+        test_statistics.py::test_distance_ignores_periodic_images
+        test_running.py::test_thermo_table
+        test_running.py::test_a_crash_is_a_result
+        test_statistics.py::test_margin_of_few_is_students[2-12.706]
+        test_running.py::test_help_is_instant
         test_store.py::test_made_once
         test_store.py::test_origin_is_all_that_counts
         test_store.py::test_what_only_shows_drops_nothing

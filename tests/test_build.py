@@ -47,7 +47,7 @@ def mpi_folder():
 def build(place, **variables):
     """Have setup.py compile the plugin into a folder; return what it left and said."""
     shutil.copy(ROOT / "setup.py", place)  # which clears the folder build beside itself
-    for name in "pyproject.toml", "README.md", "LICENSE", "fix_nosquish":
+    for name in "pyproject.toml", "README.md", "LICENSE", "fix_nosquish", "validation":
         (place / name).symlink_to(ROOT / name)
     environment = {k: v for k, v in os.environ.items() if not k.startswith("NOSQUISH_")}
     command = [sys.executable, "setup.py", "build_ext", "--build-lib", str(place / "made")]
