@@ -69,7 +69,7 @@ def test_cost(tmp_path):
             one
             for one in summary(folder)["counts"]
             if (one["decomposition"], one["integrator"], one["ranks"], one["bodies"])
-            == ("brick", "nosquish", 2, 1000)
+            == ("brick", "nosquish", 2, 2000)
         )
         return {name: found[name] for name in names}
 

@@ -1,7 +1,7 @@
 """What `cost` measures: points, each measured as a whole and kept."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def points(
     parts: Iterable[str],
     ranks: tuple[int, ...] | None,
     sizes: Iterable[int],
-    integrators: Iterable[str],
+    integrators: Sequence[str],
     rounds: int,
     seconds: float,
 ) -> list[Point]:
@@ -70,8 +70,9 @@ def points(
         if part == "start":  # a first use takes long: fewer rounds
             found += [Point(part, number, rounds=min(3, rounds)) for number in few]
         elif part == "messages":
-            many = ranks or COUNTED_ON
-            found += [Point(part, number, number * PER_RANK, COMPARED) for number in many]
+            able = tuple(name for name in COMPARED if name in integrators)
+            many = (ranks or COUNTED_ON) if able else ()
+            found += [Point(part, number, number * PER_RANK, able) for number in many]
         else:
             scene = SCENES[part]
             able = tuple(name for name in integrators if BENCHMARKED[name].can_run(scene))
