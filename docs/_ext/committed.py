@@ -25,6 +25,7 @@ if str(ROOT) not in sys.path:
 
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
+from validation.report import answers  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
@@ -299,18 +300,6 @@ def ensembles_density():
 # ---- sampling
 
 
-def _times(row, observable):
-    """How many times less time a point takes to the error of the first known one, with its 95 %
-    interval; empty where that is unknown or 0."""
-    value, low, high = (
-        row[f"times faster, {observable}{end} (times)"] for end in ("", " low", " high")
-    )
-    if not value or not float(value):
-        return ""
-    most = significant(high, 2) if high else "∞"
-    return f"{significant(value, 2)} ({significant(low, 2)} to {most})"
-
-
 # ---- long runs, theory, paper
 
 
@@ -465,20 +454,28 @@ def readme_table():
 
 
 def readme_sampling():
-    """The README's sentences on the longest step of equal moments, beside what users have today."""
-    scheme, step = "NVT langevin 20/ps, moments of 6 amu Å²", 12.0
-    today = summary("sample-water")["known"][0]
-    (row,) = (one for one in rows("sample-water") if (one["scheme"], _step(one)) == (scheme, step))
-    energy, torque = (_times(row, one) for one in ("U/N", "squared torque"))
-    less = _number(row, f"less than {today['scheme']}", "times")
+    """The README's sentences on water's longest step, beside the best rival at its best step."""
+    (answer,) = answers.table([summary("sample-water")]).rows
+    energy, torque = (_gain(answer[f"gain {name}"]) for name in answers.GAINS)
+    (row,) = (
+        row
+        for row in rows("sample-water")
+        if (row["scheme"], _step(row)) == (answer["scheme"], answer["dt"])
+    )
+    less = _number(row, f"less than {answer['rival']}", "times")
     return (
         f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) allow time "
-        f"steps of {step:g} fs for water.\n"
-        f"To reach the total error of `fix shake` and `fix langevin` at {today['dt']:g} fs, the "
-        f"mean potential energy then needs {energy} times less CPU time.\n"
-        f"The squared torque needs {torque} times less.\n"
-        f"An independent sample of the total dipole, which is slow, needs {less} times less."
+        f"steps of {answer['dt']:g} fs for water.\n"
+        f"LAMMPS's best fix here is `{answer['rival']}` at {answer['rival dt']:g} fs.\n"
+        f"For the same statistical error of the mean potential energy it needs {energy} times the "
+        f"CPU time, and for that of the squared torque {torque} times.\n"
+        f"For an independent sample of the total dipole, which is slow, it needs {less} times."
     )
+
+
+def _gain(ratio):
+    """A ratio of times with its interval."""
+    return f"{ratio['value']:.2g} ({ratio['low']:.2g} to {ratio['high']:.2g})"
 
 
 def readme(text):
