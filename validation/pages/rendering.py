@@ -132,6 +132,7 @@ def show(console: Console, said: Said, summary: dict, out: Path) -> None:
 
     tell(said.title, "bold")
     tell(said.question)
+    tell(said.answer, "bold")
     for table in said.all_tables:
         if table.title and not table.long:
             show_table(console, table)
@@ -142,7 +143,6 @@ def show(console: Console, said: Said, summary: dict, out: Path) -> None:
         tell(MARGINS)
     for line in said.lines:
         tell(line)
-    tell(said.answer, "bold")
     for failure in said.failures:
         tell(f"✗ {failure}")
     if summary.get("interrupted"):

@@ -159,7 +159,7 @@ class Plan:
 
     def prints(self, scheme: Scheme) -> list[str]:
         """LAMMPS commands of a run, for the columns that are looked at."""
-        lines, columns = [], ["vol", "density"]
+        lines, columns = [], ["vol", "density", *self.scene.columns]
         if self.turning:
             forces = FORCES[RAW in scheme.lines]
             lines += [_filled(line, self.scene.group, forces) for line in BODIES]
