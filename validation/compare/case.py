@@ -238,7 +238,7 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
     """
     for name in wanted:
         if name not in TARGETS:
-            known = "; ".join(f"{key}: {what}" for key, (_, _, what, _) in TARGETS.items())
+            known = "; ".join(f"{key}: {one['what']}" for key, one in about(case).items())
             raise LookupError(f"there is no target {name}. There are {known}")
         if name in case.lost:
             raise LookupError(f"{name} says nothing of {case.word}: {case.lost[name]}")

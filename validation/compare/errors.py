@@ -180,6 +180,7 @@ class Noise(NamedTuple):
             known = {n: one.error for n, one in found.items() if one.error}
             square += sum(((own[n] - mean) / error) ** 2 for n, error in known.items())
             freedom += len(own) - 1
+        freedom = max(0, freedom - max(0, len(chance) - 1))  # which the chance has taken
         return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
 
 
@@ -266,10 +267,14 @@ class Structure(NamedTuple):
         if not bins:
             return None
         rows = _rows(told, bins).values()
-        noise = [linalg.helmert(len(starts)) @ starts for starts in rows if len(starts) > 1]
+        parts = [linalg.helmert(len(starts)) @ starts for starts in rows if len(starts) > 1]
+        noise = np.concatenate([np.empty((0, bins)), *parts])
+        lost = max(map(len, rows)) - 1  # which the chance of the starts has taken
+        if len(noise) > lost:
+            noise *= math.sqrt(len(noise) / (len(noise) - lost))
         means = {point: starts.mean(axis=0) for point, starts in _rows(own, bins).items()}
         runs = {point: times * len(starts) for point, starts in own.items()}
-        return cls(means, runs, np.concatenate([np.empty((0, bins)), *noise]))
+        return cls(means, runs, noise)
 
     def error(self, point: Point, held: Point) -> Estimate | None:
         """The rms error, without what noise makes of it; None if nothing tells the noise.

@@ -195,9 +195,10 @@ def _answer(answer: Answer) -> str:
             f"{answer.named(choice.perhaps)}. Their error bars, or those of shorter steps, reach "
             f"across a target. {longer}"
         )
+    shortest = min(one["dt"] for one in answer.points)
     return (
         f"No step that was tried is within the targets. Try shorter ones: --steps "
-        f"{summary['dt'] / 2:g},{summary['dt'] / 4:g}. Or is the start not in equilibrium, or do "
+        f"{shortest / 2:g},{shortest / 4:g}. Or is the start not in equilibrium, or do "
         "forces end at their cutoff with a jump?"
     )
 

@@ -86,6 +86,11 @@ def run(arguments: Namespace) -> int:
             sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
             counted = arguments.ranks or ((1, 2) if short else None)
             points = plan.points(parts or plan.PARTS, counted, sizes, names, *how)
+            if not points:
+                of = ", ".join(plan.COMPARED)
+                arguments.parser.error(
+                    f"messages are counted of {of}: name some of these by --only"
+                )
         screen = console.console()
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)

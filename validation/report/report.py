@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from .. import CHECKOUT, COMMAND, NAME, RESULTS
+from .. import CHECKOUT, NAME, RESULTS
 from ..pages import Column, Section, Table
 from ..pages.rendering import page
 from . import answers
@@ -36,7 +36,7 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
     for name, path in found.items():
         try:
             summary = json.loads(path.read_text())
-            verb = summary["command"].removeprefix(COMMAND).split()[0]
+            verb = summary["command"].split()[3]  # of python -m NAME VERB, by either name
             said = import_module(f"{NAME}.{verb}.report").said(summary)
         except (*BROKEN, ImportError) as problem:
             problems.append(f"{_place(path)}: {type(problem).__name__}: {str(problem)[:90]}")

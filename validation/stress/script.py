@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from ..compare.errors import failure
 from ..experiment import Done, Point, Trajectory, perform
 from ..own import shapes
@@ -95,6 +97,10 @@ def _checks(own: Own, integrator: Integrator, done: Done) -> Iterator[Check]:
             continue
         here, there = whole.positions, other.positions
         apart = measures.largest_distance(here.x[frame], there.x[-1], there.cell, here.periodic)
+        if not np.isfinite(apart):
+            note = "positions are no numbers"
+            yield Check(part, integrator.label, "ends (1)", 1, high=0, note=note)
+            continue
         what = "distance of the ends, of a body's room"
         note = "the run depends on it; with random numbers of LAMMPS's it always does"
         yield Check(part, integrator.label, what, apart / own.room, high=NEAR, note=note)
