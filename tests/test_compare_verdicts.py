@@ -171,10 +171,26 @@ def test_noise_that_runs_hide_makes_bars_wider():
     calm = pooled(made(0.05), True)
     assert calm[:2] == pytest.approx((0.0, 0.1 / np.sqrt(2)))
     wide = pooled(made(1.0), True)
-    assert wide.error == pytest.approx(1.0) and wide.freedom == len(points)
+    # the common part of the starts has taken one degree of freedom
+    assert wide.error == pytest.approx(np.sqrt(8 / 7)) and wide.freedom == len(points) - 1
     assert pooled(made(0.05, 3.0), True).error == pytest.approx(calm.error)
     assert pooled(made(0.05, 3.0), False).error > 6
     assert pooled({points[0]: {1: Estimate(2.0, 0.1)}}, False)[:2] == (2.0, 0.1)
+
+
+@pytest.mark.parametrize("number, least", [(2, 0.88), (3, 0.93), (6, 0.93)])
+def test_margins_of_few_points_cover(number, least):
+    """Locks out degrees of freedom that the common part of the starts has taken: then margins of
+    two points covered in 79 % of cases, those of three in 88 %."""
+    random, hits = np.random.default_rng(number), []
+    points = [Point("a", dt) for dt in range(number)]
+    for _ in range(2000):
+        starts = {
+            point: {n: Estimate(5 * random.normal(), 1.0) for n in (1, 2)} for point in points
+        }
+        found = errors.Pooled.of(starts, True).means
+        hits.append(abs(found[points[0]].value) < found[points[0]].margin)
+    assert least < np.mean(hits) < 0.98
 
 
 def test_the_temperature_that_may_be_furthest_off_counts():
