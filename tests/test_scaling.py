@@ -214,7 +214,7 @@ def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
 
     def cost(ranks):
         begun.clear()
-        points = plan.points(["messages"], ranks, [], [], 5, 1.0)
+        points = plan.points(["messages"], ranks, [], plan.COMPARED, 5, 1.0)
         return measure.cost(points, measure.Call(tmp_path, Silent()))
 
     def job(scene, integrator, *_, ranks, **more):
