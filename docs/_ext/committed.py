@@ -468,7 +468,8 @@ def readme_sampling():
         f"steps of {answer['dt']:g} fs for water.\n"
         f"LAMMPS's best fix here is `{answer['rival']}` at {answer['rival dt']:g} fs.\n"
         f"For the same statistical error of the mean potential energy it needs {energy} times the "
-        f"CPU time, and for that of the squared torque {torque} times.\n"
+        f"CPU time.\n"
+        f"For that of the squared torque it needs {torque} times.\n"
         f"For an independent sample of the total dipole, which is slow, it needs {less} times."
     )
 
