@@ -82,16 +82,6 @@ def test_all_steps_where_a_failure_says_nothing_of_longer_ones(tmp_path):
     assert done.failed["a-1-1"] == "heats"
 
 
-def test_nothing_begins_when_time_is_over(tmp_path):
-    """Locks out a budget that is passed over."""
-    left = [True, True, False]
-    done = experiment.perform(
-        ladder(tmp_path), Store(tmp_path, "experiment"), Silent(), goes_on=lambda: left.pop(0)
-    )
-    assert done.jobs.keys() == {"start-1", "start-2"}
-    assert done.late and not left
-
-
 def _share(folder):
     experiment.perform(ladder(Path(folder)), Store(folder, "experiment"), Silent())
 

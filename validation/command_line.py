@@ -115,18 +115,6 @@ def ranks(parser: argparse.ArgumentParser, default: int = 2, of: str = "each run
     number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
 
 
-def only(
-    parser: argparse.ArgumentParser,
-    names: Collection[str],
-    text: str = "integrators, of: %(choices)s",
-    default: Collection[str] | None = None,
-) -> None:
-    """The option --only."""
-    parser.add_argument(
-        "--only", nargs="+", choices=names, metavar="NAME", default=default, help=text
-    )
-
-
 def only_of(
     parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
 ) -> None:

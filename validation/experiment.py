@@ -65,7 +65,6 @@ class Done:
         left_out: names of those that were not run, because the trajectory that makes their start
             has failed, or their scheme with a step that is not longer.
         versions: what LAMMPS says of itself.
-        late: whether time was over before all had run.
         interrupted: whether a Ctrl-C came.
     """
 
@@ -73,7 +72,6 @@ class Done:
     failed: dict[str, str] = field(default_factory=dict)
     left_out: set[str] = field(default_factory=set)
     versions: dict[str, str] = field(default_factory=dict)
-    late: bool = False
     interrupted: bool = False
 
 
@@ -89,7 +87,6 @@ def perform(
     *,
     judge: Callable[[run.Result], str | None] = failure,
     ladders: bool = True,
-    goes_on: Callable[[], bool] = lambda: True,
 ) -> Done:
     """Run what is not there yet, and say what became of each trajectory.
 
@@ -101,7 +98,6 @@ def perform(
         trajectories: in the order in which they run; the shorter steps of a scheme come first.
         judge: why a result is none, or None; a run that goes on with wrong numbers has failed, too.
         ladders: whether a scheme that has failed is left out at that step and longer ones.
-        goes_on: asked before each run; none begins once it says no.
 
     Returns:
         after a Ctrl-C, what had ended before it.
@@ -117,11 +113,8 @@ def perform(
                 needed = [one for one in every if _needs(trajectory, one, ladders)]
                 if any(_has_failed(one, done, judge) for one in needed):
                     done.left_out.add(name)
-                elif goes_on():
-                    _run(trajectory, done, meter, judge)
                 else:
-                    done.late = True
-                    return done
+                    _run(trajectory, done, meter, judge)
     except KeyboardInterrupt:
         done.interrupted = True
     return done

@@ -14,7 +14,6 @@ import statistics
 import sys
 from collections import Counter, defaultdict
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 import jinja2
@@ -25,7 +24,7 @@ if str(ROOT) not in sys.path:
 
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
-from validation.report import answers  # noqa: E402
+from validation.report import answers, report  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
@@ -235,8 +234,7 @@ def reported():
 @functools.cache
 def said(folder):
     """What a verb says of a committed summary."""
-    verb = summary(folder)["command"].split()[3]
-    return import_module(f"validation.{verb}.report").said(summary(folder))
+    return report.said_of(summary(folder))[1]
 
 
 def table(folder, title, *keys):

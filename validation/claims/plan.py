@@ -98,7 +98,7 @@ class Simulation:
         if self.start:
             name, step = self.start
             dump = _state(bench, name)
-            scene, files = from_dump(scene, dump, step), [dump] if dump.exists() else []
+            scene, files = from_dump(scene, dump, step), [dump]
         more = [line.format(folder=folder) for line in self.more]
         more += to_dump(_state(bench, self.name), self.state) if self.state else []
         how: dict = {"dt": self.dt, "every": self.every, "ranks": self.ranks, "keeps": self.keeps}

@@ -63,11 +63,6 @@ class Prepared(NamedTuple):
     lengths: Lengths
 
     @property
-    def store(self) -> Store:
-        """Of records."""
-        return Store(self.settings.out / "records", "compare.measure")
-
-    @property
     def every(self) -> list[Point]:
         """The points, and what means are held against before them."""
         return list(dict.fromkeys([self.held, *self.points]))
@@ -103,7 +98,7 @@ def prepare(
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
     """
-    store = Store(settings.out / "records", "compare.measure")
+    store = _store(settings)
     origin = store.origin(case.scene, settings.minutes, settings.ranks, points, held)
     with store.locked("plan"):
         make = partial(plan.calibrated, case, settings, held, meter)
@@ -162,7 +157,11 @@ def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.
     judge = partial(
         errors.failure, temperature=prepared.case.temperature, boltzmann=prepared.case.boltzmann
     )
-    return perform(trajectories, prepared.store, meter, judge=judge)
+    return perform(trajectories, _store(prepared.settings), meter, judge=judge)
+
+
+def _store(settings: Settings) -> Store:
+    return Store(settings.out / "records", "compare.measure")
 
 
 def collected(

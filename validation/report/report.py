@@ -3,14 +3,14 @@ then what each verb says of its results."""
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
 import pandas as pd
 
 from .. import CHECKOUT, NAME, RESULTS
-from ..pages import Column, Section, Table
+from ..pages import Column, Said, Section, Table
 from ..pages.rendering import page
 from . import answers
 
@@ -36,14 +36,19 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
     for name, path in found.items():
         try:
             summary = json.loads(path.read_text())
-            verb = summary["command"].split()[3]  # of python -m NAME VERB, by either name
-            said = import_module(f"{NAME}.{verb}.report").said(summary)
+            verb, said = said_of(summary)
         except (*BROKEN, ImportError) as problem:
             problems.append(f"{_place(path)}: {type(problem).__name__}: {str(problem)[:90]}")
         else:
             place = ORDER.index(verb) if verb in ORDER else len(ORDER)
             sections.append((place, Section(said, summary, path.parent, name)))
     return [section for _, section in sorted(sections, key=lambda one: one[0])], problems
+
+
+def said_of(summary: Mapping) -> tuple[str, Said]:
+    """The verb of a summary, and what it says of it."""
+    verb = summary["command"].split()[3]  # of python -m NAME VERB, by either name
+    return verb, import_module(f"{NAME}.{verb}.report").said(summary)
 
 
 def _place(path: Path) -> str:

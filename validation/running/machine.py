@@ -82,10 +82,11 @@ def package_hash() -> str:
 
 def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     """Hash of what a run follows from beside its ``run.Job``: the scene's files, further files,
-    versions, and with ours the package."""
+    versions, and with ours the package.  A file that is not there counts for nothing: LAMMPS says
+    so when it reads it."""
     package = package_hash() if integrator.kind == "ours" else None
     found = [versions(), scene.origin or contents(scene.folder), package]
-    found += map(contents, files)
+    found += [contents(file) for file in files if file.exists()]
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 

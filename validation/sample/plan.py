@@ -310,9 +310,8 @@ class Runs:
         begun = from_dump(self.plan.scene, dump, self._begin)
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
-        files = [dump] if dump.exists() else []  # else LAMMPS says so
         how: dict = {"dt": point.dt, "every": every, "keeps": "nothing", "silence": self.silence}
-        how |= {"more": more, "origin": machine.origin(self.plan.scene, scheme, *files)}
+        how |= {"more": more, "origin": machine.origin(self.plan.scene, scheme, dump)}
         return run.job(begun, scheme, folder, runs, **how)
 
     @property
