@@ -150,18 +150,31 @@ def test_total_error_against_brute_force():
         assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
 
 
+def test_a_gains_interval_covers():
+    """Locks out intervals of gains that are too narrow: of noises whose logarithms are normal, that
+    of the true ratio is inside in 95 % of cases."""
+    rng, inside = np.random.default_rng(4), 0
+    for _ in range(2000):
+        first, second = (
+            precision.Worth(Estimate(0.0), Estimate(noise, 0.2 * noise))
+            for noise in np.exp(0.2 * rng.normal(size=2))
+        )
+        found = precision.times(first, second, 1.0)
+        inside += found.low <= 1.0 <= found.high
+    assert 0.94 < inside / 2000 < 0.965
+
+
 def test_time_to_an_error():
     """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
     good = precision.Worth(Estimate(0.0), Estimate(2.0))
     bad = precision.Worth(Estimate(0.1), Estimate(1.0))
     assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
     assert precision.seconds(bad, 0.1).value == np.inf
-    # at sqrt(2) of its bias its noise is as large: 1 / 0.01 s
-    assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
+    assert precision.times(bad, good, np.sqrt(0.02)).value == pytest.approx((1 / 0.01) / (2 / 0.02))
     assert precision.times(good, bad, 0.05).value == 0
     assert precision.times(bad, good, 0.05).plain()["value"] is None
     nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
-    assert set(precision.times(nothing, good).plain().values()) == {None}
+    assert set(precision.times(nothing, good, 0.1).plain().values()) == {None}
     unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
     spread = precision.seconds(unsure, 0.1)
     assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf

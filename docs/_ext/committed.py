@@ -452,29 +452,28 @@ def readme_table():
 
 
 def readme_sampling():
-    """The README's sentences on water's longest step, beside the best rival at its best step."""
-    (answer,) = answers.table([summary("sample-water")]).rows
-    energy, torque = (_gain(answer[f"gain {name}"]) for name in answers.GAINS)
-    (row,) = (
-        row
-        for row in rows("sample-water")
-        if (row["scheme"], _step(row)) == (answer["scheme"], answer["dt"])
-    )
-    less = _number(row, f"less than {answer['rival']}", "times")
-    return (
-        f"At constant temperature, [larger moments of inertia](docs/fix-nvt.md#moments) allow time "
-        f"steps of {answer['dt']:g} fs for water.\n"
-        f"LAMMPS's best fix here is `{answer['rival']}` at {answer['rival dt']:g} fs.\n"
-        f"For the same statistical error of the mean potential energy it needs {energy} times the "
-        f"CPU time.\n"
-        f"For that of the squared torque it needs {torque} times.\n"
-        f"For an independent sample of the total dipole, which is slow, it needs {less} times."
-    )
+    """The README's table of averages beside the best rival at its best step, for all liquids."""
+    found = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*"))))
+    head = "liquid", "average", "best rival", "ours", "CPU time to the same error, times less"
+    body = [
+        (
+            row["scene"],
+            row["average"],
+            f"{row['rival']}, {row['rival dt']:g} fs",
+            f"{row['scheme']}, {row['dt']:g} fs",
+            _gain(row["gain"]),
+        )
+        for row in found.rows
+    ]
+    return markdown(head, body)
 
 
 def _gain(ratio):
     """A ratio of times with its interval."""
-    return f"{ratio['value']:.2g} ({ratio['low']:.2g} to {ratio['high']:.2g})"
+    value, low, high = (
+        "∞" if ratio[name] is None else f"{ratio[name]:.2g}" for name in ("value", "low", "high")
+    )
+    return f"{value} ({low} to {high})"
 
 
 def readme(text):

@@ -28,8 +28,8 @@ TIMED = "timed"  # folder of these runs, and what is kept of them
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
 SHORT = {  # points of --short, where the scene has the scheme
     "langevin-20": (2.0, 4.0, 8.0),
-    "langevin-20-equal": (8.0, 12.0),
-    "langevin-20-scaled": (8.0, 12.0),
+    "langevin-20-equal-6": (8.0, 12.0),
+    "langevin-20-scale-4": (8.0, 12.0),
     "rigid/nvt/small": (2.0,),
     "rigid+langevin": (2.0, 4.0),
     "shake+langevin": (1.0, 2.0, 4.0),
@@ -141,7 +141,8 @@ class Plan:
         if short:
             usual |= {name: some for name, some in SHORT.items() if name in usual}
         if not only:
-            names = [name for name in names if self.schemes[name].engine is None]
+            usual = {name: usual[name] for name in names if self.schemes[name].usual}
+            names = [*usual]
             names = [name for name in names if not short or name in SHORT] or names
         firsts = [(name, self.schemes[name].first or name) for name in names]
         found = [
