@@ -169,7 +169,7 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
-        x = observable.series(samples, plan, scheme)
+        x = observable.of(samples, plan, scheme)
         if x is None:
             continue
         numbers.means[observable.key] = measures.mean(x)
