@@ -326,7 +326,7 @@ def test_dipoles_of_all_starts_together():
 
 def oscillators(rng, h, kt, parts=3000, steps=100):
     """Harmonic modes of unit mass as a global thermostat in the middle of the step has them: each
-    is canonical for the shadow Hamiltonian of kick, drift, kick, with amplitudes that change slowly.
+    is canonical for the shadow Hamiltonian of kick, drift, kick, and amplitudes change slowly.
 
     Returns:
         frequencies, positions, (parts * steps, modes), and the exact <x^2>.

@@ -335,7 +335,13 @@ def test_rows_at_two_states(tmp_path):
 
 
 def checks(
-    scene="water", scheme="langevin-5", dt=6.0, time=20.0, gain=(4.1, 4.05, 4.2), error=1e-6, **numbers
+    scene="water",
+    scheme="langevin-5",
+    dt=6.0,
+    time=20.0,
+    gain=(4.1, 4.05, 4.2),
+    error=1e-6,
+    **numbers,
 ):
     """The checks of one point, by part."""
     deviation = numbers.pop("deviation", None)
@@ -457,7 +463,7 @@ def test_the_verb_runs(tmp_path, monkeypatch):
         assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
         assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
         assert 200 < row["means"]["rotation"]["value"] < 400
-        assert set(row["biases"]) == set(row["means"]) 
+        assert set(row["biases"]) == set(row["means"])
     logs = list(tmp_path.rglob("log.lammps"))
     timed = [path for path in logs if plans.TIMED in path.parts]
     # a run from each point and the start; points in turn, without samples

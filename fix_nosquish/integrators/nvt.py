@@ -24,7 +24,9 @@ class NVT(Ensemble):
         of the shadow Hamiltonian's second order the part of the configuration; collective."""
         bodies, lammps = self.made(), self.lammps
         torque = np.array(to_body(matrices(bodies.q).reshape(9, -1), *bodies.torque))
-        turns = np.divide(torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0)
+        turns = np.divide(
+            torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
+        )
         squares = (bodies.force**2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
         total = self.communicator.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
         return ((lammps.ftm2v * lammps.dt) ** 2 * lammps.mvv2e * total / 24.0,)

@@ -324,7 +324,9 @@ def _row(
         loops = [start.loop for start in found.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in found.costs:
-        row |= _spent(numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases})
+        row |= _spent(
+            numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
+        )
     return row
 
 

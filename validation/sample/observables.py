@@ -61,7 +61,9 @@ class Observable:
 
 def _freedom(table: Table) -> int:
     """Degrees of freedom of the bodies, and of atoms in none."""
-    found = [2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]]
+    found = [
+        2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
+    ]
     return round(float(np.sum([one[0] for one in found])))
 
 

@@ -8,7 +8,7 @@ from ..report import answers
 from ..statistics.check import VERDICTS
 from ..statistics.estimate import SURE, Estimate
 from . import figures
-from .criteria import BOUNDS, TITLES
+from .criteria import TITLES
 from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES
 from .plan import LEAST

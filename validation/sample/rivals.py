@@ -54,12 +54,12 @@ def _smallest(row: Mapping) -> float:
     return min(gain["value"] for gain in row["faster"].values() if gain["value"] is not None)
 
 
-def estimate(gain: Mapping) -> Estimate:
-    """A gain with the larger one of its margins; without an end it has none."""
+def estimate(gain: Mapping, bound: float) -> Estimate:
+    """A gain with its margin towards a bound; None where it has no end there."""
     value, low, high = (gain[name] for name in ("value", "low", "high"))
-    if value is None or high is None:
+    if value is None or (value < bound and high is None):
         return Estimate(None)
-    return Estimate(value, max(high - value, value - low) / margin(1.0))
+    return Estimate(value, (value - low if value >= bound else high - value) / margin(1.0))
 
 
 def _is_rival(row: Mapping) -> bool:

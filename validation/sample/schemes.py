@@ -198,11 +198,15 @@ class Bodies:
         """Choices of moments of inertia, larger ones behind smaller ones."""
         if self.equal:
             return [
-                Moments(f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}")
+                Moments(
+                    f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}"
+                )
                 for size in EQUAL
             ]
         return [
-            Moments(f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}")
+            Moments(
+                f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}"
+            )
             for times in SCALED
         ]
 
