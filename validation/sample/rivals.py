@@ -8,13 +8,13 @@ time.
 """
 
 from collections.abc import Mapping, Sequence
-from math import sqrt
+from math import inf, sqrt
 
 from ..statistics.estimate import Estimate, margin
 from ..statistics.precision import Interval, Worth, seconds, times
 from .observables import CONFIGURATIONS
 
-NEVER = Interval(float("inf"), float("inf"), float("inf"))
+NEVER = Interval(inf, inf, inf)
 
 
 def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict]:
@@ -51,7 +51,8 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
 
 
 def _smallest(row: Mapping) -> float:
-    return min(gain["value"] for gain in row["faster"].values() if gain["value"] is not None)
+    values = (gain["value"] for gain in row["faster"].values())
+    return min(inf if value is None else value for value in values)  # None: the rival never does
 
 
 def estimate(gain: Mapping, bound: float) -> Estimate:
