@@ -1,5 +1,5 @@
-"""The verb ``stress``: verdicts, rows that are kept, numbers that are known otherwise, that cases
-tell integrators apart, and what breaks on a user's script."""
+"""The verb ``stress``: verdicts, rows that are kept, numbers that are known otherwise, and that
+cases tell integrators apart."""
 
 import csv
 import dataclasses
@@ -10,7 +10,6 @@ from pathlib import Path
 import committed
 import numpy as np
 import pytest
-import scripts
 from conftest import Silent
 from scipy import stats
 
@@ -25,7 +24,7 @@ from validation.claims.top import free_top
 from validation.running import run
 from validation.scenes import bodies
 from validation.statistics import measures
-from validation.stress import measure, molecules, report, script, tops
+from validation.stress import measure, molecules, report, tops
 from validation.stress.cases import CASES
 from validation.stress.criteria import CRITERIA, Criterion
 from validation.stress.measure import BlowUp, CannotRun, Case, Number
@@ -497,23 +496,3 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert main(["stress", "--list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in CASES)
-
-
-@pytest.mark.timeout(600)
-def test_what_breaks_on_a_script(tmp_path):
-    """Locks out a number that cannot fail: a step that is far too long does, longer ones are not
-    run then, and runs of another length end elsewhere."""
-    path = scripts.rings(tmp_path)
-    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
-    path.write_text(text.replace("timestep 4", "timestep 10"))
-    out = tmp_path / "out"
-    assert main(["stress", str(path), "--only", "nosquish", "--out", str(out)]) == 0
-    checks = json.loads((out / "summary.json").read_text())["checks"]
-    parts = {part: [one for one in checks if one["part"] == part] for part in script.TITLES}
-    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
-    assert parts["step"][-1]["verdict"] == "does not hold"
-    folder = out / "runs" / "nosquish"
-    ran = [factor for factor in script.LONGER if (folder / f"{factor:g}-times-the-step").exists()]
-    assert len(ran) == len(parts["step"])
-    ends = [run.collect(folder / name).positions.x for name in ("in-one", "in-two")]
-    assert np.abs(ends[0][-1] - ends[1][-1]).max() < 1e-3 < np.abs(ends[0][1] - ends[1][-1]).max()

@@ -1,4 +1,4 @@
-"""What `stress` says of its summary: of cases, or of a user's script."""
+"""What `stress` says of its summary."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,6 @@ from ..statistics.estimate import Estimate
 from .criteria import CRITERIA
 from .figures import READ, matrix
 from .measure import ALL, EXTREME, REPORTED, Case, worse
-from .script import TITLES
 
 TABLES = {
     EXTREME: "Extreme cases",
@@ -26,8 +25,6 @@ KEYS = (
 
 def said(summary: dict) -> Said:
     """What breaks, where."""
-    if "checks" in summary:
-        return _of_script(summary)
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
@@ -62,23 +59,6 @@ def said(summary: dict) -> Said:
         ]
         + [told for case in extreme for told in _longer(case)],
         kept={"cases": _answer(cases)},
-    )
-
-
-def _of_script(summary: dict) -> Said:
-    """What breaks on a user's script."""
-    checks = summary["checks"]
-    lost = [check for check in checks if check["verdict"] == "does not hold"]
-    who = Counter(check["subject"] for check in lost)
-    told = ", ".join(f"{name} {number}" for name, number in who.items())
-    return Said(
-        f"What breaks: {summary['title']}",
-        "Do longer steps, a run in two parts or another number of ranks break it?",
-        f"Numbers out of their bounds: {told or 'none'}.",
-        lines=summary["notes"],
-        checks=checks,
-        parts=TITLES,
-        checks_file="table",
     )
 
 
