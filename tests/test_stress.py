@@ -150,7 +150,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert run_them(["two"])[0] == {"one": 2, "two": 2} and len(done) == 5
     assert run_them(["one"], full=True)[0] == {"one": 2}
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
-    monkeypatch.setattr("validation.running.store.code_of", lambda module: "other")
+    monkeypatch.setattr("validation.running.store.code", lambda: "other")
     found, _, command = run_them(["two"])
     assert found == {"two": 2} and command == "python -m validation stress two --short"
     assert len(done) == 9

@@ -67,7 +67,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store, summary = Store(call.out / "records", "cost.measure"), machine.circumstances()
+    store, summary = Store(call.out / "records"), machine.circumstances()
     summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
     cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
