@@ -77,7 +77,7 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     "words",
     [
         "stress gradient", "compare water", "sample water", "cost water",
-        "claims long-run", "claims",
+        "claims theory", "claims",
         "check my.in",
     ],
 )  # fmt: skip
@@ -97,7 +97,7 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
     "words",
     [
         "stress gradient", "compare water", "sample water", "cost water",
-        "claims long-run", "claims", "report",
+        "claims theory", "claims", "report",
         "check my.in",
     ],
 )  # fmt: skip
