@@ -18,7 +18,6 @@ from ..running.store import Store
 from ..scenes import INPUTS, SCENES, Scene
 from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
 from ..statistics import measures
-from .model import NETWORK, model
 from .plan import Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
@@ -100,7 +99,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
         summary["versions"].update(machine.worker_versions(row["versions"]))
     for group in GROUPS.values():
         summary[group].sort(key=lambda row: row["ranks"])
-    return summary | {"links": [NETWORK._asdict()], "model": model(summary["counts"])}
+    return summary
 
 
 def _record(point: Point, call: Call, begun: dict) -> dict:
