@@ -43,10 +43,8 @@ CUT = (
 COUNTS = (*CUT, *(Column(key, key, kind="number", form=",.4g") for key in SENT))
 STARTS = {
     "plain": "LAMMPS with fix nve",
-    "later": "ours, compiled before",
-    "later_added": "ours, compiled before, more than LAMMPS alone",
-    "first": "ours, first use",
-    "first_added": "ours, first use, more than LAMMPS alone",
+    "ours": "ours",
+    "added": "ours, more than LAMMPS alone",
 }
 FASTEST = "the fastest of LAMMPS's rigid fixes"
 FREE = 90.0  # percent of a core that a rank must have had
@@ -64,7 +62,7 @@ NOTES = {
     "messages, bytes": "Sent to other ranks per rank and step: by all of LAMMPS; “in fixes”, as in "
     "Modify; “more” than a run whose atoms move freely. Counted in 50 steps with re-neighbouring.",
     "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "
-    "time is that of all ranks. A first use has a copy of the package with nothing compiled.",
+    "time is that of all ranks.",
     "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into bricks. Counts "
     "do not depend on the machine. What travels with atoms that change ranks is part of LAMMPS's "
     "own messages and is not counted.",
@@ -199,10 +197,10 @@ def _starts(summary):
 def _started(summary):
     """What is said of the start."""
     return [
-        f"On {ranks_of(start['ranks'])} a first use takes {_seconds(start['first']['wall']).text} "
-        f"s, a later start {_seconds(start['later_added']['wall']).text} s more than LAMMPS alone."
+        f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
+        "more than LAMMPS alone."
         for start in summary.get("starts", [])
-        if "first" in start and "later_added" in start
+        if "added" in start
     ]
 
 
