@@ -42,7 +42,6 @@ def said(summary: dict) -> Said:
             _table(TABLES[EXTREME], extreme),
             _table(TABLES[REPORTED], reported),
             _bounds(),
-            _changes(),
             Table("", [Column(key, key, kind="text") for key in KEYS], _lines(every), "table"),
         ],
         figures=[Figure("matrix", partial(matrix, extreme), READ)],
@@ -139,20 +138,13 @@ def _table(title: str, cases: list[dict]) -> Table:
 
 def _bounds() -> Table:
     """Every bound, and what it is derived from."""
-    head = "quantity, bound, derived from, whose need, cases, since"
+    head = "quantity, bound, derived from, whose need, cases"
     rows = [
-        (some.quantity, some.text(), some.derivation, some.need, ", ".join(some.cases), some.date)
+        (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))
         for some in CRITERIA.values()
     ]
     title = "Bounds: each is derived from physics or from a user's need, apart from any result"
     return Table.of(title, head, rows, long=True)
-
-
-def _changes() -> Table:
-    """Every change of a bound."""
-    changes = [change for some in CRITERIA.values() for change in some.changes]
-    rows = [(one.date, ", ".join(one.cases), one.old, one.new, one.reason) for one in changes]
-    return Table.of("Changes of bounds", "date, cases, from, to, reason", rows, long=True)
 
 
 def list_cases(console: Console, cases: Mapping[str, Case]) -> None:
