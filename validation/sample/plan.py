@@ -205,7 +205,7 @@ class Runs:
     @property
     def store(self) -> Store:
         """What is kept of them beside their own files."""
-        return Store(self.folder, "sample.measure")
+        return Store(self.folder)
 
     @property
     def starts(self) -> range:
