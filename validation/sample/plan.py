@@ -109,6 +109,7 @@ class Plan:
         known: points that users have today: costs are told beside theirs.
         turning: degrees of freedom of all rotation; 0 tells no temperatures of the two motions.
         dipole: whether the whole's dipole is looked at.
+        longest: fs, of steps from which averages at step zero follow; 0 for the scheme's reach.
     """
 
     scene: Scene
@@ -118,6 +119,7 @@ class Plan:
     known: tuple[Point, ...]
     turning: int = 0
     dipole: bool = False
+    longest: float = 0.0
 
     def label(self, point: Point) -> str:
         """A point, for tables and the terminal."""

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..experiment import Point
-from ..own import counted
+from ..own import counted, shapes
 from ..own.system import Own
 from ..scenes import TEMPERATURE, peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
@@ -33,6 +33,9 @@ HEAVY = 3.0, 4.0  # amu, of water's hydrogens
 # others
 PEPTIDE_TURNS = 4439
 OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # of a script's step
+# of the frequency of the stiffest motion that forces tell times the longest step: that of water, by
+# its libration, is 8 fs, some two thirds of the step at which it fails
+REACH = 0.95
 # what stands before a seed in a script's lines: the keyword, or a temperature with its damping
 SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
 # what users have today, for molecules that shake can hold, for others, and at constant pressure
@@ -119,7 +122,10 @@ def of_script(own: Own) -> Plan:
         for integrator in own.integrators.values()
     )
     starter = schemes.get(OURS, schemes[own.reference])
-    return Plan(scene, temperature, schemes, starter, (Point(own.reference, scene.dt),))
+    stiffest = max(shapes.fastest(own, shapes.bodies(own)).values(), default=0.0)
+    longest = max(REACH / stiffest if stiffest else 0.0, scene.dt)
+    known = (Point(own.reference, scene.dt),)
+    return Plan(scene, temperature, schemes, starter, known, longest=longest)
 
 
 def _held(own: Own, integrator: Integrator) -> int:
