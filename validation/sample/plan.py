@@ -310,7 +310,8 @@ class Runs:
     ) -> run.Job:
         """A run of LAMMPS; its momentum is zero, for some schemes keep it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
-        begun = from_dump(self.plan.scene, dump, self._begin)
+        barostat = self.plan.starter.pressure is not None
+        begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         how: dict = {"dt": point.dt, "every": every, "keeps": "nothing", "silence": self.silence}

@@ -141,7 +141,9 @@ def said(summary: Mapping) -> Said:
         lines=[f"{label}, {length}, after {settings['settle']:g} ps that are left out."]
         + [_more(key, one) for key, one in zero.items() if not one["why"] and one["wide"]],
         tables=[_table(zero)] if zero else [],
-        figures=[Figure("to-zero", lambda: figure(summary), " ".join((figure.__doc__ or "").split()))],
+        figures=[
+            Figure("to-zero", lambda: figure(summary), " ".join((figure.__doc__ or "").split()))
+        ],
         notes=NOTES | {"input": " / ".join(words)},
         failures=[
             f"{one['label']}, {one['dt']:g} fs: {one['error']}" for one in rows if one["error"]
