@@ -46,7 +46,7 @@ def _bind(integrator: "Integrator") -> None:
     cells["rate"].set(integrator.host.rate if integrator.streams else np.zeros(6))
     if (mask := integrator.mask) is not None:
         cells["mask"].set(mask)
-    integrator.parameters = integrator.numbers.new(
+    integrator.parameters = integrator.numbers(
         ftm2v=integrator.lammps.ftm2v,
         mrot=rotation.inner_steps(integrator),
         **integrator.own_parameters(),
