@@ -63,9 +63,9 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 
 def usual(longest: float) -> tuple[float, ...]:
-    """The steps, fs, if none are given: rounded down, but for very short ones."""
+    """The steps, fs, if none are given: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
-    return tuple(floor(dt / HALF) * HALF or dt for dt in parts)
+    return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
 def told(rows: Sequence[Mapping], plan: Plan, time: float) -> dict[str, dict]:
