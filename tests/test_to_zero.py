@@ -177,17 +177,21 @@ def test_what_a_short_step_would_cost(water):
 
 
 def test_what_is_run(water):
-    """Locks out several schemes, moments of inertia that are others at each step, and a single
-    step; other usual steps than a third, two thirds and all of the longest one."""
+    """Locks out several schemes, moments of inertia that are others at each step, averages whose
+    error is of another power, and a single step; other usual steps than a third, two thirds and
+    all of the longest one."""
     assert to_zero.points(water, ["csvr"], (8.0, 4.0)) == [Point("csvr", 4.0), Point("csvr", 8.0)]
     assert [point.dt for point in to_zero.points(water, ["csvr"], None)] == [2.0, 4.0, 6.0]
     assert to_zero.usual(8.02) == (2.5, 5.0, 8.0)
     assert to_zero.usual(0.9) == pytest.approx((0.3, 0.6, 0.9))
-    moments = next(name for name, one in water.schemes.items() if "moments step" in "".join(one.lines))
+    moments = next(
+        name for name, one in water.schemes.items() if "moments step" in "".join(one.lines)
+    )
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
         ([moments], None, "others at each step"),
         (["csvr"], (8.0,), "two steps"),
+        (["csvr-refined"], None, "nothing to take off"),
     ):
         with pytest.raises(SystemExit, match=said):
             to_zero.points(water, only, steps)
@@ -224,7 +228,7 @@ def beginning(path, words, tmp_path, monkeypatch, steps):
     return summary
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_the_verb_runs_a_script(tmp_path, monkeypatch):
     """Locks out a script that has no average at step zero, usual steps that its forces do not
     allow, and torques that are not the bodies'."""
@@ -237,7 +241,7 @@ def test_the_verb_runs_a_script(tmp_path, monkeypatch):
         __main__.main(["sample", "water", "--to-zero", "--from", str(tmp_path)])
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_the_verb_runs_a_script_at_constant_pressure(tmp_path, monkeypatch):
     """Locks out a script with a barostat that is refused, starts whose box is lost, and a pressure
     that is told as if it were not the barostat's."""

@@ -55,7 +55,12 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
             f"{scheme.label}: with 'moments step' the moments of inertia are others at each step, "
             "which no series in the step describes: give moments of one size, as 'moments equal 6'"
         )
-    longest = plan.longest or min(scheme.reach or inf, scheme.steps[-1])
+    if scheme.refined or scheme.reach == inf:
+        raise SystemExit(
+            f"{scheme.label}: its averages have no error in the square of the step, so --to-zero "
+            "has nothing to take off: 'sample' alone tells them"
+        )
+    longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
     dts = sorted(set(steps or usual(longest)))
     if len(dts) < 2:
         raise SystemExit("--to-zero needs two steps or more: --dt FS,FS")
