@@ -73,8 +73,8 @@ def usual(longest: float) -> tuple[float, ...]:
     return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
-def told(rows: Sequence[Mapping], plan: Plan, time: float) -> dict[str, dict]:
-    """Averages at step zero, by observable.
+def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
+    """Averages at step zero, by observable; none of a pressure that a barostat keeps.
 
     Args:
         rows: of `measure.told`, of one scheme.
@@ -91,8 +91,8 @@ def told(rows: Sequence[Mapping], plan: Plan, time: float) -> dict[str, dict]:
     found: dict[str, dict] = {}
     for key in CONFIGURATIONS:
         means = {dt: row["means"][key] for dt, row in good.items() if key in row["means"]}
-        scheme = plan.schemes[rows[0]["scheme"]]
-        if means and BY_KEY[key].exact(plan, scheme) is None:
+        kept = key == "pressure" and any("density" in row["means"] for row in good.values())
+        if means and not kept:
             fit = limit.to_zero({dt: Estimate.of(mean) for dt, mean in means.items()})
             found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
@@ -156,7 +156,7 @@ def said(summary: Mapping) -> Said:
     )
 
 
-def _unit(key: str) -> str:
+def unit(key: str) -> str:
     """Of a mean."""
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
@@ -164,7 +164,7 @@ def _unit(key: str) -> str:
 def _answer(key: str, one: Mapping) -> str:
     title = BY_KEY[key].title
     if not one["why"]:
-        return f"{title}: {Estimate.of(one).text()} {_unit(key)}".strip() + "."
+        return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
     steps = ", ".join(f"{dt:g}" for dt, _ in one["means"])
     chi2 = (
         f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)" if "chi2" in one else ""
@@ -195,7 +195,7 @@ def _table(zero: Mapping[str, Mapping]) -> Table:
     ]
     rows = []
     for key, one in zero.items():
-        row: dict = {"title": BY_KEY[key].title, "unit": _unit(key), "terms": "refused"}
+        row: dict = {"title": BY_KEY[key].title, "unit": unit(key), "terms": "refused"}
         row |= {f"{dt:g}": mean for dt, mean in one["means"]}
         if "chi2" in one:
             row["chi2"] = Cell(f"{one['chi2']:.1f} ({one['left']})", one["chi2"])
@@ -223,7 +223,7 @@ def figure(summary: Mapping) -> Drawing | None:
         axis.errorbar(steps**2, values, margins, color=BLUE, **how)
         axis.errorbar([0], [one["value"]], [Estimate.of(one).margin], color=INK, **how)
         axis.set(
-            xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({_unit(key)})".replace(" ()", "")
+            xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({unit(key)})".replace(" ()", "")
         )
     message(drawn, f"Step zero: {_answer(*next(iter(some.items())))[:-1]}")
     return drawn
