@@ -312,6 +312,9 @@ def test_tutorial(run_lammps, tmp_path):
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
 
+    long = run_lammps(shorter(script["in.long"]))
+    assert "moments scale 4.0" in long.log and long.log.count("Loop time") == 1
+
     line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
     table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
     run_lammps(table, options=["-var", "dt", "2"])
