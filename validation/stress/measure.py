@@ -294,7 +294,7 @@ class Rows:
 
     def __init__(self, cases: Mapping[str, Case], out: Path, full: bool) -> None:
         self.cases, self.out, self.full = cases, out, full
-        self.store = Store(out / "rows", "stress.cases")
+        self.store = Store(out / "rows")
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:
