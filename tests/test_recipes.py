@@ -18,7 +18,7 @@ SHORT = {
     "framework": {"warm": 50, "steps": 200},
     "grafted": {"warm": 200, "steps": 200},
     "gas": {"warm": 3000, "steps": 6000},
-    "nematic": {"warm": 50, "steps": 50},
+    "nematic": {"warm": 50, "steps": 100},
     "peptide": {"warm": 10, "steps": 10},
     "pour": {"number": 10, "steps": 20000},
     "shear": {"warm": 500, "steps": 1500},
@@ -30,6 +30,7 @@ EXPECTED = {  # warnings
     },
     "peptide": {"Restart file used different # of processors: 1 vs. 2"},
 }
+DUMPED = ("solute", "framework", "grafted")
 DUMP = "\nwrite_dump all custom end id mol type xu yu zu modify sort id format float %.15g\n"
 
 
@@ -88,7 +89,7 @@ def nematic(runs, folder):
     """Axes are unit vectors, and the energy of atoms, thermostat and piston is constant."""
     _, _, xx, yy, zz, *_ = np.loadtxt(folder / "order.txt").T
     np.testing.assert_allclose(xx + yy + zz, 1.0, rtol=1e-6)
-    rows = runs[0].thermo[2:]
+    rows = runs[0].thermo[:6]  # before the pressure falls
     assert np.ptp(rows["Econserve"]) < 0.02 < np.ptp(rows["f_1[4]"])
 
 
@@ -119,11 +120,10 @@ def pour(runs, folder):
     """Bodies that fall freely keep their energy, contacts take it, and all lie on the floor."""
     rows = runs[0].thermo
     energy = rows["KinEng"] + rows["PotEng"]
-    come = rows["Atoms"] == rows["Atoms"][-1]
-    assert rows["Atoms"][-1] == 30
-    assert (np.diff(energy[come]) < 1e-6 * energy[come][0]).all()
-    assert energy[-1] < 0.2 * energy[come][0]
-    assert (np.loadtxt(folder / "end", skiprows=9)[:, 5] > 0.4).all()
+    assert rows["Atoms"][1] == rows["Atoms"][-1] == 30
+    assert energy[1:].max() < (1 + 1e-4) * energy[1] and energy[-1] < 0.2 * energy[1]
+    np.testing.assert_allclose(energy[1:100], energy[1], rtol=1e-4)
+    assert (np.loadtxt(folder / "end.dump", skiprows=9)[:, 4] > 0.4).all()
 
 
 def grafted(runs, folder):
@@ -175,7 +175,7 @@ def test_forces_from_python(tmp_path):
     ("name", "ranks"),
     [
         *((name, 1) for name in LAWS if name != "peptide"),
-        *((name, 2) for name in ("solute", "peptide", "shear", "gas")),
+        *((name, 2) for name in ("solute", "peptide", "shear")),
     ],
 )
 def test_recipe(run_lammps, tmp_path, name, ranks):
@@ -190,7 +190,8 @@ def test_recipe(run_lammps, tmp_path, name, ranks):
     runs = []
     for script in inputs:
         last = script == inputs[-1]
-        text = re.sub(r"^(thermo +)\d+", r"\g<1>10", files[script], flags=re.M) + DUMP * last
+        dump = DUMP * (last and name in DUMPED)
+        text = re.sub(r"^(thermo +)\d+", r"\g<1>10", files[script], flags=re.M) + dump
         on = ranks if last else 1
         runs.append(run_lammps(text, files=files, options=options, ranks=on))
     warned = {
