@@ -473,7 +473,7 @@ def readme_table():
 
 
 def readme_sampling():
-    """The README's table of averages beside the best rival at its best step: a row for each liquid."""
+    """The README's table of averages beside the best rival: a row for each liquid."""
     found = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*"))))
     titles = list(dict.fromkeys(row["average"] for row in found.rows))
     liquids = defaultdict(dict)
