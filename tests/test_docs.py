@@ -187,6 +187,7 @@ variable own_body atom mol
 set group all i_body v_molecule
 molecule benzene one.mol
 variable T equal 298.15
+variable factor equal 4.0
 pair_style lj/cut 8.0
 pair_coeff * * 0.1 3.0
 bond_style zero
