@@ -134,6 +134,7 @@ variable own_body atom mol
 set group all i_body v_molecule
 molecule benzene one.mol
 variable T equal 298.15
+variable factor equal 4.0
 pair_style lj/cut 8.0
 pair_coeff * * 0.1 3.0
 bond_style zero
@@ -258,6 +259,9 @@ def test_tutorial(run_lammps, tmp_path):
     second = run_lammps(step, options=["-var", "dt", "4"])
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
+
+    long = run_lammps(shorter(script["in.long"]))
+    assert "moments scale 4.0" in long.log and long.log.count("Loop time") == 1
 
     line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
     table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
