@@ -9,7 +9,7 @@ from scipy import signal
 from validation.sample import measure, scenes, schemes
 from validation.sample.plan import DIPOLE, SAMPLED
 from validation.scenes.units import BOLTZMANN
-from validation.statistics import limit, measures, precision, structure
+from validation.statistics import limit, measures, precision, refined, structure
 from validation.statistics.estimate import Estimate
 
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol
@@ -162,18 +162,31 @@ def test_total_error_against_brute_force():
         assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
 
 
+def test_a_gains_interval_covers():
+    """Locks out intervals of gains that are too narrow: of noises whose logarithms are normal, that
+    of the true ratio is inside in 95 % of cases."""
+    rng, inside = np.random.default_rng(4), 0
+    for _ in range(2000):
+        first, second = (
+            precision.Worth(Estimate(0.0), Estimate(noise, 0.2 * noise))
+            for noise in np.exp(0.2 * rng.normal(size=2))
+        )
+        found = precision.times(first, second, 1.0)
+        inside += found.low <= 1.0 <= found.high
+    assert 0.94 < inside / 2000 < 0.965
+
+
 def test_time_to_an_error():
     """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
     good = precision.Worth(Estimate(0.0), Estimate(2.0))
     bad = precision.Worth(Estimate(0.1), Estimate(1.0))
     assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
     assert precision.seconds(bad, 0.1).value == np.inf
-    # at sqrt(2) of its bias its noise is as large: 1 / 0.01 s
-    assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
+    assert precision.times(bad, good, np.sqrt(0.02)).value == pytest.approx((1 / 0.01) / (2 / 0.02))
     assert precision.times(good, bad, 0.05).value == 0
     assert precision.times(bad, good, 0.05).plain()["value"] is None
     nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
-    assert set(precision.times(nothing, good).plain().values()) == {None}
+    assert set(precision.times(nothing, good, 0.1).plain().values()) == {None}
     unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
     spread = precision.seconds(unsure, 0.1)
     assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf
@@ -321,3 +334,41 @@ def test_dipoles_of_all_starts_together():
     remembers = measure.pooled(starts).remembers["dipole"]
     assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
     assert remembers.freedom == 3 * 4 - 1
+
+
+def oscillators(rng, h, kt, parts=3000, steps=100):
+    """Harmonic modes of unit mass as a global thermostat in the middle of the step has them: each
+    is canonical for the shadow Hamiltonian of kick, drift, kick, and amplitudes change slowly.
+
+    Returns:
+        frequencies, positions, (parts * steps, modes), and the exact <x^2>.
+    """
+    w = np.linspace(0.3, 1.0, 12)
+    turn = np.arccos(1 - (h * w) ** 2 / 2)  # a step's angle
+    # <v^2> of the middle is w^2 <x^2>; the shadow's action is kT' / (turn / h) in each mode
+    over = turn / h * w * np.sqrt(1 - (h * w / 2) ** 2)  # kT' / <x^2>
+    warm = kt * len(w) / (w**2 / over).sum()
+    ends = rng.normal(size=(2, parts + 1, 1, len(w))) * np.sqrt(warm / over)
+    mix = np.linspace(0, np.pi / 2, steps, endpoint=False)[:, None]
+    a, b = (np.cos(mix) * one[:-1] + np.sin(mix) * one[1:] for one in ends)
+    angle = np.arange(parts * steps).reshape(parts, steps, 1) * turn
+    return w, (a * np.cos(angle) + b * np.sin(angle)).reshape(-1, len(w)), warm / over
+
+
+@pytest.mark.parametrize("h", [0.3, 0.6])
+def test_refined_averages_are_those_of_small_steps(h):
+    """Locks out a term, a sign or a factor of the refined average: of harmonic modes the error of
+    the mean squared force is known, and the mean energy has none."""
+    kt = 1.7
+    w, x, square = oscillators(np.random.default_rng(5), h, kt)
+    u, force = (0.5 * w**2 * x**2).sum(axis=1), (w**4 * x**2).sum(axis=1)
+    off, exact = (w**4 * square).sum() - kt * (w**2).sum(), kt * (w**2).sum()
+    assert off == pytest.approx(0.0152 * h**2 * exact, rel=0.05)
+    for a, error in (force, off), (u, 0.0):
+        made = refined.series(a, u, h**2 / 24 * force, h, kt, len(w))
+        assert a.mean() - made.mean() == pytest.approx(error, abs=0.1 * off * a.mean() / exact)
+    # the parts of a series of the energy's square are independent, and known to their errors
+    parts = [np.array_split(one, 60) for one in (u**2, u, h**2 / 24 * force)]
+    means = [measures.mean(refined.series(*part, h, kt, len(w))) for part in zip(*parts)]
+    spread = np.std([mean.value for mean in means], ddof=1)
+    assert np.mean([mean.error for mean in means]) == pytest.approx(spread, rel=0.25)

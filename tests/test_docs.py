@@ -134,6 +134,7 @@ variable own_body atom mol
 set group all i_body v_molecule
 molecule benzene one.mol
 variable T equal 298.15
+variable factor equal 4.0
 pair_style lj/cut 8.0
 pair_coeff * * 0.1 3.0
 bond_style zero
@@ -259,6 +260,9 @@ def test_tutorial(run_lammps, tmp_path):
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
 
+    long = run_lammps(shorter(script["in.long"]))
+    assert "moments scale 4.0" in long.log and long.log.count("Loop time") == 1
+
     line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
     table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
     run_lammps(table, options=["-var", "dt", "2"])
@@ -335,8 +339,8 @@ def test_own_keywords_values_and_state(run_lammps):
     """Locks out a keyword of one's own that does not arrive, a value of one's own that is not
     behind the package's, and a state that ranks have differently or that a restart forgets."""
     given, lines = with_thermostat(OWN, "part 1")
-    lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] f_1[5]")
-    whole = run_lammps(lines, files=given, timeout=250).thermo["f_1[5]"]
+    lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] f_1[6]")
+    whole = run_lammps(lines, files=given, timeout=250).thermo["f_1[6]"]
     collisions = 200 * (1.0 - np.exp(-0.05))
     assert whole[0] == 0 and whole[-1] == pytest.approx(collisions, abs=4.0 * collisions**0.5)
     tail = lines.partition("read_data data.water\n")[2]
@@ -346,7 +350,7 @@ def test_own_keywords_values_and_state(run_lammps):
     for ranks in 1, 2:
         run_lammps(first, files=given, ranks=ranks, timeout=250)
         rest = run_lammps(second, files=given, ranks=ranks, timeout=250)
-        assert rest.thermo["f_1[5]"][-1] == whole[-1]
+        assert rest.thermo["f_1[6]"][-1] == whole[-1]
 
 
 @pytest.mark.parametrize(
