@@ -14,7 +14,7 @@ from .. import COMMAND
 from ..experiment import Trajectory, perform
 from ..own import counted, finding, shapes
 from ..own.script import texts
-from ..own.shapes import Bodies, Kind
+from ..own.shapes import Group, Kind
 from ..own.system import Own
 from ..running import machine, run
 from ..running.store import Store
@@ -40,11 +40,11 @@ TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the
 
 def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
     """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
-    made = shapes.bodies(own)
-    kinds = shapes.kinds(own, made)
+    groups, gap = shapes.bodies(own)
+    kinds = shapes.kinds(own, groups)
     rows, interrupted = _starts(own, out, ranks, silence, meter)
-    checks = [*_bodies(own, made, kinds), *_step(own, made, kinds), *_script(own)]
-    checks.append(_forces_within(own, made, out, ranks, silence))
+    checks = [*_bodies(own, gap, kinds), *_step(own, groups, kinds), *_script(own)]
+    checks.append(_forces_within(own, groups, out, ranks, silence))
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
@@ -91,7 +91,7 @@ def _told(found: Check) -> Check:
     return replace(found, note="") if found.holds and found.part != "step" else found
 
 
-def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
+def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
     """Kinds, images, neighbours."""
     units = own.units
     for kind in kinds:
@@ -110,30 +110,27 @@ def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
     )  # fmt: skip
     note = "by its image flags a body is wider than by nearest images: is it cut by a face?"
     yield Check(
-        "bodies", "image flags", "wider by them", made.gap, high=half, unit=units.length, note=note
+        "bodies", "image flags", "wider by them", gap, high=half, unit=units.length, note=note
     )
-    near = shapes.nearest(own)
-    if near:
-        note = f"atoms {near[1]} and {near[2]}, of different bodies and not bonded, nearly overlap"
-        least = 0.4 * _usual_distance(own)
+    if near := shapes.overlapping(own):
+        pairs, least = near
+        some = "; ".join(f"{first} and {second}" for first, second in pairs[:3] + 1)
         yield Check(
-            "bodies", "nearest atoms", f"{near[1]} and {near[2]}", near[0], low=least,
-            unit=units.length, note=note, source="0.4 of the mean distance of neighbours",
-        )  # fmt: skip
+            *("bodies", "atoms of different bodies"),
+            f"pairs nearer than {least:.3g} {units.length}",
+            *(len(pairs), 0.0),
+            high=0,
+            note=f"these are not bonded and nearly overlap: {some}",
+        )
 
 
-def _usual_distance(own: Own) -> float:
-    volume = abs(np.linalg.det(np.array(own.said["cell"])))
-    return float((volume / len(own.found.body)) ** (1 / 3))
-
-
-def _step(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
+def _step(own: Own, groups: Sequence[Group], kinds: Sequence[Kind]) -> Iterator[Check]:
     turns = max(kinds, key=lambda kind: kind.angle)
     safe = own.scene.dt * TURN / max(turns.angle, 1e-300)
     note = f"by this number alone, {safe:.3g} {own.units.time} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
-    found = shapes.fastest(own, made)
+    found = shapes.fastest(own, groups)
     for name, frequency in found.items():
         note = (
             f"by this number alone, {STIFF / frequency:.3g} {own.units.time} and below is safe, if "
@@ -176,13 +173,12 @@ def _mesh(own: Own) -> Iterator[Check]:
         yield Check("script", "the mesh", what, len(free), high=0, note=note)
 
 
-def _forces_within(own: Own, made: Bodies, out: Path, ranks: int, silence: float) -> Check:
+def _forces_within(
+    own: Own, groups: Sequence[Group], out: Path, ranks: int, silence: float
+) -> Check:
     """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
     first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds."""
-    atoms: list[int] = []
-    for group, keys in zip(made.groups, made.keys):
-        _, first = np.unique(keys, return_index=True)
-        atoms += (1 + group[first, :SOME]).ravel().tolist()
+    atoms = np.concatenate([1 + group.atoms[0, :SOME] for group in groups])
     folder = (out / "runs" / "pairs").resolve()
     more = [
         f"group own_sample id {' '.join(map(str, atoms))}",

@@ -371,6 +371,14 @@ def largest_distance(
     return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
 
 
+def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
+    """Arrays (bodies, n): the atoms of all bodies of n atoms, for each n; of body 0 none."""
+    order = np.argsort(bodies, kind="stable")
+    inside = order[bodies[order] != 0]
+    _, first, sizes = np.unique(bodies[inside], return_index=True, return_counts=True)
+    return [inside[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
+
+
 def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:
     """Pairs of atoms of the same body, (pairs, 2).
 

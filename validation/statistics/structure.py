@@ -41,11 +41,8 @@ class Motion:
         self.bodies = positions.bodies
         self.cell, self.periodic = positions.cell, positions.periodic
         self.cells = positions.cells
-        order = np.argsort(self.bodies, kind="stable")
-        order = order[self.bodies[order] != 0]
-        _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
-        self.groups = [order[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
-        self.count, self.free = len(first), int(np.sum(self.bodies == 0))
+        self.groups = measures.body_groups(self.bodies)
+        self.count, self.free = sum(map(len, self.groups)), int(np.sum(self.bodies == 0))
 
     def _image(self, d):
         return measures.nearest_image(d, self.cell, self.periodic)
