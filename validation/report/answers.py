@@ -85,17 +85,23 @@ def _answer(summary):
     best = min(own, key=lambda row: (-row["dt"], -len(_sure(row)), row["cost"]["median"]))
     rival = min(rivals, key=lambda row: row["noise"]["potential"]["value"])
     ours, theirs = best["cost"], rival["cost"]
-    ps = {"value": theirs["median"] / ours["median"]}
-    ps |= {"low": theirs["min"] / ours["max"], "high": theirs["max"] / ours["min"]}
+    ps = {
+        "value": theirs["median"] / ours["median"],
+        "low": theirs["min"] / ours["max"],
+        "high": theirs["max"] / ours["min"],
+    }
     scene = WRITTEN.get(summary["scene"], summary["scene"])
-    row = {"scene": scene, "scheme": best["label"], "dt": best["dt"], "ps": ps}
-    row |= {
+    row = {
+        "scene": scene,
+        "scheme": best["label"],
+        "dt": best["dt"],
+        "ps": ps,
         "sure": ", ".join(_sure(best)) or "none",
         "rival": rival["label"],
         "rival dt": rival["dt"],
+        **{f"bias {key}": best["biases"][key] for key in GAINS},
+        **{f"gain {key}": _times(rival["noise"][key], best["noise"][key]) for key in GAINS},
     }
-    row |= {f"bias {key}": best["biases"][key] for key in GAINS}
-    row |= {f"gain {key}": _times(rival["noise"][key], best["noise"][key]) for key in GAINS}
     return row | {"cost": best["cost"], "command": summary["command"]}
 
 

@@ -321,17 +321,6 @@ def quotient(first: Estimate, second: Estimate) -> Estimate:
     return Estimate(value, *combined(*(one[1:] for one in parts)))
 
 
-def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
-    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
-    errors of ``y``, `Estimate`s."""
-    relative = np.array([one.error / one.value for one in y])
-    line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
-    weights = np.linalg.pinv(line)[0]
-    exponent = weights @ (np.log([one.value for one in y]) / relative)
-    parts = ((weight, one.freedom) for weight, one in zip(weights, y))
-    return Estimate(exponent, *combined(*parts))
-
-
 def without_noise(off: np.ndarray) -> Estimate:
     """The rms of a mean difference, without what noise makes of it; ``off`` has independent
     measurements of the difference as rows.  The error is by the jackknife over these."""
@@ -362,13 +351,6 @@ def nearest_image(
         if periodic[axis]:
             d -= np.round(d[..., axis, None] / cell[axis][axis]) * np.asarray(cell[axis])
     return d
-
-
-def largest_distance(
-    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
-) -> float:
-    """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
-    return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
 
 
 def body_groups(bodies: np.ndarray) -> list[np.ndarray]:

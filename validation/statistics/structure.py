@@ -129,15 +129,24 @@ def _quiet(function, *arguments, **more):
 def _data(temperature, natoms, held=0, pressure=None, **more):
     """physical_validation's record of a whole at this temperature, and pressure if there is one."""
     none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
-    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
     system = records.SystemData(
-        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
+        natoms=natoms,
+        mass=np.ones(natoms),
+        ndof_reduction_tra=held,
+        **none,
+        molecule_idx=[0],
+        nconstraints_per_molecule=[0],
     )
     kind = "NVT" if pressure is None else "NPT"
-    state = {"volume": 1.0, "temperature": temperature, "pressure": pressure}
-    ensemble = records.EnsembleData(kind, natoms=natoms, **state)
-    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
-    return records.SimulationData(observables=records.ObservableData(**more), **how)
+    ensemble = records.EnsembleData(
+        kind, natoms=natoms, volume=1.0, temperature=temperature, pressure=pressure
+    )
+    return records.SimulationData(
+        observables=records.ObservableData(**more),
+        units=records.UnitData.units("LAMMPS real"),
+        system=system,
+        ensemble=ensemble,
+    )
 
 
 def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:

@@ -43,8 +43,16 @@ def _liquid(stand, name, count, box, *, seed, corner=0.0, least=0.0, more=()):
         place = side * (np.array(site) + 0.5) + corner
         turn = _turn(rng, place, found, box, least)
         spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
-        how = {"velocity": rng.normal(size=3) / np.sqrt(WHOLE), "spin": spin}
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, **how))
+        found.append(
+            bodies.body(
+                bodies.BENT,
+                bodies.MASSES,
+                place=place,
+                turn=turn,
+                velocity=rng.normal(size=3) / np.sqrt(WHOLE),
+                spin=spin,
+            )
+        )
     return _scene(stand, name, found, [*REPULSIVE, "neighbor 0.4 bin", *more], box, corner, DT)
 
 
