@@ -57,11 +57,8 @@ class Call:
     script: tuple[Scene, Sequence[Integrator]] | None = None
 
 
-def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
+def cost(wanted: Iterable[Point], call: Call) -> dict:
     """Measure the points that are not there yet, and collect all that is.
-
-    Args:
-        again: whether to measure anew what is there.
 
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
@@ -71,8 +68,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
     cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
         origin = store.origin(point, call.script, cpu, files=point.inputs)
-        kept = None if again else store.kept(point.name, origin)
-        if kept:
+        if kept := store.kept(point.name, origin):
             call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
             call.meter.end(None)
         begun = {
@@ -84,7 +80,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
         }
         make = partial(_record, point, call, begun)
         try:
-            records[point.name] = store.once(point.name, origin, make, again)
+            records[point.name] = store.once(point.name, origin, make)
         except KeyboardInterrupt as end:
             rows = end.rows if isinstance(end, Cut) else []
             records[point.name] = begun | {"rows": rows, "complete": False}
