@@ -99,8 +99,14 @@ def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
             "bodies of these atoms differ in shape: each keeps the one that it has. Molecules get "
             f"one shape by '{COMMAND} check SCRIPT --rigid'"
         )
-        what = "largest difference of a moment from the kind's mean"
-        yield Check("bodies", kind.name, what, kind.scatter, high=ALIKE, note=note)
+        yield Check(
+            "bodies",
+            kind.name,
+            "largest difference of a moment from the kind's mean",
+            kind.scatter,
+            high=ALIKE,
+            note=note,
+        )
     half = float(np.min(np.diag(np.array(own.said["cell"]))) / 2)
     size = max(kind.size for kind in kinds)
     note = "a body is nearly as wide as the box: its image flags decide where its atoms are"
@@ -145,15 +151,33 @@ def _script(own: Own) -> Iterator[Check]:
     movers = shapes.moved(own)
     count = np.sum([*movers.values()], axis=0)
     idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
-    note = "these atoms stand still, unless a fix that is not known here moves them"
-    yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
-    note = f"two of these fixes move the same atoms: {', '.join(movers)}"
-    yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
+    yield Check(
+        "script",
+        "atoms",
+        "that no fix moves",
+        idle,
+        high=0,
+        note="these atoms stand still, unless a fix that is not known here moves them",
+    )
+    yield Check(
+        "script",
+        "atoms",
+        "that two fixes move",
+        twice,
+        high=0,
+        note=f"two of these fixes move the same atoms: {', '.join(movers)}",
+    )
     yield from _mesh(own)
     heats = finding.thermostats(own.said, own.atoms, own.found)
     number = len(heats) + bool(own.found.state.temp)
-    note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
-    yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
+    yield Check(
+        "script",
+        "thermostats",
+        "of the bodies",
+        number,
+        high=1,
+        note=f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}",
+    )
 
 
 def _mesh(own: Own) -> Iterator[Check]:
@@ -169,8 +193,14 @@ def _mesh(own: Own) -> Iterator[Check]:
         "first run names (G vector, grid): kspace_modify mesh NX NY NZ gewald G"
     )
     if free and own.found.state.press and "pppm" in "".join(styles[-1:]):
-        what = f"{' and '.join(free)} that each run chooses anew"
-        yield Check("script", "the mesh", what, len(free), high=0, note=note)
+        yield Check(
+            "script",
+            "the mesh",
+            f"{' and '.join(free)} that each run chooses anew",
+            len(free),
+            high=0,
+            note=note,
+        )
 
 
 def _forces_within(
@@ -191,8 +221,13 @@ def _forces_within(
         ),
         failures=True,
     )
-    what = "pairs of atoms that have them, in one body of each kind"
-    counts = partial(Check, "script", "forces within bodies", what, high=0)
+    counts = partial(
+        Check,
+        "script",
+        "forces within bodies",
+        "pairs of atoms that have them, in one body of each kind",
+        high=0,
+    )
     if result.error:
         return counts(None, note=f"not counted: {result.error}")
     rows = (folder / "pairs").read_text().partition("ITEM: ENTRIES")[2].splitlines()[1:]

@@ -280,9 +280,14 @@ def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
     deviation = np.sqrt(np.mean([one.total.var() for one in series]))
     scale = min(one.time[-1] for one in series) / deviation
     several = f", mean of {len(series)} starts" * (len(series) > 1)
-    what = f"stable: drift of the energy, times {_length(*series)}, over its sd"
-    note = f"drift {slope.text()} kcal/mol/ps{several}"
-    return check(PAPER[name].label, what, slope.times(scale), low=-1.0, high=1.0, note=note)
+    return check(
+        PAPER[name].label,
+        f"stable: drift of the energy, times {_length(*series)}, over its sd",
+        slope.times(scale),
+        low=-1.0,
+        high=1.0,
+        note=f"drift {slope.text()} kcal/mol/ps{several}",
+    )
 
 
 # ---- figures 2a, 2b and 3
@@ -461,9 +466,15 @@ def _rigidity(complete: Mapping[str, Series]) -> Iterator[Check]:
     }
     if worst:
         name = max(worst, key=lambda name: worst[name])
-        who = f"all {len(worst)} runs with rigid-body fixes"
-        what = "largest change of a distance within a group"
-        yield Check.of("rigidity", who, what, worst[name], high=RIGID, unit="Å", note=name)
+        yield Check.of(
+            "rigidity",
+            f"all {len(worst)} runs with rigid-body fixes",
+            "largest change of a distance within a group",
+            worst[name],
+            high=RIGID,
+            unit="Å",
+            note=name,
+        )
 
 
 def tables(summary: dict) -> list[Table]:

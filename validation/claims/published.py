@@ -65,8 +65,13 @@ SAMPLED = 12.0  # fs between samples of the energy
 
 def scene() -> Scene:
     """Their water."""
-    title = "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff"
-    return smooth_water("water-smooth", title, "water_smooth", "smooth", 903)
+    return smooth_water(
+        "water-smooth",
+        "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
+        "water_smooth",
+        "smooth",
+        903,
+    )
 
 
 def _time(bench: Bench) -> float:

@@ -362,15 +362,20 @@ def rotors(found: Found) -> tuple[list[Check], dict]:
     what, few, last = f"error of the orientation after {TOTAL:g} rad", slice(HOLDS), HOLDS - 1
     checks = []
     if split := errors.get("split"):
-        law = f"{what} ∝ Δt"
-        checks.append(_power(check, "split", law, ANGLES[few], split[few], 2.0, 0.05))
+        checks.append(_power(check, "split", f"{what} ∝ Δt", ANGLES[few], split[few], 2.0, 0.05))
         if fourfold := errors.get("split, mrot 4"):
             over = f"{what} with m_rot 4 times 4², over that with 1, at {ANGLES[last]:g} rad a step"
             ratio = 16 * fourfold[last] / split[last]
             checks.append(check("split", over, ratio, low=0.95, high=1.05))
     if exact := errors.get("exact"):
-        of_all = f"{what}, largest for {ANGLES[0]:g} to {ANGLES[-1]:g} rad in a step"
-        checks.append(check("exact", of_all, max(exact), high=ROUND_OFF))
+        checks.append(
+            check(
+                "exact",
+                f"{what}, largest for {ANGLES[0]:g} to {ANGLES[-1]:g} rad in a step",
+                max(exact),
+                high=ROUND_OFF,
+            )
+        )
     return checks, {"angles": ANGLES, "total": TOTAL, "error": errors}
 
 

@@ -49,13 +49,15 @@ def table(summaries: Iterable[Mapping]) -> Table:
     """A row for each scene."""
     rows = [row for summary in _ordered(summaries) if (row := _answer(summary))]
     bounds = ", ".join(f"{name} {BOUNDS[key]:g} {unit}" for key, (name, unit) in NAMES.items())
-    note = (
-        "Errors are the distances from the limit of small steps, with their 95 % margin. The step "
-        "is the longest one at which none of them is known to be larger than its bound "
+    return Table(
+        "How long a step, what it gains, at what error",
+        COLUMNS,
+        rows,
+        note="Errors are the distances from the limit of small steps, with their 95 % margin. The "
+        "step is the longest one at which none of them is known to be larger than its bound "
         f"({bounds}). Times are CPU times, with 95 % intervals; “a ps” has its range over rounds. "
-        "The rival is chosen by the same rule, and needs the least time for U/N."
+        "The rival is chosen by the same rule, and needs the least time for U/N.",
     )
-    return Table("How long a step, what it gains, at what error", COLUMNS, rows, note=note)
 
 
 def _ordered(summaries):

@@ -98,8 +98,11 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
     if first == len(dts):
         told = "the longest step tried, so no error: the limit is at least that"
         return Number(longest, note=f"stable at {longest:.4g} fs, {told}")
-    note = f"stable at {longest:.4g} fs, not at {dts[first]:.4g} fs"
-    return Number((dts[first] + longest) / 2, (dts[first] - longest) / 4, note)
+    return Number(
+        (dts[first] + longest) / 2,
+        (dts[first] - longest) / 4,
+        f"stable at {longest:.4g} fs, not at {dts[first]:.4g} fs",
+    )
 
 
 def changes(
