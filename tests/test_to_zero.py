@@ -190,7 +190,7 @@ def test_what_is_run(water):
     )
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
-        ([moments], None, "others at each step"),
+        (["csvr-step"], None, "others at each step"),
         (["csvr"], (8.0,), "two steps"),
         (["csvr-refined"], None, "nothing to take off"),
     ):
