@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scripts
-from conftest import read_thermo
 from own_scripts import take
 from scipy import signal
 
@@ -16,6 +15,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 
 from validation import INPUTS, __main__
 from validation.experiment import Point
+from validation.running import run
 from validation.sample import plan as plans
 from validation.sample import scenes, schemes, to_zero
 from validation.statistics import limit, measures
@@ -185,9 +185,6 @@ def test_what_is_run(water):
     assert [point.dt for point in to_zero.points(water, ["csvr"], None)] == [2.0, 4.0, 6.0]
     assert to_zero.usual(8.02) == (2.5, 5.0, 8.0)
     assert to_zero.usual(0.9) == pytest.approx((0.3, 0.6, 0.9))
-    moments = next(
-        name for name, one in water.schemes.items() if "moments step" in "".join(one.lines)
-    )
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
         (["csvr-step"], None, "others at each step"),
@@ -291,5 +288,5 @@ def test_the_verb_runs_a_script_at_constant_pressure(tmp_path, monkeypatch):
     first = dump.read_text().rpartition("ITEM: BOX BOUNDS")[2].splitlines()[1]
     low, high = map(float, first.split())
     for log in (tmp_path / "zero").rglob("start-1/nosquish-*/log.lammps"):
-        volume = read_thermo(log.read_text())["Volume"][0]
+        volume = run.collect(log.parent).thermo["Volume"][0]
         assert volume == pytest.approx((high - low) ** 3, rel=1e-9) != 21.5**3
