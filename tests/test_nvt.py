@@ -222,7 +222,7 @@ def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
 def test_mean_of_a_rescaling(degrees):
     """Locks out degrees of freedom that are miscounted by one: a kinetic energy that is the mean
     one stays so in the mean, however fast it is damped."""
-    bath = Scales.new(rate=2.0, kt=1.5, degrees=degrees, energies=1.5 * degrees, key_0=5)
+    bath = Scales(rate=2.0, kt=1.5, degrees=degrees, energies=1.5 * degrees, key_0=5)
     squares = []
     for bath.step in range(20000):
         squares.append(csvr.draw_factor(bath, None, 0, 0.4)[0] ** 2)

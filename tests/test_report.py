@@ -281,4 +281,7 @@ def test_page_in_a_browser(tmp_path):
     ]
     marks = html.unescape(lines["401", "marks"]).split("; ")
     assert len(marks) == 4 and lines["401", "left"] == "3"
-    assert "ours, 4 fs: error of U/N 0.0010 ± 0.0020 kcal/mol a molecule, 1 s of CPU time per ps" in marks
+    assert (
+        "ours, 4 fs: error of U/N 0.0010 ± 0.0020 kcal/mol a molecule, 1 s of CPU time per ps"
+        in marks
+    )

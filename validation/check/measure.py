@@ -80,7 +80,7 @@ def _starts(
         )
         for one in integrators
     ]
-    done = perform(every, Store(out, "check.measure"), meter)
+    done = perform(every, Store(out), meter)
     ended = {one.name: one for one in integrators if one.name in done.jobs}
     rows = [_row(own, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()]
     return rows, done.interrupted

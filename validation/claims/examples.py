@@ -433,7 +433,7 @@ def check(row: Mapping) -> Check:
 
 def judge(found: Found, bench: Bench) -> dict:
     """``rows``, one for each example, ``checks``, and ``failed``: why examples do not agree."""
-    lengths, store = FULL if bench.full else SHORT, Store(bench.out / "records", "claims.examples")
+    lengths, store = FULL if bench.full else SHORT, Store(bench.out / "records")
     rows, chosen = [], [one for one in names(bench).values() if one.name in bench.names]
     for example in chosen:
         bench.meter.begin(example.name, 1)

@@ -161,7 +161,7 @@ def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.
 
 
 def _store(settings: Settings) -> Store:
-    return Store(settings.out / "records", "compare.measure")
+    return Store(settings.out / "records")
 
 
 def collected(

@@ -18,7 +18,6 @@ from ..running.store import Store
 from ..scenes import INPUTS, SCENES, Scene
 from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
 from ..statistics import measures
-from .model import NETWORK, model
 from .plan import Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
@@ -67,7 +66,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
-    store, summary = Store(call.out / "records", "cost.measure"), machine.circumstances()
+    store, summary = Store(call.out / "records"), machine.circumstances()
     summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
     cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
@@ -100,7 +99,7 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
         summary["versions"].update(machine.worker_versions(row["versions"]))
     for group in GROUPS.values():
         summary[group].sort(key=lambda row: row["ranks"])
-    return summary | {"links": [NETWORK._asdict()], "model": model(summary["counts"])}
+    return summary
 
 
 def _record(point: Point, call: Call, begun: dict) -> dict:

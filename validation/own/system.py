@@ -193,7 +193,7 @@ def read(
 
 def _locked(out: Path):
     """A context in which no other process reads a script in this output folder."""
-    return store.Store(out, "own.system").locked("script")
+    return store.Store(out).locked("script")
 
 
 def _reading(ask, out, ranks, silence, everything=False):
@@ -223,7 +223,7 @@ def _origin(ask: Ask, ranks: int, everything: bool, said: Mapping) -> str:
     """Hash of all that a reading follows from."""
     patterns, environment = said["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
-    code = store.code_of("own.system"), machine.versions()
+    code = store.code(), machine.versions()
     return store.digest(asdict(ask), ranks, everything, *code, _contents(said["files"]), *found)
 
 

@@ -1,5 +1,6 @@
 """Where and with what something was measured, and hashes of what it follows from."""
 
+import functools
 import hashlib
 import json
 import os
@@ -69,6 +70,7 @@ def contents(path: Path) -> str:
     return found.hexdigest()
 
 
+@functools.cache
 def package_hash() -> str:
     """Of the code of the installed fix_nosquish, and of the older schemes that come with it."""
     folder = startup.package()

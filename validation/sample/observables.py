@@ -27,7 +27,8 @@ class Observable:
 
     Attributes:
         key: in rows and files.
-        unit: of biases; of the mean itself, if ``relative``, it is another one, or none.
+        unit: of biases; of the mean itself, too, unless biases are ``relative``.
+        of_mean: unit of the mean where biases are relative, if it has one.
         series: whose mean it is; None if there is none.
         vector: columns of the vector that it is the square of, if it is one.
         relative: whether biases are in per cent of the limit.
@@ -42,6 +43,7 @@ class Observable:
     unit: str
     series: Series
     relative: bool = False
+    of_mean: str = ""
     vector: tuple[str, ...] = ()
     exact: Callable[[Plan, Scheme], float | None] = lambda plan, scheme: None
     moves: bool = False
@@ -152,18 +154,18 @@ OBSERVABLES = (
         "potential", "U/N", MOLECULE, _column("PotEng", _bodies),
         refined=_column("PotEng", _bodies),
     ),
-    Observable("capacity", "heat capacity", "%", _capacity, relative=True),
+    Observable("capacity", "heat capacity", "%", _capacity, True, "k a molecule"),
     Observable(
         "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure,
         refined=_refined_pressure,
     ),
-    Observable("density", "density", "%", _density, relative=True),
-    Observable("compressibility", "compressibility", "%", _compressibility, relative=True),
+    Observable("density", "density", "%", _density, True, "g/cm³"),
+    Observable("compressibility", "compressibility", "%", _compressibility, True, "1e-5/atm"),
     Observable(
-        "torque", "squared torque", "%", _column(TORQUE, _bodies), relative=True,
+        "torque", "squared torque", "%", _column(TORQUE, _bodies), True, "(kcal/mol)²",
         refined=_column(TORQUE, _bodies),
     ),
-    Observable("dipole", "dipole fluctuation", "%", _dipole, relative=True, vector=DIPOLE),
+    Observable("dipole", "dipole fluctuation", "%", _dipole, True, vector=DIPOLE),
     Observable(
         "temperature", "temp", "K", _column("Temp"),
         exact=lambda plan, scheme: scheme.temperature, moves=True,

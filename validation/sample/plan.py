@@ -117,6 +117,7 @@ class Plan:
         known: points that users have today: costs are told beside theirs.
         turning: degrees of freedom of all rotation; 0 tells no temperatures of the two motions.
         dipole: whether the whole's dipole is looked at.
+        longest: fs, of steps from which averages at step zero follow; 0 for the scheme's reach.
     """
 
     scene: Scene
@@ -126,6 +127,7 @@ class Plan:
     known: tuple[Point, ...]
     turning: int = 0
     dipole: bool = False
+    longest: float = 0.0
 
     def label(self, point: Point) -> str:
         """A point, for tables and the terminal."""
@@ -205,7 +207,7 @@ class Runs:
     @property
     def store(self) -> Store:
         """What is kept of them beside their own files."""
-        return Store(self.folder, "sample.measure")
+        return Store(self.folder)
 
     @property
     def starts(self) -> range:
@@ -320,7 +322,8 @@ class Runs:
     ) -> run.Job:
         """A run of LAMMPS; its momentum is zero, for some schemes keep it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
-        begun = from_dump(self.plan.scene, dump, self._begin)
+        barostat = self.plan.starter.pressure is not None
+        begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         how: dict = {"dt": point.dt, "every": every, "keeps": "nothing", "silence": self.silence}

@@ -10,8 +10,7 @@ velocities, and with integration by parts for the second derivatives, to the ord
     <A> = <A>_h + (cov(A, S) - h^2/12 <dA/dt dU/dt>) / kT + cov(A, U) 2 <S> / (f kT^2)
 
 with f degrees of freedom.  The last term is the change of T; <dA/dt dU/dt> is kT times the product
-of the gradients of A and U, over masses.  Own derivation; for A = U it agrees with the first-order
-expansion of the reweighting of Silveira and Abreu.
+of the gradients of A and U, over masses.  Own derivation, in docs/algorithm.md.
 """
 
 import numpy as np

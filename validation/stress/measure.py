@@ -44,7 +44,7 @@ FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "r
 EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
 LESS = " (reference 12 and Gear: a tenth of that)"
 # why a number has the error bar that it has, or none
-LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
+LINE = "standard error of the slope of a line, by the noise about it and the largest random walk"
 EXACT = (
     "none: the largest of all deviations in runs that give the same each time, of which no mean is "
     "taken"
@@ -294,7 +294,7 @@ class Rows:
 
     def __init__(self, cases: Mapping[str, Case], out: Path, full: bool) -> None:
         self.cases, self.out, self.full = cases, out, full
-        self.store = Store(out / "rows", "stress.cases")
+        self.store = Store(out / "rows")
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:

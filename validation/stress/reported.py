@@ -88,7 +88,7 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
                 full=None,
                 compared=FIXES,
                 few=FIXES,
-                bounds={name: Criterion("≤", most, "", (name,), number, why, NEED, ())},
+                bounds={name: Criterion("≤", most, "", name, number, why, NEED)},
                 part=REPORTED,
             )
         )
