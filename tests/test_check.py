@@ -9,6 +9,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -100,6 +101,20 @@ def test_check_finds_what_does_not_fit(tmp_path):
         assert bool(one.note) == (one.part == "step" or not one.holds), one
 
 
+@pytest.mark.parametrize(
+    ("words", "holds"), [("delay 0", True), ("delay 10", False), ("check no", None)]
+)
+def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
+    """Locks out silence where LAMMPS looks every tenth step, which was often enough for 2 fs, and a
+    word that lists are in time where LAMMPS does not look."""
+    path = scripts.spce(tmp_path, lines=f"neigh_modify {words}\ntimestep 6.0")
+    own = take(path, tmp_path / "out")
+    own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
+    assert rows[0]["error"] is None
+    assert check._lists(rows).holds is holds
+
+
 def test_check_of_atoms_that_a_fix_holds(tmp_path):
     """Locks out a check that ends in a traceback where other atoms have no force, so that no step
     is too long for them."""
@@ -132,7 +147,7 @@ def test_a_start_whose_run_has_no_numbers_fails(taken):
     own = taken("spce")
     names = "Step", "Temp", "Press", "KinEng", "PotEng", "TotEng", "Econserve"
     thermo = {name: np.ones(5) for name in names} | {"Step": 2.0 * np.arange(5)}
-    result = SimpleNamespace(error=None, thermo=thermo)
+    result = SimpleNamespace(error=None, thermo=thermo, timings=[SimpleNamespace(late=0)])
     ours = own.integrators["nosquish"]
     row = check._row(own, ours, result)
     assert row["error"] is None and row["temperature"] == 1.0

@@ -44,7 +44,7 @@ def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> 
     kinds = shapes.kinds(own, groups)
     rows, interrupted = _starts(own, out, ranks, silence, meter)
     checks = [*_bodies(own, gap, kinds), *_step(own, groups, kinds), *_script(own)]
-    checks.append(_forces_within(own, groups, out, ranks, silence))
+    checks += [_lists(rows), _forces_within(own, groups, out, ranks, silence)]
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
@@ -203,6 +203,20 @@ def _mesh(own: Own) -> Iterator[Check]:
         )
 
 
+def _lists(rows: Sequence[Mapping]) -> Check:
+    """Whether lists of neighbours are built in time, with a step that may be longer than the one
+    for which the script says how often LAMMPS looks."""
+    late = [row["late"] for row in rows if row.get("late") is not None]
+    note = (
+        "atoms may have come within the cutoff before LAMMPS looked"
+        if late
+        else "LAMMPS has not looked"
+    )
+    note += ". With long steps have 'neigh_modify every 1 delay 0 check yes', or a larger skin"
+    what = f"built too late, perhaps, in {STEPS} steps"
+    return Check("script", "neighbour lists", what, max(late, default=None), high=0, note=note)
+
+
 def _forces_within(
     own: Own, groups: Sequence[Group], out: Path, ranks: int, silence: float
 ) -> Check:
@@ -264,6 +278,7 @@ def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
         "freedom": round(float(2 * thermo["KinEng"][0] / max(heat, 1e-300))),
         "pressure": float(thermo["Press"][0]),
         "potential": float(thermo["PotEng"][0]),
+        "late": result.timings[-1].late,
     }
     if not row["uncounted"]:
         row["change"] = float(np.ptp(thermo.get("Econserve", thermo["TotEng"])))

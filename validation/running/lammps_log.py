@@ -8,6 +8,7 @@ import numpy as np
 
 _LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.M)
 _CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
+_LATE = re.compile(r"^Dangerous builds = (\d+)", re.M)
 _SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
@@ -59,6 +60,8 @@ class Loop:
         seconds: of all steps.
         cpu: percent of a core that each rank had; None if not printed.
         sections: s, the average over ranks of each row of the breakdown (Pair, Kspace, Modify ...).
+        late: lists of neighbours that may have been built too late, LAMMPS's dangerous builds; None
+            if it has not looked.
     """
 
     seconds: float
@@ -67,6 +70,7 @@ class Loop:
     atoms: int
     cpu: float | None
     sections: dict[str, float]
+    late: int | None = None
 
 
 def timings(text: str) -> list[Loop]:
@@ -76,13 +80,13 @@ def timings(text: str) -> list[Loop]:
     result = []
     for match, end in zip(matches, ends):
         block = text[match.end() : end]
-        cpu, sections = _CPU.search(block), {}
+        cpu, late, sections = _CPU.search(block), _LATE.search(block), {}
         for name, cells in _SECTION.findall(block):
             with suppress(ValueError):  # the heading
                 sections[name] = float(cells.split("|")[1])
         ranks, steps, atoms = map(int, match.groups()[1:])
-        told = cpu and float(cpu.group(1))
-        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections))
+        told, builds = cpu and float(cpu.group(1)), late and int(late.group(1))
+        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections, builds))
     return result
 
 
