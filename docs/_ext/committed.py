@@ -25,6 +25,8 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
+from validation.sample import to_zero  # noqa: E402
+from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
@@ -364,6 +366,25 @@ def own_scripts():
     return markdown(head, lines)
 
 
+def step_zero():
+    """Averages of water at step zero from three long steps, beside the limit of all points."""
+    found, keys, steps = summary("sample-water"), ("potential", "pressure", "torque"), (4, 6, 8)
+    body = []
+    for scheme in "langevin-5", "langevin-20", "csvr":
+        some = [row for row in found["rows"] if row["scheme"] == scheme and row["dt"] in steps]
+        zero = to_zero.told(some, found["settings"]["time"])
+        body.append([some[0]["label"], *(estimate(zero[key]) for key in keys)])
+    body.append(["the limit of all points", *(estimate(found["limits"][key]) for key in keys)])
+    heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
+    return markdown(["scheme", *heads], body)
+
+
+def estimate(found):
+    """A number of a summary with its 95 % margin; nothing for one that is refused."""
+    known = Estimate(None) if found.get("why") else Estimate.of(found)
+    return NOTHING if known.value is None else margin(known.value, known.margin)
+
+
 # ---- where results come from
 
 
@@ -517,6 +538,7 @@ TABLES = [
     ensembles_density,
     theory_rotors,
     own_scripts,
+    step_zero,
     readme_table,
 ]
 
