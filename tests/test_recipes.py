@@ -172,7 +172,7 @@ def test_forces_from_python(tmp_path, ranks, steps):
     ("name", "ranks"),
     [
         *((name, 1) for name in LAWS if name != "peptide"),
-        *((name, 2) for name in ("solute", "peptide", "shear")),
+        *((name, 2) for name in ("solute", "peptide")),
     ],
 )
 def test_recipe(run_lammps, tmp_path, name, ranks):
