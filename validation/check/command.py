@@ -25,8 +25,8 @@ def add(verbs: command_line.Verbs) -> None:
     )
     command_line.script(parser)
     help = (
-        "find parts that can be rigid, of: %(choices)s (default all but XH, which is any heavy atom "
-        "with its hydrogens, for steps of about 4 fs)"
+        "find parts that can be rigid, of: %(choices)s (default all but XH, which is any heavy "
+        "atom with its hydrogens, for steps of about 4 fs)"
     )
     parser.add_argument("--rigid", nargs="*", choices=PARTS, metavar="PART", help=help)
     command_line.ranks(parser, 1)
