@@ -209,7 +209,9 @@ def test_rigid_parts_are_found_by_their_chemistry():
     found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
     assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
     assert body.max() == 5 and not body[np.array(chair) - 1].any()
-    assert parts.rigid(atoms, 40 * np.eye(3), [True] * 3, ["CH3"])[1] == {"CH3": 2}
+    for wanted, number in (["CH3"], 2), (["water", "XH"], 14), (["water", "rings", "XH"], 9):
+        body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, wanted)
+        assert counts[wanted[-1]] == number and body.max() == sum(counts.values())
 
 
 def test_parts_of_a_kind_get_one_shape():
