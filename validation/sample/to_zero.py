@@ -97,7 +97,9 @@ def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
             found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
                 starts = {dt: row["starts"] for dt, row in good.items()}
-                found[key] |= _of_fit(fit, {dt: time * starts[dt] for dt in means})
+                found[key] |= _of_fit(
+                    fit, {dt: time * starts[dt] for dt in means if dt in fit.points}
+                )
     for one in found.values():
         if one.get("left") and one["probability"] * len(found) < 1 - CONFIDENCE:
             one["why"] = "the means fit no series in the square of the step"
@@ -138,7 +140,7 @@ def said(summary: Mapping) -> Said:
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
     length = f"{settings['time']:g} ps of each step from {starts}"
-    (label, words), *_ = lines.items()
+    label, words = next(iter(lines.items()), ("No run has ended", []))
     return Said(
         f"Averages at step zero: {summary['title']}",
         "What are averages in the limit of small steps?",
