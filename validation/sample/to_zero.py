@@ -167,14 +167,11 @@ def _answer(key: str, one: Mapping) -> str:
     title = BY_KEY[key].title
     if not one["why"]:
         return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
-    steps = ", ".join(f"{dt:g}" for dt, _ in one["means"])
-    chi2 = (
-        f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)" if "chi2" in one else ""
-    )
-    return (
-        f"{title}: no number, for {one['why']} at {steps} fs{chi2}: leave out the longest step, or "
-        "add a shorter one (--dt)."
-    )
+    steps, chi2, advice = ", ".join(f"{dt:g}" for dt, _ in one["means"]), "", "add steps"
+    if "chi2" in one:
+        chi2 = f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)"
+        advice = "leave out the longest step, or add a shorter one"
+    return f"{title}: no number, for {one['why']} at {steps} fs{chi2}: {advice} (--dt)."
 
 
 def _more(key: str, one: Mapping) -> str:
