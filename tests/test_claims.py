@@ -20,7 +20,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import RESULTS, __main__, pages
-from validation.claims import long_run, measure, paper, published, report, theory
+from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
 from validation.claims.top import free_top
 from validation.running import machine, run
@@ -76,29 +76,6 @@ def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
     other = dataclasses.replace(SCENES["dimer"], folder=SCENES["water"].folder)
     found.append(dataclasses.replace(path, scene=other).job(asked).origin)
     assert len(set(found)) == len(found)
-
-
-@pytest.mark.timeout(120)
-def test_long_run(tmp_path, monkeypatch):
-    """Locks out a run that is done again although it is complete, and a measure that calls a
-    changed body unchanged: in the dump one velocity is multiplied by 1 + 1e-9."""
-    monkeypatch.setattr(long_run, "SHORT", 300)
-    status, summary = claims(tmp_path, "long-run/nosquish")
-    assert status == 0 and [row["steps"] for row in summary["runs"]] == [300, 300]
-    for row in summary["runs"]:
-        assert 0 < max(row["angular_momentum"], row["momentum"], row["shape"]) < 1e-12
-    assert summary["runs"][0]["energy"] < 1e-12 < summary["runs"][1]["energy"] < 1e-3
-    assert {check["verdict"] for check in summary["checks"]} == {"holds", ""}
-    dump = tmp_path / "long-run" / "runs" / "nosquish-short" / "atoms.dump"
-    lines = dump.read_text().splitlines()
-    words = lines[-1].split()
-    words[5] = repr(float(words[5]) * (1 + 1e-9))
-    dump.write_text("\n".join([*lines[:-1], " ".join(words)]) + "\n")
-    changed = claims(tmp_path, "long-run/nosquish")[1]
-    assert changed["runs"][0]["shape"] == summary["runs"][0]["shape"]
-    for key in "energy", "angular_momentum", "momentum":
-        assert 1e-12 < changed["runs"][0][key] < 1e-8, key
-    assert [check["verdict"] for check in changed["checks"]].count("does not hold") == 3
 
 
 @pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
@@ -160,16 +137,12 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
         assert end.value.code == 2 and told in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "long-run", "examples"])
+@pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "examples"])
 def test_committed_results_can_be_shown(tmp_path, name):
-    """Locks out a table or a page that does not follow from a committed summary, or is another."""
+    """Locks out a page that a committed summary does not make, and a wrong count."""
     summary = json.loads((RESULTS / name / "summary.json").read_text())
     said = report.said(summary)
     pages.write(said, summary, tmp_path)
-    tables = sorted((RESULTS / name).glob("*.csv"))
-    assert tables and all(
-        path.read_bytes() == (tmp_path / path.name).read_bytes() for path in tables
-    )
     verdicts = Counter(check["verdict"] for check in summary["checks"] if check["verdict"])
     assert said.answer.startswith(f"{verdicts['holds']} of {verdicts.total()} ")
     assert {check["part"] for check in summary["checks"]} <= said.parts.keys()

@@ -57,14 +57,14 @@ def when(folder):
 def test_what_runs(tmp_path):
     """Locks out a run from a start that there is not, of a longer step after a failure, and one
     that is done again by the same command."""
-    done = experiment.perform(ladder(tmp_path), Store(tmp_path, "experiment"), Silent())
+    done = experiment.perform(ladder(tmp_path), Store(tmp_path), Silent())
     assert done.failed.keys() == {"start-2", "a-2-1"}
     assert "no_such_style" in done.failed["a-2-1"]
     assert done.left_out == {"a-3-1", "a-1-2", "a-2-2", "a-3-2", "b-3-2"}
     assert done.jobs.keys() == {"start-1", "start-2", "a-1-1", "a-2-1", "b-3-1"}
     assert when(tmp_path).keys() == done.jobs.keys()
     before = when(tmp_path)
-    again = experiment.perform(ladder(tmp_path), Store(tmp_path, "experiment"), Silent())
+    again = experiment.perform(ladder(tmp_path), Store(tmp_path), Silent())
     assert (again.failed, again.left_out, when(tmp_path)) == (done.failed, done.left_out, before)
 
 
@@ -73,7 +73,7 @@ def test_all_steps_where_a_failure_says_nothing_of_longer_ones(tmp_path):
     some = ladder(tmp_path)[:4]
     done = experiment.perform(
         some,
-        Store(tmp_path, "experiment"),
+        Store(tmp_path),
         Silent(),
         judge=lambda result: result.error or "heats",
         ladders=False,
@@ -83,7 +83,7 @@ def test_all_steps_where_a_failure_says_nothing_of_longer_ones(tmp_path):
 
 
 def _share(folder):
-    experiment.perform(ladder(Path(folder)), Store(folder, "experiment"), Silent())
+    experiment.perform(ladder(Path(folder)), Store(folder), Silent())
 
 
 def test_two_processes_do_each_run_once(tmp_path):
@@ -96,7 +96,7 @@ def test_two_processes_do_each_run_once(tmp_path):
     for process in both:
         process.join(300)
     assert [process.exitcode for process in both] == [0, 0]
-    done = experiment.perform(ladder(tmp_path), Store(tmp_path, "experiment"), Silent())
+    done = experiment.perform(ladder(tmp_path), Store(tmp_path), Silent())
     assert done.failed.keys() == {"start-2", "a-2-1"}
     assert when(tmp_path).keys() == done.jobs.keys()
     assert (tmp_path / "a-1-1/log.lammps").read_text().count("Loop time") == 1

@@ -25,13 +25,13 @@ def test_fastest_motions(tmp_path):
     body = own.found.body.copy()
     body[body == body.max()] = 0
     own = replace(own, found=replace(own.found, body=body))
-    made = shapes.bodies(own)
-    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    groups, _ = shapes.bodies(own)
+    ((_, group, r, moments, axes),) = groups
     force, torque = np.zeros_like(own.atoms["x"]), 3.0 * axes[:, None, :, 0]
     force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
     force[body == 0] = 2.0
     own = replace(own, atoms=own.atoms | {"f": force})
-    found, unit = shapes.fastest(own, made), shapes.thermal(own) * shapes.mvv2e(own)
+    found, unit = shapes.fastest(own, groups), shapes.thermal(own) * shapes.mvv2e(own)
     assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
     free = own.atoms["mass"][body == 0].min()
     assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
@@ -57,15 +57,23 @@ def test_units_are_lammpss():
 def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
     shares its limit with one that does not."""
-    case = sample_scenes.of_script(taken("spce"))
-    held = {name: scheme.held for name, scheme in case.schemes.items()}
+    own = taken("spce")
+
+    def held(own):
+        return {name: scheme.held for name, scheme in sample_scenes.of_script(own).schemes.items()}
+
     random = {"nosquish", "rigid/small+langevin"}
-    assert random < set(held) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(held)
-    assert held == {name: 0 if name in random else 3 for name in held}
+    kept = held(own)
+    assert random < set(kept) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(kept)
+    assert kept == {name: 0 if name in random else 3 for name in kept}
+    assert set(held(replace(own, said=own.said | {"dimension": 2})).values()) == {0, 2}
+    loose = replace(own.found, body=np.append(own.found.body[1:], 0))
+    walled = own.said | {"periodic": [True, True, False]}
     path = scripts.spce(tmp_path)
     path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
-    case = sample_scenes.of_script(take(path, tmp_path / "out"))
-    assert {scheme.held for scheme in case.schemes.values()} == {0}
+    pulled = take(path, tmp_path / "out")
+    for pushed in replace(own, found=loose), replace(own, said=walled), pulled:
+        assert set(held(pushed).values()) == {0}
 
 
 def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_path):

@@ -39,7 +39,7 @@ def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
     assert "unrecognized arguments" in told and "--dt FS,FS" in told
 
 
-@pytest.mark.parametrize("verb", ["cost", "check", "stress"])
+@pytest.mark.parametrize("verb", ["cost", "check"])
 def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
     """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
     with other options they would do the same runs in the same places."""
@@ -77,7 +77,7 @@ def test_ranks_are_started_by_the_launcher(monkeypatch):
     "words",
     [
         "stress gradient", "compare water", "sample water", "cost water",
-        "claims long-run", "claims",
+        "claims theory", "claims",
         "check my.in",
     ],
 )  # fmt: skip
@@ -97,7 +97,7 @@ def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
     "words",
     [
         "stress gradient", "compare water", "sample water", "cost water",
-        "claims long-run", "claims", "report",
+        "claims theory", "claims", "report",
         "check my.in",
     ],
 )  # fmt: skip
@@ -163,9 +163,8 @@ def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
     ("words", "said"),
     [
         ("compare water --group all", "--group is for a script"),
-        ("stress needles -var a 1", "-var is for a script"),
+        ("sample water -var a 1", "-var is for a script"),
         ("cost water --run 2", "--run is for a script"),
-        ("stress in.own --full", "--full is for the cases"),
     ],
 )
 def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):

@@ -234,7 +234,7 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(sign, signal.SIG_DFL)  # these tests may run behind nohup
 
-    words = ["claims", "--full", "long-run/nosquish", "--out", str(tmp_path)]
+    words = ["claims", "--full", "paper/dimer-nosquish-1", "--out", str(tmp_path)]
     command = [sys.executable, "-m", "validation", *words]
     said = tmp_path / "said.txt"
     with open(said, "w") as output:

@@ -47,14 +47,17 @@ def test_what_runs(name, tmp_path):
     names = [trajectory.name for trajectory in some.trajectories(points)]
     assert len(set(names)) == len(names) == 2 * (1 + len(points))
     assert set(plan.known) <= set(points) and len(set(points)) == len(points)
-    others = {"rigid/nvt/small", "langevin-20-step"} | {
-        one for one in plan.schemes if plan.schemes[one].first
+    others = {"rigid/nvt/small"} | {
+        one
+        for one, scheme in plan.schemes.items()
+        if scheme.first or scheme.refined or one.endswith("-step")
     }
     if name == "peptide":
         others |= {one for one in plan.schemes if one.startswith("shake")}
     alone = {one for one, scheme in plan.schemes.items() if scheme.reach is None}
     assert alone == others & set(plan.schemes)
-    certain = {"nh", "npt-mtk", "rigid/nvt/small", "rigid/npt/small", "shake+npt", "shake+nvt"}
+    certain = {one for one in plan.schemes if one.startswith("nh")}
+    certain |= {"npt-mtk", "rigid/nvt/small", "rigid/npt/small", "shake+npt", "shake+nvt"}
     for scheme in plan.schemes.values():
         if scheme.engine:
             continue
@@ -70,7 +73,7 @@ def test_what_runs(name, tmp_path):
         assert pressure in words and (" iso " in words) == bool(pressure)
         for dt in scheme.steps:
             lengths = Lengths(1.0)
-            for steps in (*lengths.runs(dt, scheme.stride), lengths.every(dt, scheme.stride)):
+            for steps in (*lengths.runs(dt, scheme.stride), lengths.every(dt, scheme)):
                 assert steps % scheme.stride == 0
     short = plan.points(short=True)
     assert set(plan.known) <= set(short) and len(short) < len(points) / 3
@@ -98,8 +101,9 @@ def test_lengths():
     """Locks out a settled part that is sampled, and samples at other times with other steps."""
     assert Lengths(300.0).runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
     for dt in 1.0, 2.0, 4.0, 6.0, 8.0, 12.0:
-        assert Lengths(300.0).every(dt) * dt == 24.0
-    assert Lengths(0.05).every(8.0) == 1
+        assert Lengths(300.0).every(dt, schemes.Scheme("x", "x", ())) * dt == 24.0
+    assert Lengths(0.05).every(8.0, schemes.Scheme("x", "x", ())) == 1
+    assert Lengths(300.0).every(2.0, schemes.Scheme("x", "x", (), refined=True)) == 1
     total = runs_of(planned(), None, 20.0, 2).steps([Point("csvr", 4.0)])
     assert total == 2 * (10000 + 500 + 5000)
 
@@ -331,7 +335,13 @@ def test_rows_at_two_states(tmp_path):
 
 
 def checks(
-    scene="water", scheme="langevin-5", dt=6.0, time=20.0, gain=(4.1, 4.05, 4.2), error=1e-6, **numbers
+    scene="water",
+    scheme="langevin-5",
+    dt=6.0,
+    time=20.0,
+    gain=(4.1, 4.05, 4.2),
+    error=1e-6,
+    **numbers,
 ):
     """The checks of one point, by part."""
     deviation = numbers.pop("deviation", None)
@@ -453,7 +463,7 @@ def test_the_verb_runs(tmp_path, monkeypatch):
         assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
         assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
         assert 200 < row["means"]["rotation"]["value"] < 400
-        assert set(row["biases"]) == set(row["means"]) 
+        assert set(row["biases"]) == set(row["means"])
     logs = list(tmp_path.rglob("log.lammps"))
     timed = [path for path in logs if plans.TIMED in path.parts]
     # a run from each point and the start; points in turn, without samples

@@ -195,9 +195,9 @@ def test_counter(tmp_path):
         assert rank == sent | dict.fromkeys(of_fixes, 0)
 
 
-def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
-    """Locks out a case that is counted twice, a failed one that ends the others or is not told, a
-    Ctrl-C that loses what was counted, and a model that leaves the sum over all bodies out."""
+def test_counts_are_kept(tmp_path, monkeypatch):
+    """Locks out a case that is counted twice, a failed one that ends the others or is not told, and
+    a Ctrl-C that loses what was counted."""
     from types import SimpleNamespace
 
     from conftest import Silent
@@ -238,11 +238,6 @@ def test_counts_are_kept_and_modelled(tmp_path, monkeypatch):
     ends.pop(("rigid/nve", 4))
     second = cost([1, 4])
     assert {ranks for _, ranks in begun} == {4} and not second["interrupted"]
-    seconds = {row["integrator"]: row["seconds"] for row in second["model"] if row["ranks"] == 1000}
-    own = 2 * 1.5e-6 + 3000 / 12e9  # of two messages of together 3000 bytes
-    summed = np.log2(1000) * 1.5e-6 + 2 * 48 * 1e6 / 12e9  # of 48 bytes of each of 10^6 bodies
-    assert seconds["nosquish"] == seconds["rigid/nve/small"] == pytest.approx(own)
-    assert seconds["rigid/nve"] == pytest.approx(own + summed)
 
 
 if __name__ == "__main__":

@@ -21,24 +21,6 @@ def ar1(n, phi, seed):
     return x
 
 
-def random_walk(n, seed):
-    return np.cumsum(np.random.default_rng(seed).normal(size=n))
-
-
-STEPS = (
-    0.0,
-    0.003,
-    0.01,
-    0.02,
-    0.04,
-    0.1,
-    0.3,
-    1.0,
-    10.0,
-    None,
-)  # of a walk over a 64th of a series; a walk alone
-
-
 def noise_of(rng, series, n, time, step):
     """White noise (time 0) or AR(1) with this correlation time in samples, with a walk: its
     variance in a 64th of the series over that of that part's mean without it, as far as that is
@@ -51,47 +33,18 @@ def noise_of(rng, series, n, time, step):
     return walk if step is None else x + np.sqrt(step) * walk
 
 
-@pytest.mark.parametrize(
-    "n, time", [(100, 0), (100, 1 / 50), (119, 1 / 200), (640, 0), (640, 1 / 50)]
-)
-def test_drift_error_covers(n, time):
-    """Locks out an error that covers too seldom or too often, whatever the noise: white or
-    correlated, with a walk of any size.
-
-    An error by the most likely walk covered 45 % of weak walks, and two errors 65 %; one that
-    averages over all walks 98 % of white noise.
-    """
-    rng, t = np.random.default_rng(n), np.arange(n) * 0.1
-    for step in STEPS:
-        found = measures.drift(t, 0.3 * t - 7.0 + noise_of(rng, 6000, n, time * n, step))
-        off = np.abs(found.value - 0.3)
-        assert 0.64 < np.mean(off < found.error) < 0.72, step
-        assert 0.93 < np.mean(off < 2 * found.error) < 0.96, step
-        assert 0.94 < np.mean(off < found.margin) < 0.97, step
-        if step is None and not time:
-            least = (
-                64 / n / (0.1 * np.sqrt(n))
-            )  # no slope of a walk scatters less than that of its ends
-            assert np.std(found.value) < 1.4 * least, (
-                "an error so large that the checks above cannot fail"
-            )
-
-
-@pytest.mark.parametrize("n, time", [(120, 0), (640, 0), (640, 1 / 50)])
-def test_the_drift_of_one_line_covers_and_is_surer(n, time):
+@pytest.mark.parametrize("n, time", [(40, 0), (120, 0), (640, 0), (640, 1 / 50)])
+def test_the_margin_of_a_drift_covers(n, time):
     """Locks out a margin that covers too seldom, whatever walks, as one by the most likely walk
-    does (76 % of a weak walk), and one that is no smaller than by stretches in noise that does
-    not wander."""
+    does (76 % of a weak walk), and one that is far larger than the scatter of slopes."""
     rng, t = np.random.default_rng(n), np.arange(n) * 0.1
     for step in (0.0, 0.03, 0.3, 10.0, None):
         series = 0.3 * t - 7.0 + noise_of(rng, 250, n, time * n, step)
-        found = [measures.line_drift(t, row) for row in series]
-        margins = [one.margin for one in found]
-        hits = np.abs([one.value - 0.3 for one in found]) < margins
-        assert np.mean(hits) > 0.93, step
-        stretches = np.median(measures.drift(t, series).margin)
-        assert np.median(margins) < (0.7 if step == 0.0 else 1.2) * stretches, step
-    assert measures.line_drift(t[:7], t[:7]).error == np.inf
+        found = [measures.drift(t, row) for row in series]
+        off, margins = np.transpose([(one.value - 0.3, one.margin) for one in found])
+        assert np.mean(np.abs(off) < margins) > 0.93, step
+        # the walk that white noise allows, or its correlation time, makes it wider
+        assert np.median(margins) < (7.0 if step == 0.0 else 2.7) * margin(np.std(off)), step
 
 
 def test_deviation_about_the_line():
@@ -103,21 +56,14 @@ def test_deviation_about_the_line():
     assert measures.about_line(t, x).value == pytest.approx(1.0, rel=0.05)
 
 
-def test_drift_of_several_series_and_of_none():
-    """Locks out series that are mixed up, and a series without noise that has some or ends in a
-    division by zero."""
+def test_drift_without_noise_and_of_few_values():
+    """Locks out a series without noise that has some or ends in a division by zero, and an error of
+    few values."""
     t = np.arange(500) * 0.1
-    x = np.cumsum(np.random.default_rng(2).normal(size=(3, 500)), axis=1)
-    both = measures.drift(t, x)
-    for row, value, error in zip(x, both.value, both.error):
-        assert measures.drift(t, row)[:2] == pytest.approx((value, error))
     assert measures.drift(t, np.full(500, 7.0))[:2] == pytest.approx((0.0, 0.0), abs=1e-14)
     assert measures.drift(t, 3 * t)[:2] == pytest.approx((3.0, 0.0), abs=1e-12)
-    assert all(
-        np.isfinite(measures.drift(t[:n], x[0, :n])).all() for n in (4, 5, 8, 13, 23, 24, 47)
-    )
-    assert measures.drift(t[:3], x[0, :3]).error == np.inf, "three values tell no error"
-    assert measures.drift(t[:1], x[:, :1]).error == np.inf
+    for n in 1, 2, 7:
+        assert measures.drift(t[:n], 3 * t[:n]).error == np.inf, "so few values tell no error"
 
 
 def test_of_one_or_two_values_no_error_is_known():
@@ -234,20 +180,14 @@ def test_sum_of_numbers_with_few_values_each(sizes, second):
     ) == (0.0, None)
 
 
-def test_quotient_and_power_have_the_freedom_of_their_parts():
-    """Locks out a quotient whose error counts as sure, and a law through points that few values
-    tell."""
+def test_a_quotient_has_the_freedom_of_its_parts():
+    """Locks out a quotient whose error counts as sure."""
     few, many = measures.Estimate(2.0, 0.2, 3), measures.Estimate(-4.0, 0.4)
     assert measures.quotient(few, many)[:2] == pytest.approx((-0.5, 0.05 * np.sqrt(2)), rel=1e-9)
     assert measures.quotient(few, many).margin == pytest.approx(
         np.hypot(0.05 * 3.182, 0.05 * 1.960), rel=1e-3
     )
     assert measures.quotient(many, many).freedom is None
-    x = np.array([1.0, 2.0, 4.0])
-    law = measures.power(x, [measures.Estimate(3 * one**2, 0.3 * one**2, 5) for one in x])
-    assert law[:2] == pytest.approx(
-        (2.0, 0.1 / (np.sqrt(2) * np.log(2)))
-    ) and law.freedom == pytest.approx(5.0)
 
 
 CUBE = np.diag([10.0, 10.0, 10.0])
@@ -265,13 +205,15 @@ def test_distance_ignores_periodic_images(cell):
     x = np.random.default_rng(2).uniform(0, 8, size=(20, 3))
     y = x + np.random.default_rng(3).integers(-2, 3, size=(20, 3)) @ cell
     y[7] += [0.03, 0.0, -0.04]
-    assert measures.largest_distance(x, y, cell, ALL) == pytest.approx(0.05, abs=1e-12)
+    off = np.linalg.norm(measures.nearest_image(x - y, cell, ALL), axis=1)
+    assert off[7] == pytest.approx(0.05) and np.delete(off, 7).max() < 1e-12
 
 
 def test_distance_counts_in_a_direction_that_is_not_periodic():
     """Locks out folding across a wall."""
-    x, y = np.zeros((1, 3)), np.array([[0.0, 0.0, 9.0]])
-    assert measures.largest_distance(x, y, CUBE, (True, True, False)) == pytest.approx(9.0)
+    d = np.array([[9.0, 9.0, 9.0]])
+    found = measures.nearest_image(d, CUBE, (True, True, False))
+    np.testing.assert_allclose(found, [[-1.0, -1.0, 9.0]])
 
 
 def test_rigidity_error_of_a_displaced_atom():

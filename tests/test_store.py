@@ -13,7 +13,6 @@ from validation.running import machine, run, store, whole
 from validation.running.store import Store
 
 ROOT = Path(__file__).resolve().parent.parent
-MEASURE = "stress.cases"
 
 
 @dataclass(frozen=True)
@@ -28,9 +27,9 @@ def harness(tmp_path, monkeypatch):
     ignored = shutil.ignore_patterns("results", "__pycache__")
     shutil.copytree(ROOT / "validation", copy, ignore=ignored)
     monkeypatch.setattr(store, "HARNESS", copy)
-    store.code_of.cache_clear()
+    store.code.cache_clear()
     yield copy
-    store.code_of.cache_clear()
+    store.code.cache_clear()
 
 
 def counted(found):
@@ -43,7 +42,7 @@ def test_made_once(tmp_path):
     """Locks out work that is done again, and a record that is taken for another's."""
     make, calls = counted({"value": 1.5})
     for _ in range(2):
-        kept = Store(tmp_path, MEASURE)
+        kept = Store(tmp_path)
         assert kept.once("some/thing", kept.origin(Settings(3)), make) == {"value": 1.5}
     assert len(calls) == 1
     for name, origin in (
@@ -52,87 +51,45 @@ def test_made_once(tmp_path):
     ):
         kept.once(name, origin, make)
     assert len(calls) == 3
-    kept.once("some/thing", kept.origin(Settings(3)), make, again=True)
-    assert len(calls) == 4
 
 
 def test_origin_is_all_that_counts(tmp_path, monkeypatch):
     """Locks out a record that stays though a file, a version or the package is another."""
     file = tmp_path / "input"
     file.write_text("one")
-    found = {Store(tmp_path, MEASURE).origin(Settings(3), files=[file])}
+    found = {Store(tmp_path).origin(Settings(3), files=[file])}
     file.write_text("two")
-    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
     monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
-    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
     monkeypatch.setattr(machine, "package_hash", lambda: "another")
-    found.add(Store(tmp_path, MEASURE).origin(Settings(3), files=[file]))
+    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
     assert len(found) == 4
     with pytest.raises(TypeError, match="is no plain data"):
-        Store(tmp_path, MEASURE).origin(object())
-
-
-def changed(harness, name, old, new):
-    """The code's hash after one change in a file."""
-    path = harness / name
-    text = path.read_text()
-    assert old in text
-    path.write_text(text.replace(old, new, 1))
-    store.code_of.cache_clear()
-    return store.code_of(MEASURE)
-
-
-def test_what_only_shows_drops_nothing(harness):
-    """Locks out results that are lost by another help text, title, comment or figure."""
-    before = store.code_of(MEASURE)
-    assert changed(harness, "stress/command.py", "what users report", "how users see") == before
-    assert changed(harness, "stress/report.py", "small is good", "small is best") == before
-    assert changed(harness, "scenes/boxes.py", '"""Small boxes', '"""Little boxes') == before
-    assert changed(harness, "scenes/boxes.py", "# ---- runs", "# runs") == before
-    assert changed(harness, "stress/reported.py", "tops-runs", "tops-twice") != before
-
-
-def test_titles_drop_nothing(harness):
-    """Locks out results that are lost by a scene's title."""
-    before = store.code_of(MEASURE)
-    path = harness / "scenes" / "__init__.py"
-    text = path.read_text()
-    assert "title=" in text
-    path.write_text(text.replace("title=", 'title="another" or '))
-    store.code_of.cache_clear()
-    assert store.code_of(MEASURE) != before  # no constant any more
-    path.write_text(text.replace('title="', 'title="another '))
-    store.code_of.cache_clear()
-    assert store.code_of(MEASURE) == before
+        Store(tmp_path).origin(object())
 
 
 @pytest.mark.parametrize(
-    "name",
+    ("name", "counts"),
     [
-        *("stress/tops.py", "scenes/boxes.py", "scenes/bodies.py", "scenes/peptide.py"),
-        *("scenes/__init__.py", "running/run.py", "running/lammps_log.py", "running/starts.py"),
-        *("statistics/measures.py", "statistics/motion.py", "statistics/check.py"),
+        *(("stress/tops.py", True), ("scenes/boxes.py", True), ("running/run.py", True)),
+        # a worker, which nothing imports, and what others of the harness's own are compiled from
+        *(("running/worker.py", True), ("running/recorder.cpp", True), ("experiment.py", True)),
+        *(("stress/command.py", False), ("stress/report.py", False), ("pages/console.py", False)),
     ],
 )
-def test_code_that_measures_counts(harness, name):
-    """Locks out results that stay though what made them is another."""
-    before = store.code_of(MEASURE)
+def test_code_that_measures_counts(harness, name, counts):
+    """Locks out results that stay though what made them is another, and results that are lost by
+    another help text, table or figure."""
+    before = store.code()
     (harness / name).write_text((harness / name).read_text() + "\nMORE = 1\n")
-    store.code_of.cache_clear()
-    assert store.code_of(MEASURE) != before
-
-
-def test_files_that_are_run_count(harness):
-    """Locks out a worker, which nothing imports, that is another while its results stay."""
-    before = store.code_of("running.run")
-    (harness / "running" / "worker.py").write_text("")
-    store.code_of.cache_clear()
-    assert store.code_of("running.run") != before
+    store.code.cache_clear()
+    assert (store.code() != before) is counts
 
 
 def test_interrupted(tmp_path):
     """Locks out half a record after a Ctrl-C, and earlier ones that it takes along."""
-    kept = Store(tmp_path, MEASURE)
+    kept = Store(tmp_path)
 
     def stop():
         raise KeyboardInterrupt
@@ -150,17 +107,17 @@ def test_alike(tmp_path, monkeypatch):
     """Locks out records of another package in a summary, and older ones of the same name."""
     dates = iter("abcd")
     monkeypatch.setattr(machine, "now", lambda: next(dates))
-    kept = Store(tmp_path, MEASURE)
+    kept = Store(tmp_path)
     for value in 1, 2:
         kept.keep("one", kept.origin(value), {"value": value})
     assert [one["record"]["value"] for one in kept.alike().values()] == [2]
     monkeypatch.setattr(machine, "package_hash", lambda: "another")
-    assert Store(tmp_path, MEASURE).alike() == {}
+    assert Store(tmp_path).alike() == {}
 
 
 def test_processes_share(tmp_path):
     """Locks out work that two processes do, and work that none does."""
-    first, second = Store(tmp_path, MEASURE), Store(tmp_path, MEASURE)
+    first, second = Store(tmp_path), Store(tmp_path)
     mine = first.shared(["one", "two"])
     assert next(mine) == "one"
     theirs = second.shared(["one", "two"])
@@ -220,7 +177,7 @@ def test_a_damaged_file_of_a_run_has_it_done_again(tmp_path, capsys, file, damag
 def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
     """Locks out a traceback where a record was cut short."""
     make, calls = counted({"value": 1.5})
-    kept = Store(tmp_path, MEASURE)
+    kept = Store(tmp_path)
     kept.once("one", "origin", make)
     (path,) = tmp_path.glob("*.json")
     path.write_text(DAMAGES[damage](path.read_text()))

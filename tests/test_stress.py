@@ -1,5 +1,5 @@
-"""The verb ``stress``: verdicts, rows that are kept, numbers that are known otherwise, that cases
-tell integrators apart, and what breaks on a user's script."""
+"""The verb ``stress``: verdicts, rows that are kept, numbers that are known otherwise, and that
+cases tell integrators apart."""
 
 import csv
 import dataclasses
@@ -10,7 +10,6 @@ from pathlib import Path
 import committed
 import numpy as np
 import pytest
-import scripts
 from conftest import Silent
 from scipy import stats
 
@@ -19,13 +18,12 @@ ROOT = Path(__file__).resolve().parent.parent
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "scipy"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import pages
 from validation.__main__ import main
 from validation.claims.top import free_top
 from validation.running import run
 from validation.scenes import bodies
 from validation.statistics import measures
-from validation.stress import measure, molecules, report, script, tops
+from validation.stress import measure, molecules, report, tops
 from validation.stress.cases import CASES
 from validation.stress.criteria import CRITERIA, Criterion
 from validation.stress.measure import BlowUp, CannotRun, Case, Number
@@ -34,7 +32,7 @@ COMMITTED = ROOT / "validation" / "results" / "stress"
 
 
 def criterion(bound=1.0, side="≤", **more):
-    return Criterion(side, bound, "", ("test",), "a number", "none", "none", (), **more)
+    return Criterion(side, bound, "", "test", "a number", "none", "none", **more)
 
 
 def case(number, name="test", side="≤", **more):
@@ -151,7 +149,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert run_them(["two"])[0] == {"one": 2, "two": 2} and len(done) == 5
     assert run_them(["one"], full=True)[0] == {"one": 2}
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
-    monkeypatch.setattr("validation.running.store.code_of", lambda module: "other")
+    monkeypatch.setattr("validation.running.store.code", lambda: "other")
     found, _, command = run_them(["two"])
     assert found == {"two": 2} and command == "python -m validation stress two --short"
     assert len(done) == 9
@@ -257,21 +255,15 @@ def test_exact_symmetric_top(moment):
 
 def test_every_case_has_criteria():
     """Locks out a case without a criterion that judges it, a criterion of no case, and one without
-    derivation, need or dated history, whose last entry is the bound."""
+    derivation or need."""
     for found in CASES.values():
         judges = [one for one in found.criteria.values() if not one.inner]
         assert judges and all(one.side == "≤" for one in judges[1:]), found.name
         assert found.physics and found.criterion and found.bars
-    named = {name for one in CRITERIA.values() for name in one.cases}
+    named = {name for one in CRITERIA.values() for name in one.cases.split()}
     assert named == {name for name, one in CASES.items() if one.part == measure.EXTREME}
     for name, one in CRITERIA.items():
         assert one.derivation and one.need and one.quantity and one.side in "≤≥", name
-        assert one.changes[-1].bound == one.bound, f"{name}: add a Change with date and reason"
-        assert all(change.date and change.reason for change in one.changes), name
-        dates = [change.date for change in one.changes]
-        assert dates == sorted(dates), name
-        last = [change.cases for change in one.changes if change.bound == one.bound]
-        assert {case for some in last for case in some} == set(one.cases), name
 
 
 def test_committed_rows_are_judged_by_the_bounds_of_today():
@@ -295,13 +287,6 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
     for name, label in report._labels(summary["cases"]).items():
         assert f"| `{committed.cell(label)}` | {passed[name]} |" in page
     assert sum(line.endswith("| pass |") for line in page.splitlines()) == passed["nosquish"]
-
-
-def test_table_follows_from_the_summary(tmp_path):
-    """Locks out a committed table that its summary does not make, to the last byte."""
-    summary = json.loads((COMMITTED / "summary.json").read_text())
-    pages.write_tables(report.said(summary), tmp_path)
-    assert (tmp_path / "table.csv").read_bytes() == (COMMITTED / "table.csv").read_bytes()
 
 
 # ---- starts
@@ -497,23 +482,3 @@ def test_command(tmp_path, monkeypatch, capsys):
     assert main(["stress", "--list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in CASES)
-
-
-@pytest.mark.timeout(600)
-def test_what_breaks_on_a_script(tmp_path):
-    """Locks out a number that cannot fail: a step that is far too long does, longer ones are not
-    run then, and runs of another length end elsewhere."""
-    path = scripts.rings(tmp_path)
-    text = path.read_text().replace("fix heat all langevin 300 300 200 11\n", "")
-    path.write_text(text.replace("timestep 4", "timestep 10"))
-    out = tmp_path / "out"
-    assert main(["stress", str(path), "--only", "nosquish", "--out", str(out)]) == 0
-    checks = json.loads((out / "summary.json").read_text())["checks"]
-    parts = {part: [one for one in checks if one["part"] == part] for part in script.TITLES}
-    assert [one["verdict"] for one in parts["parts"] + parts["ranks"]] == ["holds"] * 2
-    assert parts["step"][-1]["verdict"] == "does not hold"
-    folder = out / "runs" / "nosquish"
-    ran = [factor for factor in script.LONGER if (folder / f"{factor:g}-times-the-step").exists()]
-    assert len(ran) == len(parts["step"])
-    ends = [run.collect(folder / name).positions.x for name in ("in-one", "in-two")]
-    assert np.abs(ends[0][-1] - ends[1][-1]).max() < 1e-3 < np.abs(ends[0][1] - ends[1][-1]).max()

@@ -46,7 +46,7 @@ def _bind(integrator: "Integrator") -> None:
     cells["rate"].set(integrator.host.rate if integrator.streams else np.zeros(6))
     if (mask := integrator.mask) is not None:
         cells["mask"].set(mask)
-    integrator.parameters = integrator.numbers.new(
+    integrator.parameters = integrator.numbers(
         ftm2v=integrator.lammps.ftm2v,
         mrot=rotation.inner_steps(integrator),
         **integrator.own_parameters(),
@@ -101,6 +101,7 @@ def _plan(integrator: "Integrator") -> None:
     host.facts = sum(bit for bit, so in holds.items() if so)
     if host.facts & RESETS:
         integrator.passes.level_dt.set(integrator.waiting)
+    host.have_levels(integrator.lammps.levels, integrator.passes.level_dt)
     asked = integrator.command.output
     host.follow_schedule(
         None if integrator.has_own_hooks else integrator.passes.lists,

@@ -6,7 +6,7 @@ from pathlib import Path
 from .. import command_line
 
 # module of a list: its name on the command line, and of its folder
-LISTS = ("theory", "paper", "published", "long-run", "examples")
+LISTS = ("theory", "paper", "published", "examples")
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -18,9 +18,9 @@ def add(verbs: command_line.Verbs) -> None:
         help="does what the paper and we say hold? each statement a number between bounds",
         description="Measure what is said of the integrator, each statement a number between "
         "bounds: what section II of Miller et al. (2002) proves (theory), its test problems "
-        "(paper), the energy's spread in water beside published numbers (published), a free body "
-        "for very many steps (long-run), and LAMMPS's own examples with -sf nosquish (examples). "
-        "Each list has a folder of its own with summary.json, tables, figures and report.html. "
+        "(paper), the energy's spread in water beside published numbers (published), and LAMMPS's "
+        "own examples with -sf nosquish (examples). Each list has a folder of its own with "
+        "summary.json, tables, figures and report.html. "
         "Ctrl-C keeps what is complete, and the same command goes on from there. Processes with "
         "the same command share the runs.",
         epilog="Exit status: 0 if all is measured and what is said of ours holds, 1 if not, 130 "
@@ -66,7 +66,7 @@ def run(arguments: Namespace) -> int:
     for word in arguments.lists or usual:
         name, _, part = word.partition("/")
         wanted.setdefault(name, []).append(part)
-    if wanted.keys() - {"long-run", "examples"}:
+    if wanted.keys() - {"examples"}:
         command_line.need_scenes()
     if not {"paper", "published"} & wanted.keys():
         command_line.refuse(arguments, ("time", "ranks"), "is for paper and published")

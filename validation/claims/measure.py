@@ -31,7 +31,7 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
     """
     circumstances, simulations = machine.circumstances(), _chosen(claims, bench)
     trajectories = [simulation.trajectory(bench) for simulation in simulations]
-    store = Store(bench.runs, "claims.plan")
+    store = Store(bench.runs)
     done = experiment.perform(trajectories, store, bench.meter, judge=failure, ladders=False)
     bench.interrupted |= done.interrupted
     found = {

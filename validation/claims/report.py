@@ -10,7 +10,7 @@ from .plan import Claims
 
 def claims_of(name: str) -> Claims:
     """The list of claims of this name."""
-    return import_module(f".{name.replace('-', '_')}", __package__).CLAIMS
+    return import_module(f".{name}", __package__).CLAIMS
 
 
 def said(summary: dict) -> Said:

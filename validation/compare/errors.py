@@ -79,7 +79,7 @@ def observables(case: Case) -> list[Observable]:
         """By ns and degree of freedom, in kT."""
         thermo = series.thermo
         freedom = 2 * thermo["KinEng"].mean() / (case.boltzmann * thermo["Temp"].mean())
-        slope = measures.line_drift(thermo["Step"] * series.dt, conserved(series))
+        slope = measures.drift(thermo["Step"] * series.dt, conserved(series))
         return slope.times(case.ns / (case.kt * freedom))
 
     def energy(series):

@@ -1,10 +1,10 @@
-"""Figures of `cost`, from its summary."""
+"""The figure of `cost`, from its summary."""
 
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages.figures import INK, MARKS, PALE, label_ends, message, whiskers
+from ..pages.figures import INK, MARKS, PALE, message, whiskers
 from ..scenes.integrators import OURS
 from .criteria import place
 
@@ -44,30 +44,3 @@ def _ratios(point, key):
     """{rival: ours over it}."""
     found = {row["name"]: row.get(key) for row in point["integrators"]}
     return {name: found[name] for name in FIXES if found.get(name)}
-
-
-def scaling(summary: dict) -> Figure | None:
-    """Bytes per rank and step, and the model's time, against the number of ranks."""
-    counts = [row for row in summary.get("counts", []) if not row["error"]]
-    if not counts:
-        return None
-    figure, axes = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
-    what = (
-        (counts, "bytes per rank and step", lambda row: row["bytes"] + row["collective_bytes"]),
-        (summary["model"], "µs per step, by the model", lambda row: 1e6 * row["seconds"]),
-    )
-    message(figure, "What ranks send each other, 1,000 molecules per rank")
-    for axis, (rows, title, value) in zip(axes, what):
-        axis.set(xscale="log", yscale="log", xlabel="ranks")
-        axis.set_title(title, loc="left", fontsize=10)
-        axis.grid(axis="y", color=PALE, lw=0.4)
-        ends = []
-        for name in FIXES:
-            own = [row for row in rows if row["integrator"] == name and value(row) > 0]
-            if own:
-                colour, marker = MARKS[name]
-                places = [(row["ranks"], value(row)) for row in own]
-                axis.plot(*zip(*places), color=colour, marker=marker, ms=5)
-                ends.append((*places[-1], "ours" if name == OURS else name, colour))
-        label_ends(axis, ends)
-    return figure

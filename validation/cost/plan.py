@@ -47,7 +47,7 @@ class Point:
     def turns(self) -> int:
         """Runs that a meter counts."""
         if self.part == "start":
-            return 3 * self.rounds
+            return 2 * (self.rounds + 1)
         return (len(self.integrators) + 1) * (self.rounds + (self.ranks > 1))
 
     @property
@@ -67,8 +67,8 @@ def points(
     """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
     found, few = [], ranks or (1, 2)
     for part in parts:
-        if part == "start":  # a first use takes long: fewer rounds
-            found += [Point(part, number, rounds=min(3, rounds)) for number in few]
+        if part == "start":
+            found += [Point(part, number, rounds=rounds) for number in few]
         elif part == "messages":
             able = tuple(name for name in COMPARED if name in integrators)
             many = (ranks or COUNTED_ON) if able else ()

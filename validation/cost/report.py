@@ -41,17 +41,10 @@ CUT = (
     Column("bodies", "bodies", kind="number", form=","),
 )
 COUNTS = (*CUT, *(Column(key, key, kind="number", form=",.4g") for key in SENT))
-MODEL = (
-    Column("link", "link", kind="text"),
-    *CUT,
-    Column("seconds", "seconds", kind="number", form=".2e"),
-)
 STARTS = {
     "plain": "LAMMPS with fix nve",
-    "later": "ours, compiled before",
-    "later_added": "ours, compiled before, more than LAMMPS alone",
-    "first": "ours, first use",
-    "first_added": "ours, first use, more than LAMMPS alone",
+    "ours": "ours",
+    "added": "ours, more than LAMMPS alone",
 }
 FASTEST = "the fastest of LAMMPS's rigid fixes"
 FREE = 90.0  # percent of a core that a rank must have had
@@ -69,13 +62,10 @@ NOTES = {
     "messages, bytes": "Sent to other ranks per rank and step: by all of LAMMPS; “in fixes”, as in "
     "Modify; “more” than a run whose atoms move freely. Counted in 50 steps with re-neighbouring.",
     "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "
-    "time is that of all ranks. A first use has a copy of the package with nothing compiled.",
+    "time is that of all ranks.",
     "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into bricks. Counts "
     "do not depend on the machine. What travels with atoms that change ranks is part of LAMMPS's "
     "own messages and is not counted.",
-    "model": "No measurement: a message takes the link's latency, its bytes the bandwidth, one "
-    "after the other; a collective call takes log2(ranks) messages. rigid/nve sums force and "
-    "torque of all bodies on all ranks, 48 bytes per body. Computation is left out.",
     "rounds": "Each timing is that of a process of its own, in turns (A B C A B C …).",
 }
 
@@ -86,13 +76,10 @@ def said(summary: dict) -> Said:
     answer, lines = _whole(points)
     lines += _busy(points)
     sent, started = _handed(summary), _started(summary)
-    told = [answer, *started[:1], *sent[:1]]
+    told = [answer, *started[:1], sent]
     answer = " ".join(filter(None, told)) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
-    drawn = {
-        "scenes": "Medians; bars from minimum to maximum. Left of 1 ours is faster.",
-        "scaling": "Left: counted. Right: a model of the counted messages, not a measurement.",
-    }
+    caption = "Medians; bars from minimum to maximum. Left of 1 ours is faster."
     title = "What it costs"
     if not points:
         title += ": messages" if summary.get("counts") else ": start-up"
@@ -100,12 +87,9 @@ def said(summary: dict) -> Said:
         title,
         "What do rigid bodies cost: time in the fix and of a step, memory, messages, start-up?",
         answer,
-        lines=[*lines, *started[1:], *sent[1:]],
-        tables=[*(table for table in tables if table.rows), *_messages(summary)],
-        figures=[
-            Figure(name, partial(getattr(figures, name), summary), caption)
-            for name, caption in drawn.items()
-        ],
+        lines=[*lines, *started[1:]],
+        tables=[*(table for table in tables if table.rows), _messages(summary)],
+        figures=[Figure("scenes", partial(figures.scenes, summary), caption)],
         checks=summary.get("checks", ()),
         parts=TITLES,
         checks_file="goals",
@@ -172,11 +156,12 @@ def _busy(points):
 
 def _best(points):
     """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
-    columns = [*WHERE, Column("own", "ours", "µs/step")]
-    columns += [
-        Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL
+    columns = [
+        *WHERE,
+        Column("own", "ours", "µs/step"),
+        *(Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL),
+        Column("whole_ratio", "ours / the fastest rigid fix", "whole step"),
     ]
-    columns += [Column("whole_ratio", "ours / the fastest rigid fix", "whole step")]
     rows = []
     for point in points:
         found = {row["name"]: row for row in point["integrators"]}
@@ -213,10 +198,10 @@ def _starts(summary):
 def _started(summary):
     """What is said of the start."""
     return [
-        f"On {ranks_of(start['ranks'])} a first use takes {_seconds(start['first']['wall']).text} "
-        f"s, a later start {_seconds(start['later_added']['wall']).text} s more than LAMMPS alone."
+        f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
+        "more than LAMMPS alone."
         for start in summary.get("starts", [])
-        if "first" in start and "later_added" in start
+        if "added" in start
     ]
 
 
@@ -226,38 +211,22 @@ def _seconds(spread):
 
 
 def _messages(summary):
-    """What the fixes hand to MPI, and the model."""
+    """What the fixes hand to MPI."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
-    title = "Handed to MPI by the fixes, per rank and step"
-    modelled = "The same on many ranks, by a model"
-    return [
-        Table(title, COUNTS, counts, "counts"),
-        Table(modelled, MODEL, summary.get("model", []), "model", long=True),
-    ]
+    return Table("Handed to MPI by the fixes, per rank and step", COUNTS, counts, "counts")
 
 
 def _handed(summary):
-    """What is said of the messages: counted on the most ranks, and by the model."""
-    lines = []
-    most, rows = _most([row for row in summary.get("counts", []) if not row["error"]])
+    """What is said of the messages, as counted on the most ranks."""
+    counts = [row for row in summary.get("counts", []) if not row["error"]]
+    most = max((row["ranks"] for row in counts), default=0)
     each = "; ".join(
         f"{row['integrator']} {row['messages'] + row['collectives']:.1f} messages and collective "
         f"calls of {row['bytes'] + row['collective_bytes']:,.0f} bytes"
-        for row in rows
+        for row in counts
+        if row["ranks"] == most
     )
-    if rows:
-        lines.append(f"On {most} ranks each rank hands to MPI per step: {each}.")
-    most, rows = _most(summary.get("model", []))
-    each = ", ".join(f"{row['integrator']} {row['seconds'] * 1e6:,.1f} µs" for row in rows)
-    if rows:
-        lines.append(f"By a model, on {most:,} ranks {rows[0]['link']}: {each} per step.")
-    return lines
-
-
-def _most(rows):
-    """The largest number of ranks, and the rows with so many."""
-    most = max((row["ranks"] for row in rows), default=0)
-    return most, [row for row in rows if row["ranks"] == most]
+    return f"On {most} ranks each rank hands to MPI per step: {each}." * bool(counts)
 
 
 def _failures(summary):

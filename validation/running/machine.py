@@ -1,5 +1,6 @@
 """Where and with what something was measured, and hashes of what it follows from."""
 
+import functools
 import hashlib
 import json
 import os
@@ -69,6 +70,7 @@ def contents(path: Path) -> str:
     return found.hexdigest()
 
 
+@functools.cache
 def package_hash() -> str:
     """Of the code of the installed fix_nosquish, and of the older schemes that come with it."""
     folder = startup.package()
@@ -85,8 +87,12 @@ def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     versions, and with ours the package.  A file that is not there counts for nothing: LAMMPS says
     so when it reads it."""
     package = package_hash() if integrator.kind == "ours" else None
-    found = [versions(), scene.origin or contents(scene.folder), package]
-    found += [contents(file) for file in files if file.exists()]
+    found = [
+        versions(),
+        scene.origin or contents(scene.folder),
+        package,
+        *(contents(file) for file in files if file.exists()),
+    ]
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 

@@ -1,14 +1,11 @@
-"""What a start costs: the first use of the package, which compiles, later ones, and LAMMPS alone.
+"""What a start costs, beside that of LAMMPS alone.
 
-Each is a process of its own that reads the scene, defines the fix and does one step.  A copy of the
-installed package without anything compiled stands for a first use.
+Each is a process of its own that reads the scene, defines the fix and does one step.
 """
 
 import os
-import shutil
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -34,40 +31,34 @@ def package() -> Path:
 def measure(
     scene: Scene, ours: Integrator, folder: Path, ranks: int, rounds: int, meter: Meter
 ) -> dict:
-    """Time the three kinds of start in turn; a Ctrl-C passes through.
+    """Time starts with ours and without in turn; a Ctrl-C passes through.
+
+    One start before does what is done once for all: it compiles loops that no library has.
 
     Args:
         folder: for the runs' files.
         ranks: MPI ranks; one rank has one core to itself, also for what a compiler does in threads.
 
     Returns:
-        of ``first``, ``later`` and ``plain`` the spreads of ``wall`` and ``cpu`` (s, of all
-        processes together), and ``first_added`` and ``later_added``, more than ``plain`` in the
-        same round; ``ranks`` and ``error``.
+        of ``ours``, of ``plain`` (fix nve) and of ``added`` (their difference in the same round)
+        the spreads of ``wall`` and ``cpu`` (s, of all processes together); ``ranks``, ``error``.
     """
-    kinds = {"first": ours, "later": ours, "plain": PLAIN}
-    found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in kinds}
-    result: dict = {"ranks": ranks, "error": None}
-    Path(folder).mkdir(parents=True, exist_ok=True)
+    times: dict[str, list[tuple[float, float]]] = {"ours": [], "plain": []}
+    folder.mkdir(parents=True, exist_ok=True)
+    error = None
     try:
-        for number in range(1, rounds + 1):
-            with tempfile.TemporaryDirectory(dir=Path(folder).resolve()) as place:
-                nothing_compiled = shutil.ignore_patterns("__pycache__")
-                shutil.copytree(package(), Path(place) / "fix_nosquish", ignore=nothing_compiled)
-                for kind, integrator in kinds.items():
-                    meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
-                    found[kind].append(_start(scene, integrator, Path(place), ranks))
-                    meter.end(None)
+        for number in range(rounds + 1):
+            for kind, integrator in (("ours", ours), ("plain", PLAIN)):
+                meter.begin(f"start: {kind}, {ranks} rank(s), {number}/{rounds}", 1)
+                times[kind].append(_start(scene, integrator, folder.resolve(), ranks))
+                meter.end(None)
     except ChildProcessError as failure:
-        result["error"] = str(failure)
-        meter.end(result["error"])
-    for kind, times in found.items():
-        if times:
-            result[kind] = _spreads(times)
-        more = [(a - c, b - d) for (a, b), (c, d) in zip(times, found["plain"])]
-        if more and kind != "plain":
-            result[f"{kind}_added"] = _spreads(more)
-    return result
+        error = str(failure)
+        meter.end(error)
+    pairs = zip(times["ours"], times["plain"])
+    times["added"] = [(wall - plain, cpu - other) for (wall, cpu), (plain, other) in pairs]
+    spreads = {kind: _spreads(some[1:]) for kind, some in times.items() if some[1:]}
+    return {"ranks": ranks, "error": error} | spreads
 
 
 def _spreads(times: list[tuple[float, float]]) -> dict:
@@ -80,14 +71,11 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
     lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
     script.write_text("\n".join(lines))
     lmp = Path(sys.executable).parent / "lmp"
-    command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script)]
-    command += ["-log", "none", "-screen", "none"]
+    words = "-in", str(script), "-log", "none", "-screen", "none"
+    command = [str(lmp) if lmp.exists() else "lmp", *words]
     if ranks > 1:
         command = [*run.launcher(ranks), *command]
-    cache = str(place / "cache")
-    own = {"PYTHONPATH": str(place), "XDG_CACHE_HOME": cache, "NUMBA_CACHE_DIR": cache}
-    cores = os.sched_getaffinity(0)
-    environment = {"OMP_NUM_THREADS": "1", **os.environ, **own}
+    cores, environment = os.sched_getaffinity(0), {"OMP_NUM_THREADS": "1", **os.environ}
     how: dict = {"stdout": subprocess.DEVNULL, "cwd": scene.folder, "env": environment}
     if ranks == 1:
         os.sched_setaffinity(0, {min(cores)})  # which the process inherits

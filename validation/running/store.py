@@ -1,8 +1,8 @@
 """What was measured is kept, and not measured again while all that it follows from is the same.
 
 There is one rule for what a result follows from, `Store.origin`: versions, the installed package,
-the harness's code that measures it, files, and settings.  Of the code only that counts which can
-change a number: a comment, a text or a figure that is another drops nothing, see `code_of`.
+the harness's code, files, and settings.  Files of the code that only show numbers do not count, see
+`code`.
 
 There is one rule for resuming, `Store.once`: a complete record of the same origin is taken, else
 the work is done, and what it gives is kept, whole or not at all.  Records of other origins stay
@@ -10,7 +10,6 @@ beside it.  (One run of LAMMPS is kept by ``run.once`` in the same way: with its
 input itself.)
 """
 
-import ast
 import contextlib
 import fcntl
 import functools
@@ -26,12 +25,7 @@ from .lock import Lock
 RECORD = {"name", "base", "complete", "date", "record"}
 HARNESS = Path(__file__).resolve().parents[1]
 # files that no number follows from; criteria judges numbers, and makes none
-SHOWN = (
-    *("pages/*.py", "report.py", "section.py", "figures.py"),
-    *("command.py", "command_line.py", "criteria.py"),
-)
-# arguments by these names that are text are only shown
-TEXTS = "title", "label", "subject", "what", "why", "note", "physics", "text", "help", "source"
+SHOWN = {"pages", "report.py", "figures.py", "command.py", "command_line.py", "criteria.py"}
 
 
 class Store:
@@ -39,16 +33,15 @@ class Store:
 
     Args:
         folder: of the files; it is made when a record is kept.
-        module: name of the harness's module that measures, as ``stress.measure``.
     """
 
-    def __init__(self, folder: Path, module: str) -> None:
-        self.folder, self.module = Path(folder), module
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
 
     @functools.cached_property
     def base(self) -> str:
         """Hash of what all records follow from: versions, package and code, as it is now."""
-        return digest(machine.versions(), machine.package_hash(), code_of(self.module))
+        return digest(machine.versions(), machine.package_hash(), code())
 
     def origin(self, *settings, files: Iterable[Path] = ()) -> str:
         """Hash of all that a record follows from.
@@ -59,16 +52,15 @@ class Store:
         """
         return digest(self.base, settings, [*map(machine.contents, files)])
 
-    def once(self, name: str, origin: str, make: Callable[[], dict], again: bool = False) -> dict:
+    def once(self, name: str, origin: str, make: Callable[[], dict]) -> dict:
         """The record of this name and origin; ``make`` gives it if there is none, or none complete.
 
         A Ctrl-C in ``make`` passes through, and nothing is kept then.
 
         Args:
             name: of the record; with slashes, its file is in such folders.
-            again: make it anew whatever there is.
         """
-        kept = None if again else self.kept(name, origin)
+        kept = self.kept(name, origin)
         if kept and kept["complete"]:
             return kept["record"]
         record = make()
@@ -162,60 +154,9 @@ def _plain(found):
 
 
 @functools.cache
-def code_of(module: str) -> str:
-    """Hash of what a module of the harness runs: its code, and that of all it imports there.
-
-    Comments, docstrings and texts (arguments that `TEXTS` names) do not count, nor files that
-    `SHOWN` names.  A file that a module names by ``with_name`` counts as one that it imports.
-    """
-    harness, found = HARNESS, {}
-    wanted = [_module(harness.joinpath(*module.split(".")))]
-    while wanted:
-        path = wanted.pop()
-        if path is None or path in found or any(path.match(pattern) for pattern in SHOWN):
-            continue
-        text = path.read_text()
-        if path.suffix != ".py":
-            found[path] = text
-            continue
-        tree = _Bare().visit(ast.parse(text))
-        found[path] = ast.dump(tree)
-        wanted += _imported(tree, path)
-    named = sorted((path.relative_to(harness).as_posix(), text) for path, text in found.items())
-    return hashlib.sha256(json.dumps(named).encode()).hexdigest()
-
-
-def _module(path: Path) -> Path | None:
-    """The file of a module, of which this is the path without an ending; None if it is none."""
-    file = path.with_suffix(".py")
-    return file if file.exists() else path / "__init__.py" if path.is_dir() else None
-
-
-def _imported(tree: ast.AST, path: Path) -> Iterator[Path | None]:
-    """The files that a file of the harness names; it imports others of the harness relatively."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.level:
-            place = path.parents[node.level - 1].joinpath(*(node.module or "").split("."))
-            if node.module:
-                yield _module(place)
-            yield from (_module(place / one.name) for one in node.names)
-        elif isinstance(node, ast.Call) and getattr(node.func, "attr", "") == "with_name":
-            name = node.args[0]
-            if isinstance(name, ast.Constant) and path.with_name(str(name.value)).exists():
-                yield path.with_name(str(name.value))
-
-
-class _Bare(ast.NodeTransformer):
-    """Code without docstrings, and without texts by name."""
-
-    def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        return None if isinstance(node.value, ast.Constant) else self.generic_visit(node)
-
-    def visit_Call(self, node: ast.Call) -> ast.AST:
-        node.keywords = [one for one in node.keywords if not self._text(one)]
-        return self.generic_visit(node)
-
-    @staticmethod
-    def _text(one: ast.keyword) -> bool:
-        words = ast.JoinedStr, ast.Constant
-        return one.arg in TEXTS and isinstance(one.value, words)
+def code() -> str:
+    """Hash of the harness's files that numbers can follow from: all but those of `SHOWN`."""
+    kinds = "*.py", "*/*.py", "*/*.c", "*/*.cpp"
+    files = sorted(path.relative_to(HARNESS) for kind in kinds for path in HARNESS.glob(kind))
+    kept = (file for file in files if not SHOWN.intersection(file.parts))
+    return digest([(str(file), (HARNESS / file).read_text()) for file in kept])

@@ -67,12 +67,13 @@ def checks(summary: Mapping) -> list[Check]:
     at longer steps than those of today, and other engines."""
     if summary["settings"]["time"] < LEAST:
         return []
-    today, made = summary["known"][0]["dt"], []
+    today = summary["known"][0]["dt"]
+    made: list[Check] = []
     for row in summary["rows"]:
         longer = row["ours"] and row["dt"] > today
         if not row["error"] and (longer or row["engine"] in summary["others"]):
             made += _averages(row, summary)
-    return made + [*_gains(summary)]
+    return [*made, *_gains(summary)]
 
 
 def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
@@ -98,7 +99,7 @@ def _gains(summary: Mapping) -> Iterator[Check]:
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
-        found = rivals.estimate(gain)
+        found = rivals.estimate(gain, FASTER)
         yield Check.of("cost", _subject(best), what, found, low=FASTER)
 
 

@@ -169,7 +169,7 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
-        x = observable.series(samples, plan, scheme)
+        x = observable.of(samples, plan, scheme)
         if x is None:
             continue
         numbers.means[observable.key] = measures.mean(x)
@@ -324,7 +324,9 @@ def _row(
         loops = [start.loop for start in found.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in found.costs:
-        row |= _spent(numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases})
+        row |= _spent(
+            numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
+        )
     return row
 
 

@@ -8,7 +8,7 @@ from ..report import answers
 from ..statistics.check import VERDICTS
 from ..statistics.estimate import SURE, Estimate
 from . import figures
-from .criteria import BOUNDS, TITLES
+from .criteria import TITLES
 from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES
 from .plan import LEAST
@@ -51,7 +51,7 @@ GOALS = (
     Column("dt", "its step", "fs", "number"),
     Column("seconds", "its time", "s", "interval"),
 )
-TO_ERROR = "Time to the same error, beside the best rival"
+TO_ERROR = "How many times less time than the best rival"
 # of the kinetic energy; wall time of another engine
 FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
 ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")

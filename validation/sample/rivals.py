@@ -8,13 +8,13 @@ time.
 """
 
 from collections.abc import Mapping, Sequence
-from math import sqrt
+from math import inf, sqrt
 
 from ..statistics.estimate import Estimate, margin
 from ..statistics.precision import Interval, Worth, seconds, times
 from .observables import CONFIGURATIONS
 
-NEVER = Interval(float("inf"), float("inf"), float("inf"))
+NEVER = Interval(inf, inf, inf)
 
 
 def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict]:
@@ -51,15 +51,16 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
 
 
 def _smallest(row: Mapping) -> float:
-    return min(gain["value"] for gain in row["faster"].values() if gain["value"] is not None)
+    values = (gain["value"] for gain in row["faster"].values())
+    return min(inf if value is None else value for value in values)  # None: the rival never does
 
 
-def estimate(gain: Mapping) -> Estimate:
-    """A gain with the larger one of its margins; without an end it has none."""
+def estimate(gain: Mapping, bound: float) -> Estimate:
+    """A gain with its margin towards a bound; None where it has no end there."""
     value, low, high = (gain[name] for name in ("value", "low", "high"))
-    if value is None or high is None:
+    if value is None or (value < bound and high is None):
         return Estimate(None)
-    return Estimate(value, max(high - value, value - low) / margin(1.0))
+    return Estimate(value, (value - low if value >= bound else high - value) / margin(1.0))
 
 
 def _is_rival(row: Mapping) -> bool:

@@ -48,15 +48,16 @@ class Thermostat(NamedTuple):
         damping: fs.
         words: behind ``thermostat`` of the fix line.
         reach: see `Scheme`, with the molecules' own moments.
-        held: see `Scheme`.
+        held, refined: see `Scheme`.
     """
 
     name: str
     label: str
     damping: float
     words: str
-    reach: float = 6.0
+    reach: float | None = 6.0
     held: int = 3
+    refined: bool = False
 
 
 OWN, OF_STEP = Moments(), Moments("-step", ", moments of the step", " moments step")
@@ -76,12 +77,14 @@ def _thermostats() -> Iterator[Thermostat]:
         words, reach = f"langevin seed {SEED}", 8.0 if rate == 20.0 else 6.0
         name = f"langevin-{rate:g}"
         yield Thermostat(name, f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0)
-    for kind, rates, more in (("csvr", (5.0, 20.0), f" seed {SEED}"), ("nh", (5.0, 10.0), "")):
-        for rate in rates:
-            ending, said = ("", "") if rate == 5.0 else (f"-{rate:g}", f" {rate:g}/ps")
-            yield Thermostat(kind + ending, kind + said, 1e3 / rate, kind + more)
-    words = f"csvr seed {SEED} separate yes"
-    yield Thermostat("csvr-separate-50", "csvr 50/ps, separate", 20.0, words)
+    noise = f"csvr seed {SEED}"
+    yield Thermostat("csvr", "csvr", DAMPING, noise)
+    yield Thermostat("csvr-separate-50", "csvr 50/ps, separate", 20.0, noise + " separate yes")
+    yield Thermostat("nh", "nh", DAMPING, "nh")
+    # a refined average has no error of the second order, so what small steps lead to is its own
+    more: dict = {"reach": None, "refined": True}
+    yield Thermostat("csvr-refined", "csvr 50/ps, refined", 20.0, noise, **more)
+    yield Thermostat("nh-refined", "nh 10/ps, refined", 100.0, "nh", **more)
 
 
 THERMOSTATS = [*_thermostats()]
@@ -103,6 +106,7 @@ class Scheme(Integrator):
         temperature: K.
         pressure: atm; None at constant volume.
         first: name of the same scheme at the first state, if this is at another one.
+        refined: whether averages are refined ones, see `statistics.refined`.
         whole: whether it moves all atoms, those in no body, too.
         stride: steps between two that have configurations of the right distribution.
         engine: that runs it; None for LAMMPS.
@@ -117,6 +121,7 @@ class Scheme(Integrator):
     temperature: float = 298.0
     pressure: float | None = None
     first: str = ""
+    refined: bool = False
     whole: bool = False
     stride: int = 1
     engine: Engine | None = None
@@ -193,11 +198,15 @@ class Bodies:
         """Choices of moments of inertia, larger ones behind smaller ones."""
         if self.equal:
             return [
-                Moments(f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}")
+                Moments(
+                    f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}"
+                )
                 for size in EQUAL
             ]
         return [
-            Moments(f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}")
+            Moments(
+                f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}"
+            )
             for times in SCALED
         ]
 
@@ -238,7 +247,9 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
     long = moments is not OWN
     steps = (4.0, 8.0, 10.0, 12.0, 14.0) if long else (1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
     # where the moments are others at each step, so is what small steps lead to
-    reach = None if moments is OF_STEP else thermostat.reach + 4.0 * long
+    reach = thermostat.reach and thermostat.reach + 4.0 * long
+    if moments is OF_STEP:
+        reach = None
     name = thermostat.name + moments.name
     return ours(
         name,
@@ -249,6 +260,7 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
         steps=steps,
         reach=reach,
         held=thermostat.held,
+        refined=thermostat.refined,
         usual=name in USUAL,
         before=(f"neighbor {SKIN} bin",) if long else (),
     )

@@ -11,8 +11,6 @@ from scipy import special
 
 from .estimate import CONFIDENCE, Estimate, combined, margin
 
-STRETCHES, GAP = 7, 0.04  # of a series for its drift, and the part of it between two of them
-WIDER = 1.14  # than the standard error of seven slopes: so ± one error covers 70 %, ± two 94 %
 LEAST_OF_LINE = 8  # values that tell a walk from noise about a line
 FEW_BLOCKS = 12  # for the error of its mean
 MOST_OF_ALL = 0.5  # of a series, that is one independent sample: no more can be told from it
@@ -187,54 +185,12 @@ def about_line(t: np.ndarray, x: np.ndarray) -> Estimate:
 
 
 def drift(t: np.ndarray, x: np.ndarray) -> Estimate:
-    """`Estimate` of the slope of a series whose noise may also wander.
-
-    It is the mean of the least-squares slopes of `STRETCHES` stretches of equal length, and their
-    scatter tells its error, with Student's t.  The slope of a stretch follows from the steps within
-    it.  So the slopes of all stretches are independent and alike for white noise, for a random
-    walk, and for any sum of both, whatever the part of each: the error is right without a model.
-    `GAP` of the series lies between two stretches, so that noise with a correlation time of
-    up to half of it is independent there, too.
-
-    One line through the whole series has a smaller error in white noise (11 times), but not one
-    that is known: see `line_drift`.
-
-    Args:
-        t: equally spaced times.
-        x: as many values; of several series in the last axis.
-
-    Returns:
-        in units of ``x`` over units of ``t``; arrays for several series.  Of seven stretches one
-        error covers 70 %, two 94 %.  The error is infinite for less than 4 values.
-    """
-    t, x = np.asarray(t, float), np.asarray(x, float)
-    if len(t) < 2:
-        return Estimate(0.0 * x[..., 0], np.inf)
-    size = np.abs(x).max(axis=-1, keepdims=True)  # the squares of a run that blew up would overflow
-    size[size == 0] = 1.0
-    gap = round(GAP * len(t))
-    number = max(1, min(STRETCHES, (len(t) + gap) // (2 + gap)))
-    length = (len(t) - (number - 1) * gap) // number
-    starts = np.rint(np.arange(number) * (len(t) - length) / max(1, number - 1)).astype(int)
-    line = np.arange(length) - (length - 1) / 2
-    stretches = (x / size)[..., starts[:, None] + np.arange(length)]
-    slopes = stretches @ line / (line @ line * (t[1] - t[0]))
-    if number == 1:
-        return Estimate(slopes[..., 0] * size[..., 0], np.inf * size[..., 0])
-    error = WIDER * slopes.std(axis=-1, ddof=1) / np.sqrt(number)
-    # keeps Student's margin
-    freedom = special.stdtridf(0.5 + CONFIDENCE / 2, margin(1.0, number - 1) / WIDER)
-    return Estimate(slopes.mean(axis=-1), error, float(freedom)).times(size[..., 0])
-
-
-def line_drift(t: np.ndarray, x: np.ndarray) -> Estimate:
     """`Estimate` of the slope of a series whose noise may also wander, by one line through it.
 
     The error is that of the noise about the line, and of the largest walk that the series allows
     (the most likely one and 1.64 of its standard errors).  A walk of variance W t makes the slope
     of a line over the time T uncertain by 6/5 W / T.  So the margin covers in 94 to 100 % of cases,
-    with white or correlated noise, a walk, or both.  It is two to four times smaller than that of
-    `drift` where nothing wanders, and as large where the walk is all.
+    with white or correlated noise, a walk, or both.
 
     Args:
         t: equally spaced times.
@@ -244,15 +200,18 @@ def line_drift(t: np.ndarray, x: np.ndarray) -> Estimate:
         in units of ``x`` over units of ``t``; the error is infinite for less than 8 values.
     """
     t, x = np.asarray(t, float) - np.mean(t), np.asarray(x, float)
-    slope = t @ (x - x.mean()) / (t @ t)
+    size = np.abs(x).max() or 1.0  # the squares of a run that blew up would overflow
+    x = (x - x.mean()) / size
+    slope = t @ x / max(t @ t, 1e-300)
     if len(t) < LEAST_OF_LINE:
-        return Estimate(slope, np.inf)
-    span, rest = t[-1] - t[0], x - x.mean() - slope * t
+        return Estimate(float(size * slope), np.inf)
+    span, rest = t[-1] - t[0], x - slope * t
     independent = len(t) / statistical_inefficiency(rest)
     noise = 12 * rest.var() / (independent * span**2)
     walk = random_walk(t, x)
     wander = 1.2 * (walk.value + special.ndtri(CONFIDENCE) * walk.error) / span
-    return Estimate(float(slope), float(np.sqrt(noise + wander)), max(1.0, independent - 2))
+    error, freedom = float(np.sqrt(noise + wander)), max(1.0, independent - 2)
+    return Estimate(float(slope), error, freedom).times(size)
 
 
 def random_walk(t: np.ndarray, x: np.ndarray, blocks: int = 32) -> Estimate:
@@ -362,17 +321,6 @@ def quotient(first: Estimate, second: Estimate) -> Estimate:
     return Estimate(value, *combined(*(one[1:] for one in parts)))
 
 
-def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
-    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
-    errors of ``y``, `Estimate`s."""
-    relative = np.array([one.error / one.value for one in y])
-    line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
-    weights = np.linalg.pinv(line)[0]
-    exponent = weights @ (np.log([one.value for one in y]) / relative)
-    parts = ((weight, one.freedom) for weight, one in zip(weights, y))
-    return Estimate(exponent, *combined(*parts))
-
-
 def without_noise(off: np.ndarray) -> Estimate:
     """The rms of a mean difference, without what noise makes of it; ``off`` has independent
     measurements of the difference as rows.  The error is by the jackknife over these."""
@@ -405,11 +353,12 @@ def nearest_image(
     return d
 
 
-def largest_distance(
-    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
-) -> float:
-    """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
-    return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
+def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
+    """Arrays (bodies, n): the atoms of all bodies of n atoms, for each n; of body 0 none."""
+    order = np.argsort(bodies, kind="stable")
+    inside = order[bodies[order] != 0]
+    _, first, sizes = np.unique(bodies[inside], return_index=True, return_counts=True)
+    return [inside[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
 
 
 def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:

@@ -36,15 +36,17 @@ _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 SLOW = ("matubayasi-nakahara", "gear")
 _RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
 _HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
-COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
-COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)}
+COMPARED = {
+    "nosquish": INTEGRATORS["nosquish"],
+    **{name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)},
+}
 ALL = tuple(COMPARED)
 # without those that are much like another
 FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
 EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
 LESS = " (reference 12 and Gear: a tenth of that)"
 # why a number has the error bar that it has, or none
-LINE = "standard error of the mean slope of seven stretches of the run, from their scatter"
+LINE = "standard error of the slope of a line, by the noise about it and the largest random walk"
 EXACT = (
     "none: the largest of all deviations in runs that give the same each time, of which no mean is "
     "taken"
@@ -294,7 +296,7 @@ class Rows:
 
     def __init__(self, cases: Mapping[str, Case], out: Path, full: bool) -> None:
         self.cases, self.out, self.full = cases, out, full
-        self.store = Store(out / "rows", "stress.cases")
+        self.store = Store(out / "rows")
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:

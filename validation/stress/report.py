@@ -1,4 +1,4 @@
-"""What `stress` says of its summary: of cases, or of a user's script."""
+"""What `stress` says of its summary."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -12,7 +12,6 @@ from ..statistics.estimate import Estimate
 from .criteria import CRITERIA
 from .figures import READ, matrix
 from .measure import ALL, EXTREME, REPORTED, Case, worse
-from .script import TITLES
 
 TABLES = {
     EXTREME: "Extreme cases",
@@ -26,8 +25,6 @@ KEYS = (
 
 def said(summary: dict) -> Said:
     """What breaks, where."""
-    if "checks" in summary:
-        return _of_script(summary)
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
@@ -45,7 +42,6 @@ def said(summary: dict) -> Said:
             _table(TABLES[EXTREME], extreme),
             _table(TABLES[REPORTED], reported),
             _bounds(),
-            _changes(),
             Table("", [Column(key, key, kind="text") for key in KEYS], _lines(every), "table"),
         ],
         figures=[Figure("matrix", partial(matrix, extreme), READ)],
@@ -62,23 +58,6 @@ def said(summary: dict) -> Said:
         ]
         + [told for case in extreme for told in _longer(case)],
         kept={"cases": _answer(cases)},
-    )
-
-
-def _of_script(summary: dict) -> Said:
-    """What breaks on a user's script."""
-    checks = summary["checks"]
-    lost = [check for check in checks if check["verdict"] == "does not hold"]
-    who = Counter(check["subject"] for check in lost)
-    told = ", ".join(f"{name} {number}" for name, number in who.items())
-    return Said(
-        f"What breaks: {summary['title']}",
-        "Do longer steps, a run in two parts or another number of ranks break it?",
-        f"Numbers out of their bounds: {told or 'none'}.",
-        lines=summary["notes"],
-        checks=checks,
-        parts=TITLES,
-        checks_file="table",
     )
 
 
@@ -159,20 +138,17 @@ def _table(title: str, cases: list[dict]) -> Table:
 
 def _bounds() -> Table:
     """Every bound, and what it is derived from."""
-    head = "quantity, bound, derived from, whose need, cases, since"
+    head = "quantity, bound, derived from, whose need, cases"
     rows = [
-        (some.quantity, some.text(), some.derivation, some.need, ", ".join(some.cases), some.date)
+        (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))
         for some in CRITERIA.values()
     ]
-    title = "Bounds: each is derived from physics or from a user's need, apart from any result"
-    return Table.of(title, head, rows, long=True)
-
-
-def _changes() -> Table:
-    """Every change of a bound."""
-    changes = [change for some in CRITERIA.values() for change in some.changes]
-    rows = [(one.date, ", ".join(one.cases), one.old, one.new, one.reason) for one in changes]
-    return Table.of("Changes of bounds", "date, cases, from, to, reason", rows, long=True)
+    return Table.of(
+        "Bounds: each is derived from physics or from a user's need, apart from any result",
+        head,
+        rows,
+        long=True,
+    )
 
 
 def list_cases(console: Console, cases: Mapping[str, Case]) -> None:
