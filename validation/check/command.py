@@ -24,11 +24,14 @@ def add(verbs: command_line.Verbs) -> None:
         "such parts), 1 if not, 130 after Ctrl-C.",
     )
     command_line.script(parser)
-    help = (
-        "find parts that can be rigid, of: %(choices)s (default all but XH, which is any heavy "
-        "atom with its hydrogens, for steps of about 4 fs)"
+    parser.add_argument(
+        "--rigid",
+        nargs="*",
+        choices=PARTS,
+        metavar="PART",
+        help="find parts that can be rigid, of: %(choices)s (default all but XH, which is any "
+        "heavy atom with its hydrogens, for steps of about 4 fs)",
     )
-    parser.add_argument("--rigid", nargs="*", choices=PARTS, metavar="PART", help=help)
     command_line.ranks(parser, 1)
     command_line.silence(parser, 60.0)
     command_line.out(parser, "results/check-SCRIPT")
