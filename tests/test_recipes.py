@@ -178,7 +178,7 @@ def test_forces_from_python(tmp_path, ranks, steps):
 def test_recipe(run_lammps, tmp_path, name, ranks):
     """Locks out a recipe that does not run by the commands at its head, that warns, or whose result
     breaks a law of physics."""
-    files = {path.name: path.read_text() for path in (FOLDER / name).glob("*.*")}
+    files = {path.name: path.read_text(errors="replace") for path in (FOLDER / name).glob("*.*")}
     given = SHORT[name] | {"inputs": ROOT / "inputs"}
     options = [str(word) for item in given.items() for word in ("-var", *item)]
     inputs = re.findall(r"^# lmp -in (\S+)", files[f"in.{name}"], re.M)

@@ -130,7 +130,7 @@ def nematic(folder, left, right):
     director = np.linalg.eigh(axes.T @ axes)[1][:, 2]
     right.hist(np.abs(axes @ director), bins=20, range=(0, 1), density=True)
     right.axhline(1.0, color="grey", lw=0.7)
-    right.set(xlabel="|cosine| of axis and director", ylabel="density of ellipsoids at the end")
+    right.set(xlabel="|cosine| of axis and director", ylabel="probability density at the end")
 
 
 def shear(folder, left, right):
