@@ -184,9 +184,6 @@ def test_what_is_run(water):
     assert [point.dt for point in to_zero.points(water, ["csvr"], None)] == [2.0, 4.0, 6.0]
     assert to_zero.usual(8.02) == (2.5, 5.0, 8.0)
     assert to_zero.usual(0.9) == pytest.approx((0.3, 0.6, 0.9))
-    moments = next(
-        name for name, one in water.schemes.items() if "moments step" in "".join(one.lines)
-    )
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
         (["csvr-step"], None, "others at each step"),
