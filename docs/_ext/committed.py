@@ -376,7 +376,8 @@ def step_zero():
         body.append([some[0]["label"], *(estimate(zero[key]) for key in keys)])
     body.append(["the limit of all points", *(estimate(found["limits"][key]) for key in keys)])
     heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
-    return markdown(["scheme", *heads], body)
+    told = ", ".join(map(str, steps))
+    return markdown([f"scheme, from steps of {told} fs", *heads], body)
 
 
 def estimate(found):

@@ -43,7 +43,8 @@ from .schedule import SEEN, Phase
 from .switches import Choice, mask
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
-HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
+OF_LEVELS = "initial_integrate_respa", "final_integrate_respa", "end_of_step"
+HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor", *OF_LEVELS
 
 
 class Integrator(Registered, Declaration):

@@ -8,17 +8,25 @@ import numpy as np
 
 _LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.M)
 _CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
+_LATE = re.compile(r"^Dangerous builds = (\d+)", re.M)
 _SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
-def thermo(text: str) -> dict[str, np.ndarray]:
+class Columns(dict[str, np.ndarray]):
+    """Thermo output by column; a name that is none is answered with those that there are."""
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise KeyError(f"the output has no column {name}: it has {', '.join(self) or 'none'}")
+
+
+def thermo(text: str) -> Columns:
     """Thermo output of all runs in a log as one table.
 
     Args:
         text: the log, complete or cut off anywhere.
 
     Returns:
-        dict of column name to array.  A step printed twice (end of one run, start of
+        column name to array.  A step printed twice (end of one run, start of
         the next) appears once.  Empty if nothing was printed.  Where runs print different
         columns, there are all of them, with NaN in the steps that lack one.
     """
@@ -39,7 +47,9 @@ def thermo(text: str) -> dict[str, np.ndarray]:
             except ValueError:  # a warning between the rows
                 continue
             rows.setdefault(row[0], {}).update(zip(columns, row))
-    return {name: np.array([row.get(name, np.nan) for row in rows.values()]) for name in names}
+    return Columns(
+        (name, np.array([row.get(name, np.nan) for row in rows.values()])) for name in names
+    )
 
 
 @dataclass(frozen=True)
@@ -50,6 +60,8 @@ class Loop:
         seconds: of all steps.
         cpu: percent of a core that each rank had; None if not printed.
         sections: s, the average over ranks of each row of the breakdown (Pair, Kspace, Modify ...).
+        late: lists of neighbours that may have been built too late, LAMMPS's dangerous builds; None
+            if it has not looked.
     """
 
     seconds: float
@@ -58,6 +70,7 @@ class Loop:
     atoms: int
     cpu: float | None
     sections: dict[str, float]
+    late: int | None = None
 
 
 def timings(text: str) -> list[Loop]:
@@ -67,13 +80,13 @@ def timings(text: str) -> list[Loop]:
     result = []
     for match, end in zip(matches, ends):
         block = text[match.end() : end]
-        cpu, sections = _CPU.search(block), {}
+        cpu, late, sections = _CPU.search(block), _LATE.search(block), {}
         for name, cells in _SECTION.findall(block):
             with suppress(ValueError):  # the heading
                 sections[name] = float(cells.split("|")[1])
         ranks, steps, atoms = map(int, match.groups()[1:])
-        told = cpu and float(cpu.group(1))
-        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections))
+        told, builds = cpu and float(cpu.group(1)), late and int(late.group(1))
+        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections, builds))
     return result
 
 
