@@ -97,7 +97,9 @@ def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
             found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
                 starts = {dt: row["starts"] for dt, row in good.items()}
-                found[key] |= _of_fit(fit, {dt: time * starts[dt] for dt in means})
+                found[key] |= _of_fit(
+                    fit, {dt: time * starts[dt] for dt in means if dt in fit.points}
+                )
     for one in found.values():
         if one.get("left") and one["probability"] * len(found) < 1 - CONFIDENCE:
             one["why"] = "the means fit no series in the square of the step"
@@ -138,7 +140,7 @@ def said(summary: Mapping) -> Said:
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
     length = f"{settings['time']:g} ps of each step from {starts}"
-    (label, words), *_ = lines.items()
+    label, words = next(iter(lines.items()), ("No run has ended", []))
     return Said(
         f"Averages at step zero: {summary['title']}",
         "What are averages in the limit of small steps?",
@@ -165,14 +167,11 @@ def _answer(key: str, one: Mapping) -> str:
     title = BY_KEY[key].title
     if not one["why"]:
         return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
-    steps = ", ".join(f"{dt:g}" for dt, _ in one["means"])
-    chi2 = (
-        f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)" if "chi2" in one else ""
-    )
-    return (
-        f"{title}: no number, for {one['why']} at {steps} fs{chi2}: leave out the longest step, or "
-        "add a shorter one (--dt)."
-    )
+    steps, chi2, advice = ", ".join(f"{dt:g}" for dt, _ in one["means"]), "", "add steps"
+    if "chi2" in one:
+        chi2 = f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)"
+        advice = "leave out the longest step, or add a shorter one"
+    return f"{title}: no number, for {one['why']} at {steps} fs{chi2}: {advice} (--dt)."
 
 
 def _more(key: str, one: Mapping) -> str:

@@ -109,7 +109,7 @@ def to_zero(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | Non
     Args:
         powers: of x.
     """
-    told = {dt: one for dt, one in sorted(points.items()) if one.error > 0}
+    told = {dt: one for dt, one in sorted(points.items()) if 0 < one.error < np.inf}
     if len(told) < 2:
         return None
     shortest, *_, longest = told
