@@ -384,8 +384,11 @@ def test_line_of_dipoles_turned_between_runs(run_lammps, tmp_path, dipole):
 
 def test_turns_of_lines():
     """Locks out a turn about a line that its atoms do not tell and that is not that of the
-    directions, one that is not exact, and a body that is bent by little and loses its own."""
+    directions, one that is not exact, a body that is bent by little and loses its own, and one that
+    is mirrored."""
     rng = np.random.default_rng(3)
+    turns = shapes.best_turns(rng.normal(size=(200, 3, 3)))
+    np.testing.assert_allclose(np.linalg.det(turns), 1.0, rtol=1e-12)
     for bend in (0.0, 1e-4, 1e-2):
         turn, other = (Rotation.random(200, random_state=rng).as_matrix() for _ in range(2))
         shape = rng.normal(size=(200, 1, 3)) * rng.normal(size=(200, 5, 1))

@@ -7,7 +7,7 @@ from math import erfc, sqrt
 import numpy as np
 import pytest
 from scipy import stats
-from systems import mixture
+from systems import AFTER, mixture
 from test_domains import droplet
 from test_nvt import DUMP, FREE, POINTS, SMOOTH, ends_alike, gas, motion, thermo
 from test_nvt import fix as nvt_fix
@@ -180,6 +180,7 @@ def test_mix(run_lammps, tmp_path):
 
 
 DIPOLES = 6.0  # the force on each of two atoms of a body
+PLACES = "id mol zu xu yu"  # along the field first
 FIELD = f"""group up id 1:100000:5
 group down id 2:100000:5
 fix up up addforce 0 0 {DIPOLES}
@@ -187,6 +188,16 @@ fix down down addforce 0 0 -{DIPOLES}
 fix_modify up energy yes
 fix_modify down energy yes
 """
+
+
+def assert_directions(path, bodies):
+    """In FIELD at a temperature of 2 the directions of `frames` have Langevin's distribution."""
+    atoms = frames(path)[1:, :, 2:].reshape(-1, bodies, 5, 3)
+    apart = atoms[:, :, 0] - atoms[:, :, 1]
+    length = np.linalg.norm(apart, axis=2)
+    a, up = DIPOLES * length[0, 0] / 2.0, (apart[:, :, 0] / length).ravel()
+    below = lambda z: (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))  # noqa: E731
+    assert stats.kstest(up, below).pvalue > 1e-3
 
 
 @pytest.mark.parametrize(("mix", "seed"), [("1", 7), ("v_half", 8)])
@@ -197,18 +208,9 @@ def test_orientations(run_lammps, tmp_path, mix, seed):
     system = mixture("solid", side=3, temperature=2.0)
     words = fix(f"temp 2 steps 5 seed {seed} mix {mix}") + of_trajectories(4000)
     script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.6\nrun 100\n"
-    script += f"{dump(20, 'id mol zu xu yu')}run 4000\n"
+    script += f"{dump(20, PLACES)}run 4000\n"
     rows = run_lammps(script, files=system.files).thermo
-    atoms = frames(tmp_path)[1:, :, 2:].reshape(-1, 27, 5, 3)
-    apart = atoms[:, :, 0] - atoms[:, :, 1]
-    length = np.linalg.norm(apart, axis=2)
-    a = DIPOLES * length[0, 0] / 2.0
-    up = (apart[:, :, 0] / length).ravel()
-
-    def below(z):
-        return (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))
-
-    assert stats.kstest(up, below).pvalue > 1e-3
+    assert_directions(tmp_path, 27)
     assert 0.5 < rows["f_1[5]"][-1] < 0.8
 
 
@@ -232,39 +234,18 @@ def test_acceptance(run_lammps):
 
 
 @pytest.mark.parametrize("kinds", ["bodies", "points"])
-def test_ranks(run_lammps, tmp_path, kinds):
-    """Locks out noise or a decision that depends on the rank, and bodies that go back elsewhere."""
+def test_same_end(run_lammps, tmp_path, kinds):
+    """Locks out noise or a decision that depends on the rank, bodies that go back elsewhere, and a
+    run that goes on otherwise than one that did not stop: after a second run command, and from a
+    restart file on another number of ranks, with what was counted."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = "temp 2 steps 10 seed 13 mix v_half"
-    words = (
-        POINTS + fix(f"{words} points loose", group="stiff") if kinds == "points" else fix(words)
-    )
-    script = f"{system.setup}\n{SMOOTH}timestep 0.025\n{words}{of_trajectories(10)}run 120\n"
-    runs = [(script + DUMP.format("end"), ranks) for ranks in (1, 2, 4, 8)]
-    found = []
-
-    def run(*given, **how):
-        found.append(run_lammps(*given, **how).thermo)
-
-    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
-    assert 0 < found[0]["f_1[5]"][-1] < 1
-    for one in found[1:]:
-        np.testing.assert_array_equal(one["f_1[7]"], found[0]["f_1[7]"])
-
-
-def test_continued(run_lammps, tmp_path):
-    """Locks out a run that goes on otherwise than one that did not stop: after a second run
-    command, and from a restart file on another number of ranks, with what was counted."""
-    system = mixture(side=3, spacing=2.9)
-    words = fix("temp 2 steps 10 seed 7 mix v_half") + of_trajectories(10)
-    start, end = f"{system.setup}\n{SMOOTH}timestep 0.025\n", DUMP.format("end")
-    after = f"{SMOOTH}neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes "
-    after += "exclude molecule/intra all\n"
-    runs = (
-        (f"{start}{words}run 60\nwrite_restart middle\nrun 30\nrun 30 pre no\n{end}", 2),
-        (f"{start}{words}run 120\n{end}", 1),
-        (f"read_restart middle\n{after}timestep 0.025\n{words}run 60\n{end}", 4),
-    )
+    bodies = fix(words) if kinds == "bodies" else fix(f"{words} points loose", group="stiff")
+    start = f"{SMOOTH}timestep 0.025\n{bodies}{of_trajectories(10)}"
+    begin, end = f"{system.setup}\n{POINTS}{start}", DUMP.format("end")
+    runs = [(f"{begin}run 120\n{end}", ranks) for ranks in (1, 2, 4, 8)]
+    parts = f"{begin}run 60\nwrite_restart middle\nrun 30\nrun 30 pre no\n{end}"
+    runs += [(parts, 2), (f"read_restart middle\n{AFTER}{start}run 60\n{end}", 4)]
     accepted = []
 
     def run(*given, **how):
@@ -275,24 +256,16 @@ def test_continued(run_lammps, tmp_path):
     np.testing.assert_allclose(accepted, accepted[0], rtol=1e-12)
 
 
-def test_noise_does_not_repeat(run_lammps, tmp_path):
-    """Locks out momenta that are drawn again where the step counter goes back."""
-    system = mixture(side=4)
-    words = fix("temp 2 steps 5 seed 771")
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 20\n{DUMP.format('one')}"
-    script += f"reset_timestep 0\nrun 20\n{DUMP.format('two')}"
-    run_lammps(script, files=system.files)
-    one, two = (motion(tmp_path / name)[1].ravel() for name in ("one", "two"))
-    assert abs(np.corrcoef(one, two)[0, 1]) < 0.4  # 192 numbers
-
-
 def test_restart_of_a_thermostat(run_lammps):
-    """Locks out counts that are what a thermostat has left, and the other way round."""
+    """Locks out counts that are what a thermostat has left, and the other way round, and a chain
+    that is filled with what another thermostat has left."""
     system = mixture(side=2, spacing=2.9)
     lines = fix("temp 2 steps 5 seed 7"), nvt_fix("seed 7 thermostat csvr", "2 2 2e-1")
+    chain = nvt_fix("thermostat nh", "2 2 2e-1")
     for first, second, says in (
         (*lines, "has the state of another thermostat"),
         (*lines[::-1], "has no state of hybrid Monte Carlo"),
+        (lines[1], chain, "this one begins anew"),
     ):
         script = f"{system.setup}\ntimestep 0.004\n{first}run 10\nwrite_restart middle\nclear\n"
         script += f"read_restart middle\n{second}run 10\n"

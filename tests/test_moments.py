@@ -1,14 +1,15 @@
 """Keyword moments: averages of configurations and velocities do not depend on it, times do."""
 
-import re
-from math import sqrt, tanh
+from math import sqrt
 
 import numpy as np
 import pytest
 from scipy import stats
 from systems import mixture
+from test_hmc import FIELD, PLACES, assert_directions, dump
 from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, gas, motion, thermo
 from test_nvt import fix as nvt_fix
+from test_output import of, read
 
 CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four", "step": "moments step"}
 
@@ -21,12 +22,16 @@ def fix(*words):
 @pytest.mark.parametrize(("name", "chosen"), [("langevin", "equal"), ("separate", "scale")])
 def test_velocities_of_atoms(run_lammps, tmp_path, name, chosen):
     """Locks out velocities that are those of the chosen moments: atoms' angular momenta about each
-    axis have the distribution of the atoms' own moments, and temp is the target."""
+    axis have the distribution of the atoms' own moments, and temp is the target.  The table of
+    bodies has the atoms' angular momenta."""
     system = gas()
-    words = fix(f"{THERMOSTATS[name]} {CHOSEN[chosen]}") + thermo("f_1[3] f_1[4]", 60)
+    words = fix(f"{THERMOSTATS[name]} {CHOSEN[chosen]} output 60 table")
+    words += thermo("f_1[3] f_1[4]", 60)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
     rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
-    *_, along = motion(tmp_path / "end")
+    *_, turns, along = motion(tmp_path / "end")
+    told = of(read(tmp_path / "table")[-len(turns) :], "angmomx", "angmomy", "angmomz")
+    np.testing.assert_allclose(told, turns, rtol=0, atol=1e-9)
     along = along[np.isfinite(along)]
     assert stats.kstest(along / sqrt(2.0), "norm").pvalue > 1e-3
     size = np.array([(along[:, None] ** 2).mean()])
@@ -37,28 +42,10 @@ def test_orientations(run_lammps, tmp_path):
     """Locks out torques or rotations of other axes than those of the moments: in a field that
     pulls two atoms apart, directions have Langevin's distribution."""
     system = mixture("solid", side=6, temperature=2.0)
-    force = 3.0
-    field = f"group up id 1:100000:5\ngroup down id 2:100000:5\nfix up up addforce 0 0 {force}\n"
-    field += f"fix down down addforce 0 0 -{force}\n"
     words = fix(f"{THERMOSTATS['langevin']} {CHOSEN['equal']}", "2 2 2e-1")
-    dump = "dump 1 all custom 500 end id type xu yu zu\ndump_modify 1 sort id format float %.17g\n"
-    script = f"{system.setup}\n{FREE}{field}{words}timestep 0.01\nrun 1000\n{dump}run 5000\n"
-    run_lammps(script, files=system.files)
-    text = (tmp_path / "end").read_text()
-    frames = re.findall(r"zu\n((?:[\d-].*\n)+?)(?=ITEM|\Z)", text)
-    atoms = np.array([np.loadtxt(frame.splitlines()) for frame in frames]).reshape(-1, 5, 5)
-    apart = atoms[:, 0, 2:] - atoms[:, 1, 2:]
-    length = np.linalg.norm(apart, axis=1)
-    a = force * length[0] / 2.0
-    up = apart[:, 2] / length
-    mean = 1 / tanh(a) - 1 / a
-    spread = sqrt((1 - 2 * mean / a - mean**2) / len(up))
-    assert abs(up.mean() - mean) < 4 * spread, (up.mean(), mean, spread)
-
-    def below(z):
-        return (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))
-
-    assert stats.kstest(up, below).pvalue > 1e-3
+    script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.01\nrun 1000\n"
+    run_lammps(f"{script}{dump(500, PLACES)}run 5000\n", files=system.files)
+    assert_directions(tmp_path, 216)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -119,6 +119,21 @@ def test_volumes_of_a_gas(run_lammps, name):
     assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
 
 
+@pytest.mark.parametrize("name", ["crescale flat", "mtk flat"])
+def test_flat_boxes_have_no_height(run_lammps, name):
+    """Locks out a pressure of a volume in two dimensions: how high the box is does not matter."""
+    system, edges = mixture(FLAT_KINDS, side=3, dimension=2), []
+    line = f"{GASES[name]}fix 2 all enforce2d\n{thermo('lx lz', 10)}"
+    for high in 0.5, 0.8:
+        data = system.files["data.bodies"].replace("-0.5 0.5 zlo", f"-{high} {high} zlo")
+        script = f"{system.setup}\n{FREE}timestep 0.01\n{line}run 20\n"
+        rows = run_lammps(script, files={"data.bodies": data}).thermo
+        assert rows["Lz"][0] == 2 * high
+        edges.append(rows["Lx"])
+    assert np.ptp(edges[0]) > 1e-3
+    np.testing.assert_allclose(*edges, rtol=1e-12)
+
+
 def test_gas_with_fix_langevin(run_lammps):
     """Locks out noise on atoms that pushes the piston, too: volumes fluctuated three times as much.
     LAMMPS's virial does not count the forces of fix langevin, so the part of them that acts within

@@ -93,7 +93,11 @@ def test_normal_numbers():
     np.testing.assert_allclose(of_words, -np.log((words + 1) / 2**32), rtol=1e-15, atol=1e-16)
     turns = 2 * np.pi * ((words + 0.5) / 2**32) - np.pi / 4
     found = np.array([philox.direction(w) for w in words.tolist()])
-    np.testing.assert_allclose(found, np.stack([np.cos(turns), np.sin(turns)], axis=1), atol=3e-15)
+    expected = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+    np.testing.assert_allclose(found, expected, atol=3e-15)
+    pairs = np.array([philox.normal_pair(w, w) for w in words.tolist()])
+    long = np.sqrt(-2 * np.log((words + 1) / 2**32))[:, None]
+    np.testing.assert_allclose(pairs, long * expected, rtol=0, atol=1e-13)
 
 
 def test_what_is_drawn(run_lammps, tmp_path):
