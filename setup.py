@@ -1,5 +1,7 @@
 """Compiles the LAMMPS plugin, for the LAMMPS that there is; all else is in pyproject.toml.
 
+It is the build's backend, too: setuptools's own, but for what it asks pip to bring.
+
 The plugin uses LAMMPS's and MPI's headers and no Python.h: one wheel serves every Python version.
 NOSQUISH_LAMMPS names folders of others, and NOSQUISH_MPI another MPI: see docs/install.md.
 """
@@ -17,6 +19,13 @@ from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
+from setuptools.build_meta import (  # noqa: F401  the rest of the backend
+    build_editable,
+    build_sdist,
+    build_wheel,
+    prepare_metadata_for_build_editable,
+    prepare_metadata_for_build_wheel,
+)
 from setuptools.command.bdist_wheel import bdist_wheel
 from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
@@ -249,27 +258,35 @@ class PlatformWheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
-# what an earlier build has left there would go into the wheel, if the checkout no longer has it
-shutil.rmtree(HERE / "build", ignore_errors=True)
+def get_requires_for_build_editable(config_settings=None):
+    """What has the headers that the plugin needs, for pip to bring it to where it builds."""
+    needed = [] if OWN in PLACES else ["mpich"]
+    return needed + [f"lammps=={package}" for package, place in PLACES.items() if not place]
 
-# The folder of the harness has a name for a checkout; among installed packages it is told as ours.
-harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
-needed = re.findall(r'^    "((?:numba|llvmlite)>=.*?)"', PROJECT, re.MULTILINE)
-needed += [] if OWN in PLACES else ["mpich"]
-needed += [f"lammps=={package}" for package, place in PLACES.items() if not place]
 
-setup(
-    packages=[*find_packages(include=["fix_nosquish*"]), *harness],
-    package_dir={"fix_nosquish_validation": "validation"},
-    ext_modules=[
-        Extension(f"{room}.{folder_of(package)}.{name}", [str(source)])
-        for package in PLACES
-        for room, name, source in (
-            ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "python_move.cpp"),
-            ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),
-        )
-    ],
-    options={"build_ext": {"parallel": True}},  # one on each core
-    setup_requires=needed,  # pip brings these where it builds
-    cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
-)
+def get_requires_for_build_wheel(config_settings=None):
+    """These, and what compiles the loops, as the extra has it."""
+    loops = re.findall(r'^    "((?:numba|llvmlite)>=.*?)"', PROJECT, re.MULTILINE)
+    return loops + get_requires_for_build_editable()
+
+
+if __name__ == "__main__":  # setuptools runs this file by that name, too
+    # what an earlier build has left there would go into the wheel, if the checkout no longer has it
+    shutil.rmtree(HERE / "build", ignore_errors=True)
+    # The folder of the harness has a name for a checkout; among installed packages it is told as
+    # ours.
+    harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
+    setup(
+        packages=[*find_packages(include=["fix_nosquish*"]), *harness],
+        package_dir={"fix_nosquish_validation": "validation"},
+        ext_modules=[
+            Extension(f"{room}.{folder_of(package)}.{name}", [str(source)])
+            for package in PLACES
+            for room, name, source in (
+                ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "python_move.cpp"),
+                ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),
+            )
+        ],
+        options={"build_ext": {"parallel": True}},  # one on each core
+        cmdclass={"build_ext": BuildPlugin, "build_py": BuildLoops, "bdist_wheel": PlatformWheel},
+    )

@@ -59,7 +59,7 @@ class AndersenNVT(NVT):
     vector_extensive = (*NVT.vector_extensive, False)
 
     def own_values(self):
-        return (self.thermostat.state[0],)
+        return *super().own_values(), self.thermostat.state[0]
 
 
 __getattr__ = of_fix_line(AndersenNVT)

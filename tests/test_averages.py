@@ -9,7 +9,7 @@ from scipy import signal
 from validation.sample import measure, scenes, schemes
 from validation.sample.plan import DIPOLE, SAMPLED
 from validation.scenes.units import BOLTZMANN
-from validation.statistics import limit, measures, precision, structure
+from validation.statistics import limit, measures, precision, refined, structure
 from validation.statistics.estimate import Estimate
 
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol
@@ -70,6 +70,14 @@ def test_the_limits_error_covers(freedom):
     assert 0.92 < agree / number < 0.98
 
 
+def test_points_of_few_starts_weigh_little():
+    """Locks out the error of two starts, which by chance is tiny, in a point's weight: what counts
+    is its margin, of Student's t with one degree of freedom."""
+    points = {("exact", 1.0): Estimate(-9.0, 0.01, 1.0), ("exact", 2.0): Estimate(-8.0, 0.01)}
+    part = (1.959964 / 12.706205) ** 2
+    assert fit(points).limit.value == pytest.approx((-8.0 - 9.0 * part) / (1 + part), rel=1e-6)
+
+
 def test_a_point_of_the_fit_is_correlated_with_it():
     """Locks out errors of a point and the limit that are added as if they were independent: the
     only exact point is the limit."""
@@ -108,24 +116,28 @@ def test_the_error_of_an_autocorrelation_time():
     assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
 
 
+def memory_of_a_square(rng, starts, samples, memory):
+    """What runs of three such components tell of their square."""
+    x = [[remembering(rng, samples, memory) for _ in range(3)] for _ in range(starts)]
+    parts = [measures.autocovariance(np.transpose(one)) for one in x]
+    return measures.autocorrelation_of_square(np.concatenate(parts))
+
+
 def test_the_memory_of_a_square():
     """Locks out the memory of a squared dipole as that of the dipole, a value that noise makes too
     large, and an error that does not cover: runs of 100 memories, as those of water."""
     rng, memory, samples = np.random.default_rng(6), 40.0, 4000
     keep = np.exp(-2 / memory)  # of the square: that of a component, squared
-    truth, found = (1 + keep) / (1 - keep), {1: [], 6: []}
-    for starts, some in found.items():
-        for _ in range(150):
-            parts = []
-            for _ in range(starts):
-                x = [remembering(rng, samples, memory) for _ in range(3)]
-                parts.append(measures.autocovariance(np.stack(x, axis=1)))
-            some.append(measures.autocorrelation_of_square(np.concatenate(parts)))
-    for starts, some in found.items():
-        values = np.array([one.value for one in some])
+    truth, found = (1 + keep) / (1 - keep), {}
+    for starts in 1, 6:
+        found[starts] = [memory_of_a_square(rng, starts, samples, memory) for _ in range(150)]
+        values = np.array([one.value for one in found[starts]])
         assert abs(values.mean() / truth - 1) < 0.03
-        assert np.mean([abs(one.value - truth) < one.margin for one in some]) > 0.85
-        assert some[0].freedom == 3 * starts - 1
+        covered = [abs(one.value - truth) < one.margin for one in found[starts]]
+        assert np.mean(covered) > 0.85 and found[starts][0].freedom == 3 * starts - 1
+    # in runs of ten memories squares of noise would make it 13 % too large
+    short = [memory_of_a_square(rng, 1, samples // 10, memory).value for _ in range(600)]
+    assert 0.85 < np.mean(short) / truth < 1.0
     # the square of the same series tells much less
     squares = [
         measures.autocorrelation(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
@@ -150,18 +162,31 @@ def test_total_error_against_brute_force():
         assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
 
 
+def test_a_gains_interval_covers():
+    """Locks out intervals of gains that are too narrow: of noises whose logarithms are normal, that
+    of the true ratio is inside in 95 % of cases."""
+    rng, inside = np.random.default_rng(4), 0
+    for _ in range(2000):
+        first, second = (
+            precision.Worth(Estimate(0.0), Estimate(noise, 0.2 * noise))
+            for noise in np.exp(0.2 * rng.normal(size=2))
+        )
+        found = precision.times(first, second, 1.0)
+        inside += found.low <= 1.0 <= found.high
+    assert 0.94 < inside / 2000 < 0.965
+
+
 def test_time_to_an_error():
     """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
     good = precision.Worth(Estimate(0.0), Estimate(2.0))
     bad = precision.Worth(Estimate(0.1), Estimate(1.0))
     assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
     assert precision.seconds(bad, 0.1).value == np.inf
-    # at sqrt(2) of its bias its noise is as large: 1 / 0.01 s
-    assert precision.times(bad, good).value == pytest.approx((1 / 0.01) / (2 / 0.02))
+    assert precision.times(bad, good, np.sqrt(0.02)).value == pytest.approx((1 / 0.01) / (2 / 0.02))
     assert precision.times(good, bad, 0.05).value == 0
     assert precision.times(bad, good, 0.05).plain()["value"] is None
     nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
-    assert set(precision.times(nothing, good).plain().values()) == {None}
+    assert set(precision.times(nothing, good, 0.1).plain().values()) == {None}
     unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
     spread = precision.seconds(unsure, 0.1)
     assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf
@@ -309,3 +334,41 @@ def test_dipoles_of_all_starts_together():
     remembers = measure.pooled(starts).remembers["dipole"]
     assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
     assert remembers.freedom == 3 * 4 - 1
+
+
+def oscillators(rng, h, kt, parts=3000, steps=100):
+    """Harmonic modes of unit mass as a global thermostat in the middle of the step has them: each
+    is canonical for the shadow Hamiltonian of kick, drift, kick, and amplitudes change slowly.
+
+    Returns:
+        frequencies, positions, (parts * steps, modes), and the exact <x^2>.
+    """
+    w = np.linspace(0.3, 1.0, 12)
+    turn = np.arccos(1 - (h * w) ** 2 / 2)  # a step's angle
+    # <v^2> of the middle is w^2 <x^2>; the shadow's action is kT' / (turn / h) in each mode
+    over = turn / h * w * np.sqrt(1 - (h * w / 2) ** 2)  # kT' / <x^2>
+    warm = kt * len(w) / (w**2 / over).sum()
+    ends = rng.normal(size=(2, parts + 1, 1, len(w))) * np.sqrt(warm / over)
+    mix = np.linspace(0, np.pi / 2, steps, endpoint=False)[:, None]
+    a, b = (np.cos(mix) * one[:-1] + np.sin(mix) * one[1:] for one in ends)
+    angle = np.arange(parts * steps).reshape(parts, steps, 1) * turn
+    return w, (a * np.cos(angle) + b * np.sin(angle)).reshape(-1, len(w)), warm / over
+
+
+@pytest.mark.parametrize("h", [0.3, 0.6])
+def test_refined_averages_are_those_of_small_steps(h):
+    """Locks out a term, a sign or a factor of the refined average: of harmonic modes the error of
+    the mean squared force is known, and the mean energy has none."""
+    kt = 1.7
+    w, x, square = oscillators(np.random.default_rng(5), h, kt)
+    u, force = (0.5 * w**2 * x**2).sum(axis=1), (w**4 * x**2).sum(axis=1)
+    off, exact = (w**4 * square).sum() - kt * (w**2).sum(), kt * (w**2).sum()
+    assert off == pytest.approx(0.0152 * h**2 * exact, rel=0.05)
+    for a, error in (force, off), (u, 0.0):
+        made = refined.series(a, u, h**2 / 24 * force, h, kt, len(w))
+        assert a.mean() - made.mean() == pytest.approx(error, abs=0.1 * off * a.mean() / exact)
+    # the parts of a series of the energy's square are independent, and known to their errors
+    parts = [np.array_split(one, 60) for one in (u**2, u, h**2 / 24 * force)]
+    means = [measures.mean(refined.series(*part, h, kt, len(w))) for part in zip(*parts)]
+    spread = np.std([mean.value for mean in means], ddof=1)
+    assert np.mean([mean.error for mean in means]) == pytest.approx(spread, rel=0.25)

@@ -141,9 +141,9 @@ def test_thermostats_of_the_piston_do_all_of_its_time():
     that is as slow."""
     every, dt, rate = 5, 0.004, 2.5
     inertia = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    numbers = mtk.PistonNumbers.new(rate=rate, unit=1.0, box_every=every, inertia=inertia)
-    piston, mpi = mtk.Piston.new(), SimpleNamespace(rank=0)
-    one, parameters = SimpleNamespace(barostat=numbers, piston=piston), Scales.new()
+    numbers = mtk.PistonNumbers(rate=rate, unit=1.0, box_every=every, inertia=inertia)
+    piston, mpi = mtk.Piston(), SimpleNamespace(rank=0)
+    one, parameters = SimpleNamespace(barostat=numbers, piston=piston), Scales()
     piston.rates[0] = 1.0
     thermostat.thermalise_piston(mpi, parameters, one, None, dt)  # at zero temperature
     assert piston.rates[0] == pytest.approx(np.exp(-rate * dt * every), rel=1e-12)

@@ -114,6 +114,31 @@ def test_what_is_drawn(run_lammps, tmp_path):
     )
 
 
+# ------------------------------------------------------------------ what it computes
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_the_configurations_part_of_the_shadow_hamiltonian(run_lammps, tmp_path, ranks):
+    """Locks out forces of another step than the one that is printed, torques about other axes, a
+    body that two ranks count, and another factor: from the atoms' forces, with axes of numpy's."""
+    system = mixture(side=4)
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{fix(THERMOSTATS['csvr'])}"
+    dump = DUMP.format("end").replace("vx vy vz", "fx fy fz")
+    rows = run_lammps(
+        f"{script}{thermo('f_1[5]', 7)}run 7\n{dump}", files=system.files, ranks=ranks
+    ).thermo
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    expected = 0.0
+    for body in np.unique(atoms[:, 1]):
+        m, x, f = np.split(atoms[atoms[:, 1] == body, 2:], [1, 4], axis=1)
+        x = x - (m * x).sum(axis=0) / m.sum()
+        moments, axes = np.linalg.eigh((m * x**2).sum() * np.eye(3) - (m * x).T @ x)
+        turns = (axes.T @ np.cross(x, f).sum(axis=0)) ** 2
+        solid = moments > 1e-6 * max(moments.max(), 1e-9)
+        expected += (f.sum(axis=0) ** 2).sum() / m.sum() + (turns[solid] / moments[solid]).sum()
+    assert rows["f_1[5]"][-1] == pytest.approx(0.002**2 / 24 * expected, rel=1e-9)
+
+
 # ------------------------------------------------------------------ distributions
 
 
@@ -197,7 +222,7 @@ def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
 def test_mean_of_a_rescaling(degrees):
     """Locks out degrees of freedom that are miscounted by one: a kinetic energy that is the mean
     one stays so in the mean, however fast it is damped."""
-    bath = Scales.new(rate=2.0, kt=1.5, degrees=degrees, energies=1.5 * degrees, key_0=5)
+    bath = Scales(rate=2.0, kt=1.5, degrees=degrees, energies=1.5 * degrees, key_0=5)
     squares = []
     for bath.step in range(20000):
         squares.append(csvr.draw_factor(bath, None, 0, 0.4)[0] ** 2)

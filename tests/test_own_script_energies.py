@@ -57,15 +57,23 @@ def test_units_are_lammpss():
 def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
     shares its limit with one that does not."""
-    case = sample_scenes.of_script(taken("spce"))
-    held = {name: scheme.held for name, scheme in case.schemes.items()}
+    own = taken("spce")
+
+    def held(own):
+        return {name: scheme.held for name, scheme in sample_scenes.of_script(own).schemes.items()}
+
     random = {"nosquish", "rigid/small+langevin"}
-    assert random < set(held) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(held)
-    assert held == {name: 0 if name in random else 3 for name in held}
+    kept = held(own)
+    assert random < set(kept) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(kept)
+    assert kept == {name: 0 if name in random else 3 for name in kept}
+    assert set(held(replace(own, said=own.said | {"dimension": 2})).values()) == {0, 2}
+    loose = replace(own.found, body=np.append(own.found.body[1:], 0))
+    walled = own.said | {"periodic": [True, True, False]}
     path = scripts.spce(tmp_path)
     path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
-    case = sample_scenes.of_script(take(path, tmp_path / "out"))
-    assert {scheme.held for scheme in case.schemes.values()} == {0}
+    pulled = take(path, tmp_path / "out")
+    for pushed in replace(own, found=loose), replace(own, said=walled), pulled:
+        assert set(held(pushed).values()) == {0}
 
 
 def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_path):

@@ -87,7 +87,7 @@ def step_cells(integrator, bodies, dt, mrot=1):
     """What the loops of an integrator's step take, for `one_atom_bodies` in units of ftm2v = 1."""
     n, rows = len(bodies), block.BLOCK_ROWS + integrator.rows + integrator.work
     atoms = {"atom_x": np.empty((n, 3)), "atom_f": np.empty((n, 3))}
-    parameters = {"dt": dt, "parameters": integrator.numbers.new(ftm2v=1.0, mrot=mrot)}
+    parameters = {"dt": dt, "parameters": integrator.numbers(ftm2v=1.0, mrot=mrot)}
     return bodies.cells | atoms | parameters | {"block": aligned((rows, block.LANES))}
 
 

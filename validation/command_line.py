@@ -49,7 +49,8 @@ def verb(
 
 
 OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `own` adds
-SPELT = {"variables": "-var", "run_number": "--run", "folder": "--from"}  # options of other names
+# options of other names
+SPELT = {"variables": "-var", "run_number": "--run", "folder": "--from", "limits": "--from"}
 
 
 def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:

@@ -142,7 +142,7 @@ class Bodies:
         ):
             self._memory.put(name, values)
         self.sharers = Sharers(communicator)
-        self.kinds = block.Kinds.new(planar=planar, own_moments=chosen)
+        self.kinds = block.Kinds(planar=planar, own_moments=chosen)
         own = {
             "kinds": self.kinds,
             "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),

@@ -97,6 +97,7 @@ def _library() -> ctypes.CDLL:
     lib = ctypes.CDLL(None)
     for name, result, arguments in (
         ("command", c_void_p, [c_void_p, c_char_p]),
+        ("config_accelerator", c_int, [c_char_p, c_char_p, c_char_p]),
         ("extract_atom", c_void_p, [c_void_p, c_char_p]),
         ("extract_fix", c_void_p, [c_void_p, c_char_p, c_int, c_int, c_int, c_int]),
         ("extract_global", c_void_p, [c_void_p, c_char_p]),
@@ -206,6 +207,12 @@ class Lammps:
     def setting(self, name: str) -> int:
         """An integer of LAMMPS's lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
+
+    def has_precision(self, package: str, word: str) -> bool:
+        """Whether an accelerator package was built in this precision: single, mixed or double."""
+        return bool(
+            self.lib.lammps_config_accelerator(package.encode(), b"precision", word.encode())
+        )
 
     @property
     def dt(self) -> float:

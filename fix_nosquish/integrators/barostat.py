@@ -298,7 +298,7 @@ class Barostat(Part):
 
     def new_numbers(self) -> np.record:
         """What the barostat knows as a run begins; collective."""
-        lammps, numbers = self.lammps, self.of_numbers.new(axes=self.axes)
+        lammps, numbers = self.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:

@@ -231,7 +231,7 @@ class FIRE(Integrator):
     )
 
     def __init__(self, ptr: Any, line: Line | str) -> None:
-        self.of_all = Quenches.new()
+        self.of_all = Quenches()
         super().__init__(ptr, line)
 
     def own_parameters(self) -> dict[str, Any]:

@@ -3,6 +3,9 @@
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
+from ..motion.frames import matrices, to_body
 from .ensemble import TEMPERATURE, Ensemble
 
 # by the words of keyword thermostat: modules of this package, and their classes
@@ -14,3 +17,16 @@ class NVT(Ensemble):
 
     keywords = TEMPERATURE
     thermostats: Mapping[str, Any] = THERMOSTATS
+    vector_extensive = (*Ensemble.vector_extensive, True)
+
+    def own_values(self) -> tuple[float, ...]:
+        """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
+        of the shadow Hamiltonian's second order the part of the configuration; collective."""
+        bodies, lammps = self.made(), self.lammps
+        torque = np.array(to_body(matrices(bodies.q).reshape(9, -1), *bodies.torque))
+        turns = np.divide(
+            torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
+        )
+        squares = (bodies.force**2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
+        total = self.communicator.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
+        return ((lammps.ftm2v * lammps.dt) ** 2 * lammps.mvv2e * total / 24.0,)

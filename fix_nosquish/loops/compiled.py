@@ -22,7 +22,7 @@ that belong together are a `record`, which has a name for each, in Python as in 
     def count(thermostat: Thermostat):
         thermostat.draws += 1
 
-    thermostat = Thermostat.new(rate=0.5)
+    thermostat = Thermostat(rate=0.5)
     count(thermostat)
 
 Where the machine code is kept, and who makes it, `machine_code` says.
@@ -87,7 +87,8 @@ class Kind(NamedTuple):
         theirs = dtype.fields or {}
         return bool(own) and all(theirs.get(name) == place for name, place in own.items())
 
-    def new(self, **values):
+    # (Python 3.10 takes as a NamedTuple's annotations only what can be called)
+    def __call__(self, **values):
         """A record of zeros, but for these fields.
 
         Returns:

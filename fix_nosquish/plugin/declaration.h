@@ -14,7 +14,6 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
   if (quoted && narg > 4) failures.refuse("put the class and its words in quotes: \"" + std::string(arg[3]) + " " + arg[4] + " ...\"");
 
-  facts.refuse_accelerators();
   time_integrate = 1;
   dynamic_group_allow = 1;
   dynamic = 1;    // see init()
@@ -119,6 +118,7 @@ void FixPythonMove::declare()
     size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
   }
   global_freq = 1;
+  if (bridge.follows_atoms) arrays.declare();    // else KOKKOS copies all, for a class of which nothing is known
 }
 
 int FixPythonMove::setmask()

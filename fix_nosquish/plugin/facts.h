@@ -92,18 +92,6 @@ class Facts : public Part {
     }
   }
 
-  // Forces on a graphics card: LAMMPS would bring them for this fix, but nobody has tried. KOKKOS for the host's own cores has
-  // the same memory as LAMMPS.
-
-  void refuse_accelerators() const
-  {
-    bool card = !modify->get_fix_by_style("^GPU$").empty();
-    for (const char *api : {"cuda", "hip", "sycl"}) card |= lmp->kokkos && lammps_config_accelerator("KOKKOS", "api", api);
-    if (card)
-      refuse("forces on a graphics card were never tried with this fix: start LAMMPS without -sf gpu, package gpu, or -k on with a card");
-    if (lmp->kokkos) log(problem(fix, "KOKKOS runs on the host here. Forces are where this fix needs them, and nothing is copied").c_str());
-  }
-
   // LAMMPS takes a fix whose style begins with rigid for its own class in places, without a look.
 
   void refuse_casts() const

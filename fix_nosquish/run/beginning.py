@@ -12,7 +12,7 @@ from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError, refuse
 from ..loops import machine_code
-from . import external, log, making, refusals, rotation, velocities
+from . import cards, external, log, making, refusals, rotation, velocities
 from .other_fixes import OtherFixes, refuse_other_integrators
 from .output import BodyFile
 from .passes import Passes
@@ -46,7 +46,7 @@ def _bind(integrator: "Integrator") -> None:
     cells["rate"].set(integrator.host.rate if integrator.streams else np.zeros(6))
     if (mask := integrator.mask) is not None:
         cells["mask"].set(mask)
-    integrator.parameters = integrator.numbers.new(
+    integrator.parameters = integrator.numbers(
         ftm2v=integrator.lammps.ftm2v,
         mrot=rotation.inner_steps(integrator),
         **integrator.own_parameters(),
@@ -135,6 +135,14 @@ def init(integrator: "Integrator") -> None:
         _give_velocities(integrator)
     refuse_other_integrators(integrator)
     integrator.take_time_step()
+    integrator.cards = cards.find(integrator)
+    wrong = integrator.cards.problem(
+        energy=integrator.needs_energy,
+        flips=integrator.flips,
+        held=bool(host.held),
+        counts=bool(host.counts),
+    )
+    refuse(wrong, wrong)
     _open_table(integrator)
     _plan(integrator)
     host.begin_run(integrator.virial_of_all)

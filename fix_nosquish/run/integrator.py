@@ -32,6 +32,7 @@ from . import (
     schedule,
     velocities,
 )
+from .cards import Cards
 from .declaration import Declaration
 from .external import External
 from .other_fixes import OtherFixes
@@ -68,7 +69,7 @@ class Integrator(Registered, Declaration):
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
         parameters: what the operations take, a record: see `Declaration.numbers`.
         rigid_flag: whether pair styles may ask for the bodies' masses, as those of grains do.
-        other_fixes: the `OtherFixes` of the run.
+        other_fixes: the `OtherFixes` of the run; cards: its `Cards`.
         unchanged: the `refusals.Unchanged`.
         told_box: the host's, if bodies move with a box that another fix changes; else None.
         streams: whether it is with remap v that this happens.
@@ -93,6 +94,7 @@ class Integrator(Registered, Declaration):
     gravity: np.ndarray | None = None
     waiting: float | None = None
     file: BodyFile | None = None
+    cards: Cards
     rows_lent: np.ndarray
     said: list[str]
     warned: set[str]

@@ -79,6 +79,7 @@ def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
         "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
+    lines += integrator.cards.copies(communicator.count(lammps.setting("nmax")))
     if command.moments:
         lines.append(f"  principal moments: {_moments(command.moments, command, lammps)}")
     if notes.rebuilt:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
+# fixes by which accelerator packages compute forces, and which change nothing besides
+_PACKAGES = "GPU", "OMP", "INTEL"
 # fixes that change the box and tell rigid fixes, or do not in a run
 _FOLLOWED = "deform", "box/relax"
 # fixes that read no velocities but those of their own atoms; and these between the halves of a step
@@ -89,6 +91,7 @@ class OtherFixes(list[OtherFix]):
         step: the step at which the run begins.
 
     Attributes:
+        packages: styles of fixes that are left out, by which accelerator packages compute forces.
         change_forces: whether forces may change behind those that LAMMPS computes.
         late: those that act at the end of a step, and so may change velocities.
         half_step: whether something may read the atoms' velocities between the halves of a step.
@@ -106,7 +109,9 @@ class OtherFixes(list[OtherFix]):
         step: int = 0,
     ) -> None:
         unknown = fixes is None
-        super().__init__(fix for fix in fixes or () if fix.id not in ours)
+        known = [fix for fix in fixes or () if fix.id not in ours]
+        super().__init__(fix for fix in known if fix.style not in _PACKAGES)
+        self.packages = {fix.style for fix in known if fix.style in _PACKAGES}
         self.change_forces = unknown or any(fix.post_force for fix in self)
         ending: list[OtherFix | Swaps] = [
             *(fix for fix in self if fix.end_of_step and fix.style not in _IDLE),

@@ -65,6 +65,10 @@ def read(dump: Path | str, step: int, dimension: int = 3, box: bool = False) -> 
     return f'read_dump "{dump}" {step} {fields} box {sized} replace yes timestep no format native'
 
 
-def from_dump(scene: Scene, dump: Path | str, step: int) -> Scene:
-    """The scene with positions, images and velocities from a dump of all atoms."""
-    return replace(scene, setup=(*scene.setup, read(dump, step, scene.dimension)))
+def from_dump(scene: Scene, dump: Path | str, step: int, box: bool = False) -> Scene:
+    """The scene with positions, images and velocities from a dump of all atoms.
+
+    Args:
+        box: see `read`.
+    """
+    return replace(scene, setup=(*scene.setup, read(dump, step, scene.dimension, box)))

@@ -25,8 +25,8 @@ def add(verbs: command_line.Verbs) -> None:
         "steps. The same command, started once for each core, shares the runs.",
         epilog="Other engines run where --only names their schemes. OpenMM: pip install "
         "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
-        "result. Exit status: 0, 1 if no run succeeds or an engine is not installed, 130 after "
-        "Ctrl-C.",
+        "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "
+        "engine is not installed, 130 after Ctrl-C.",
     )
     scene = command_line.scene_or_script(scenes)
     text = f"what to simulate (default {DEFAULT}), or a script of yours"
@@ -40,6 +40,9 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
     text = "independent starts; each tells its own error"
     command_line.number(parser, "--starts", 1, "N", text)
+    text = "averages of one scheme in the limit of small steps, from two long steps or more, by "
+    text += "default from a third, two thirds and all of what the forces allow"
+    parser.add_argument("--to-zero", action="store_true", help=text)
     text = "folder of another command for the same scene, whose limit of small steps is taken"
     parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
     command_line.silence(parser, 120.0)
@@ -60,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from .. import pages  # heavy: not for --help
     from ..own import system
     from ..pages import console
-    from . import criteria, engine, measure, report
+    from . import criteria, engine, measure, report, to_zero
     from .plan import TIMES, Lengths, Runs
     from .scenes import SCENES, of_script
 
@@ -75,17 +78,26 @@ def run(arguments: argparse.Namespace) -> int:
     only = arguments.only and [
         scheme.name for scheme in command_line.chosen_of(plan.schemes, arguments.only)
     ]
-    points = plan.points(only, arguments.dt, short)
+    if arguments.to_zero:
+        command_line.refuse(arguments, ["limits"], "is for biases, which --to-zero does not tell")
+        points = to_zero.points(plan, only, arguments.dt)
+    else:
+        points = plan.points(only, arguments.dt, short)
     engine.versions(plan.schemes[point.scheme].engine for point in points)
     known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
     lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
-    runs = Runs(plan, lengths, out / "runs" / lengths.folder, arguments.silence)
+    folder = out / "runs" / lengths.folder
+    runs = Runs(plan, lengths, folder, arguments.silence, fewer=arguments.to_zero)
     screen = console.console()
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, known, meter)
     summary["checks"] = [check.plain() for check in criteria.checks(summary)]
-    said = report.said(summary)
+    failed = all(row["error"] for row in summary["rows"])
+    if arguments.to_zero:
+        summary["rows"] = [row for row in summary["rows"] if row["scheme"] == points[0].scheme]
+        summary["zero"] = to_zero.told(summary["rows"], lengths.time)
+        failed = failed or any(one["why"] for one in summary["zero"].values())
+    said = to_zero.said(summary) if arguments.to_zero else report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
-    failed = all(row["error"] for row in summary["rows"])
     return command_line.status(summary["interrupted"], failed)

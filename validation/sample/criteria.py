@@ -8,10 +8,15 @@ from collections.abc import Iterator, Mapping
 
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate
+from . import rivals
+from .observables import BY_KEY, OBSERVABLES
 from .plan import LEAST
 
 # of biases, in the observables' units; 25 atm change the density of water by 0.1 %
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0, "density": 0.2}
+RELATIVE = 1.0  # %, of averages that have no bound of their own
+# errors that are not worth more time, whatever a rival's is: see `rivals`
+LEAST_ERRORS = {one.key: RELATIVE for one in OBSERVABLES if one.relative} | BOUNDS
 WITHOUT_BIAS = {"potential": 0.004}  # of hybrid Monte Carlo, which has no error of the step
 UNITS = {
     "potential": "kcal/mol a molecule",
@@ -40,11 +45,10 @@ APART = {
     "npt-langevin": {4.0: 1.5, 6.0: 4.0},
 }
 STATES = 2.0  # standard deviations: a right scheme is within them in 19 of 20 cases
-KNOWN = 0.5  # largest margin of a cost that is held against a bound, over the cost
-LESS = 5.0  # times that an independent sample is to cost less than what users have today
+FASTER = 4.0  # times less than the best rival's, the time to the same error
 TITLES = {
     "bias": "Averages within the bounds",
-    "cost": "Cost of an independent sample",
+    "cost": "Time to the same error, beside the best rival",
     "limit": "The same forces have the same limit",
     "temperature": "Printed temperature",
     "equipartition": "Printed temperatures of translation and of rotation",
@@ -67,12 +71,8 @@ def checks(summary: Mapping) -> list[Check]:
     for row in summary["rows"]:
         longer = row["ours"] and row["dt"] > today
         if not row["error"] and (longer or row["engine"] in summary["others"]):
-            averages = [*_averages(row, summary)]
-            made += averages
-            if all(check.holds is not False for check in averages):
-                # samples of something else are not worth their cost
-                made += _cost(row)
-    return made
+            made += _averages(row, summary)
+    return [*made, *_gains(summary)]
 
 
 def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
@@ -92,13 +92,14 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
             yield Check.of(part, _subject(row), NAMES[key], Estimate.of(numbers[key]), **ends)
 
 
-def _cost(row: Mapping) -> Iterator[Check]:
-    for scheme, less in row["less"].items():
-        found = Estimate.of(less)
-        # times that are known to a factor only are far from normal: their margins judge nothing
-        if found.margin <= KNOWN * found.value:
-            what = f"times less than with {scheme}, of the slowest observable"
-            yield Check.of("cost", _subject(row), what, found, low=LESS)
+def _gains(summary: Mapping) -> Iterator[Check]:
+    """Of the point that is best beside the rivals."""
+    best = rivals.best(summary["rows"]) or {"faster": {}}
+    for key, gain in best["faster"].items():
+        goal = summary["goals"][key]
+        what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
+        found = rivals.estimate(gain, FASTER)
+        yield Check.of("cost", _subject(best), what, found, low=FASTER)
 
 
 def _subject(row: Mapping) -> str:

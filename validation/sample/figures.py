@@ -43,7 +43,7 @@ def precision(summary: Mapping) -> Figure | None:
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(NullFormatter())
 
-    said = "time for the same precision of U/N, beside {rival}:\n{gain}"
+    said = "CPU time to the same error of U/N, beside {rival}:\n{gain}"
     return _panels(summary, "noise", "total error", said, draw, scale)
 
 
@@ -97,10 +97,10 @@ def _panels(
         axis.axhline(BOUNDS[key], color=INK, lw=0.8, ls="--")
         scale(axis, key)
         axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
-    for row in answers.table([summary]).rows:
-        words = {"gain": answers.gain(row["gain potential"])}
+    for row in answers.table([summary]).rows[:1]:  # of the energy
+        words = {"gain": answers.times_less(row["gain"])}
         words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
-        words |= {"bias": Estimate.of(row["bias potential"]).text()}
+        words |= {"bias": Estimate.of(row["bias"]).text()}
         message(figure, f"{row['scene']}, {row['dt']:g} fs: {said.format(**words)}")
     for axis, labels in ends.items():
         label_ends(axis, labels)

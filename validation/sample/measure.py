@@ -15,10 +15,10 @@ import numpy as np
 from ..experiment import Point
 from ..running import machine, run, whole
 from ..scenes import FS_PER_PS
-from ..statistics import limit, measures, precision, structure
+from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
-from . import engine
-from .criteria import BOUNDS
+from . import engine, rivals
+from .criteria import LEAST_ERRORS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
 from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
@@ -28,7 +28,7 @@ from .schemes import Scheme
 LEAST_SAMPLES, DENSER = 50, 4
 LAMMPS = "LAMMPS"  # whose limit is that of the scene's own forces
 # of a row: numbers of each observable
-NESTED = "means", "biases", "remembers", "noise", "less", "faster", "seconds"
+NESTED = "means", "biases", "remembers", "noise", "faster", "seconds"
 KNOWN = Point("known", 0.0)  # what stands for a limit that another command has found
 
 
@@ -169,7 +169,7 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
-        x = observable.series(samples, plan, scheme)
+        x = observable.of(samples, plan, scheme)
         if x is None:
             continue
         numbers.means[observable.key] = measures.mean(x)
@@ -229,7 +229,7 @@ def told(found: Found, runs: Runs, points: Sequence[Point], known: Mapping[str, 
 
     Returns:
         ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
-        the limits of its own points, see `told_limit`.
+        the limits of its own points, see `told_limit`; ``goals``, see `rivals.compare`.
     """
     means = {point: pooled([*found.numbers[point].values()]) for point in found.good}
     fits = fitted(means, runs.plan, known)
@@ -241,7 +241,8 @@ def told(found: Found, runs: Runs, points: Sequence[Point], known: Mapping[str, 
     own, *others = (
         (name, {key: told_limit(fit) for key, fit in some.items()}) for name, some in fits.items()
     )
-    return {"rows": rows, "limits": own[1], "others": dict(others)}
+    goals = rivals.compare(rows, LEAST_ERRORS)
+    return {"rows": rows, "limits": own[1], "others": dict(others), "goals": goals}
 
 
 def fitted(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
@@ -289,11 +290,10 @@ def _row(
 
     Returns:
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
-        ``remembers``, ps of an independent sample; ``noise``, variance of the mean times s of a
-        core, see `precision.Worth`.  ``deviation``: of a state beside the first, see
+        ``remembers``, ps of an independent sample.  ``deviation``: of a state beside the first, see
         `structure.between_states`.  ``distribution``: of the kinetic energy, over starts.
-        ``clock``: of another engine, s by the clock for a ps.  The
-        others are of `_spent`.
+        ``clock``: of another engine, s by the clock for a ps.  The others are of `_spent` and of
+        `rivals.compare`.
     """
     plan, error = runs.plan, found.errors.get(point)
     scheme = plan.schemes[point.scheme]
@@ -307,9 +307,7 @@ def _row(
         "starts": 0 if error else len(found.numbers[point]),
         "error": error,
     }
-    row |= {
-        name: {} for name in ("means", "biases", "remembers", "noise", "less", "faster", "seconds")
-    }
+    row |= {name: {} for name in NESTED}
     row |= dict.fromkeys(("deviation", "distribution", "clock", "cost", "slowest", "sample"))
     if error:
         return row
@@ -326,7 +324,9 @@ def _row(
         loops = [start.loop for start in found.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in found.costs:
-        row |= _spent(point, found.costs, plan, means, fits)
+        row |= _spent(
+            numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
+        )
     return row
 
 
@@ -349,58 +349,28 @@ def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
     return 100 / limits[key].limit.value if BY_KEY[key].relative else 1.0
 
 
-def _spent(point, costs, plan, means, fits) -> dict:
+def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float]) -> dict:
     """What a point's averages cost.
+
+    Args:
+        units: of biases of observables, over those of their means.
 
     Returns:
         plain data: ``cost``, s of one core for a ps, over rounds that were timed in turn;
-        ``sample``, s of a core for an independent sample of the slowest observable; ``less``, how
-        many times less that is than with each known scheme; ``seconds``, of each observable with a
-        bound s of a core to a total error as large as it; ``faster``, how many times less time it
-        takes than the first known point to the total error of that, see `precision.times`.
+        ``sample``, s of a core for an independent sample of the slowest observable; ``noise``, of
+        each observable the variance of its mean times s of a core, in the unit of biases squared.
     """
-    today = [known for known in plan.known if known in costs]
-    sample = _sample(means[point], costs[point])
-    own = _worths(point, costs, plan, means, fits)
-    less = {one: measures.quotient(_sample(means[one], costs[one]), sample) for one in today}
-    faster = {}
-    if plan.known[0] in today and plan.known[0] != point:
-        theirs = _worths(plan.known[0], costs, plan, means, fits)
-        both = [key for key in own if key in theirs]
-        faster = {key: precision.times(theirs[key], own[key]).plain() for key in both}
-    return {
-        "cost": measures.spread(costs[point]),
-        "sample": sample.plain(),
-        "less": {known.scheme: times.plain() for known, times in less.items()},
-        "noise": {key: worth.noise.plain() for key, worth in own.items()},
-        "seconds": {
-            key: precision.seconds(worth, BOUNDS[key]).plain()
-            for key, worth in own.items()
-            if key in BOUNDS
-        },
-        "faster": faster,
-    }
+    cost, spent = float(np.median(costs)), {}
+    for key in (key for key in CONFIGURATIONS if key in units):
+        spent[key] = numbers.noise(key).times(cost * units[key] ** 2).plain()
+    sample = numbers.remembers[slowest(numbers)].times(cost)
+    return {"cost": measures.spread(costs), "sample": sample.plain(), "noise": spent}
 
 
 def slowest(numbers: Numbers) -> str:
     """The observable of configurations whose independent samples take the longest."""
     some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
     return max(some, key=lambda key: some[key].value)
-
-
-def _sample(numbers: Numbers, costs: Sequence[float]) -> Estimate:
-    """s of a core for an independent sample of the slowest observable."""
-    return numbers.remembers[slowest(numbers)].times(float(np.median(costs)))
-
-
-def _worths(point, costs, plan, means, fits) -> dict[str, precision.Worth]:
-    """Bias and noise of a point's averages over configurations."""
-    cost, limits = float(np.median(costs[point])), fits[LAMMPS]
-    return {
-        key: precision.Worth(bias, means[point].noise(key).times(cost * _unit(key, limits) ** 2))
-        for key, bias in _biases(point, plan, means, fits).items()
-        if key in CONFIGURATIONS
-    }
 
 
 def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:

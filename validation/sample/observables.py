@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scenes.units import BOLTZMANN, COULOMB
-from ..statistics import measures
-from .plan import DIPOLE, KINETIC, MOVES, TORQUE, Plan
+from ..statistics import measures, refined
+from .plan import DIPOLE, KINETIC, MOTIONS, MOVES, SHADOW, TORQUE, Plan
 from .schemes import Scheme
 
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
@@ -27,12 +27,15 @@ class Observable:
 
     Attributes:
         key: in rows and files.
-        unit: of biases; of the mean itself, if ``relative``, it is another one, or none.
+        unit: of biases; of the mean itself, too, unless biases are ``relative``.
+        of_mean: unit of the mean where biases are relative, if it has one.
         series: whose mean it is; None if there is none.
         vector: columns of the vector that it is the square of, if it is one.
         relative: whether biases are in per cent of the limit.
         exact: the limit, where theory has it; None where it is that of small steps.
         moves: whether it is of velocities, not of configurations.
+        refined: of a scheme whose averages are refined, the series that depends on no velocity, of
+            all steps; None for one whose error is not taken off.
     """
 
     key: str
@@ -40,9 +43,30 @@ class Observable:
     unit: str
     series: Series
     relative: bool = False
+    of_mean: str = ""
     vector: tuple[str, ...] = ()
     exact: Callable[[Plan, Scheme], float | None] = lambda plan, scheme: None
     moves: bool = False
+    refined: Series | None = None
+
+    def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+        """Its samples; a refined series is a few shorter than the table."""
+        if not scheme.refined or self.refined is None:
+            return self.series(table, plan, scheme)
+        a = self.refined(table, plan, scheme)
+        if a is None:
+            return None
+        step = float(np.median(np.diff(table["Time"])))
+        how = step, BOLTZMANN * scheme.temperature, _freedom(table) - scheme.held
+        return refined.series(a, table["PotEng"], table[SHADOW], *how)
+
+
+def _freedom(table: Table) -> int:
+    """Degrees of freedom of the bodies, and of atoms in none."""
+    found = [
+        2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
+    ]
+    return round(float(np.sum([one[0] for one in found])))
 
 
 def _column(name: str, scale: Callable[[Plan], float] = lambda plan: 1.0) -> Series:
@@ -90,6 +114,13 @@ def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> fl
     return held * BOLTZMANN * temperature / (3 * volume) * ATM
 
 
+def _refined_pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+    """With the mean kinetic energy of the centres in the place of the fluctuating one."""
+    moves = table[MOTIONS[0][0]]
+    kinetic = 2 * (moves - moves.mean()) / (3 * table["Volume"]) * ATM
+    return _pressure(table, plan, scheme) - kinetic
+
+
 def _dipole(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
     if DIPOLE[0] not in table:
         return None
@@ -119,15 +150,22 @@ def _moving(plan: Plan, scheme: Scheme) -> float:
 
 
 OBSERVABLES = (
-    Observable("potential", "U/N", MOLECULE, _column("PotEng", _bodies)),
-    Observable("capacity", "heat capacity", "%", _capacity, relative=True),
     Observable(
-        "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure
+        "potential", "U/N", MOLECULE, _column("PotEng", _bodies),
+        refined=_column("PotEng", _bodies),
     ),
-    Observable("density", "density", "%", _density, relative=True),
-    Observable("compressibility", "compressibility", "%", _compressibility, relative=True),
-    Observable("torque", "squared torque", "%", _column(TORQUE, _bodies), relative=True),
-    Observable("dipole", "dipole fluctuation", "%", _dipole, relative=True, vector=DIPOLE),
+    Observable("capacity", "heat capacity", "%", _capacity, True, "k a molecule"),
+    Observable(
+        "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure,
+        refined=_refined_pressure,
+    ),
+    Observable("density", "density", "%", _density, True, "g/cm³"),
+    Observable("compressibility", "compressibility", "%", _compressibility, True, "1e-5/atm"),
+    Observable(
+        "torque", "squared torque", "%", _column(TORQUE, _bodies), True, "(kcal/mol)²",
+        refined=_column(TORQUE, _bodies),
+    ),
+    Observable("dipole", "dipole fluctuation", "%", _dipole, True, vector=DIPOLE),
     Observable(
         "temperature", "temp", "K", _column("Temp"),
         exact=lambda plan, scheme: scheme.temperature, moves=True,

@@ -28,8 +28,8 @@ TIMED = "timed"  # folder of these runs, and what is kept of them
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
 SHORT = {  # points of --short, where the scene has the scheme
     "langevin-20": (2.0, 4.0, 8.0),
-    "langevin-20-equal": (8.0, 12.0),
-    "langevin-20-scaled": (8.0, 12.0),
+    "langevin-20-equal-6": (8.0, 12.0),
+    "langevin-20-scale-4": (8.0, 12.0),
     "rigid/nvt/small": (2.0,),
     "rigid+langevin": (2.0, 4.0),
     "shake+langevin": (1.0, 2.0, 4.0),
@@ -40,6 +40,10 @@ SHORT = {  # points of --short, where the scene has the scheme
 }
 DIPOLE = "c_dipole[1]", "c_dipole[2]", "c_dipole[3]"
 KINETIC, MOVES, TORQUE = "c_kinetic", "v_moves", "v_torque"
+# of fix nosquish/nvt, for refined averages: kinetic energies and temperatures of both motions, and
+# the part of the shadow Hamiltonian
+MOTIONS, SHADOW = (("f_1[1]", "f_1[3]"), ("f_1[2]", "f_1[4]")), "f_1[5]"
+REFINED = *MOTIONS[0], *MOTIONS[1], SHADOW
 # the kinetic energy of the bodies, that of their centres, and their torques, for any integrator;
 # {1} to {3} are the parts of an atom's force
 BODIES = (
@@ -88,8 +92,12 @@ class Lengths:
         """Steps that are left out, and steps that are sampled: multiples of ``stride``."""
         return [at_least_one(ps, stride * dt) * stride for ps in (self.settle, self.time)]
 
-    def every(self, dt: float, stride: int = 1) -> int:
-        """Steps between samples: of a settled run at least eight of them."""
+    def every(self, dt: float, scheme: Scheme) -> int:
+        """Steps between samples: of a settled run at least eight of them; one where averages are
+        refined, which takes steps one after the other."""
+        if scheme.refined:
+            return 1
+        stride = scheme.stride
         sampled = self.runs(dt, stride)[1] // stride
         return stride * max(1, min(round(SAMPLED / (stride * dt)), sampled // 8))
 
@@ -109,6 +117,7 @@ class Plan:
         known: points that users have today: costs are told beside theirs.
         turning: degrees of freedom of all rotation; 0 tells no temperatures of the two motions.
         dipole: whether the whole's dipole is looked at.
+        longest: fs, of steps from which averages at step zero follow; 0 for the scheme's reach.
     """
 
     scene: Scene
@@ -118,6 +127,7 @@ class Plan:
     known: tuple[Point, ...]
     turning: int = 0
     dipole: bool = False
+    longest: float = 0.0
 
     def label(self, point: Point) -> str:
         """A point, for tables and the terminal."""
@@ -141,7 +151,8 @@ class Plan:
         if short:
             usual |= {name: some for name, some in SHORT.items() if name in usual}
         if not only:
-            names = [name for name in names if self.schemes[name].engine is None]
+            usual = {name: usual[name] for name in names if self.schemes[name].usual}
+            names = [*usual]
             names = [name for name in names if not short or name in SHORT] or names
         firsts = [(name, self.schemes[name].first or name) for name in names]
         found = [
@@ -164,6 +175,8 @@ class Plan:
             forces = FORCES[RAW in scheme.lines]
             lines += [_filled(line, self.scene.group, forces) for line in BODIES]
             columns += [KINETIC, MOVES, TORQUE]
+        if scheme.refined:
+            columns += REFINED
         if self.dipole:
             lines += [f"variable dipole{i} atom q*c_place[{i}]" for i in (1, 2, 3)]
             lines += ["compute dipole all reduce sum v_dipole1 v_dipole2 v_dipole3"]
@@ -184,12 +197,14 @@ class Runs:
 
     Attributes:
         silence: s without a sign of life after which a run is given up.
+        fewer: whether longer steps than the shortest run from half of the starts only.
     """
 
     plan: Plan
     lengths: Lengths
     folder: Path
     silence: float
+    fewer: bool = False
 
     @property
     def store(self) -> Store:
@@ -201,6 +216,11 @@ class Runs:
         """Their numbers."""
         return range(1, self.lengths.starts + 1)
 
+    def starts_of(self, point: Point, points: Collection[Point]) -> range:
+        """Numbers of the starts from which one of these points runs."""
+        longer = point.dt > min(one.dt for one in points)
+        return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
+
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
         """The starts, all points from the first one, then all from the next one."""
         made = [
@@ -208,7 +228,7 @@ class Runs:
         ]
         for n in self.starts:
             said = f", start {n}" * (len(self.starts) > 1)
-            for point in points:
+            for point in (point for point in points if n in self.starts_of(point, points)):
                 job, label = partial(self.job, point, n), self.plan.label(point) + said
                 made.append(Trajectory(_name(n, point), label, job, point, start_name(n)))
         return made
@@ -219,9 +239,12 @@ class Runs:
 
     def steps(self, points: Collection[Point]) -> int:
         """All steps of all runs together."""
-        strides = ((point.dt, self.plan.schemes[point.scheme].stride) for point in points)
-        each = sum(sum(self.lengths.runs(dt, stride)) for dt, stride in strides)
-        return len(self.starts) * (self._begin + each)
+        total = len(self.starts) * self._begin
+        for point in points:
+            stride = self.plan.schemes[point.scheme].stride
+            each = sum(self.lengths.runs(point.dt, stride))
+            total += len(self.starts_of(point, points)) * each
+        return total
 
     def left(self) -> list[Point]:
         """Points of which the folder has runs."""
@@ -247,7 +270,7 @@ class Runs:
         """The run of a point from a start."""
         scheme, folder = self.plan.schemes[point.scheme], self.folder / _name(start, point)
         runs = self.lengths.runs(point.dt, scheme.stride)
-        every = self.lengths.every(point.dt, scheme.stride)
+        every = self.lengths.every(point.dt, scheme)
         if scheme.engine:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
             course = Course(*how, runs, SPARSE * every, FIRST_SEED + start)
@@ -265,7 +288,7 @@ class Runs:
         self, loops: Mapping[Point, tuple[int, float]], meter: run.Meter, time: bool
     ) -> dict[Point, list[float]]:
         """What a ps costs, s of one core: points are timed in turn, without samples, in some
-        rounds.  One that fails has none.
+        rounds; those whose averages are refined with what these take.  One that fails has none.
 
         Args:
             loops: of each point the start that it is timed from, and about how many s a step takes.
@@ -281,7 +304,9 @@ class Runs:
             stride = self.plan.schemes[names[name].scheme].stride
             runs = [-(-one // stride) * stride for one in rounds.lengths(loop, SECONDS).runs]
             folder = self.folder / TIMED / f"{name}-{number}"
-            return self._job(names[name], start, folder, runs, 0, [])
+            refined = self.plan.schemes[names[name].scheme].refined
+            columns = run.thermo("vol", *REFINED) if refined else []
+            return self._job(names[name], start, folder, runs, int(refined), columns)
 
         def measure() -> dict[str, list[float]]:
             if not time:
@@ -307,7 +332,8 @@ class Runs:
     ) -> run.Job:
         """A run of LAMMPS; its momentum is zero, for some schemes keep it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
-        begun = from_dump(self.plan.scene, dump, self._begin)
+        barostat = self.plan.starter.pressure is not None
+        begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         how: dict = {"dt": point.dt, "every": every, "keeps": "nothing", "silence": self.silence}

@@ -9,14 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from ..experiment import Point
-from ..own import counted
+from ..own import counted, shapes
+from ..own.script import texts
 from ..own.system import Own
 from ..scenes import TEMPERATURE, peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
 from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
 from . import with_gromacs, with_openmm
-from .plan import Plan
+from .plan import BODIES, Plan
 from .schemes import (
+    RAW,
     SEED,
     STRONG,
     Bodies,
@@ -33,6 +35,9 @@ HEAVY = 3.0, 4.0  # amu, of water's hydrogens
 # others
 PEPTIDE_TURNS = 4439
 OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # of a script's step
+# of the frequency of the stiffest motion that forces tell times the longest step: that of water, by
+# its libration, is 8 fs, some two thirds of the step at which it fails
+REACH = 0.95
 # what stands before a seed in a script's lines: the keyword, or a temperature with its damping
 SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
 # what users have today, for molecules that shake can hold, for others, and at constant pressure
@@ -94,32 +99,60 @@ SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into 
 
 
 def of_script(own: Own) -> Plan:
-    """A script of one's own, at its constant temperature.
+    """A script of one's own, at its constant temperature, and its pressure where it keeps one.
 
     Raises:
         SystemExit: it is no script that averages of can be held against a limit.
     """
     found, scene = own.found.state, own.scene
-    if scene.units != "real" or not found.temp or found.press or found.ramps:
+    pressures = {float(start) for _, start, *_ in found.press}
+    if scene.units != "real" or not found.temp or len(pressures) > 1 or found.ramps or found.tilts:
         raise SystemExit(
-            f"{scene.subject}: sample needs units real and one constant temperature, kept by the "
-            "fix whose place others take, in a box that does not change: give a run with fix nvt, "
-            "rigid/nvt or nosquish/nvt"
+            f"{scene.subject}: sample needs units real and one constant temperature, and at most "
+            "one constant pressure, kept by the fix whose place others take: give a run with fix "
+            "nvt or npt, rigid/nvt or rigid/npt, nosquish/nvt or nosquish/npt"
         )
     temperature, steps = float(found.temp[0]), tuple(factor * scene.dt for factor in OWN_FACTORS)
     schemes = by_name(
         Scheme.of(
             integrator,
-            lines=tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines),
+            lines=_lines(integrator),
             held=_held(own, integrator),
             temperature=temperature,
+            pressure=min(pressures, default=None),
             steps=steps,
             reach=None if "rigid/n" in integrator.label else 2 * scene.dt,
         )
         for integrator in own.integrators.values()
     )
     starter = schemes.get(OURS, schemes[own.reference])
-    return Plan(scene, temperature, schemes, starter, (Point(own.reference, scene.dt),))
+    stiffest = max(shapes.fastest(own, shapes.bodies(own)[0]).values(), default=0.0)
+    longest = max(REACH / stiffest if stiffest else 0.0, scene.dt)
+    known, turning = (Point(own.reference, scene.dt),), _turning(own)
+    return Plan(scene, temperature, schemes, starter, known, turning, longest=longest)
+
+
+def _lines(integrator: Integrator) -> tuple[str, ...]:
+    """An integrator's lines, with a place for the seed, and forces without a thermostat's noise."""
+    lines = tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines)
+    return (RAW, *lines) if any(texts(line)[3:4] == ["langevin"] for line in lines) else lines
+
+
+def _turning(own: Own) -> int:
+    """Degrees of freedom of all rotation; 0 where `plan.BODIES` cannot tell the bodies' torques: in
+    two dimensions, of bodies that no molecule's number tells, where there are atoms in none or
+    something else acts on them, and in a script that has such names itself."""
+    made = {texts(line)[1] for line in BODIES}
+    if (
+        own.found.bodies != "molecule"
+        or own.said["dimension"] == 2
+        or (own.found.body == 0).any()
+        or counted.acting(own)
+        or any(made.intersection(texts(line)[1:2]) for line in own.said["commands"])
+    ):
+        return 0
+    kinds = shapes.kinds(own, shapes.bodies(own)[0])
+    return sum(kind.number * (kind.freedom - 3) for kind in kinds)
 
 
 def _held(own: Own, integrator: Integrator) -> int:

@@ -8,19 +8,16 @@ files.
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..scenes.integrators import Integrator, constrained, nosquish, rigid
 from .engine import Engine
 
 FIRST_SEED = 7100
 SEED = "SEED"  # in a scheme's lines
-WEAK, DAMPING, STRONG = 500.0, 200.0, 50.0  # fs; friction of 2/ps, 5/ps and 20/ps
+DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and 20/ps
 PRESSURE_DAMPING = 500.0  # fs
-MOMENT, FACTOR = 6, 4  # amu Angstrom^2 about each axis of water; times those of other molecules
-# the same, and the skin (Angstrom), of what is to give most independent samples for its time:
-# friction that slows little needs moments that are larger for the same error
-LARGE, TIMES_LARGE, SKIN = 9, 6, 3
+SKIN = 3  # Angstrom, of lists of neighbours that last for several long steps
 HYBRID = 10  # steps of a trajectory of hybrid Monte Carlo
 PRESSURE = 1.0  # atm
 # states at constant pressure: ends of a scheme's name and label, K above the first state's
@@ -36,6 +33,63 @@ STATES = (
 RAW = "fix raw {group} store/force"
 
 
+class Moments(NamedTuple):
+    """A choice of moments of inertia: ends of a scheme's name, label and fix line."""
+
+    name: str = ""
+    label: str = ""
+    words: str = ""
+
+
+class Thermostat(NamedTuple):
+    """One of ours.
+
+    Attributes:
+        damping: fs.
+        words: behind ``thermostat`` of the fix line.
+        reach: see `Scheme`, with the molecules' own moments.
+        held, refined: see `Scheme`.
+    """
+
+    name: str
+    label: str
+    damping: float
+    words: str
+    reach: float | None = 6.0
+    held: int = 3
+    refined: bool = False
+
+
+OWN, OF_STEP = Moments(), Moments("-step", ", moments of the step", " moments step")
+EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; times others' own
+# schemes of ours that run if none is named
+USUAL = (
+    *("langevin-5", "langevin-20", "csvr", "nh"),
+    *("langevin-5-equal-6", "langevin-20-equal-6", "langevin-2-equal-9", "langevin-20-step"),
+    *("langevin-5-scale-4", "langevin-20-scale-4", "langevin-2-scale-6"),
+)
+
+
+def _thermostats() -> Iterator[Thermostat]:
+    """Langevin's by their friction in 1/ps, and those of the whole's kinetic energy by the inverse
+    of their damping time."""
+    for rate in (0.5, 1.0, 2.0, 5.0, 20.0):
+        words, reach = f"langevin seed {SEED}", 8.0 if rate == 20.0 else 6.0
+        name = f"langevin-{rate:g}"
+        yield Thermostat(name, f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0)
+    noise = f"csvr seed {SEED}"
+    yield Thermostat("csvr", "csvr", DAMPING, noise)
+    yield Thermostat("csvr-separate-50", "csvr 50/ps, separate", 20.0, noise + " separate yes")
+    yield Thermostat("nh", "nh", DAMPING, "nh")
+    # a refined average has no error of the second order, so what small steps lead to is its own
+    more: dict = {"reach": None, "refined": True}
+    yield Thermostat("csvr-refined", "csvr 50/ps, refined", 20.0, noise, **more)
+    yield Thermostat("nh-refined", "nh 10/ps, refined", 100.0, "nh", **more)
+
+
+THERMOSTATS = [*_thermostats()]
+
+
 @dataclass(frozen=True)
 class Scheme(Integrator):
     """An integrator with its thermostat, with or without a barostat, at one state.
@@ -44,6 +98,7 @@ class Scheme(Integrator):
 
     Attributes:
         steps: fs, of the points that are run if no other steps are asked for.
+        usual: whether it is run if no scheme is named.
         reach: fs, of the longest step whose error the terms of the limit's fit can have; infinite
             for a scheme that has no error of the step, None if its limit is another than that of
             the scene's other schemes.
@@ -51,6 +106,7 @@ class Scheme(Integrator):
         temperature: K.
         pressure: atm; None at constant volume.
         first: name of the same scheme at the first state, if this is at another one.
+        refined: whether averages are refined ones, see `statistics.refined`.
         whole: whether it moves all atoms, those in no body, too.
         stride: steps between two that have configurations of the right distribution.
         engine: that runs it; None for LAMMPS.
@@ -59,11 +115,13 @@ class Scheme(Integrator):
     """
 
     steps: tuple[float, ...] = ()
+    usual: bool = True
     reach: float | None = None
     held: int = 0
     temperature: float = 298.0
     pressure: float | None = None
     first: str = ""
+    refined: bool = False
     whole: bool = False
     stride: int = 1
     engine: Engine | None = None
@@ -119,7 +177,8 @@ class Bodies:
         everywhere: group of all atoms that move.
         shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
             that bodies do: else its averages are others in the limit, too.
-        equal: whether moments of `MOMENT` are of use, else those of the molecules are scaled.
+        equal: whether moments that are equal about all axes are of use, else those of the molecules
+            are scaled.
         heavy: of hydrogens' masses the LAMMPS commands that set all masses.
         longest: fs.
     """
@@ -133,6 +192,23 @@ class Bodies:
     equal: bool = False
     heavy: Mapping[float, tuple[str, ...]] = field(default_factory=dict)
     longest: float = 14.0
+
+    @property
+    def moments(self) -> list[Moments]:
+        """Choices of moments of inertia, larger ones behind smaller ones."""
+        if self.equal:
+            return [
+                Moments(
+                    f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}"
+                )
+                for size in EQUAL
+            ]
+        return [
+            Moments(
+                f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}"
+            )
+            for times in SCALED
+        ]
 
 
 def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
@@ -148,55 +224,46 @@ def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
 
 
 def _nosquish(bodies: Bodies) -> list[Scheme]:
-    """Ours: with a thermostat in the middle of the step, or hybrid Monte Carlo."""
-    usual, strong, weak = (
-        f"{state(bodies.temperature, damping)} thermostat" for damping in (DAMPING, STRONG, WEAK)
-    )
-    if bodies.equal:
-        ending, word, large = "equal", f"equal {MOMENT}", f"equal {LARGE}"
-        said, told = (f"moments of {moment} amu Å²" for moment in (MOMENT, LARGE))
-    else:
-        ending, word, large = "scaled", f"scale {FACTOR}", f"scale {TIMES_LARGE}"
-        said, told = (f"{factor} times the moments" for factor in (FACTOR, TIMES_LARGE))
-    noise = f"langevin seed {SEED}"
-    chance = f" temp {bodies.temperature:g} steps {HYBRID} seed {SEED}"
-    short: dict = {"style": "NVT", "steps": (1.0, 2.0, 4.0, 6.0, 8.0, 10.0), "reach": 6.0}
-    long: dict = {"style": "NVT", "steps": (4.0, 8.0, 10.0, 12.0, 14.0), "reach": 10.0}
-    keeps: dict = {"style": "NVT", "steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0, "held": 3}
-    exact: dict = {"style": "HMC", "stride": HYBRID, "reach": math.inf}
+    """Ours: each thermostat in the middle of the step with each choice of moments of inertia, and
+    hybrid Monte Carlo."""
+    # the step chooses larger moments of such molecules only
+    choices = (OWN, *bodies.moments, *[OF_STEP] * bodies.equal)
     made = [
-        ours("langevin-5", "NVT langevin 5/ps", f"{usual} {noise}", **short),
-        ours("langevin-20", "NVT langevin 20/ps", f"{strong} {noise}", **short | {"reach": 8.0}),
-        ours(
-            f"langevin-5-{ending}", f"NVT langevin 5/ps, {said}",
-            f"{usual} {noise} moments {word}", **long,
-        ),
-        ours(
-            f"langevin-20-{ending}", f"NVT langevin 20/ps, {said}",
-            f"{strong} {noise} moments {word}", **long,
-        ),
-        ours(
-            f"langevin-2-{ending}", f"NVT langevin 2/ps, {told}, skin of {SKIN} Å",
-            f"{weak} {noise} moments {large}", **long,
-            before=(f"neighbor {SKIN} bin",),  # lists of neighbours that last longer
-        ),
-        ours("csvr", "NVT csvr", f"{usual} csvr seed {SEED}", **keeps),
-        ours("nh", "NVT nh", f"{usual} nh", **keeps),
-        ours("hmc", f"HMC, {HYBRID} steps", chance, steps=(2.0, 4.0, 6.0), **exact),
-        # of many bodies no long step is accepted without larger moments
-        ours(
-            f"hmc-{ending}", f"HMC, {HYBRID} steps, {told}", f"{chance} moments {large}",
-            steps=(8.0, 10.0), **exact,
-        ),
-    ]  # fmt: skip
-    if bodies.equal:  # the step chooses larger moments of such molecules only
-        label, words = "NVT langevin 20/ps, moments of the step", f"{strong} {noise} moments step"
-        # the moments are others at each step, and so is what small steps lead to
-        steps = {"steps": (6.0, 8.0, 12.0), "reach": None}
-        made.append(ours("langevin-20-step", label, words, **long | steps))
+        _middle(bodies, thermostat, moments) for thermostat in THERMOSTATS for moments in choices
+    ]
+    chance = f" temp {bodies.temperature:g} steps {HYBRID} seed {SEED}"
+    exact: dict = {"style": "HMC", "stride": HYBRID, "reach": math.inf}
+    # of many bodies no long step is accepted without larger moments
+    for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
+        label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
+        made.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
     lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.points) for scheme in made]
     whole = bool(bodies.rest)
     return [replace(scheme, lines=own, whole=whole) for scheme, own in zip(made, lines)]
+
+
+def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
+    """A thermostat in the middle of the step, with a choice of moments."""
+    long = moments is not OWN
+    steps = (4.0, 8.0, 10.0, 12.0, 14.0) if long else (1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
+    # where the moments are others at each step, so is what small steps lead to
+    reach = thermostat.reach and thermostat.reach + 4.0 * long
+    if moments is OF_STEP:
+        reach = None
+    name = thermostat.name + moments.name
+    return ours(
+        name,
+        f"NVT {thermostat.label}{moments.label}",
+        f"{state(bodies.temperature, thermostat.damping)} thermostat {thermostat.words}"
+        f"{moments.words}",
+        "NVT",
+        steps=steps,
+        reach=reach,
+        held=thermostat.held,
+        refined=thermostat.refined,
+        usual=name in USUAL,
+        before=(f"neighbor {SKIN} bin",) if long else (),
+    )
 
 
 def _rigid(bodies: Bodies) -> list[Scheme]:

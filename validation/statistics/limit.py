@@ -2,7 +2,9 @@
 
 Schemes that sample the same distribution differ by errors of the step only.  These are even in it:
 U_s(h) = U0 + a_s h^2 + b_s h^4, with one U0 for all.  A weighted least-squares fit to all points
-gives U0 with a smaller error than any one run with a very short step.
+gives U0 with a smaller error than any one run with a very short step (`fit`).
+
+Points of one scheme alone tell U0, too (`to_zero`).
 """
 
 import math
@@ -14,8 +16,13 @@ import numpy as np
 from scipy import special
 
 from .estimate import CONFIDENCE, Estimate, combined, margin
+from .measures import difference
 
 ENOUGH = 4  # steps of a scheme that has a term in h^4, too
+# of what the longest step is off, the term in h^4 is about such a part, and of this that in h^6.
+# Where a motion is unstable at the step s, each is (h / s)^2 of the one before
+SHARE = 0.3
+POWERS = 3  # of the square of the step
 Key = TypeVar("Key", bound=Hashable)
 
 
@@ -28,12 +35,14 @@ class Fit:
         weights: U0 is the sum of these times the points' values; a point that is not in the fit
             has none.
         chi2, freedom: of what the fit leaves, and its degrees of freedom.
+        terms: U0, and the factors of the fit's other terms.
     """
 
     points: Mapping
     weights: Mapping = field(default_factory=dict)
     chi2: float = 0.0
     freedom: int = 0
+    terms: tuple[float, ...] = ()
 
     @property
     def limit(self) -> Estimate:
@@ -86,7 +95,34 @@ def fit(
     """
     used = [one for one in points if _is_in(steps[one], reaches) and points[one].error > 0]
     terms = _terms([steps[one] for one in used], reaches)
-    design = np.stack([np.ones(len(used)), *terms], axis=1)
+    return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
+
+
+def to_zero(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | None:
+    """The `Fit` of means of one scheme, by step; None if less than two steps tell a mean.
+
+    U(h) = U0 + a x + b x^2 + c x^3, with x the square of the step over that of the longest one.
+    How large b and c are about is known beside what is seen of a (`SHARE`).  So each is a point of
+    the fit by itself, by the name of its power of h: a number that is zero with this standard
+    error.  What the means do not tell of them is a part of U0's error.
+
+    Args:
+        powers: of x.
+    """
+    told = {dt: one for dt, one in sorted(points.items()) if one.error > 0}
+    if len(told) < 2:
+        return None
+    shortest, *_, longest = told
+    squares = {dt: (dt / longest) ** 2 for dt in told}
+    slope = difference(told[longest], told[shortest]).times(1 / (1 - squares[shortest]))
+    seen = float(np.hypot(slope.value, slope.error))
+    higher = {f"h^{2 * n}": Estimate(0.0, seen * SHARE ** (n - 1)) for n in range(2, powers + 1)}
+    rows = [[x**n for n in range(powers + 1)] for x in squares.values()]
+    return _fitted(told | higher, [*told, *higher], np.array([*rows, *np.eye(powers + 1)[2:]]))
+
+
+def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
+    """The weighted least-squares fit, with U0 in the first column; None if that is not told."""
     # an error that few values tell is uncertain: its margin weighs it as a normal one
     size = np.array([points[one].margin / margin(1.0) for one in used])
     if not len(used):
@@ -96,10 +132,11 @@ def fit(
     if abs((inverse @ scaled)[0] - np.eye(len(scaled[0]))[0]).max() > 1e-6:
         return None  # no scheme has two steps
     values = np.array([points[one].value for one in used]) / size
-    left = values - scaled @ (inverse @ values)
+    terms = inverse @ values
+    left = values - scaled @ terms
     freedom = len(used) - np.linalg.matrix_rank(scaled)
     weights = dict(zip(used, map(float, inverse[0] / size)))
-    return Fit(points, weights, float(left @ left), int(freedom))
+    return Fit(points, weights, float(left @ left), int(freedom), tuple(map(float, terms)))
 
 
 def _is_in(step: tuple[str, float], reaches: Mapping[str, float]) -> bool:

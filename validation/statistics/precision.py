@@ -73,18 +73,12 @@ def seconds(worth: Worth, error: float) -> Interval:
     return Interval.of(_seconds(*worth.draws(), error))
 
 
-def times(known: Worth, other: Worth, error: float | None = None) -> Interval:
-    """How many times less the other one takes to a total error.
-
-    Args:
-        error: None takes that of the known one when its noise is as large as its bias, which is
-            where more of its time begins to be in vain.
-    """
+def times(known: Worth, other: Worth, error: float) -> Interval:
+    """How many times less the other one takes to a total error."""
     if np.isnan([one.value for worth in (known, other) for one in worth]).any():
         return Interval(np.nan, np.nan, np.nan)
     first, second = known.draws(1), other.draws(2)
-    aim = np.sqrt(2) * abs(first[0]) if error is None else error
-    spent, other_spent = _seconds(*first, aim), _seconds(*second, aim)
+    spent, other_spent = _seconds(*first, error), _seconds(*second, error)
     with np.errstate(invalid="ignore"):
         ratio = spent / other_spent
     # none of both comes to it: nobody is faster

@@ -1,0 +1,94 @@
+"""Forces that graphics cards compute: what LAMMPS copies for this fix, which moves bodies on the
+host, and what would be wrong."""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from .integrator import Integrator
+
+_PRECISIONS = "double", "mixed", "single"
+_BYTES = 3 * 24  # of an atom, in a step: its force to the host, its position there and back
+
+
+class Cards(NamedTuple):
+    """Packages by which LAMMPS computes forces, besides its own way.
+
+    Attributes:
+        gpu: the precision of the package GPU if it is in use, else empty.
+        kokkos: the precision of KOKKOS if it is on, else empty.
+        number: how many cards a node has for KOKKOS.
+    """
+
+    gpu: str = ""
+    kokkos: str = ""
+    number: int = 0
+
+    def problem(self, *, energy: bool, flips: bool, held: bool, counts: bool) -> str:
+        """Why a run would be wrong; empty if it is not.
+
+        Args:
+            energy, flips: `needs_energy` and `flips` of the integrator.
+            held, counts: those of its host.
+        """
+        if self.gpu and counts:
+            return (
+                "the package GPU adds its forces where fixes add theirs. Another fix changes "
+                "forces here that the pressure must not count, and nothing tells the two apart: "
+                "use pair styles without the suffix gpu, or leave that fix out"
+            )
+        if self.kokkos not in ("", "double"):
+            return (
+                f"this KOKKOS has {self.kokkos} precision, and rounds the positions that this fix "
+                "gives atoms: use one that was built with KOKKOS_PREC=double"
+            )
+        within_a_step = {
+            "hybrid Monte Carlo moves atoms back": energy,
+            "tilts that change send atoms to other ranks": flips,
+            "the box moves atoms that fix shake or rattle holds": held,
+        }
+        what = next((what for what, asked in within_a_step.items() if asked), "")
+        if self.number and what:
+            return (
+                f"{what} within a step, where KOKKOS does not look at the host's arrays: start "
+                "LAMMPS without -k on, or use a KOKKOS that was built for the host only"
+            )
+        return ""
+
+    def copies(self, places: int) -> list[str]:
+        """Lines for the log, none without such a package.
+
+        Args:
+            places: in LAMMPS's arrays of atoms on all ranks, for ghost atoms and in reserve, too.
+        """
+        lines = []
+        if self.gpu:
+            lines.append(
+                f"  package GPU ({self.gpu} precision): forces come to the host anyway, and "
+                "nothing is copied for this fix"
+            )
+        if self.number:
+            lines.append(
+                f"  KOKKOS on a card: {_BYTES * places / 1e6:.3g} MB are copied for this fix in "
+                "each step, forces to the host, and positions to the host and back. This fix was "
+                "not tried on a card: compare its energies with those of a run on the host"
+            )
+        elif self.kokkos:
+            lines.append("  KOKKOS on the host: nothing is copied")
+        return lines
+
+
+def find(integrator: "Integrator") -> Cards:
+    """The packages of this run; none with LAMMPS's own fix, for which KOKKOS copies all."""
+    lammps = integrator.lammps
+    if not integrator.host.follows:
+        return Cards()
+
+    def precision(package: str, active: bool) -> str:
+        known = (word for word in _PRECISIONS if lammps.has_precision(package, word))
+        return next(known, "unknown") if active else ""
+
+    return Cards(
+        gpu=precision("GPU", "GPU" in integrator.other_fixes.packages),
+        kokkos=precision("KOKKOS", lammps.setting("kokkos_active") > 0),
+        number=max(0, lammps.setting("kokkos_ngpus")),  # -1 where LAMMPS does not know the word
+    )

@@ -1,0 +1,96 @@
+"""How much less time than the best rival a point takes to the same error of an average.
+
+The error of each average is fixed by the rivals: E is the upper end of the 95 % interval of |bias|
+of the rival that has the smallest one, and at least its bound.  A point's time is
+that after which bias^2 + variance = 2 E^2: a rival with this bias then has as much noise.  The best
+rival is the one that takes the least.  A bias that is significantly above E fails whatever the
+time.
+"""
+
+from collections.abc import Mapping, Sequence
+from math import inf, sqrt
+
+from ..statistics.estimate import Estimate, margin
+from ..statistics.precision import Interval, Worth, seconds, times
+from .observables import CONFIGURATIONS
+
+NEVER = Interval(inf, inf, inf)
+
+
+def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict]:
+    """Adds to each row what its averages take.
+
+    Args:
+        rows: of `measure.told`, plain data.
+        bounds: of the biases of observables, in their units.
+
+    Returns:
+        by observable ``error``, E in the unit of biases, and the best rival's ``label``, ``dt``,
+        ``seconds``.  Rows get ``seconds``, s of one core to E, and ``faster``, how many times less
+        that is than the best rival's; 0 where a point fails.
+    """
+    goals = {}
+    for row in rows:
+        row["seconds"], row["faster"] = {}, {}
+    for key in CONFIGURATIONS:
+        some = [row for row in rows if key in row["noise"] and key in row["biases"]]
+        rivals = [row for row in some if _is_rival(row)]
+        if rivals:
+            goals[key] = _compare(key, some, rivals, bounds.get(key, 0.0))
+    return goals
+
+
+def best(rows: Sequence[Mapping]) -> Mapping | None:
+    """The point of ours whose smallest gain is the largest; None without one.
+
+    It is chosen by the gains, so the chosen one's are a little too large, by less than their
+    intervals.
+    """
+    ours = [row for row in rows if row["ours"] and row["faster"]]
+    return max(ours, key=_smallest, default=None)
+
+
+def _smallest(row: Mapping) -> float:
+    values = (gain["value"] for gain in row["faster"].values())
+    return min(inf if value is None else value for value in values)  # None: the rival never does
+
+
+def estimate(gain: Mapping, bound: float) -> Estimate:
+    """A gain with its margin towards a bound; None where it has no end there."""
+    value, low, high = (gain[name] for name in ("value", "low", "high"))
+    if value is None or (value < bound and high is None):
+        return Estimate(None)
+    return Estimate(value, (value - low if value >= bound else high - value) / margin(1.0))
+
+
+def _is_rival(row: Mapping) -> bool:
+    return not row["ours"] and row.get("engine", "LAMMPS") == "LAMMPS"
+
+
+def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: float) -> dict:
+    error = max(bound, min(_reach(row["biases"][key]) for row in rivals))
+    aim = sqrt(2) * error
+    taken = [NEVER if _fails(row, key, error) else seconds(_worth(row, key), aim) for row in rows]
+    for row, interval in zip(rows, taken):
+        row["seconds"][key] = interval.plain()
+    best = min(rivals, key=lambda row: taken[rows.index(row)].value)
+    for row, interval in zip(rows, taken):
+        if row is not best:
+            gain = times(_worth(best, key), _worth(row, key), aim)
+            row["faster"][key] = (Interval(0.0, 0.0, 0.0) if interval is NEVER else gain).plain()
+    goal = {"error": error, "label": best["label"], "dt": best["dt"]}
+    return goal | {"seconds": best["seconds"][key]}
+
+
+def _reach(bias: Mapping) -> float:
+    """The largest |bias| that is not excluded."""
+    return abs(bias["value"]) + Estimate.of(bias).margin
+
+
+def _fails(row: Mapping, key: str, error: float) -> bool:
+    bias = Estimate.of(row["biases"][key])
+    return abs(bias.value) - bias.margin > error
+
+
+def _worth(row: Mapping, key: str) -> Worth:
+    return Worth(Estimate.of(row["biases"][key]), Estimate.of(row["noise"][key]))

@@ -1,0 +1,229 @@
+"""``sample --to-zero``: averages of one scheme in the limit of small steps, from long ones.
+
+`limit.to_zero` fits the means.  The variance of U0 comes mostly from the shortest step, and for a
+given longest step it is the least for its time where the shortest one is about a third of that and
+has nine tenths of the time.  So the usual steps are a third, two thirds and all of the longest one;
+the one in the middle shows whether the square of the step suffices.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from math import floor, hypot, inf
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from ..experiment import Point
+from ..pages import Cell, Column, Figure, Said, Table
+from ..pages.figures import BLUE, INK, message, panels
+from ..statistics import limit
+from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
+from .observables import BY_KEY, CONFIGURATIONS
+from .plan import Plan
+
+TOLD = 0.5  # of an error's part by noise: as much at most is by terms that the steps do not tell
+BESIDE = 1.0  # fs, of a run that the cost is told beside
+HALF = 0.5  # fs, to which usual steps are rounded
+NOTES = {
+    "at zero": "U₀ of U(h) = U₀ + a h² + b h⁴ + c h⁶, fitted to the means at all steps. Of what "
+    f"the longest step is off, {limit.SHARE:g} is taken for the size of the term in h⁴, and "
+    f"{limit.SHARE**2:.2g} for that of h⁶: these are standard errors of terms that are zero. So "
+    "the interval has what the means do not tell of them. This holds up to two thirds of the step "
+    "at which the scheme fails.",
+    "terms": "h²: a line in the square of the step agrees with the means. h⁴: it does not "
+    f"({SURE}), and the term in h⁴ is needed. refused: the means fit no such series.",
+    "χ²": "Of the means beside the fit, with the degrees of freedom that are left. A fit is "
+    "refused where it is so large by chance in one of twenty commands at most.",
+    "fewer steps": f"Steps of a run at {BESIDE:g} fs with the same error, over those of these "
+    "runs. Of the time somewhat less: at long steps lists of neighbours are built more often.",
+}
+
+
+def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | None) -> list[Point]:
+    """What is run: one scheme, by default the first of this package's, which is the script's own if
+    that is one, at ``steps`` (fs), or the usual ones.
+
+    Raises:
+        SystemExit: there is not one scheme, or no series of its steps.
+    """
+    ours = (name for name, scheme in plan.schemes.items() if scheme.ours)
+    names = only or [next(ours, plan.known[0].scheme)]
+    if len(names) > 1:
+        raise SystemExit(f"--to-zero takes one scheme, not {', '.join(names)}")
+    scheme = plan.schemes[names[0]]
+    if any("moments step" in line for line in scheme.lines):
+        raise SystemExit(
+            f"{scheme.label}: with 'moments step' the moments of inertia are others at each step, "
+            "which no series in the step describes: give moments of one size, as 'moments equal 6'"
+        )
+    if scheme.refined or scheme.reach == inf:
+        raise SystemExit(
+            f"{scheme.label}: its averages have no error in the square of the step, so --to-zero "
+            "has nothing to take off: 'sample' alone tells them"
+        )
+    longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
+    dts = sorted(set(steps or usual(longest)))
+    if len(dts) < 2:
+        raise SystemExit("--to-zero needs two steps or more: --dt FS,FS")
+    return [Point(names[0], dt) for dt in dts]
+
+
+def usual(longest: float) -> tuple[float, ...]:
+    """The steps, fs, if none are given: rounded down, unless they are very short."""
+    parts = (longest * part / 3 for part in (1, 2, 3))
+    return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
+
+
+def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
+    """Averages at step zero, by observable; none of a pressure that a barostat keeps.
+
+    Args:
+        rows: of `measure.told`, of one scheme.
+        time: ps of each start.
+
+    Returns:
+        plain data: the number and its interval at zero, if there is one, and ``why`` not;
+        ``means``, pairs of steps and numbers; ``chi2``, ``left`` and ``probability`` of the fit,
+        and whether ``h4`` is needed; ``wide``, whether the steps leave much of it open; ``curve``,
+        factors of powers of the square of the step over that of the longest; ``fewer``, times that
+        a run at `BESIDE` takes more steps.
+    """
+    good = {row["dt"]: row for row in rows if not row["error"]}
+    found: dict[str, dict] = {}
+    for key in CONFIGURATIONS:
+        means = {dt: row["means"][key] for dt, row in good.items() if key in row["means"]}
+        kept = key == "pressure" and any("density" in row["means"] for row in good.values())
+        if means and not kept:
+            fit = limit.to_zero({dt: Estimate.of(mean) for dt, mean in means.items()})
+            found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
+            if fit:
+                starts = {dt: row["starts"] for dt, row in good.items()}
+                found[key] |= _of_fit(fit, {dt: time * starts[dt] for dt in means})
+    for one in found.values():
+        if one.get("left") and one["probability"] * len(found) < 1 - CONFIDENCE:
+            one["why"] = "the means fit no series in the square of the step"
+    return found
+
+
+def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
+    """What `told` returns of a fit, with ps of each step."""
+    line = limit.to_zero({dt: fit.points[dt] for dt in times}, powers=1)
+    assert line is not None
+    parts = {key: weight * _normal(fit.points[key]) for key, weight in fit.weights.items()}
+    noise = hypot(*(parts[dt] for dt in times))
+    size = [_normal(fit.points[dt]) ** 2 * time for dt, time in times.items()]
+    steps, beside = sum(time / dt for dt, time in times.items()), np.mean(size) / BESIDE
+    return fit.limit.plain() | {
+        "chi2": fit.chi2,
+        "left": fit.freedom,
+        "probability": fit.probability,
+        "h4": not line.agrees,
+        "wide": hypot(*(parts[key] for key in parts.keys() - times.keys())) > TOLD * noise,
+        "curve": fit.terms,
+        "fewer": float(beside / _normal(fit.limit) ** 2 / steps),
+        "why": None,
+    }
+
+
+def _normal(one: Estimate) -> float:
+    """The standard error of a normal variable with the same margin."""
+    return one.margin / margin(1.0)
+
+
+# ---- what is said
+
+
+def said(summary: Mapping) -> Said:
+    """Averages at step zero, as sentences, a table and a figure."""
+    zero, rows = summary["zero"], summary["rows"]
+    settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
+    starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
+    length = f"{settings['time']:g} ps of each step from {starts}"
+    (label, words), *_ = lines.items()
+    return Said(
+        f"Averages at step zero: {summary['title']}",
+        "What are averages in the limit of small steps?",
+        " ".join(_answer(key, one) for key, one in zero.items()) or "No run tells an average.",
+        lines=[f"{label}, {length}, after {settings['settle']:g} ps that are left out."]
+        + [_more(key, one) for key, one in zero.items() if not one["why"] and one["wide"]],
+        tables=[_table(zero)] if zero else [],
+        figures=[
+            Figure("to-zero", lambda: figure(summary), " ".join((figure.__doc__ or "").split()))
+        ],
+        notes=NOTES | {"input": " / ".join(words)},
+        failures=[
+            f"{one['label']}, {one['dt']:g} fs: {one['error']}" for one in rows if one["error"]
+        ],
+    )
+
+
+def unit(key: str) -> str:
+    """Of a mean."""
+    return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
+
+
+def _answer(key: str, one: Mapping) -> str:
+    title = BY_KEY[key].title
+    if not one["why"]:
+        return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
+    steps = ", ".join(f"{dt:g}" for dt, _ in one["means"])
+    chi2 = (
+        f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)" if "chi2" in one else ""
+    )
+    return (
+        f"{title}: no number, for {one['why']} at {steps} fs{chi2}: leave out the longest step, or "
+        "add a shorter one (--dt)."
+    )
+
+
+def _more(key: str, one: Mapping) -> str:
+    return (
+        f"{BY_KEY[key].title}: these steps leave open how large the term in h⁴ is, and much of the "
+        f"interval is for this: add a step, at best about {one['means'][0][0] / 2:.2g} fs (--dt)."
+    )
+
+
+def _table(zero: Mapping[str, Mapping]) -> Table:
+    dts = sorted({dt for one in zero.values() for dt, _ in one["means"]})
+    columns = [
+        Column("title", "average", kind="text"),
+        Column("unit", "unit", kind="text"),
+        *(Column(f"{dt:g}", f"{dt:g} fs", kind="estimate") for dt in dts),
+        Column("zero", "at zero", kind="estimate"),
+        Column("terms", "terms", kind="verdict"),
+        Column("chi2", "χ²", kind="text"),
+        Column("fewer", "fewer steps", "times", "number", ".2g"),
+    ]
+    rows = []
+    for key, one in zero.items():
+        row: dict = {"title": BY_KEY[key].title, "unit": unit(key), "terms": "refused"}
+        row |= {f"{dt:g}": mean for dt, mean in one["means"]}
+        if "chi2" in one:
+            row["chi2"] = Cell(f"{one['chi2']:.1f} ({one['left']})", one["chi2"])
+        if not one["why"]:
+            row |= {"zero": one, "terms": "h⁴" if one["h4"] else "h²", "fewer": one["fewer"]}
+        rows.append(row)
+    return Table("Averages", columns, rows, "averages")
+
+
+def figure(summary: Mapping) -> Drawing | None:
+    """Averages against the square of the step, and the fit. Whiskers: 95 % intervals, at zero that
+    of the limit."""
+    some = {key: one for key, one in summary["zero"].items() if not one["why"]}
+    if not some:
+        return None
+    drawn, axes = panels(len(some), 3, 3.6, 2.8, 0.5)
+    for (key, one), axis in zip(some.items(), axes):
+        steps = np.array([dt for dt, _ in one["means"]])
+        means = [Estimate.of(mean) for _, mean in one["means"]]
+        x = np.linspace(0, 1, 101)
+        curve = np.polynomial.Polynomial(one["curve"])(x)
+        axis.plot(x * steps.max() ** 2, curve, color=BLUE, lw=1.2)
+        how: dict = {"fmt": "o", "ms": 5, "lw": 1.2, "capsize": 2}
+        values, margins = [mean.value for mean in means], [mean.margin for mean in means]
+        axis.errorbar(steps**2, values, margins, color=BLUE, **how)
+        axis.errorbar([0], [one["value"]], [Estimate.of(one).margin], color=INK, **how)
+        axis.set(
+            xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({unit(key)})".replace(" ()", "")
+        )
+    message(drawn, f"Step zero: {_answer(*next(iter(some.items())))[:-1]}")
+    return drawn
