@@ -11,12 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from validation.scenes.boxes import (  # noqa: F401 (for the tests)
-    LIKE_LAMMPS,
     MASSES,
-    OURS,
-    RIGID,
     SHAPES,
-    SMALL,
     UNITS,
     Result,
     System,
@@ -24,12 +20,14 @@ from validation.scenes.boxes import (  # noqa: F401 (for the tests)
     apart,
     assemble,
     mixture,
-    result,
-    script,
-    tensor,
     turned,
 )
+from validation.statistics import motion
 
+OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
+LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
+RIGID = "fix 1 {group} rigid/nve {words}"
+SMALL = "fix 1 {group} rigid/nve/small {words}"
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
 
 
@@ -42,3 +40,52 @@ def water():
     )
     box = re.search(r"(\S+) xlo", files["data.water"].replace("0.0 ", "", 1))[1]
     return System(setup, files, float(box) * np.eye(3), 1.0)
+
+
+def script(
+    system: System,
+    fix: str,
+    steps: int,
+    *,
+    words: str = "molecule",
+    group: str | None = None,
+    dt: float = 1.0,
+    every: int = 10,
+    before: str = "",
+    columns: str = "",
+    after: str = "",
+) -> str:
+    """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
+
+    Args:
+        fix: a LAMMPS line with the words ``{group}`` and ``{words}``; LAMMPS's own fixes leave
+            single atoms to fix nve.
+        dt: time step, in units of the system's own.
+        before, after: further lines: before the fix, and after the run.
+    """
+    ours = "python/move" in fix
+    group = group or ("all" if ours else system.group)
+    return f"""{system.setup}
+{before}
+{fix.format(group=group, words=words)}
+{"" if ours or not system.singles else "fix 2 single nve"}
+thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}
+thermo_modify format float %.16g norm no
+thermo {every}
+timestep {dt * system.dt:.17g}
+run {steps}
+{after}
+write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
+"""
+
+
+def result(path: Path, thermo: dict[str, np.ndarray], log: str) -> Result:
+    """The `Result` whose atoms `script` has written to a file."""
+    atoms = motion.read(path)[1][0]
+    return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
+
+
+def tensor(result: Result) -> np.ndarray:
+    """The six pressure components of all printed steps, (steps, 6)."""
+    names = "Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"
+    return np.stack([result.thermo[name] for name in names], axis=1)
