@@ -260,7 +260,7 @@ def simulate(run_lammps, tmp_path, known):
         after="",
         **how,
     ):
-        """Args: as of ``validation.boxes.script``, others as of run_lammps."""
+        """Args: as of ``systems.script``, others as of run_lammps."""
         text = script(
             system,
             fix,

@@ -12,12 +12,8 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from validation.scenes.boxes import (  # noqa: F401 (for the tests)
-    LIKE_LAMMPS,
     MASSES,
-    OURS,
-    RIGID,
     SHAPES,
-    SMALL,
     UNITS,
     Result,
     System,
@@ -25,14 +21,16 @@ from validation.scenes.boxes import (  # noqa: F401 (for the tests)
     apart,
     assemble,
     mixture,
-    result,
-    script,
-    tensor,
     turned,
 )
+from validation.statistics import motion
 
 # what a restart file does not have
 AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
+OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
+LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
+RIGID = "fix 1 {group} rigid/nve {words}"
+SMALL = "fix 1 {group} rigid/nve/small {words}"
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
 
 
@@ -68,3 +66,52 @@ def close(ours, theirs, tolerance):
 def sizes(molecule, x):
     """All distances between two atoms of one molecule."""
     return np.concatenate([pdist(x[molecule == k]) for k in np.unique(molecule)])
+
+
+def script(
+    system: System,
+    fix: str,
+    steps: int,
+    *,
+    words: str = "molecule",
+    group: str | None = None,
+    dt: float = 1.0,
+    every: int = 10,
+    before: str = "",
+    columns: str = "",
+    after: str = "",
+) -> str:
+    """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
+
+    Args:
+        fix: a LAMMPS line with the words ``{group}`` and ``{words}``; LAMMPS's own fixes leave
+            single atoms to fix nve.
+        dt: time step, in units of the system's own.
+        before, after: further lines: before the fix, and after the run.
+    """
+    ours = "python/move" in fix
+    group = group or ("all" if ours else system.group)
+    return f"""{system.setup}
+{before}
+{fix.format(group=group, words=words)}
+{"" if ours or not system.singles else "fix 2 single nve"}
+thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}
+thermo_modify format float %.16g norm no
+thermo {every}
+timestep {dt * system.dt:.17g}
+run {steps}
+{after}
+write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
+"""
+
+
+def result(path: Path, thermo: dict[str, np.ndarray], log: str) -> Result:
+    """The `Result` whose atoms `script` has written to a file."""
+    atoms = motion.read(path)[1][0]
+    return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
+
+
+def tensor(result: Result) -> np.ndarray:
+    """The six pressure components of all printed steps, (steps, 6)."""
+    names = "Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"
+    return np.stack([result.thermo[name] for name in names], axis=1)

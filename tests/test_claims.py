@@ -139,7 +139,7 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "examples"])
 def test_committed_results_can_be_shown(tmp_path, name):
-    """Locks out a page that a committed summary does not make, and a wrong count."""
+    """Locks out a page that a summary does not make, and an answer that counts wrongly."""
     summary = json.loads((RESULTS / name / "summary.json").read_text())
     said = report.said(summary)
     pages.write(said, summary, tmp_path)

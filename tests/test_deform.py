@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from systems import mixture, sizes
+from systems import LIKE_LAMMPS, RIGID, mixture, sizes
 from test_nvt import SMOOTH, thermo
 from test_output import of, read
 
-from validation.scenes.boxes import LIKE_LAMMPS, RIGID, nearest
+from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target
 
 # lines of fix deform, and whether the box must be triclinic

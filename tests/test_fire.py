@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 from systems import mixture, sizes
@@ -12,7 +13,6 @@ from test_nvt import SMOOTH
 
 from validation.scenes.boxes import nearest
 from validation.scenes.data_file import data_file
-from validation.scenes.overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
 
 FORCES = (
     "write_dump all custom {} id mol mass xu yu zu fx fy fz modify sort id format float %.17g\n"

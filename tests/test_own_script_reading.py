@@ -3,7 +3,6 @@
 Held against LAMMPS itself, which runs the same script as it is.
 """
 
-import fcntl
 import json
 import os
 import subprocess
@@ -237,7 +236,7 @@ def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
     seen, once = [], run.run
 
     def watched(job, *more):
-        with Store(tmp_path / "out").locked("script", fcntl.LOCK_EX | fcntl.LOCK_NB) as free:
+        with Store(tmp_path / "out").locked("script", wait=False) as free:
             seen.append(free)
         if len(seen) == 1:
             Path(job.directory).mkdir(exist_ok=True)

@@ -1,6 +1,6 @@
 """The error of a mean at a time step, from runs with this step and longer ones."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -42,9 +42,8 @@ def by_law(
     Returns:
         None if no step tells it.
     """
-    steps = [
-        other for other in _telling(dt, found, finer) if np.isfinite([*found[other][:2]]).all()
-    ]
+    telling = (step for step in found if step != finer and (step >= dt or dt == finer or not finer))
+    steps = sorted(step for step in telling if np.isfinite([*found[step][:2]]).all())
     if not steps:
         return None
     off = np.array([found[other].value - held.value for other in steps])
@@ -55,7 +54,7 @@ def by_law(
             return _counted(
                 _with(Estimate(float(part.weights @ own)), part.error) for part in fit.parts
             )
-    alone = _alone(dt, steps, finer)
+    alone = min((other for other in steps if other >= dt or dt == finer), default=None)
     if alone is None:
         return None
     factor = _of_square(dt, alone, finer)
@@ -72,18 +71,6 @@ def _with(error: Estimate, *more: float) -> Estimate:
     """An error with further parts of its own standard error, and `LEAST`."""
     parts = (error.error, LEAST * error.value, *more)
     return error._replace(error=float(np.sqrt(sum(part**2 for part in parts))))
-
-
-def _telling(dt: float, found: Collection[float], finer: float) -> list[float]:
-    """The steps that tell the error of this one."""
-    return sorted(
-        other for other in found if other != finer and (other >= dt or dt == finer or not finer)
-    )
-
-
-def _alone(dt: float, steps: Sequence[float], finer: float) -> float | None:
-    """The one step that tells the error of this one, if no series does."""
-    return min((other for other in steps if other >= dt or dt == finer), default=None)
 
 
 def _of_square(dt: float, other: float, finer: float) -> float:

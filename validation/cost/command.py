@@ -78,16 +78,7 @@ def run(arguments: Namespace) -> int:
             points = [plan.Point(ask.name, n, own.bodies, names, *how) for n in ranks]
             script = own.scene, integrators
         else:
-            wanted = arguments.only or (SHORT if short else None)
-            names = tuple(command_line.chosen_of({name: name for name in BENCHMARKED}, wanted))
-            sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-            counted = arguments.ranks or ((1, 2) if short else None)
-            points = plan.points(parts or plan.PARTS, counted, sizes, names, *how)
-            if not points:
-                of = ", ".join(plan.COMPARED)
-                arguments.parser.error(
-                    f"messages are counted of {of}: name some of these by --only"
-                )
+            points = _points(arguments, how)
         screen = console.console()
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)
@@ -97,3 +88,17 @@ def run(arguments: Namespace) -> int:
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
     return command_line.status(summary["interrupted"], bool(said.failures))
+
+
+def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
+    """What is measured of the built-in scenes, in so many rounds of segments of so many s."""
+    short, parts = arguments.short, arguments.parts or plan.PARTS
+    wanted = arguments.only or (SHORT if short else None)
+    names = tuple(command_line.chosen(BENCHMARKED, wanted))
+    sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
+    ranks = arguments.ranks or ((1, 2) if short else None)
+    points = plan.points(parts, ranks, sizes, names, *how)
+    if not points:
+        of = ", ".join(plan.COMPARED)
+        arguments.parser.error(f"messages are counted of {of}: name some of these by --only")
+    return points

@@ -203,7 +203,7 @@ def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: 
         "modify_ratio": rounds.ratio(rivals, own, "modify"),
         "loop": rounds.spread(own, "loop"),
         "loop_ratio": rounds.ratio(rivals, own, "loop"),
-        "cpu": rounds.least_cpu(own),
+        "cpu": min((timing.cpu for timing in own if timing.cpu is not None), default=None),
         "setup": rounds.difference(own, free, "setup", 1e3),
         "first_setup": rounds.difference(own, free, "first_setup", 1e3),
         "memory": rounds.difference(own, free, "peak"),

@@ -44,19 +44,14 @@ def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
         return own
     if any(finding.called(line) in CHOOSE for line in lines):
         return own
-    if found["tail"] and _has_barostat(own):  # its pressure is to have it
-        return own
+    baths = counted.others(own).values()
+    if found["tail"] and (own.found.state.press or any(bath in PRESS for bath in baths)):
+        return own  # its pressure is to have it
     line = "pair_modify shift yes tail no"
     note = NOTE.format(line=line) + WITHOUT_TAIL * bool(found["tail"])
     tell(note)
     scene = replace(own.scene, then=(*own.scene.then, line))
     return replace(own, scene=scene, notes=(*own.notes, note))
-
-
-def _has_barostat(own) -> bool:
-    return bool(own.found.state.press) or any(
-        fix_id in PRESS for fix_id in counted.others(own).values()
-    )
 
 
 def _settings(commands: Iterable[str]) -> dict[str, bool] | None:

@@ -1,23 +1,20 @@
 """A file that one process at a time has, by which several share a folder."""
 
+import contextlib
 import fcntl
+from collections.abc import Iterator
 from pathlib import Path
 
 
-class Lock:
-    """A file that one process at a time has; the system takes it from one that was killed."""
-
-    def __init__(self, path: Path, how: int = fcntl.LOCK_EX) -> None:
-        self.path, self.how = path, how
-
-    def __enter__(self) -> bool:
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        self.file = open(self.path, "w")
+@contextlib.contextmanager
+def locked(path: Path, wait: bool = True) -> Iterator[bool]:
+    """A context in which no other process has the file; it gives whether it is ours, which it may
+    not be without waiting. The system takes it from a process that was killed."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with open(path, "w") as file:
         try:
-            fcntl.flock(self.file, self.how)
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            ours = True
         except BlockingIOError:
-            return False
-        return True
-
-    def __exit__(self, *_) -> None:
-        self.file.close()
+            ours = False
+        yield ours

@@ -171,11 +171,6 @@ def difference(
     return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
 
 
-def least_cpu(rounds: Iterable[Timing]) -> float | None:
-    """The smallest share of a core, in percent."""
-    return min((one.cpu for one in rounds if one.cpu is not None), default=None)
-
-
 def _spread(values: Iterable[float]) -> measures.Spread | None:
     known = list(values)
     return measures.spread(known) if known else None

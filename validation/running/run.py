@@ -24,7 +24,7 @@ from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
 from . import lammps_log, recorder, whole
-from .lock import Lock
+from .lock import locked
 
 WORKER = Path(__file__).with_name("worker.py")
 TIED = Path(__file__).with_name("tied.py")
@@ -218,7 +218,7 @@ def once(
     for.
     """
     try:
-        with Lock(Path(job.directory) / LOCK):
+        with locked(Path(job.directory) / LOCK):
             return collect(job.directory) if is_there(job, failures) else run(job, on_step)
     except KeyboardInterrupt:  # while waiting
         return replace(collect(job.directory), error=INTERRUPTED, interrupted=True)

@@ -11,7 +11,6 @@ input itself.)
 """
 
 import contextlib
-import fcntl
 import functools
 import hashlib
 import json
@@ -20,7 +19,7 @@ from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
 from . import machine, whole
-from .lock import Lock
+from .lock import locked
 
 RECORD = {"name", "base", "complete", "date", "record"}
 HARNESS = Path(__file__).resolve().parents[1]
@@ -98,17 +97,17 @@ class Store:
     def shared(self, names: Iterable[str]) -> Iterator[str]:
         """The names, each while no other process has it; those that others have come last."""
         waiting: list[str] = []
-        for some, how in (list(names), fcntl.LOCK_EX | fcntl.LOCK_NB), (waiting, fcntl.LOCK_EX):
+        for some, wait in (list(names), False), (waiting, True):
             for name in some:
-                with self.locked(name, how) as mine:
+                with self.locked(name, wait) as mine:
                     if mine:
                         yield name
                     else:
                         waiting.append(name)
 
-    def locked(self, name: str, how: int = fcntl.LOCK_EX) -> Lock:
+    def locked(self, name: str, wait: bool = True) -> contextlib.AbstractContextManager[bool]:
         """A context in which no other process has the name; it gives whether it is ours."""
-        return Lock(self.folder / f"{name}.lock", how)
+        return locked(self.folder / f"{name}.lock", wait)
 
     def _file(self, name: str, origin: str) -> Path:
         return self.folder / f"{name}-{origin[:16]}.json"
@@ -122,7 +121,7 @@ def alone(folder: Path) -> Iterator[None]:
     Raises:
         SystemExit: another one does.
     """
-    with Lock(folder / "alone.lock", fcntl.LOCK_EX | fcntl.LOCK_NB) as mine:
+    with locked(folder / "alone.lock", wait=False) as mine:
         if not mine:
             raise SystemExit(
                 f"another command measures in {folder} now: wait for its end, or give another "

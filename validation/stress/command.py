@@ -70,7 +70,8 @@ def run(arguments: Namespace) -> int:
         report.list_cases(screen, CASES)
         return 0
     command_line.need_scenes()
-    names, full, only = command_line.chosen(CASES, arguments.cases), arguments.full, arguments.only
+    names = command_line.chosen(CASES, arguments.cases)
+    full, only = arguments.full, arguments.only
     out = command_line.folder(arguments, not full)
     rows = measure.plan(CASES, names, full, only)
     with console.Meter(screen, len(rows), "rows") as meter:

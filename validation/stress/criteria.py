@@ -231,11 +231,6 @@ CRITERIA = {
 EACH = Criterion("≤", 1.0, "", "", "the largest of all, each over its bound", "", "")
 
 
-def of_case(name: str) -> dict[str, Criterion]:
-    """Criteria of a case, by name."""
-    return {key: one for key, one in CRITERIA.items() if name in one.cases.split()}
-
-
 def rounding(steps: int) -> float:
     """What rounding may do to a number that is kept exactly, relative to it, in so many steps."""
     return CRITERIA["rounding"].bound * (steps + READING)

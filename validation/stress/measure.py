@@ -163,7 +163,9 @@ class Case:
     @property
     def criteria(self) -> dict[str, Criterion]:
         """All that bound its numbers, by name."""
-        return criteria.of_case(self.name) if self.bounds is None else self.bounds
+        return self.bounds or {
+            key: some for key, some in criteria.CRITERIA.items() if self.name in some.cases.split()
+        }
 
     @property
     def bound(self) -> Criterion:

@@ -19,7 +19,7 @@ from .measure import EXACT, REPORTED, Case, Number, Stand
 FIXES = "nosquish", "rigid/nve", "rigid/nve/small"
 ROUNDING = "rounding, after the motion has made it grow"
 NEED = "who reported it"
-# of a way to run a box: of a `System`, steps and keywords as of ``boxes.script``, its `Result`
+# of a way to run a box: of a `System`, steps and keywords, its `Result`
 Simulate = Callable[..., Result]
 MEASURES: dict[str, Callable[[Simulate], float | Number]] = {}  # of the cases, by name
 CASES: list[Case] = []

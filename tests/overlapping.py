@@ -9,9 +9,9 @@ import itertools
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from .boxes import System, nearest
-from .data_file import data_file
-from .liquids import RING
+from validation.scenes.boxes import System, nearest
+from validation.scenes.data_file import data_file
+from validation.scenes.liquids import RING
 
 _HALF = np.radians(104.52 / 2)
 # places, types, charges
