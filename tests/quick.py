@@ -75,11 +75,10 @@ QUICK = {
     "runs in a row, restart": """
         test_scripts.py::test_rerun[2]
         test_scripts.py::test_rerun_of_rounded_places[1]
-        test_restart.py::test_runs_in_parts[2]
+        test_restart.py::test_continued[cube]
         test_waiting.py::test_readers_find_velocities""",
     "plugin": """
         test_plugin.py::test_equals_fix_nve
-        test_plugin.py::test_help_option
         test_plugin.py::test_error_on_one_rank_ends_all[init-lmp]
         test_plugin.py::test_run_error_everywhere_is_one_message[initial_integrate-lmp]
         test_plugin.py::test_library_user_gets_an_exception
@@ -111,7 +110,7 @@ QUICK = {
         test_docs.py::test_tutorial""",
     "the suite itself": """
         test_suite.py::test_imports_what_is_installed[module]
-        test_suite.py::test_differences
+        test_suite.py::test_editable_install_is_compiled
         test_suite.py::test_quick_tests_are_there
         test_sessions.py::test_scripts_are_apart""",
 }

@@ -9,6 +9,7 @@ import re
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
 from validation.scenes.boxes import (  # noqa: F401 (for the tests)
     LIKE_LAMMPS,
@@ -30,6 +31,8 @@ from validation.scenes.boxes import (  # noqa: F401 (for the tests)
     turned,
 )
 
+# what a restart file does not have
+AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
 INPUTS = Path(__file__).resolve().parent.parent / "inputs" / "water"
 
 
@@ -42,3 +45,26 @@ def water():
     )
     box = re.search(r"(\S+) xlo", files["data.water"].replace("0.0 ", "", 1))[1]
     return System(setup, files, float(box) * np.eye(3), 1.0)
+
+
+def differ(ours, theirs, h):
+    """How far two Results lie apart, of the largest coordinate and of the highest velocity."""
+    return max(
+        apart(ours, theirs, h) / np.abs(theirs.x).max(),
+        np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max(),
+    )
+
+
+def assert_same(ours, theirs, h, tolerance=1e-9):
+    """Two Results end at the same places with the same velocities, relative to the largest."""
+    assert differ(ours, theirs, h) < tolerance
+
+
+def close(ours, theirs, tolerance):
+    """Assert that numbers are the same, relative to the largest."""
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * np.abs(theirs).max())
+
+
+def sizes(molecule, x):
+    """All distances between two atoms of one molecule."""
+    return np.concatenate([pdist(x[molecule == k]) for k in np.unique(molecule)])

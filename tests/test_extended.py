@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from systems import OURS, SMALL
+from systems import OURS, SMALL, close
 
 from fix_nosquish.bodies import shapes
 from validation.running import startup
@@ -133,10 +133,6 @@ def run_kind(run_lammps, tmp_path):
         return np.loadtxt(tmp_path / name, skiprows=9)[:, 1:], done.thermo
 
     return run
-
-
-def close(ours, theirs, tolerance):
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * np.abs(theirs).max())
 
 
 def compare(run_kind, kind, ranks, *, tolerance=1e-9, table=True, setting=""):

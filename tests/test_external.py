@@ -321,8 +321,7 @@ def test_runs_in_a_row(run_bodies):
         "run 20\nwrite_restart state\nrun 20 pre no",
         "run 20\nwrite_data data\nrun 20",
     ):
-        thermo, atoms, _ = run_bodies(system, lines + runs)
-        assert list(thermo[-1])[2:] == pytest.approx(list(thermo[-1])[2:])
+        _, atoms, _ = run_bodies(system, lines + runs)
         if runs == "run 40":
             expected = atoms
         assert atoms == pytest.approx(expected, abs=1e-13), runs

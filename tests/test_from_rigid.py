@@ -90,28 +90,22 @@ def test_velocity_zero_rigid_is_refused(refused, system, motion):
 PUSH = "group some molecule 2 3 4\nfix push some addforce 3.0 -1.0 0.5\n"
 
 
-def test_bodyforces_late(both):
-    """Locks out forces of fixes behind this one that bodies do not get, or not from the start, as
-    with the fix before LAMMPS's."""
-    end = f"fix_modify 1 bodyforces late\n{THERMO.format('')}run 20\nrun 20"
-    ours, theirs = both(f"{OURS}\n{PUSH}{end}", f"{PUSH}{THEIRS}\n{end}")
-    assert_alike(ours, theirs, ["PotEng", "KinEng"])
-    plain, _ = both(f"{OURS}\n{THERMO.format('')}run 20", f"{THEIRS}\n{THERMO.format('')}run 20")
-    assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_bodyforces_early(both, ranks):
-    """Locks out forces of fixes behind this one that bodies get although the script says that they
-    do not, and forces of fixes before it that they do not get."""
-    early = f"fix_modify 1 bodyforces early\n{THERMO.format('')}run 20\nrun 20"
+@pytest.mark.parametrize("words", ["late", "early", "early late"])
+def test_bodyforces(both, words, ranks):
+    """Locks out forces of fixes behind this one that bodies do not get, or not from the start, as
+    with the fix before LAMMPS's; such that they get although the script says that they do not, and
+    forces of fixes before it that they do not get; and a second word that does not take the first
+    one back."""
     before = PUSH.replace("push", "before").replace("some", "few").replace("3.0", "1.5")
-    ours, theirs = both(
-        f"{before}{OURS}\n{PUSH}{early}", f"{before}{THEIRS}\n{PUSH}{early}", ranks=ranks
-    )
-    assert_alike(ours, theirs, ["PotEng", "KinEng"])
-    plain, _ = both(f"{OURS}\n{PUSH}{early}", f"{THEIRS}\n{PUSH}{early}", ranks=ranks)
-    assert np.abs(ours["KinEng"][2] / plain["KinEng"][2] - 1) > 1e-4
+    end = "".join(f"fix_modify 1 bodyforces {word}\n" for word in words.split())
+    end += f"{THERMO.format('')}run 20\nrun 20"
+    theirs = f"{THEIRS}\n{PUSH}" if words == "early" else f"{PUSH}{THEIRS}\n"
+    tables = both(f"{before}{OURS}\n{PUSH}{end}", f"{before}{theirs}{end}", ranks=ranks)
+    assert_alike(*tables, ["PotEng", "KinEng"])
+    plain, other = both(f"{OURS}\n{end}", f"{OURS}\n{PUSH}{end}", ranks=ranks)
+    for one, pushed in (plain, tables[0]), (other, tables[0]):
+        assert np.abs(pushed["KinEng"][2] / one["KinEng"][2] - 1) > 1e-4
 
 
 def test_bodyforces_early_in_runs_in_a_row(both):
@@ -122,15 +116,6 @@ def test_bodyforces_early_in_runs_in_a_row(both):
     one, other = both(f"{early}run 20 pre yes\nrun 20 pre no", f"{early}run 40")
     for name in "PotEng", "KinEng":
         assert one[name][-1] == pytest.approx(other[name][-1], rel=1e-12)
-
-
-def test_bodyforces_early_and_late_again(both):
-    """Locks out a second word that does not take the first one back."""
-    end = f"fix_modify 1 bodyforces late\n{THERMO.format('')}run 20"
-    ours, theirs = both(
-        f"{OURS}\n{PUSH}fix_modify 1 bodyforces early\n{end}", f"{PUSH}{THEIRS}\n{end}"
-    )
-    assert_alike(ours, theirs, ["PotEng", "KinEng"])
 
 
 @pytest.mark.parametrize(
@@ -159,17 +144,6 @@ def test_fix_modify_that_is_refused(refused, system, words, line):
     script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.{words}"\nfix_modify 1 {line}\n'
     says = f"does not support fix_modify {line.split()[0]} command"
     refused(script, says, system.files)
-
-
-def test_fix_modify_temp_and_press(both):
-    """Locks out a script for rigid/npt that ends at its line fix_modify, or one that is believed to
-    have an effect."""
-    fix = "NPH all molecule iso 0 0 1"
-    fix = f'fix 1 all python/move "fix_nosquish.{fix}"\n'
-    end = f"{THERMO.format('vol')}run 20"
-    line = "compute t all temp\nfix_modify 1 temp t press thermo_press\n"
-    ours, plain = both(f"{fix}{line}{end}", f"{fix}{end}")
-    assert_alike(ours, plain, ["PotEng", "KinEng", "Volume"])
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

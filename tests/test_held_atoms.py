@@ -6,6 +6,8 @@ from scipy import stats
 from scipy.spatial.transform import Rotation
 from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo
 
+from validation.scenes.data_file import data_file
+
 SHAPES = (  # of a body, of two kinds that shake holds, and of an atom by itself
     [[0, 0, 0], [0.6, 0.5, 0], [-0.6, 0.5, 0]],
     [[0, 0, 0], [0.8, 0, 0]],
@@ -29,32 +31,28 @@ def words(thermostat, barostat):
 
 def system(side, spacing=2.6, tilt=0.0):
     """Molecules of the four kinds in turn on a lattice, across faces, and the begin of a script."""
-    random, atoms, bonds, angles, n = np.random.default_rng(3), [], [], [], 0
+    random, edge = np.random.default_rng(3), spacing * side
+    x, molecule, kinds, bonds, angles = [], [], [], [], []
     for k, place in enumerate(np.ndindex(side, side, side)):
-        shape = Rotation.random(random_state=random).apply(SHAPES[k % 4])
-        for x, y, z in shape + spacing * np.array(place):
-            atoms.append(f"{len(atoms) + 1} {k + 1} {k % 4 + 1} {x + tilt * y} {y} {z}")
-        size, kind = len(shape), k % 4
-        bonds += [f"{max(kind, 1)} {n + 1} {n + j}" for j in range(2, size + 1)]
-        angles += [f"1 {n + 2} {n + 1} {n + 3}"] * (kind == 2)
-        n += size
-    edge = spacing * side
-    data = ["of a test", "", f"{n} atoms", "4 atom types", f"{len(bonds)} bonds", "2 bond types"]
-    data += [f"{len(angles)} angles", "1 angle types"]
-    data += [f"0 {edge} {a}lo {a}hi" for a in "xyz"] + [f"{tilt * edge} 0 0 xy xz yz"] * bool(tilt)
-    data += ["", "Atoms", "", *atoms]
-    for name, rows in ("Bonds", bonds), ("Angles", angles):
-        data += ["", name, "", *(f"{k} {row}" for k, row in enumerate(rows, 1))]
+        kind, n = k % 4, len(x)
+        shape = Rotation.random(random_state=random).apply(SHAPES[kind]) + spacing * np.array(place)
+        x += [(a + tilt * b, b, c) for a, b, c in shape]
+        molecule += [k + 1] * len(shape)
+        kinds += [kind + 1] * len(shape)
+        bonds += [(max(kind, 1), n + 1, n + j) for j in range(2, len(shape) + 1)]
+        angles += [(1, n + 2, n + 1, n + 3)] * (kind == 2)
+    columns, terms = [molecule, kinds, x], {"bonds": bonds, "angles": angles}
+    how = {"tilt": (tilt * edge, 0, 0), "mass": (1.0, 1.5, 0.7, 1.0), "terms": terms}
+    text = data_file("molecular", columns, (0, edge), **how)
     between = 2 * np.degrees(np.arctan2(0.7, 0.4))
     setup = (
         "units lj\natom_style molecular\nread_data data.test\n"
-        "mass 1 1.0\nmass 2 1.5\nmass 3 0.7\nmass 4 1.0\n"
         f"bond_style harmonic\nbond_coeff 1 0 {LENGTHS[2]}\nbond_coeff 2 0 {LENGTHS[3]}\n"
         f"angle_style harmonic\nangle_coeff 1 0 {between:.15g}\nspecial_bonds lj 0 0 0\n"
         "group ours type 1\ngroup others subtract all ours\ngroup held type 2 3\n"
         "velocity all create 2.0 4928 loop geom\n"
     )
-    return setup, {"data.test": "\n".join(data) + "\n"}
+    return setup, {"data.test": text}
 
 
 GAS = f"{FREE}comm_modify cutoff 2.5\n"  # longer than bonds

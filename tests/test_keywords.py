@@ -6,9 +6,10 @@ import re
 
 import numpy as np
 import pytest
+import systems
 from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, apart, mixture
+from systems import LIKE_LAMMPS, OURS, RIGID, apart, close, mixture
 from test_bad_input import Case
 
 from fix_nosquish.errors import RunError
@@ -16,16 +17,16 @@ from fix_nosquish.host.command import Command, Line
 from validation.scenes.data_file import data_file
 
 
-def assert_same(ours, theirs, system, tolerance=1e-9):
+def assert_same(ours, theirs, system):
     """Two Results have the same positions, velocities and temperatures, to rounding errors."""
-    assert apart(ours, theirs, system.h) < tolerance * np.abs(theirs.x).max()
-    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=tolerance * np.abs(theirs.v).max())
-    np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=10 * tolerance)
+    systems.assert_same(ours, theirs, system.h)
+    np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-8)
 
 
 # ---- force and torque
 
 GROUPS = "group a molecule 1\ngroup b molecule 8 9\ngroup c molecule 20"
+FLAT = "fix 9 all enforce2d"
 CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group all i_body v_b"
 
 
@@ -60,6 +61,14 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
             2,
         ),
         ("single force 1 off off on torque * off on off", "one", "group one molecule 5", 1),
+        ("molecule force 2*9 off on off torque 5* off off off", "bodies", FLAT, 2),
+        (
+            "molecule force * on off off force 1 on on off torque * off off off torque *3 off off "
+            "on",
+            "bodies",
+            FLAT,
+            2,
+        ),
     ],
     ids=[
         "molecule one",
@@ -69,13 +78,17 @@ CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group al
         "group",
         "custom",
         "single",
+        "plane",
+        "plane overridden",
     ],
 )
 def test_force_and_torque(simulate, words, group, before, ranks):
     """Locks out flags on other bodies than those of this number (molecule-IDs have gaps, custom
     values turn the order, ranks have a few bodies each), flags in the body frame, and an earlier
-    keyword that wins over a later one."""
-    system = mixture("solid planar")
+    keyword that wins over a later one; and that the words that fix rigid demands in two dimensions
+    are refused, or switch other components off."""
+    flat = before == FLAT
+    system = mixture("planar", side=5, dimension=2) if flat else mixture("solid planar")
     how = dict(group=group, before=before)
     theirs = simulate(system, RIGID, 50, words=words, **how)
     assert_same(simulate(system, LIKE_LAMMPS, 50, words=words, ranks=ranks, **how), theirs, system)
@@ -83,25 +96,6 @@ def test_force_and_torque(simulate, words, group, before, ranks):
         system, RIGID, 50, words=words.partition(" force")[0].partition(" torque")[0], **how
     )
     assert apart(plain, theirs, system.h) > 1e-3, "the words make no difference here"
-
-
-@pytest.mark.parametrize(
-    "words",
-    [
-        "force 2*9 off on off torque 5* off off off",
-        "force * on off off force 1 on on off torque * off off off torque *3 off off on",
-    ],
-)
-def test_force_and_torque_in_the_plane(simulate, words):
-    """Locks out that the words that fix rigid demands in two dimensions are refused,
-    or switch other components off."""
-    system = mixture("planar", side=5, dimension=2)
-    how = dict(before="fix 9 all enforce2d")
-    theirs = simulate(system, RIGID, 50, words="molecule " + words, **how)
-    assert_same(
-        simulate(system, LIKE_LAMMPS, 50, words="molecule " + words, ranks=2, **how), theirs, system
-    )
-    assert apart(simulate(system, RIGID, 50, **how), theirs, system.h) > 1e-3
 
 
 def test_force_off_is_a_straight_line(simulate):
@@ -633,10 +627,6 @@ def run_clumps(run_lammps, tmp_path):
         return atoms[:, :9], done.thermo
 
     return run
-
-
-def close(ours, theirs, tolerance):
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=tolerance * np.abs(theirs).max())
 
 
 @pytest.mark.parametrize("dimension, points, ranks", [(3, True, 4), (3, False, 1), (2, True, 2)])

@@ -19,7 +19,6 @@ STYLES = {
     "hmc": "temp 1.25 steps 5 seed 4928",
     "fire": "force 1.0e-3 torque 1.0e-3",
 }
-AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all"
 QUOTED = 'fix 1 {{group}} python/move "fix_nosquish.{} {{group}} {{words}}"'
 NATIVE = "fix 1 {{group}} nosquish/{} {{words}}"
 

@@ -21,6 +21,7 @@ from systems import (
     System,
     apart,
     assemble,
+    assert_same,
     mixture,
     tensor,
     turned,
@@ -57,9 +58,7 @@ def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
     flat = "fix 9 all enforce2d" if shape == "plane" else ""
     theirs = simulate(system, RIGID, 50, before=flat)
     ours = simulate(system, LIKE_LAMMPS, 50, before=flat, ranks=ranks)
-    scale = np.abs(theirs.x).max()
-    assert apart(ours, theirs, system.h) < 1e-9 * scale
-    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=1e-9 * np.abs(theirs.v).max())
+    assert_same(ours, theirs, system.h)
     np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
 
 
@@ -130,8 +129,7 @@ def test_body_styles(simulate, words, group, before):
     system = mixture("solid planar")
     how = dict(words=words, group=group, before=before, ranks=2)
     theirs, ours = simulate(system, RIGID, 50, **how), simulate(system, LIKE_LAMMPS, 50, **how)
-    assert apart(ours, theirs, system.h) < 1e-9 * np.abs(theirs.x).max()
-    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=1e-9 * np.abs(theirs.v).max())
+    assert_same(ours, theirs, system.h)
 
 
 def test_mrot(simulate):
@@ -361,13 +359,6 @@ def test_pressure_at_step_0(simulate, dimension, ranks):
     np.testing.assert_allclose(tensor(ours)[2:], tensor(theirs)[2:], rtol=0, atol=1e-5 * scale)
 
 
-def test_pressure_of_water_at_step_0(simulate):
-    """Locks out a virial that misses the force of PPPM within molecules."""
-    ours, theirs = (simulate(water(), fix, 3, dt=1e-5, every=1) for fix in (OURS, SMALL))
-    scale = np.abs(tensor(ours)).max()
-    np.testing.assert_allclose(tensor(ours)[0], tensor(theirs)[-1], rtol=0, atol=1e-4 * scale)
-
-
 STEP_0 = """
 velocity all create 295 4928 loop geom
 {fix}
@@ -383,8 +374,9 @@ run 0
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, ranks):
-    """Locks out a step 0 with the impulse that makes the velocities of `velocity create` rigid, as
-    LAMMPS's rigid fixes print it: the pressure is that of the molecules' centres, by hand from the
+    """Locks out a virial that misses the force of PPPM within molecules, and a step 0 with the
+    impulse that makes the velocities of `velocity create` rigid, as LAMMPS's rigid fixes print it:
+    the pressure is that of the molecules' centres, by hand from the
     forces on the atoms, and does not depend on the time step.
 
     P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.

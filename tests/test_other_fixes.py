@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from conftest import read_thermo
 from scripts import spce
-from systems import LIKE_LAMMPS, OURS, RIGID, Result, apart, mixture, water
+from systems import LIKE_LAMMPS, OURS, RIGID, Result, differ, mixture, water
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
 COLUMNS = (
@@ -51,15 +51,6 @@ def lines(system, fix, *more, columns="", every=20, group="bodies", words="molec
     )
     return "\n".join([*more[:first], table, *more[first:]]).replace(
         "RIGID", fix.format(group=group, words=words)
-    )
-
-
-def differ(ours, theirs, h):
-    """How far two Results lie apart, in units of the largest coordinate
-    and of the highest velocity."""
-    return max(
-        apart(ours, theirs, h) / np.abs(theirs.x).max(),
-        np.abs(ours.v - theirs.v).max() / np.abs(theirs.v).max(),
     )
 
 

@@ -50,11 +50,11 @@ def obstacle():
 
 pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
 
-ICE = """
+ICE = f"""
 units         real
 atom_style    full
 read_data     data.ice
-include       {forcefield}
+include       {ROOT}/inputs/water/forcefield.water
 group         water type 1 2
 velocity      all create 295 4928
 """
@@ -118,9 +118,7 @@ def run_water(run_lammps, tmp_path, known):
     No run is done twice."""
 
     def run(fix, runs="run 20", *, launcher=None, ranks=1, own_ranks=1):
-        script = SCRIPT.format(
-            fix=fix, runs=runs, forcefield=ROOT / "inputs/water/forcefield.water"
-        )
+        script = SCRIPT.format(fix=fix, runs=runs)
         key = script, str(launcher), ranks, own_ranks
         if key not in known:
             how = dict(launcher=launcher or debian(ranks), ranks=own_ranks)
@@ -297,6 +295,7 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
 
 # the plugin and LAMMPS's own fix draw the same numbers
 NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100 {words}"'
+HMC = 'fix 1 water python/move "fix_nosquish.HMC water molecule temp 295 steps 10 seed 71"'
 
 
 @pytest.mark.parametrize(
@@ -318,27 +317,26 @@ def test_rank_that_loses_atoms_between_runs(run_water):
     assert np.abs(one - two).max() < 1e-7
 
 
-def test_ramp_needs_the_end_of_the_run(run_lammps):
-    """Locks out a ramp whose end is not known, and that is silently constant."""
-    fix = NVT.format(words="seed 71").replace("295 295", "295 400")
-    script = SCRIPT.format(fix=fix, runs="run 1", forcefield=ROOT / "inputs/water/forcefield.water")
-    done = run_lammps(script, files={"data.ice": ice()}, launcher=debian(1), check=False)
-    assert done.code
-    assert "a LAMMPS's own fix python/move does not tell where a run ends" in done.screen
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_no_hybrid_monte_carlo(run_lammps, ranks):
-    """Locks out trajectories that are tested without an energy, or hang on one rank."""
-    fix = 'fix 1 water python/move "fix_nosquish.HMC water molecule temp 295 steps 10 seed 71"'
-    script = SCRIPT.format(
-        fix=fix, runs="run 10", forcefield=ROOT / "inputs/water/forcefield.water"
-    )
+@pytest.mark.parametrize(
+    "fix, says, ranks",
+    [
+        (
+            NVT.format(words="seed 71").replace("295 295", "295 400"),
+            "a LAMMPS's own fix python/move does not tell where a run ends",
+            1,
+        ),
+        (HMC, "gives no potential energy in", 1),
+        (HMC, "gives no potential energy in", 2),
+    ],
+    ids=["ramp", "HMC", "HMC on 2 ranks"],
+)
+def test_what_needs_the_plugin(run_lammps, fix, says, ranks):
+    """Locks out a ramp whose end is not known, and that is silently constant, and trajectories that
+    are tested without an energy, or hang on one rank."""
     how = {"launcher": debian(ranks), "check": False, "timeout": SECONDS}
-    done = run_lammps(script, files={"data.ice": ice()}, **how)
-    assert done.code
-    said = [line for line in done.screen.splitlines() if "gives no potential energy in" in line]
-    assert len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
+    done = run_lammps(SCRIPT.format(fix=fix, runs="run 10"), files={"data.ice": ice()}, **how)
+    said = [line for line in done.screen.splitlines() if says in line]
+    assert done.code and len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
 
 
 def test_bodies_of_one_of_several_fixes(monkeypatch):

@@ -25,13 +25,13 @@ def test_fastest_motions(tmp_path):
     body = own.found.body.copy()
     body[body == body.max()] = 0
     own = replace(own, found=replace(own.found, body=body))
-    made = shapes.bodies(own)
-    (group,), (r,), (moments,), (axes,) = made.groups, made.apart, made.moments, made.axes
+    groups, _ = shapes.bodies(own)
+    ((_, group, r, moments, axes),) = groups
     force, torque = np.zeros_like(own.atoms["x"]), 3.0 * axes[:, None, :, 0]
     force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
     force[body == 0] = 2.0
     own = replace(own, atoms=own.atoms | {"f": force})
-    found, unit = shapes.fastest(own, made), shapes.thermal(own) * shapes.mvv2e(own)
+    found, unit = shapes.fastest(own, groups), shapes.thermal(own) * shapes.mvv2e(own)
     assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
     free = own.atoms["mass"][body == 0].min()
     assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))

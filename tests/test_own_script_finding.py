@@ -95,7 +95,7 @@ def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
 def test_shapes_of_known_bodies(tmp_path):
     """Locks out a moment, a size or a number of degrees of freedom that is not the body's own."""
     own = take(scripts.co2(tmp_path), tmp_path / "out")
-    (kind,) = shapes.kinds(own, shapes.bodies(own))
+    (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
     assert (kind.number, kind.atoms, kind.shape, kind.freedom) == (125, 3, "linear", 5)
     assert kind.size == pytest.approx(2.32, rel=1e-9)
     assert kind.moments[0] == pytest.approx(2 * 15.999 * 1.16**2, rel=1e-9)
@@ -112,46 +112,31 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
     for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
         path.write_text(text.replace("fix heat all langevin 300 300 200 11\n", line))
         own = take(path, tmp_path / "out", ranks)
-        found.append(shapes.fastest(own, shapes.bodies(own)))
+        found.append(shapes.fastest(own, shapes.bodies(own)[0]))
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
     quiet, noisy = found
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
 
 
-def test_sizes_and_nearest_atoms_of_large_bodies(taken):
-    """Locks out memory that grows as the square of a body's atoms, a size that is not a body's, and
-    nearest atoms that are of one body, bonded, or not the nearest."""
-    random = np.random.default_rng(8)
-    for shape in ((1, 1, 1), (5, 1, 1), (3, 3, 0.01), (1, 0, 0)):
-        small = random.normal(size=(7, 30, 3)) * shape
-        apart = np.linalg.norm(small[:, :, None] - small[:, None], axis=3)
-        assert shapes.width(small) == pytest.approx(apart.max())
-        large = random.uniform(-1, 1, size=(3, 400, 3)) * shape
-        apart = np.linalg.norm(large[:, :, None] - large[:, None], axis=3)
-        assert 0.95 * apart.max() < shapes.width(large) <= apart.max() * (1 + 1e-12)
-    assert shapes.width(np.zeros((5, 1, 3))) == 0.0
-    huge = random.normal(size=(2, 20_000, 3))
-    assert shapes.width(huge) > 2 * np.linalg.norm(huge, axis=2).max() * 0.8
+def test_atoms_that_overlap(taken):
+    """Locks out pairs that are of one body or bonded, that a face of the box hides, or that are
+    missed: against all distances."""
     own = taken("rings")
     edge, places = own.said["cell"][0][0], own.atoms["x"]
     for number, seed in ((1, 0), (60, 1), (300, 2)):  # atoms of each body
         random = np.random.default_rng(seed)
         body = np.arange(len(places)) // number + 1
+        body[:20] = 0
         x = random.uniform(0, edge, size=places.shape)
-        if number != 60:
-            body[:20] = 0
-        else:  # dense ones, each far from the next: the nearest are of the same body
-            x = edge * body[:, None] / (1 + body.max()) + random.uniform(0, 0.5, size=x.shape)
         x[1] = x[0] + 1e-4  # bonded, and in no body
-        bonds = np.array([[1, 1, 2]])
         made = replace(own, found=replace(own.found, body=body),
-                       atoms=own.atoms | {"x": x, "bonds": bonds})  # fmt: skip
+                       atoms=own.atoms | {"x": x, "bonds": np.array([[1, 2, 1]])})  # fmt: skip
         near = measures.nearest_image(x[:, None] - x, np.array(own.said["cell"]), [True] * 3)
         apart = np.linalg.norm(near, axis=2)
-        apart[(body[:, None] == body) & (body > 0)] = np.inf
-        apart[np.diag_indices(len(x))] = apart[0, 1] = apart[1, 0] = np.inf
-        distance, i, j = shapes.nearest(made)
-        assert distance == pytest.approx(apart.min()) == pytest.approx(apart[i - 1, j - 1])
+        apart[(body[:, None] == body) & (body > 0)] = apart[0, 1] = np.inf
+        pairs, least = shapes.overlapping(made)
+        expected = np.argwhere(np.triu(apart < least, 1))
+        assert sorted(map(sorted, pairs.tolist())) == expected.tolist() and len(pairs) > 10
 
 
 def test_a_fix_of_ours_acts_on_the_group_of_its_class():

@@ -131,20 +131,6 @@ def test_script_from_standard_input(tmp_path, run_lammps):
     assert "Loop time" in done.stdout
 
 
-def test_help_option(tmp_path):
-    """Locks out a wrapper that swallows lmp's options."""
-    done = subprocess.run(
-        [sys.executable, "-m", "fix_nosquish", "-h"],
-        cwd=tmp_path,
-        text=True,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        timeout=60,
-    )
-    assert done.returncode == 0
-    assert "-partition" in done.stdout
-
-
 def test_class_text_reaches_module_getattr(run_lammps):
     """Locks out splitting the quoted text anywhere but at its last point."""
     module = MOVER + (

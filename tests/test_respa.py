@@ -8,7 +8,8 @@ steps.
 
 import numpy as np
 import pytest
-from systems import OURS, apart, mixture, tensor, water
+from systems import OURS, apart, assert_same, close, mixture, tensor, water
+from test_output import of, read
 
 TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
 THREE = "run_style respa 3 2 2 inner 1 1.2 1.5 middle 2 1.8 2.2 outer 3"
@@ -56,12 +57,6 @@ def atoms_of_rows(system):
     return [first + 3 * k + j for k in range(count) for j in (0, 1)]
 
 
-def alike(ours, theirs, h, tolerance=1e-9):
-    """Assert that two runs end at the same place with the same velocities."""
-    assert apart(ours, theirs, h) < tolerance * np.abs(theirs.x).max()
-    np.testing.assert_allclose(ours.v, theirs.v, rtol=0, atol=tolerance * np.abs(theirs.v).max())
-
-
 @pytest.mark.parametrize(
     "style, ranks",
     [
@@ -77,7 +72,7 @@ def test_equal_steps_are_verlet(simulate, style, ranks):
     system = smooth()
     verlet = simulate(system, OURS, 40)
     ours = simulate(system, OURS, 40, before=style, ranks=ranks)
-    alike(ours, verlet, system.h)
+    assert_same(ours, verlet, system.h)
     for name in "Temp", "PotEng", "TotEng":
         np.testing.assert_allclose(ours.thermo[name], verlet.thermo[name], rtol=1e-9)
     np.testing.assert_allclose(
@@ -100,7 +95,7 @@ def test_levels_without_force_are_inner_rotor_steps(simulate, style):
     if "/omp" in style:
         system = system._replace(setup=f"package omp 2\n{system.setup}")
     verlet = simulate(system, OURS, 30, dt=4, words="molecule mrot 4")
-    alike(simulate(system, OURS, 30, dt=4, before=style), verlet, system.h)
+    assert_same(simulate(system, OURS, 30, dt=4, before=style), verlet, system.h)
     other = simulate(system, OURS, 30, dt=4)
     assert apart(other, verlet, system.h) > 1e-6
 
@@ -166,7 +161,7 @@ def test_four_ranks(simulate):
     hot = dict(before=TWO + "\nvelocity all scale 5", dt=4, every=20)
     one = simulate(system, OURS, 60, **hot)
     ours = simulate(system, OURS, 60, ranks=4, **hot)
-    alike(ours, one, system.h, 1e-7)
+    assert_same(ours, one, system.h, 1e-7)
     np.testing.assert_allclose(
         tensor(ours), tensor(one), rtol=0, atol=1e-6 * np.abs(tensor(one)).max()
     )
@@ -212,7 +207,7 @@ def test_fix_on_inner_level(simulate):
         before=fixes.replace("respa 1 ", "").replace("\nfix_modify hold respa 2", ""),
     )
     ours = simulate(system, OURS, 20, before=f"{TWO.replace('2 4', '2 1', 1)}\n{fixes}")
-    alike(ours, verlet, system.h)
+    assert_same(ours, verlet, system.h)
     exact = simulate(
         system,
         OURS,
@@ -238,7 +233,7 @@ def test_values_read_on_an_inner_level(simulate):
     inner = f"{before}run_style respa 2 4 pair 2\n"
     verlet = simulate(system, push, 40, before=before)
     ours = simulate(system, f"{push}fix_modify push respa 1", 10, dt=4, before=inner)
-    alike(ours, verlet, system.h)
+    assert_same(ours, verlet, system.h)
     assert apart(verlet, simulate(system, OURS, 40, before=free), system.h) > 0.01
 
 
@@ -250,43 +245,22 @@ def test_friction_on_the_outer_level(simulate, ranks):
     friction = "\nfix drag all viscous 2.0\nfix_modify drag respa 2"
     theirs = simulate(system, f"fix 1 all nve{friction}", 20, dt=4, before=TWO)
     ours = simulate(system, f"{OURS}{friction}", 20, dt=4, before=TWO, ranks=ranks)
-    alike(ours, theirs, system.h)
+    assert_same(ours, theirs, system.h)
 
 
-def test_output(simulate, tmp_path):
-    """Locks out a table of bodies with one level's force and torque:
-    the forces in it are the atoms' total."""
+@pytest.mark.parametrize("steps", [7, 9])
+def test_output(simulate, tmp_path, steps):
+    """Locks out a table of bodies with one level's force, at the end of a run or in a step at which
+    LAMMPS itself does not look: the forces in it are the atoms' total."""
     system = smooth()
-    script = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
-    simulate(system, OURS, 7, words="molecule output 7 table", before=TWO, after=script, ranks=2)
-    names, *rows = (line.split(",") for line in (tmp_path / "table").read_text().splitlines())
-    column = {name.split(" ")[0]: k for k, name in enumerate(names)}
-    rows = np.array(rows, float)
-    assert set(rows[:, column["step"]]) == {0, 7} and len(rows) == 2 * system.molecule.max()
-    last = rows[rows[:, column["step"]] == 7]
-    last = last[last[:, column["body"]].argsort()]
+    simulate(system, OURS, steps, words="molecule output 7 table", before=TWO, ranks=2)
+    table = read(tmp_path / "table")
+    assert set(table["step"]) == {0, 7} and len(table) == 2 * system.molecule.max()
+    dump = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
+    simulate(system, OURS, 7, before=TWO, after=f"{dump} # of {steps}", ranks=2)
     f = np.loadtxt(tmp_path / "forces", skiprows=9)
-    for k, c in enumerate(("fx", "fy", "fz")):
-        total = np.bincount(f[:, 1].astype(int), f[:, 2 + k])[1:]
-        np.testing.assert_allclose(last[:, column[c]], total, rtol=0, atol=1e-11 * np.abs(f).max())
-
-
-def test_output_between_other_outputs(simulate, tmp_path):
-    """Locks out a table with one level's force in a step at which LAMMPS itself does not look."""
-    system = smooth()
-    simulate(system, OURS, 5, words="molecule output 3 table", before=TWO, ranks=2)
-    names, *rows = (line.split(",") for line in (tmp_path / "table").read_text().splitlines())
-    column = {name.split(" ")[0]: k for k, name in enumerate(names)}
-    rows = np.array(rows, float)
-    rows = rows[rows[:, column["step"]] == 3]
-    rows = rows[rows[:, column["body"]].argsort()]
-    script = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
-    simulate(system, OURS, 3, before=TWO, after=script, ranks=2)
-    f = np.loadtxt(tmp_path / "forces", skiprows=9)
-    for k, c in enumerate(("fx", "fy", "fz")):
-        total = np.bincount(f[:, 1].astype(int), f[:, 2 + k])[1:]
-        close = dict(rtol=0, atol=1e-9 * np.abs(f).max())
-        np.testing.assert_allclose(rows[:, column[c]], total, **close)
+    totals = [np.bincount(f[:, 1].astype(int), column)[1:] for column in f[:, 2:].T]
+    close(of(table[table["step"] == 7], "fx", "fy", "fz"), np.transpose(totals), 1e-9)
 
 
 def test_velocities_changed_at_the_last_step(simulate):
@@ -297,7 +271,7 @@ def test_velocities_changed_at_the_last_step(simulate):
     drift = "velocity all set 0.5 0.2 -0.3 sum yes"
     verlet = simulate(system, still, 10, before=drift)
     ours = simulate(system, still, 10, before=f"{drift}\nrun_style respa 2 1 pair 1")
-    alike(ours, verlet, system.h)
+    assert_same(ours, verlet, system.h)
     assert np.abs(system.mass @ ours.v).max() < 1e-9
 
 
@@ -320,4 +294,4 @@ def test_time_step_that_changes(simulate):
     reset = "fix 2 all dt/reset 1 NULL 0.01 0.002"
     verlet = simulate(system, OURS, 40, before=reset)
     ours = simulate(system, OURS, 40, before=f"{reset}\nrun_style respa 2 1 pair 1")
-    alike(ours, verlet, system.h)
+    assert_same(ours, verlet, system.h)

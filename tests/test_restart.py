@@ -4,7 +4,7 @@ on other numbers of ranks."""
 import numpy as np
 import pytest
 import systems
-from systems import OURS, Result, apart, mixture
+from systems import AFTER, OURS, Result, differ, mixture
 
 # tops whose principal axes the inertia leaves open, of one type of atom
 TOPS = {
@@ -21,7 +21,6 @@ TOPS = {
     "bent": ([[0, 0, 0], [0.6, 0.4, 0], [-0.6, 0.4, 0]], [2, 3, 3]),
 }
 EXACT = "modify sort id format float %.17g"
-AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all"
 
 
 @pytest.fixture
@@ -47,12 +46,6 @@ def run_on(run_lammps, tmp_path):
         return [Result(a[:, :3], a[:, 3:], None, "") for a in atoms]
 
     return run
-
-
-def off(a, b, h):
-    """How far two Results lie apart, of the largest coordinate
-    and of the highest velocity (or spin)."""
-    return max(apart(a, b, h) / np.abs(b.x).max(), np.abs(a.v - b.v).max() / np.abs(b.v).max())
 
 
 ALL = "tetrahedron cube triangle pyramid bent solid row pair single"
@@ -94,9 +87,9 @@ def test_continued(run_on, tops, name):
         "run 150 upto\nDUMP periodic\n"
     )
     results = run_on(second, "restarted", "from_data", "periodic", ranks=after)
-    errors = {"whole": off(whole, continued, system.h)}
+    errors = {"whole": differ(whole, continued, system.h)}
     errors |= {
-        kind: off(result, continued, system.h)
+        kind: differ(result, continued, system.h)
         for kind, result in zip(("restarted", "from_data", "periodic"), results)
     }
     assert max(errors.values()) < 1e-10, errors
@@ -165,31 +158,6 @@ def test_continued_spheres(run_on, sizes, words):
     (restarted,) = run_on(
         "read_restart middle.restart\n" + second, "restarted", ranks=2, columns=columns
     )
-    errors = [off(result, continued, 7 * np.eye(3)) for result in (whole, restarted)]
+    errors = [differ(result, continued, 7 * np.eye(3)) for result in (whole, restarted)]
     assert np.abs(continued.v[:, 3:]).max() > 0.1 and np.ptp(continued.v[:, 3:]) > 0.1
     assert max(errors) < 1e-10
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_runs_in_parts(run_on, tops, ranks):
-    """Locks out bodies that are made anew between two runs as other ones,
-    or that `pre no` leaves at another time."""
-    system = tops(ALL, spacing=2.9)
-    fix = f"timestep {system.dt:.17g}\n" + OURS.format(group="all", words="molecule")
-    parts = {
-        "whole": "run 100",
-        "halves": "run 50\nrun 50",
-        "pre no": "run 50 post no\nrun 50 pre no",
-        "every": "run 100 every 20 'variable a equal step'",
-        "every without setup": "run 100 every 20 NULL",
-        "thermo": "thermo 7\nrun 30\nrun 0\nthermo 3\nrun 70",
-    }
-    script = "clear\n".join(
-        f"{system.setup}\n{fix}\n{text}\nDUMP {name.replace(' ', '-')}\n"
-        for name, text in parts.items()
-    )
-    results = run_on(
-        script, *(name.replace(" ", "-") for name in parts), ranks=ranks, files=system.files
-    )
-    errors = {name: off(result, results[0], system.h) for name, result in zip(parts, results)}
-    assert max(errors.values()) < 1e-11, errors

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from systems import mixture
+from systems import AFTER, mixture
 from test_moments import CHOSEN
 from test_moments import fix as of_moments
 from test_mtk import fix as of_mtk
@@ -13,7 +13,7 @@ from test_npt import THERMOSTATS as OF_NPT
 from test_npt import fix as of_npt
 from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo, with_points
 from test_nvt import fix as of_nvt
-from test_tri import AFTER, FIXES
+from test_tri import FIXES
 
 SLOWLY = "2 2 2e-1"
 
@@ -53,7 +53,8 @@ CASES = {
 def test_same_end(run_lammps, tmp_path, name):
     """Locks out noise, sums, rates of strain and copies of a body that depend on the rank, or count
     one twice; a step that goes on otherwise where something looks at it; and a state, of whatever
-    part, that a second run or a restart forgets, or moves once too often."""
+    part, that a second run or a restart forgets, or moves once too often, or that a periodic
+    restart file leaves to the next run."""
     case = CASES[name]
     system = mixture(side=3, spacing=2.9, tilt=case.tilt)
     start = f"{case.pair}timestep {case.dt}\n{case.line}{thermo('econserve', 100)}"
@@ -62,7 +63,7 @@ def test_same_end(run_lammps, tmp_path, name):
         (f"{begin}{thermo('econserve press', 1)}run 100\n{end}", 1),
         (f"{begin}run 100\n{end}", 2),
         (f"{begin}run 100\n{end}", 8),
-        (f"{begin}run 53\nwrite_restart middle\nrun 47\n{end}", 2),
+        (f"{begin}restart 30 one two\nrun 53\nwrite_restart middle\nrun 47\n{end}", 2),
         (f"read_restart middle\n{AFTER}{start}run 47\n{end}", 4),
     ]
     conserved = []

@@ -51,8 +51,6 @@ def test_made_once(tmp_path):
     ):
         kept.once(name, origin, make)
     assert len(calls) == 3
-    kept.once("some/thing", kept.origin(Settings(3)), make, again=True)
-    assert len(calls) == 4
 
 
 def test_origin_is_all_that_counts(tmp_path, monkeypatch):

@@ -6,8 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import mixture, script
-from test_native import AFTER
+from systems import AFTER, mixture, script
 
 ON = ["-sf", "nosquish"]
 STYLES = {  # what stands behind molecule
@@ -362,12 +361,6 @@ def test_other_suffixes(on, lines):
     """Locks out a word of the page that LAMMPS takes ours where it does not."""
     text = run_of("rigid/nve", before=lines)
     assert ("takes the place of" in on(text).log) == SUFFIXES[lines]
-
-
-def test_minimize(on):
-    """Locks out a minimisation that tears bodies apart, where fix rigid leaves them out of it."""
-    run = on(run_of("rigid/nve", after="minimize 0 0 10 10\n"), check=False)
-    assert run.code and "a minimisation would tear the rigid bodies apart" in run.screen
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -105,27 +105,6 @@ def test_refuses_another_package(checkout):
     assert "not the same: integrators/nve.py. Install it first: pip install ." in done.stdout
 
 
-def test_differences(tmp_path):
-    """Locks out a file that is not compared, and what is left of a module that is no more."""
-    for name in "package", "other":
-        (tmp_path / name / "plugin").mkdir(parents=True)
-        for file in "same.py", "text.py", "plugin/code.cpp":
-            (tmp_path / name / file).write_text(file)
-    package, other = tmp_path / "package", tmp_path / "other"
-    (package / "plugin" / "code.so").write_text("only where it is compiled")
-    assert installed.differences(package, other) == []
-    (other / "text.py").write_text("changed")
-    (other / "plugin" / "code.cpp").write_text("changed")
-    (other / "new.py").write_text("")
-    (package / "old.py").write_text("")
-    assert installed.differences(package, other) == [
-        "new.py",
-        "old.py",
-        "plugin/code.cpp",
-        "text.py",
-    ]
-
-
 def test_editable_install_is_compiled(tmp_path):
     """Locks out a plugin that is tested as it was before its source was changed,
     where both are in the checkout."""

@@ -3,7 +3,7 @@ against fix rigid/nve and the motion in LJ units."""
 
 import numpy as np
 import pytest
-from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, mixture, tensor
+from systems import LIKE_LAMMPS, OURS, RIGID, UNITS, Units, apart, assert_same, mixture, tensor
 
 from fix_nosquish.integrators import crescale
 from validation.scenes.integrators import target
@@ -50,12 +50,6 @@ def scaled(monkeypatch):
     return make
 
 
-def assert_same(a, b, h):
-    """Positions and velocities are equal to 1e-10 of the largest."""
-    assert apart(a, b, h) < 1e-10 * np.abs(b.x).max()
-    np.testing.assert_allclose(a.v, b.v, rtol=0, atol=1e-10 * np.abs(b.v).max())
-
-
 @pytest.mark.parametrize("style", STYLES)
 def test_motion_is_that_of_lj_units(simulate, scaled, style):
     """Locks out absolute thresholds, which stop small bodies in si, cgs, micro and nano, and
@@ -63,9 +57,8 @@ def test_motion_is_that_of_lj_units(simulate, scaled, style):
     bodies are those of LJ units."""
     plain, (units, joule) = mixture(), STYLES[style]
     want, run = simulate(plain, OURS, 50), simulate(scaled(style), OURS, 50)
-    assert_same(
-        run._replace(x=run.x / units.length, v=run.v * (units.time / units.length)), want, plain.h
-    )
+    scaled_back = run._replace(x=run.x / units.length, v=run.v * (units.time / units.length))
+    assert_same(scaled_back, want, plain.h, 1e-10)
     # electron's mass v^2 / energy, for energies, is 5e-9 off what it moves atoms with
     np.testing.assert_allclose(
         run.thermo["TotEng"] / units.energy, want.thermo["TotEng"], rtol=1e-8
@@ -87,7 +80,7 @@ def test_motion_is_that_of_rigid_nve(simulate, scaled, style):
     or an energy that depend on the unit style."""
     system = scaled(style, "solid planar")
     theirs, ours = simulate(system, RIGID, 50), simulate(system, LIKE_LAMMPS, 50)
-    assert_same(ours, theirs, system.h)
+    assert_same(ours, theirs, system.h, 1e-10)
     for name in "Temp", "TotEng":
         np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=1e-10)
 

@@ -51,7 +51,11 @@ def parser() -> argparse.ArgumentParser:
     )
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
     for file in sorted(Path(__file__).parent.glob("*/command.py")):
-        import_module(f".{file.parent.name}.command", NAME).add(verbs)
+        module = import_module(f".{file.parent.name}.command", NAME)
+        if hasattr(module, "add"):
+            module.add(verbs)
+        else:
+            print(f"{file} has no function add(verbs), so it is no verb", file=sys.stderr)
     return parser
 
 

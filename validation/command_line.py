@@ -240,8 +240,12 @@ def launch(parser: argparse.ArgumentParser) -> None:
             raise argparse.ArgumentTypeError(f"{words}: there is no program {program}")
         return words
 
-    help = 'what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)'
-    parser.add_argument("--launch", type=command, metavar="COMMAND", help=help)
+    parser.add_argument(
+        "--launch",
+        type=command,
+        metavar="COMMAND",
+        help='what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)',
+    )
 
 
 def silence(parser: argparse.ArgumentParser, default: float) -> None:
@@ -262,8 +266,9 @@ def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> N
     """The option --out; with ``short`` another default for --short, see `folder`."""
     other = f"; --short: {default}-short" if short else ""
     parser.set_defaults(usual=default)
-    text = f"output folder (default {default}{other})"
-    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help=f"output folder (default {default}{other})"
+    )
 
 
 def folder(arguments: argparse.Namespace, short: bool = False) -> Path:

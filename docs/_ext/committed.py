@@ -25,6 +25,8 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
+from validation.sample import to_zero  # noqa: E402
+from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
@@ -197,6 +199,19 @@ def standing():
     return markdown(["integrator", "passes", "fails", "cannot tell", "cannot run"], body)
 
 
+def extreme_passed():
+    """How many extreme cases ours passes, and the best of LAMMPS's fixes, a sentence."""
+    found, lines = _of("extreme")
+    passed = Counter(row["label"] for row in lines if row["verdict"] == "pass")
+    theirs = [label for label in passed if label.startswith(("rigid", "shake", "rattle"))]
+    best = max(theirs, key=passed.__getitem__)
+    return (
+        f"It passes **{passed[OURS]} of {len(found)} extreme cases**, such as long steps, long "
+        f"runs, needles and disks. The best of LAMMPS's rigid, shake and rattle fixes, `{best}`, "
+        f"passes {passed[best]}."
+    )
+
+
 def cases():
     found, lines = _of("extreme")
     ours = {row["case"]: row for row in lines if row["label"] == OURS}
@@ -351,6 +366,26 @@ def own_scripts():
     return markdown(head, lines)
 
 
+def step_zero():
+    """Averages of water at step zero from three long steps, beside the limit of all points."""
+    found, keys, steps = summary("sample-water"), ("potential", "pressure", "torque"), (4, 6, 8)
+    body = []
+    for scheme in "langevin-5", "langevin-20", "csvr":
+        some = [row for row in found["rows"] if row["scheme"] == scheme and row["dt"] in steps]
+        zero = to_zero.told(some, found["settings"]["time"])
+        body.append([some[0]["label"], *(estimate(zero[key]) for key in keys)])
+    body.append(["the limit of all points", *(estimate(found["limits"][key]) for key in keys)])
+    heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
+    told = ", ".join(map(str, steps))
+    return markdown([f"scheme, from steps of {told} fs", *heads], body)
+
+
+def estimate(found):
+    """A number of a summary with its 95 % margin; nothing for one that is refused."""
+    known = Estimate(None) if found.get("why") else Estimate.of(found)
+    return NOTHING if known.value is None else margin(known.value, known.margin)
+
+
 # ---- where results come from
 
 
@@ -393,7 +428,10 @@ def render(text):
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     names = {
         function.__name__: function
-        for function in (*TABLES, made, scene, holding, checks, said, summary, significant, table)
+        for function in (
+            *(*TABLES, made, scene, holding, checks, said, summary),
+            *(extreme_passed, significant, table),
+        )
     }
     return environment.from_string(text).render(**names)
 
@@ -501,6 +539,7 @@ TABLES = [
     ensembles_density,
     theory_rotors,
     own_scripts,
+    step_zero,
     readme_table,
 ]
 

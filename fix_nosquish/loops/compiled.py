@@ -35,10 +35,10 @@ raises no exception; it returns nothing or an integer.  Nothing checks its indic
 import ctypes
 import math
 import operator
-import sys
 from collections.abc import Mapping
 from functools import partial, update_wrapper
-from typing import Any, NamedTuple
+from types import NoneType, SimpleNamespace
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -78,7 +78,7 @@ class Kind(NamedTuple):
         alike = isinstance(value, np.ndarray) and value.dtype == self.dtype
         alike = alike and value.ndim == self.dimensions and value.flags.c_contiguous
         if alike and (not self.columns or value.shape[1] == self.columns):
-            return [_address(value), *value.shape]
+            return [value.ctypes.data, *value.shape]
         raise TypeError
 
     def fits(self, dtype):
@@ -108,13 +108,6 @@ class Kind(NamedTuple):
     def of(self, array):
         """The record whose memory is the begin of an array."""
         return array.view(np.uint8)[: self.dtype.itemsize].view(self.dtype)[0]
-
-
-def _address(array):
-    try:
-        return ctypes.addressof(ctypes.c_char.from_buffer(array))
-    except (TypeError, ValueError):  # read-only, or empty; this takes four times as long
-        return array.ctypes.data
 
 
 F, F1, F2 = (Kind(f"F{n or ''}", np.dtype(np.float64), n) for n in range(3))
@@ -147,19 +140,13 @@ def record(name, extends=None, **fields):
     return Kind(name, np.dtype((np.record, all_fields)), 0)
 
 
-_memory = ctypes.pythonapi.PyMemoryView_FromMemory
-_memory.restype = ctypes.py_object
-_memory.argtypes = [ctypes.c_void_p, ctypes.c_ssize_t, ctypes.c_int]
-_WRITABLE = 0x200  # PyBUF_WRITE
-
-
 def array(address, shape, dtype):
     """A numpy view of memory that something else owns."""
-    count = math.prod(shape) * np.dtype(dtype).itemsize
-    if not address or not count:
+    if not address:
         return np.empty(shape, dtype)
-    # (ctypes would make a class for each size)
-    return np.frombuffer(_memory(address, count, _WRITABLE), dtype).reshape(shape)
+    place = {"version": 3, "data": (address, False), "shape": tuple(shape)}
+    place["typestr"] = np.dtype(dtype).str
+    return np.asarray(SimpleNamespace(__array_interface__=place))
 
 
 class Cell:
@@ -196,7 +183,7 @@ class Cell:
     def array(self):
         """A view of the array that is here now; it keeps the memory of one that was set here."""
         place, *shape = self.numbers.tolist()
-        if isinstance(self._owner, np.ndarray) and _address(self._owner) == place:
+        if isinstance(self._owner, np.ndarray) and self._owner.ctypes.data == place:
             return self._owner.reshape(-1)[: math.prod(shape)].reshape(shape)
         return array(place, shape, self.kind.dtype)
 
@@ -269,19 +256,13 @@ def annotations(of):
     Raises:
         TypeError: for a text that tells nothing, as `from __future__ import annotations` leaves it.
     """
-    known = getattr(of, "__globals__", None) or vars(sys.modules[of.__module__])
-    found = {}
-    for name, note in of.__annotations__.items():
-        text = note if isinstance(note, str) else getattr(note, "__forward_arg__", None)
-        try:
-            found[name] = note if text is None else eval(text, known)
-        except NameError as error:
-            raise TypeError(
-                f"{of.__qualname__}: the annotation {text} of {name} means nothing in its module "
-                f"({error}): import or define it there, or leave out 'from __future__ import "
-                "annotations'"
-            ) from None
-    return found
+    try:
+        return get_type_hints(of)
+    except NameError as error:
+        raise TypeError(
+            f"{of.__qualname__}: an annotation means nothing in its module ({error}): import or "
+            "define it there, or leave out 'from __future__ import annotations'"
+        ) from None
 
 
 class Loop:
@@ -300,9 +281,8 @@ class Loop:
         own_name = function.__name__ if owner else function.__qualname__
         name = f"{within}.{own_name}" if within else own_name
         self.name = f"{module}.{name}"
-        notes = annotations(function)
-        self.returns = bool(notes.get("return"))
-        self.parameters = {name: what for name, what in notes.items() if name != "return"}
+        self.parameters = notes = annotations(function)
+        self.returns = notes.pop("return", NoneType) is not NoneType
         arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
         if bare := [name for name in arguments if name not in notes]:
             raise TypeError(

@@ -3,7 +3,8 @@
     python -m fix_nosquish.loops.lower FOLDER LEVEL,... MODULE ...
 
 writes a file to the folder for each of both. It is a process of its own: numba's memory, and the
-level at which it works, end with it. Only the public interfaces of numba and llvmlite are used.
+level at which it works, end with it. Several share the modules: each reads the number of its next
+one, a byte, from standard input. Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc
@@ -37,13 +38,14 @@ LONG = ir.IntType(64)
 
 
 def compile_modules(folder, names, levels):
-    """Write the machine code of the loops of these modules to the folder."""
+    """Write the machine code of the loops of these modules to the folder, as their turns come."""
     gc.disable()  # it would search very many objects all the time
     for function, options in machine_code.INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
-    for name in names:
+    while turn := os.read(0, 1):
+        name = names[turn[0]]
         code = _bitcode(machine_code.LOOPS[name])
         for level in levels:
             own.save(own.place(folder, name, level), _object(code, level))

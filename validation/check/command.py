@@ -4,7 +4,7 @@ from argparse import Namespace
 
 from .. import command_line
 
-PARTS = "water", "CH3", "NH3", "rings"
+PARTS = "water", "CH3", "NH3", "rings", "XH"
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -24,8 +24,14 @@ def add(verbs: command_line.Verbs) -> None:
         "such parts), 1 if not, 130 after Ctrl-C.",
     )
     command_line.script(parser)
-    help = "find parts that can be rigid, of: %(choices)s (default all)"
-    parser.add_argument("--rigid", nargs="*", choices=PARTS, metavar="PART", help=help)
+    parser.add_argument(
+        "--rigid",
+        nargs="*",
+        choices=PARTS,
+        metavar="PART",
+        help="find parts that can be rigid, of: %(choices)s (default all but XH, which is any "
+        "heavy atom with its hydrogens, for steps of about 4 fs)",
+    )
     command_line.ranks(parser, 1)
     command_line.silence(parser, 60.0)
     command_line.out(parser, "results/check-SCRIPT")
@@ -44,7 +50,7 @@ def run(arguments: Namespace) -> int:
     ask, out = system.begin(arguments, arguments.scene)
     with store.alone(out):
         if arguments.rigid is not None:
-            wanted = arguments.rigid or PARTS
+            wanted = arguments.rigid or PARTS[:-1]
             counts, told = rigid.written(ask, out, arguments.silence, wanted)
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
             print("\n".join(told))

@@ -14,7 +14,7 @@ from .. import COMMAND
 from ..experiment import Trajectory, perform
 from ..own import counted, finding, shapes
 from ..own.script import texts
-from ..own.shapes import Bodies, Kind
+from ..own.shapes import Group, Kind
 from ..own.system import Own
 from ..running import machine, run
 from ..running.store import Store
@@ -40,11 +40,11 @@ TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the
 
 def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
     """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
-    made = shapes.bodies(own)
-    kinds = shapes.kinds(own, made)
+    groups, gap = shapes.bodies(own)
+    kinds = shapes.kinds(own, groups)
     rows, interrupted = _starts(own, out, ranks, silence, meter)
-    checks = [*_bodies(own, made, kinds), *_step(own, made, kinds), *_script(own)]
-    checks += [_lists(rows), _forces_within(own, made, out, ranks, silence)]
+    checks = [*_bodies(own, gap, kinds), *_step(own, groups, kinds), *_script(own)]
+    checks += [_lists(rows), _forces_within(own, groups, out, ranks, silence)]
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
@@ -91,7 +91,7 @@ def _told(found: Check) -> Check:
     return replace(found, note="") if found.holds and found.part != "step" else found
 
 
-def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
+def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
     """Kinds, images, neighbours."""
     units = own.units
     for kind in kinds:
@@ -99,8 +99,14 @@ def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
             "bodies of these atoms differ in shape: each keeps the one that it has. Molecules get "
             f"one shape by '{COMMAND} check SCRIPT --rigid'"
         )
-        what = "largest difference of a moment from the kind's mean"
-        yield Check("bodies", kind.name, what, kind.scatter, high=ALIKE, note=note)
+        yield Check(
+            "bodies",
+            kind.name,
+            "largest difference of a moment from the kind's mean",
+            kind.scatter,
+            high=ALIKE,
+            note=note,
+        )
     half = float(np.min(np.diag(np.array(own.said["cell"]))) / 2)
     size = max(kind.size for kind in kinds)
     note = "a body is nearly as wide as the box: its image flags decide where its atoms are"
@@ -110,30 +116,27 @@ def _bodies(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
     )  # fmt: skip
     note = "by its image flags a body is wider than by nearest images: is it cut by a face?"
     yield Check(
-        "bodies", "image flags", "wider by them", made.gap, high=half, unit=units.length, note=note
+        "bodies", "image flags", "wider by them", gap, high=half, unit=units.length, note=note
     )
-    near = shapes.nearest(own)
-    if near:
-        note = f"atoms {near[1]} and {near[2]}, of different bodies and not bonded, nearly overlap"
-        least = 0.4 * _usual_distance(own)
+    if near := shapes.overlapping(own):
+        pairs, least = near
+        some = "; ".join(f"{first} and {second}" for first, second in pairs[:3] + 1)
         yield Check(
-            "bodies", "nearest atoms", f"{near[1]} and {near[2]}", near[0], low=least,
-            unit=units.length, note=note, source="0.4 of the mean distance of neighbours",
-        )  # fmt: skip
+            *("bodies", "atoms of different bodies"),
+            f"pairs nearer than {least:.3g} {units.length}",
+            *(len(pairs), 0.0),
+            high=0,
+            note=f"these are not bonded and nearly overlap: {some}",
+        )
 
 
-def _usual_distance(own: Own) -> float:
-    volume = abs(np.linalg.det(np.array(own.said["cell"])))
-    return float((volume / len(own.found.body)) ** (1 / 3))
-
-
-def _step(own: Own, made: Bodies, kinds: Sequence[Kind]) -> Iterator[Check]:
+def _step(own: Own, groups: Sequence[Group], kinds: Sequence[Kind]) -> Iterator[Check]:
     turns = max(kinds, key=lambda kind: kind.angle)
     safe = own.scene.dt * TURN / max(turns.angle, 1e-300)
     note = f"by this number alone, {safe:.3g} {own.units.time} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
-    found = shapes.fastest(own, made)
+    found = shapes.fastest(own, groups)
     for name, frequency in found.items():
         note = (
             f"by this number alone, {STIFF / frequency:.3g} {own.units.time} and below is safe, if "
@@ -148,15 +151,33 @@ def _script(own: Own) -> Iterator[Check]:
     movers = shapes.moved(own)
     count = np.sum([*movers.values()], axis=0)
     idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
-    note = "these atoms stand still, unless a fix that is not known here moves them"
-    yield Check("script", "atoms", "that no fix moves", idle, high=0, note=note)
-    note = f"two of these fixes move the same atoms: {', '.join(movers)}"
-    yield Check("script", "atoms", "that two fixes move", twice, high=0, note=note)
+    yield Check(
+        "script",
+        "atoms",
+        "that no fix moves",
+        idle,
+        high=0,
+        note="these atoms stand still, unless a fix that is not known here moves them",
+    )
+    yield Check(
+        "script",
+        "atoms",
+        "that two fixes move",
+        twice,
+        high=0,
+        note=f"two of these fixes move the same atoms: {', '.join(movers)}",
+    )
     yield from _mesh(own)
     heats = finding.thermostats(own.said, own.atoms, own.found)
     number = len(heats) + bool(own.found.state.temp)
-    note = f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}"
-    yield Check("script", "thermostats", "of the bodies", number, high=1, note=note)
+    yield Check(
+        "script",
+        "thermostats",
+        "of the bodies",
+        number,
+        high=1,
+        note=f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}",
+    )
 
 
 def _mesh(own: Own) -> Iterator[Check]:
@@ -172,8 +193,14 @@ def _mesh(own: Own) -> Iterator[Check]:
         "first run names (G vector, grid): kspace_modify mesh NX NY NZ gewald G"
     )
     if free and own.found.state.press and "pppm" in "".join(styles[-1:]):
-        what = f"{' and '.join(free)} that each run chooses anew"
-        yield Check("script", "the mesh", what, len(free), high=0, note=note)
+        yield Check(
+            "script",
+            "the mesh",
+            f"{' and '.join(free)} that each run chooses anew",
+            len(free),
+            high=0,
+            note=note,
+        )
 
 
 def _lists(rows: Sequence[Mapping]) -> Check:
@@ -190,23 +217,31 @@ def _lists(rows: Sequence[Mapping]) -> Check:
     return Check("script", "neighbour lists", what, max(late, default=None), high=0, note=note)
 
 
-def _forces_within(own: Own, made: Bodies, out: Path, ranks: int, silence: float) -> Check:
+def _forces_within(
+    own: Own, groups: Sequence[Group], out: Path, ranks: int, silence: float
+) -> Check:
     """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
     first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds."""
-    atoms: list[int] = []
-    for group, keys in zip(made.groups, made.keys):
-        _, first = np.unique(keys, return_index=True)
-        atoms += (1 + group[first, :SOME]).ravel().tolist()
+    atoms = np.concatenate([1 + group.atoms[0, :SOME] for group in groups])
     folder = (out / "runs" / "pairs").resolve()
     more = [
         f"group own_sample id {' '.join(map(str, atoms))}",
         "compute own_pairs own_sample property/local patom1 patom2",
         f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
     ]
-    how = {"ranks": ranks, "silence": silence, "more": more}
-    result = run.once(_job(own, own.integrators[own.reference], folder, 0, **how), failures=True)
-    what = "pairs of atoms that have them, in one body of each kind"
-    counts = partial(Check, "script", "forces within bodies", what, high=0)
+    result = run.once(
+        _job(
+            own, own.integrators[own.reference], folder, 0, ranks=ranks, silence=silence, more=more
+        ),
+        failures=True,
+    )
+    counts = partial(
+        Check,
+        "script",
+        "forces within bodies",
+        "pairs of atoms that have them, in one body of each kind",
+        high=0,
+    )
     if result.error:
         return counts(None, note=f"not counted: {result.error}")
     rows = (folder / "pairs").read_text().partition("ITEM: ENTRIES")[2].splitlines()[1:]
@@ -229,8 +264,12 @@ def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
     """What an integrator makes of the start, and of some steps."""
     thermo = result.thermo
     error = result.error or _no_number(thermo)
-    row: dict = {"name": integrator.name, "label": integrator.label, "error": error}
-    row["uncounted"] = counted.wrongly(integrator)
+    row: dict = {
+        "name": integrator.name,
+        "label": integrator.label,
+        "error": error,
+        "uncounted": counted.wrongly(integrator),
+    }
     if error or not thermo:
         return row
     heat = own.said["boltzmann"] * thermo["Temp"][0]

@@ -1,5 +1,7 @@
-"""Rigid parts of molecules, from bonds and masses: water, CH3, NH3, aromatic rings.  No LAMMPS."""
+"""Rigid parts of molecules, from bonds and masses: water, CH3, NH3, aromatic rings, and any heavy
+atom with its hydrogens.  No LAMMPS."""
 
+import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -14,7 +16,7 @@ RING = 5, 6  # atoms of an aromatic ring
 # Angstrom: how far an atom of a ring may be from its plane in a run at room temperature
 FLAT = 0.35
 ROUNDS = 5  # of fits to a mean shape, and means of what is fitted
-PARTS = "water", "CH3", "NH3", "rings"
+PARTS = "water", "CH3", "NH3", "rings", "XH"
 Atoms = Mapping[str, np.ndarray]
 
 
@@ -36,10 +38,10 @@ def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
 
 
 def rigid(
-    atoms: Atoms, cell: np.ndarray, periodic: Sequence[bool], wanted: Collection[str] = PARTS
+    atoms: Atoms, cell: np.ndarray, periodic: Sequence[bool], wanted: Collection[str] = PARTS[:-1]
 ) -> tuple[np.ndarray, dict[str, int]]:
     """The rigid part of each atom, numbered from 1 in order of their first atoms, 0 for none; and
-    how many there are of each of `PARTS`.
+    how many there are of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other part.
 
     Args:
         atoms: ``mass``, ``x`` and ``bonds``, as of ``own``.
@@ -55,11 +57,15 @@ def rigid(
             made["water"].append({atom, *light})
         elif kinds[atom] in ("C", "N") and len(light) == 3 and len(tied[atom]) <= 4:
             made["CH3" if kinds[atom] == "C" else "NH3"].append({atom, *light})
+        if kinds[atom] in ("C", "N", "O", "S") and light:
+            made["XH"].append({atom, *light})
     made["rings"] = _joined(
         ring | {other for atom in ring for other in tied[atom] if kinds[other] == "H"}
         for ring in _rings(tied, kinds)
         if _is_flat(_whole(atoms["x"][sorted(ring)], cell, periodic))
     )
+    others = {atom for name in wanted if name != "XH" for part in made[name] for atom in part}
+    made["XH"] = [part for part in made["XH"] if part.isdisjoint(others)]
     every = sorted((part for name in wanted for part in made[name]), key=min)
     body = np.zeros(number, int)
     for index, part in enumerate(every, 1):
@@ -102,6 +108,13 @@ def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
     return found
 
 
+def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
+    """The rotation of a body onto the shape; about the line of a linear one, any."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Optimal rotation is not uniquely")
+        return Rotation.align_vectors(shape, other)[0]
+
+
 def alike(
     atoms: Atoms, body: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
 ) -> tuple[np.ndarray, float]:
@@ -127,7 +140,7 @@ def alike(
         centred = r - (np.einsum("i,bij->bj", mass, r) / mass.sum())[:, None]
         shape = centred[0]
         for _ in range(ROUNDS):
-            turns = [Rotation.align_vectors(shape, one)[0] for one in centred]
+            turns = [_turn(shape, one) for one in centred]
             shape = np.mean([turn.apply(one) for turn, one in zip(turns, centred)], axis=0)
         fitted = np.array([turn.inv().apply(shape) for turn in turns])
         moved[group] = fitted - centred

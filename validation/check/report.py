@@ -40,8 +40,11 @@ def _kinds(summary: dict) -> Table:
         for kind in summary["kinds"]
     ]
     step = f"{summary['dt']:g} {UNITS[summary['units']].time}"
-    heads = "bodies of types, number, atoms, shape, freedom, mass, size, moments, turn"
-    return Table.of(f"Kinds of bodies; the turn is in one step of {step}", heads, rows)
+    return Table.of(
+        f"Kinds of bodies; the turn is in one step of {step}",
+        "bodies of types, number, atoms, shape, freedom, mass, size, moments, turn",
+        rows,
+    )
 
 
 def _starts(summary: dict) -> Table:

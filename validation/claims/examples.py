@@ -218,8 +218,8 @@ class Runs:
         return self._store.once(name, origin, lambda: self._run(text, which, ranks, files))
 
     def _run(self, text, which, ranks, files):
-        words = [*run.launcher(ranks), sys.executable, "-m", "fix_nosquish"]
-        words += ["-in", self.example.path.name, "-log", "log.examples", "-nocite"]
+        options = "-in", self.example.path.name, "-log", "log.examples", "-nocite"
+        words = [*run.launcher(ranks), sys.executable, "-m", "fix_nosquish", *options]
         words += SUFFIX if which == OURS else ()
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
@@ -264,8 +264,13 @@ def row(runs: Runs, count: int) -> dict:
     """What comes of an example, one of ``count``, on 1 and 2 ranks: a verdict, numbers, a note."""
     theirs, ours = [runs.first, runs(THEIRS, 2, "0")], [runs(OURS, n, "0") for n in RANKS]
     styles = [" ".join(words[3:]) for words in runs.example.fixes]
-    found: dict = {"example": runs.example.name, "fixes": list(dict.fromkeys(styles))}
-    found |= {"said": ours[0]["said"], "steps": runs.steps, "note": ""}
+    found: dict = {
+        "example": runs.example.name,
+        "fixes": list(dict.fromkeys(styles)),
+        "said": ours[0]["said"],
+        "steps": runs.steps,
+        "note": "",
+    }
     failed, bad = ([one["error"] for one in some if one["error"]] for some in (theirs, ours))
     if failed:
         return found | {"verdict": "not with theirs", "note": failed[0], "ours": bad[:1]}

@@ -24,8 +24,13 @@ def reversal(summary: dict) -> Figure | None:
     """Distance from the start against the number of steps."""
     if not (found := summary["data"].get("reversal")):
         return None
-    colours = {"fix_nosquish.NVE": BLUE, "rigid/nve": ORANGE, "rigid": GREEN}
-    colours |= {"shake 1e-4 + nve": RED, "Gear": PURPLE}
+    colours = {
+        "fix_nosquish.NVE": BLUE,
+        "rigid/nve": ORANGE,
+        "rigid": GREEN,
+        "shake 1e-4 + nve": RED,
+        "Gear": PURPLE,
+    }
     figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
     axis.set(xscale="log", yscale="log", xlabel="steps forward, and as many back")
     axis.set_ylabel("distance from the start (Å)")
@@ -67,8 +72,14 @@ def _curves(summary, names, told, power) -> Figure | None:
     shown = {label: curves[name] for name, label in names.items() if name in curves}
     if not shown:
         return None
-    size: dict = {"figsize": (7.5, 0.8 + 1.7 * len(shown)), "layout": "constrained"}
-    figure, axes = plt.subplots(len(shown), sharex=True, sharey=True, squeeze=False, **size)
+    figure, axes = plt.subplots(
+        len(shown),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        figsize=(7.5, 0.8 + 1.7 * len(shown)),
+        layout="constrained",
+    )
     for axis, (label, curve), colour in zip(axes[:, 0], shown.items(), (BLUE, ORANGE)):
         axis.plot(curve["time"], np.array(curve["error"]) * 10**power, lw=0.6, color=colour)
         axis.plot(

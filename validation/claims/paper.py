@@ -127,9 +127,15 @@ def _simulation(
 ) -> Simulation:
     """So many ps of an integrator, in the usual way where ``more`` does not say otherwise."""
     who = (INTEGRATORS | PAPER)[integrator]
-    usual: dict = {"name": f"{scene.name}-{integrator}", "label": f"{scene.name}, {who.label}"}
-    usual |= {"every": lengths.every, "ranks": bench.ranks, "dt": DT}
-    usual |= {"steps": steps(time, more.get("dt", DT)), "may_fail": integrator == "gear"}
+    usual: dict = {
+        "name": f"{scene.name}-{integrator}",
+        "label": f"{scene.name}, {who.label}",
+        "every": lengths.every,
+        "ranks": bench.ranks,
+        "dt": DT,
+        "steps": steps(time, more.get("dt", DT)),
+        "may_fail": integrator == "gear",
+    }
     return Simulation(scene=scene, integrator=who, **usual | more)
 
 
@@ -143,9 +149,12 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
     for number in range(1, lengths.starts + 1):
         names = "nosquish", OTHER, *["gear"] * (number <= lengths.gear_starts)
         for name in names:
-            named = {"name": f"dimer-{name}-{number}"}
-            named["label"] = f"dimer {number}, {PAPER[name].label}"
-            named |= {"start": (starts, number * apart), "every": 2 * lengths.every}
+            named = {
+                "name": f"dimer-{name}-{number}",
+                "label": f"dimer {number}, {PAPER[name].label}",
+                "start": (starts, number * apart),
+                "every": 2 * lengths.every,
+            }
             yield make(scene, name, lengths.dimer, **named, **how)
 
 
@@ -157,8 +166,13 @@ def judge(found: Found, bench: Bench) -> dict:
     ``checks``, ``curves`` of the figures, ``lengths``."""
     complete = {name: one for name, one in found.items() if not one.error}
     whole = {name: one for name, one in complete.items() if len(one.total) >= FEW}
-    checks = [*_dimer(whole), *_liquid(whole), *_peptide(whole)]
-    checks += [*_gear(found, whole), *_rigidity(complete)]
+    checks = [
+        *_dimer(whole),
+        *_liquid(whole),
+        *_peptide(whole),
+        *_gear(found, whole),
+        *_rigidity(complete),
+    ]
     return {
         "rows": [row(one) for one in found.values()],
         "checks": [check.plain() for check in checks],
@@ -266,9 +280,14 @@ def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
     deviation = np.sqrt(np.mean([one.total.var() for one in series]))
     scale = min(one.time[-1] for one in series) / deviation
     several = f", mean of {len(series)} starts" * (len(series) > 1)
-    what = f"stable: drift of the energy, times {_length(*series)}, over its sd"
-    note = f"drift {slope.text()} kcal/mol/ps{several}"
-    return check(PAPER[name].label, what, slope.times(scale), low=-1.0, high=1.0, note=note)
+    return check(
+        PAPER[name].label,
+        f"stable: drift of the energy, times {_length(*series)}, over its sd",
+        slope.times(scale),
+        low=-1.0,
+        high=1.0,
+        note=f"drift {slope.text()} kcal/mol/ps{several}",
+    )
 
 
 # ---- figures 2a, 2b and 3
@@ -301,8 +320,15 @@ def _dimer(whole: Found) -> Iterator[Check]:
     if starting := whole.get("dimer-starts"):
         aim, mean = TEMPERATURE["dimer"], measures.mean(starting.temperature)
         what = f"mean temperature of the trajectory that all starts are of, {_length(starting)}"
-        usual = {"unit": "K", "source": "Caption of figure 2"}
-        yield check("NO_SQUISH", what, mean, low=aim - KELVIN, high=aim + KELVIN, **usual)
+        yield check(
+            "NO_SQUISH",
+            what,
+            mean,
+            low=aim - KELVIN,
+            high=aim + KELVIN,
+            unit="K",
+            source="Caption of figure 2",
+        )
     if len(pairs) > 1:
         for name, series in zip(("nosquish", OTHER), zip(*pairs)):
             yield _steady(check, name, series)
@@ -339,8 +365,13 @@ def _peptide(whole: Found) -> Iterator[Check]:
     series = {name: whole[f"peptide-{name}"] for name in names if f"peptide-{name}" in whole}
     for name in (name for name in names[:3] if name in series):
         what = f"average measure about {AVERAGE_MEASURE:g}, {_length(series[name])}"
-        bounds = {"low": AVERAGE_MEASURE / NEAR, "high": AVERAGE_MEASURE * NEAR}
-        yield check(PAPER[name].label, what, measures.mean(measure(series[name].total)), **bounds)
+        yield check(
+            PAPER[name].label,
+            what,
+            measures.mean(measure(series[name].total)),
+            low=AVERAGE_MEASURE / NEAR,
+            high=AVERAGE_MEASURE * NEAR,
+        )
     for name, against in (ORDERED, "rigid/nve/small"), ("nosquish", "shake"):
         if {name, against} <= series.keys():
             yield _equal(check, series, name, against)
@@ -350,8 +381,15 @@ def _peptide(whole: Found) -> Iterator[Check]:
         note = f"{slope.text()} kcal/mol/ps"
         if name == "rigid/small":
             off, what = abs(slope.value) / slope.margin, f"drifts: |drift| of the energy, {span}"
-            how = {"unit": "margins", "source": "Richardson's scheme, which is not symplectic"}
-            yield check(label, what, off, low=SURE_DRIFT, note=note, **how)
+            yield check(
+                label,
+                what,
+                off,
+                low=SURE_DRIFT,
+                note=note,
+                unit="margins",
+                source="Richardson's scheme, which is not symplectic",
+            )
         elif "rigid/small" in drifts:
             over = measures.quotient(slope, drifts["rigid/small"])
             what = f"stable: drift over that of rigid/small, {span}"
@@ -416,8 +454,7 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     told = f"Gear's drift itself cannot be told: {note}"
     if off >= SURE_DRIFT:  # nothing can be said over a drift that may be none
         far, told = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
-    bounds = {"low": -1 / FAR, "high": 1 / FAR}
-    yield check("NO_SQUISH over Gear, dimer", what, far, **bounds, note=told)
+    yield check("NO_SQUISH over Gear, dimer", what, far, low=-1 / FAR, high=1 / FAR, note=told)
 
 
 def _rigidity(complete: Mapping[str, Series]) -> Iterator[Check]:
@@ -429,9 +466,15 @@ def _rigidity(complete: Mapping[str, Series]) -> Iterator[Check]:
     }
     if worst:
         name = max(worst, key=lambda name: worst[name])
-        who = f"all {len(worst)} runs with rigid-body fixes"
-        what = "largest change of a distance within a group"
-        yield Check.of("rigidity", who, what, worst[name], high=RIGID, unit="Å", note=name)
+        yield Check.of(
+            "rigidity",
+            f"all {len(worst)} runs with rigid-body fixes",
+            "largest change of a distance within a group",
+            worst[name],
+            high=RIGID,
+            unit="Å",
+            note=name,
+        )
 
 
 def tables(summary: dict) -> list[Table]:

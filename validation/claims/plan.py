@@ -101,10 +101,19 @@ class Simulation:
             scene, files = from_dump(scene, dump, step), [dump]
         more = [line.format(folder=folder) for line in self.more]
         more += to_dump(_state(bench, self.name), self.state) if self.state else []
-        how: dict = {"dt": self.dt, "every": self.every, "ranks": self.ranks, "keeps": self.keeps}
-        how |= {"silence": bench.silence, "more": more}
-        how["origin"] = machine.origin(self.scene, self.integrator, *files)
-        return run.job(scene, self.integrator, folder, [self.steps], **how)
+        return run.job(
+            scene,
+            self.integrator,
+            folder,
+            [self.steps],
+            dt=self.dt,
+            every=self.every,
+            ranks=self.ranks,
+            keeps=self.keeps,
+            silence=bench.silence,
+            more=more,
+            origin=machine.origin(self.scene, self.integrator, *files),
+        )
 
 
 def _folder(bench, name):

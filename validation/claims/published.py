@@ -65,8 +65,13 @@ SAMPLED = 12.0  # fs between samples of the energy
 
 def scene() -> Scene:
     """Their water."""
-    title = "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff"
-    return smooth_water("water-smooth", title, "water_smooth", "smooth", 903)
+    return smooth_water(
+        "water-smooth",
+        "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
+        "water_smooth",
+        "smooth",
+        903,
+    )
 
 
 def _time(bench: Bench) -> float:
@@ -85,9 +90,19 @@ def plan(bench: Bench) -> list[Simulation]:
         every = max(1, round(SAMPLED / dt))
         shadowed = nosquish("nosquish", "fix_nosquish.NVE", f" every {every}", "Shadowed")
         more = run.thermo(SHADOW)
-        at: dict = {"dt": dt, "steps": steps(_time(bench), dt), "every": every, "more": more}
-        at |= {"name": f"{dt:g}-fs", "label": f"{dt:g} fs", "start": ("start", rest)}
-        made.append(Simulation(integrator=shadowed, **at, **how))
+        made.append(
+            Simulation(
+                integrator=shadowed,
+                dt=dt,
+                steps=steps(_time(bench), dt),
+                every=every,
+                more=more,
+                name=f"{dt:g}-fs",
+                label=f"{dt:g} fs",
+                start=("start", rest),
+                **how,
+            )
+        )
     return made
 
 

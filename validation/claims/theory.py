@@ -62,7 +62,6 @@ INTEGRATORS = [
     *(constrained(style, one, ITERATIONS) for style in ("shake", "rattle") for one in TOLERANCES),
 ]
 COME_BACK = "NVE", "MatubayasiNakahara", "rigid/nve", "rigid/nve/small"
-DO_NOT = "Gear", "rigid", "rigid/small"
 REMADE = "its derivatives are made anew at the reversal, of force and torque"
 
 
@@ -76,8 +75,14 @@ def _there_and_back() -> Iterator[Simulation]:
     """
     commands = [WRITE.format("start"), *(f"variable {c} atom -v{c}" for c in "xyz")]
     for n in STEPS:
-        commands += [READ, "reset_timestep 0", f"run {n}", "velocity all set v_x v_y v_z"]
-        commands += [f"run {n}", WRITE.format(f"back-{n}")]
+        commands += [
+            READ,
+            "reset_timestep 0",
+            f"run {n}",
+            "velocity all set v_x v_y v_z",
+            f"run {n}",
+            WRITE.format(f"back-{n}"),
+        ]
     how: dict = {"dt": SCENE.dt, "steps": 0, "every": 0, "keeps": "nothing", "more": commands}
     for one in INTEGRATORS:
         yield Simulation(f"reversal/{one.label}", one.label, SCENE, one, **how)
@@ -150,17 +155,30 @@ def _neighbours(bench: Bench) -> Iterator[Simulation]:
         off.flat[way] = sign * size
         centre = APART * len(pairs) / 2 * np.array([1.0, 0, 0])
         for k in 0, 1:
-            moved = {"place": centre + PLACES[k] + off[0, k], "velocity": off[2, k]}
-            moved |= {"turn": Rotation.from_rotvec(off[1, k]) * TURNS[k]}
-            moved |= {"spin": SPINS[k] + off[3, k]}
-            pairs.append(bodies.body(bodies.BENT, bodies.MASSES, **moved))
+            pairs.append(
+                bodies.body(
+                    bodies.BENT,
+                    bodies.MASSES,
+                    place=centre + PLACES[k] + off[0, k],
+                    velocity=off[2, k],
+                    turn=Rotation.from_rotvec(off[1, k]) * TURNS[k],
+                    spin=SPINS[k] + off[3, k],
+                )
+            )
     setup = (
         "pair_style gauss 8.0",
         "pair_coeff * * 0.3 0.5",
         "neigh_modify exclude molecule/intra all",
     )
-    sized: dict = {"box": (APART * len(pairs) / 2, APART, APART), "corner": (-APART / 2,) * 3}
-    scene = bodies.scene(bench.runs, pairs, setup, name="pairs", dt=1.0, **sized)
+    scene = bodies.scene(
+        bench.runs,
+        pairs,
+        setup,
+        name="pairs",
+        dt=1.0,
+        box=(APART * len(pairs) / 2, APART, APART),
+        corner=(-APART / 2,) * 3,
+    )
     commands = [WRITE.format("start")]
     for dt in DTS:
         commands += [READ, "reset_timestep 0", f"timestep {dt}", "run 1", WRITE.format(f"end-{dt}")]
@@ -254,8 +272,10 @@ def conserved(found: Found) -> tuple[list[Check], dict]:
         runs = [one for one in found.values() if one.simulation.integrator.label == label]
         runs = [one for one in runs if not one.error]
         dt = [one.simulation.dt for one in runs]
-        spread = {"energy": [float(one.total.std()) for one in runs]}
-        spread["shadow"] = [float(np.nanstd(one.shadow)) for one in runs]
+        spread = {
+            "energy": [float(one.total.std()) for one in runs],
+            "shadow": [float(np.nanstd(one.shadow)) for one in runs],
+        }
         data[label] = {"dt_fs": dt} | spread
         if len(runs) == len(MULTIPLES):
             law, finer = partial(_power, check, label), "spread of H + Δt² H⁽²⁾ ∝ Δt"
@@ -274,8 +294,12 @@ def _power(check, subject, what, x, y, law, within):
 
 # ---- the free rotation
 
-ROTORS = {"split": "", "split, mrot 2": " mrot 2", "split, mrot 4": " mrot 4"}
-ROTORS |= {"exact": " rotor exact"}  # name: words of our fix
+ROTORS = {
+    "split": "",
+    "split, mrot 2": " mrot 2",
+    "split, mrot 4": " mrot 4",
+    "exact": " rotor exact",
+}  # name: words of our fix
 ANGLES = 0.0125, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8  # rad in a step
 HOLDS = 4  # of the smallest angles: where the law of the error holds
 TOTAL = 20.0  # rad
@@ -307,12 +331,24 @@ def _free(bench: Bench) -> Iterator[Simulation]:
         how: dict = {"place": (4.0 * number, 0, 0), "turn": turn}
         waters.append(bodies.body(sites, MASSES, spin=turn.apply(L / moments), **how))
     setup = *bodies.FREE, "neighbor 1.0 bin"
-    sized: dict = {"box": (4 * TOPS, 4, 4), "corner": (-2, -2, -2), "dt": ANGLES[0]}
-    scene = bodies.scene(bench.runs, waters, setup, name="tops", **sized)
+    scene = bodies.scene(
+        bench.runs,
+        waters,
+        setup,
+        name="tops",
+        box=(4 * TOPS, 4, 4),
+        corner=(-2, -2, -2),
+        dt=ANGLES[0],
+    )
     commands = [WRITE.format("start")]
     for angle in ANGLES:
-        commands += [READ, "reset_timestep 0", f"timestep {angle}"]
-        commands += [f"run {round(TOTAL / angle)}", WRITE.format(f"end-{angle}")]
+        commands += [
+            READ,
+            "reset_timestep 0",
+            f"timestep {angle}",
+            f"run {round(TOTAL / angle)}",
+            WRITE.format(f"end-{angle}"),
+        ]
     how = {"dt": ANGLES[0], "steps": 0, "every": 0, "keeps": "nothing", "more": commands}
     for name, words in ROTORS.items():
         yield Simulation(f"rotors/{name}", name, scene, nosquish(name, name, words), **how)
@@ -326,15 +362,20 @@ def rotors(found: Found) -> tuple[list[Check], dict]:
     what, few, last = f"error of the orientation after {TOTAL:g} rad", slice(HOLDS), HOLDS - 1
     checks = []
     if split := errors.get("split"):
-        law = f"{what} ∝ Δt"
-        checks.append(_power(check, "split", law, ANGLES[few], split[few], 2.0, 0.05))
+        checks.append(_power(check, "split", f"{what} ∝ Δt", ANGLES[few], split[few], 2.0, 0.05))
         if fourfold := errors.get("split, mrot 4"):
             over = f"{what} with m_rot 4 times 4², over that with 1, at {ANGLES[last]:g} rad a step"
             ratio = 16 * fourfold[last] / split[last]
             checks.append(check("split", over, ratio, low=0.95, high=1.05))
     if exact := errors.get("exact"):
-        of_all = f"{what}, largest for {ANGLES[0]:g} to {ANGLES[-1]:g} rad in a step"
-        checks.append(check("exact", of_all, max(exact), high=ROUND_OFF))
+        checks.append(
+            check(
+                "exact",
+                f"{what}, largest for {ANGLES[0]:g} to {ANGLES[-1]:g} rad in a step",
+                max(exact),
+                high=ROUND_OFF,
+            )
+        )
     return checks, {"angles": ANGLES, "total": TOTAL, "error": errors}
 
 

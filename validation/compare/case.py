@@ -16,8 +16,15 @@ from ..scenes.units import BOLTZMANN, UNITS
 # steps: the standard deviation of a whole run is mostly this
 SPAN = 96
 # times in a ns; in reduced units 1,000 of them stand for it
-NS = {"real": 1e6, "electron": 1e6, "metal": 1e3, "nano": 1.0, "micro": 1e-3}
-NS |= {"si": 1e-9, "cgs": 1e-9}
+NS = {
+    "real": 1e6,
+    "electron": 1e6,
+    "metal": 1e3,
+    "nano": 1.0,
+    "micro": 1e-3,
+    "si": 1e-9,
+    "cgs": 1e-9,
+}
 ENERGIES = "drift", "energy"  # targets that econserve tells
 MEANS = frozenset(("potential", "density", "rdf"))  # that are held against another run
 ASKED = "energy_sd", "potential"  # targets only if they are asked for
@@ -254,8 +261,11 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
 
 def about(case: Case) -> dict[str, dict]:
     """What each target is, in words, and its default for this case."""
-    words = {"ns": case.name_of_ns, "span": f"{SPAN * case.scene.dt:g} {case.time}"}
-    words["energy"] = UNITS[case.scene.units].energy
+    words = {
+        "ns": case.name_of_ns,
+        "span": f"{SPAN * case.scene.dt:g} {case.time}",
+        "energy": UNITS[case.scene.units].energy,
+    }
     found = {}
     for name, (usual, *texts) in TARGETS.items():
         unit, what, why = (text.format(**words) for text in texts)

@@ -24,8 +24,12 @@ def add(verbs: command_line.Verbs) -> None:
         "2 if a word is wrong, 130 after Ctrl-C.",
     )
     kind = command_line.scene_or_script(lambda: SCENES)
-    help = f"what is simulated: {', '.join(SCENES)}, or a LAMMPS input script of yours"
-    parser.add_argument("scene", type=kind, metavar="SCENE", help=help)
+    parser.add_argument(
+        "scene",
+        type=kind,
+        metavar="SCENE",
+        help=f"what is simulated: {', '.join(SCENES)}, or a LAMMPS input script of yours",
+    )
     text = (
         "largest errors that are good enough, as in energy=0.05 drift=0.01; an unknown one lists "
         "all (default: drift, temperature, energy, density and rdf, as far as there are any)"

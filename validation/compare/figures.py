@@ -111,12 +111,15 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
     margin = np.where(zero, 0.0, [one.margin for one in found])
     axis.plot(x, np.where(zero, np.nan, y), color=look["color"], lw=look["lw"])
     for those, alpha in (zero, 0.5), (~zero, 1.0):
-        bars: dict = {"yerr": [np.minimum(margin, 0.9 * y)[those], margin[those]]}
-        bars["xerr"] = [np.zeros(those.sum()), (usual - x)[those]]
+        bars: dict = {
+            "yerr": [np.minimum(margin, 0.9 * y)[those], margin[those]],
+            "xerr": [np.zeros(those.sum()), (usual - x)[those]],
+        }
         style = look | {"ls": "none", "alpha": alpha, "capsize": 1.5, "elinewidth": 0.8}
         axis.errorbar(x[those], y[those], **bars, **style)
-    down: dict = {"marker": CARETDOWNBASE, "ms": 5, "ls": "none", "alpha": 0.7}
-    axis.plot(x[zero], y[zero], color=look["color"], **down)
+    axis.plot(
+        x[zero], y[zero], color=look["color"], marker=CARETDOWNBASE, ms=5, ls="none", alpha=0.7
+    )
     if row[0]["ours"]:
         beside: dict = {"textcoords": "offset points", "xytext": (-5, -5), "fontsize": 8.5}
         for one, place in zip(row, zip(x, y)):

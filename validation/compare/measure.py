@@ -258,9 +258,12 @@ def row(
 def _command(prepared: Prepared, point: Point) -> str:
     """That runs a point again, and what it is held against, elsewhere."""
     steps = f"{prepared.held.dt:g},{point.dt:g}"
-    words = ["python", "-m", NAME, "compare", prepared.case.word, "--only", point.scheme]
-    words += ["--steps", steps, "--budget", f"{prepared.settings.minutes:g}"]
-    words += ["--ranks", str(prepared.settings.ranks), "--out", "results/compare-point"]
+    minutes, ranks = f"{prepared.settings.minutes:g}", str(prepared.settings.ranks)
+    words = [
+        *("python", "-m", NAME, "compare", prepared.case.word, "--only", point.scheme),
+        *("--steps", steps, "--budget", minutes, "--ranks", ranks),
+        *("--out", "results/compare-point"),
+    ]
     return shlex.join(words)
 
 

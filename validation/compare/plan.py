@@ -204,8 +204,13 @@ def _trajectory(case, point, folder, lengths, settings, number, last) -> Traject
             **_how(settings),
         )
 
-    label = f"{integrator.label}, {point.dt:g} {case.time}, start {number}"
-    return Trajectory(name, label, job, point, start="start" * (number > 1))
+    return Trajectory(
+        name,
+        f"{integrator.label}, {point.dt:g} {case.time}, start {number}",
+        job,
+        point,
+        start="start" * (number > 1),
+    )
 
 
 def _how(settings: Settings) -> dict:

@@ -42,11 +42,8 @@ def add(verbs: command_line.Verbs) -> None:
     names = ", ".join(BENCHMARKED)
     help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
     command_line.only_of(parser, lambda: BENCHMARKED, help)
-    for option, help in (
-        ("--short", "some minutes in all, for a first look"),
-        ("--again", "measure anew what is there already"),
-    ):
-        parser.add_argument(option, action="store_true", help=help)
+    help = "some minutes in all, for a first look"
+    parser.add_argument("--short", action="store_true", help=help)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/cost", short=True)
     command_line.own(parser)
@@ -94,7 +91,7 @@ def run(arguments: Namespace) -> int:
         screen = console.console()
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)
-            summary = measure.cost(points, call, arguments.again)
+            summary = measure.cost(points, call)
     summary["checks"] = [] if script else criteria.checks(summary["points"], summary["starts"])
     said = report.said(summary)
     pages.write(said, summary, out)

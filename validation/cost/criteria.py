@@ -47,8 +47,9 @@ def _of(point: dict) -> Iterator[Check]:
         if ratios.get(rival):
             yield _check(place(point), f"time in the fix over that of {rival}", ratios[rival], most)
     if fastest(point):
-        what = "whole step over that with the fastest rigid fix"
-        yield _check(place(point), what, fastest(point), 1.0)
+        yield _check(
+            place(point), "whole step over that with the fastest rigid fix", fastest(point), 1.0
+        )
 
 
 def _check(subject, what, spread, most, unit=""):

@@ -57,11 +57,8 @@ class Call:
     script: tuple[Scene, Sequence[Integrator]] | None = None
 
 
-def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
+def cost(wanted: Iterable[Point], call: Call) -> dict:
     """Measure the points that are not there yet, and collect all that is.
-
-    Args:
-        again: whether to measure anew what is there.
 
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
@@ -71,15 +68,19 @@ def cost(wanted: Iterable[Point], call: Call, again: bool = False) -> dict:
     cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
         origin = store.origin(point, call.script, cpu, files=point.inputs)
-        kept = None if again else store.kept(point.name, origin)
-        if kept:
+        if kept := store.kept(point.name, origin):
             call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
             call.meter.end(None)
-        begun = {"part": point.part, "cpu": cpu, "begin": machine.now(), "load": os.getloadavg()[0]}
-        begun |= {"inputs": _inputs(folder.name for folder in point.inputs)}
+        begun = {
+            "part": point.part,
+            "cpu": cpu,
+            "begin": machine.now(),
+            "load": os.getloadavg()[0],
+            "inputs": _inputs(folder.name for folder in point.inputs),
+        }
         make = partial(_record, point, call, begun)
         try:
-            records[point.name] = store.once(point.name, origin, make, again)
+            records[point.name] = store.once(point.name, origin, make)
         except KeyboardInterrupt as end:
             rows = end.rows if isinstance(end, Cut) else []
             records[point.name] = begun | {"rows": rows, "complete": False}
@@ -122,14 +123,31 @@ def _scene(point: Point, call: Call) -> list[dict]:
         if point.part == "messages":
             scene = replace(scene, setup=(*scene.setup, *WITHOUT_MESH))
     folder = call.out / "runs" / point.name
-    record: dict = {"scene": point.part, "title": scene.subject or scene.title}
-    record |= {"bodies": point.bodies, "ranks": point.ranks, "dt": scene.dt, "units": scene.units}
-    record |= {"integrators": [], "versions": {}}
+    record: dict = {
+        "scene": point.part,
+        "title": scene.subject or scene.title,
+        "bodies": point.bodies,
+        "ranks": point.ranks,
+        "dt": scene.dt,
+        "units": scene.units,
+        "integrators": [],
+        "versions": {},
+    }
 
     def job(one, runs, part="calibration", setups=0):
         directory = folder / f"{run.folder_name(one.name)}-{part}"
-        how = {"ranks": point.ranks, "silence": call.silence, "keeps": "nothing", "setups": setups}
-        return run.job(scene, one, directory, runs, dt=scene.dt, every=0, **how)
+        return run.job(
+            scene,
+            one,
+            directory,
+            runs,
+            dt=scene.dt,
+            every=0,
+            ranks=point.ranks,
+            silence=call.silence,
+            keeps="nothing",
+            setups=setups,
+        )
 
     loop = _calibrated(integrators, job, record) if point.rounds else 1.0
     lengths = rounds.lengths(loop, point.seconds)
@@ -152,8 +170,11 @@ def _scene(point: Point, call: Call) -> list[dict]:
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
     for name in point.integrators:
         row = {key: getattr(every[name], key) for key in ("name", "label", "kind")}
-        row |= {"lines": every[name].commands(scene), "error": errors.get(name)}
-        row |= _numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies)
+        row |= {
+            "lines": every[name].commands(scene),
+            "error": errors.get(name),
+            **_numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies),
+        }
         record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
     versions = [timing.versions for timings in found.values() for timing in timings]
     record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}

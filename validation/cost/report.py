@@ -156,11 +156,12 @@ def _busy(points):
 
 def _best(points):
     """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
-    columns = [*WHERE, Column("own", "ours", "µs/step")]
-    columns += [
-        Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL
+    columns = [
+        *WHERE,
+        Column("own", "ours", "µs/step"),
+        *(Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL),
+        Column("whole_ratio", "ours / the fastest rigid fix", "whole step"),
     ]
-    columns += [Column("whole_ratio", "ours / the fastest rigid fix", "whole step")]
     rows = []
     for point in points:
         found = {row["name"]: row for row in point["integrators"]}

@@ -7,8 +7,8 @@ for.  Minimizations and ``run 0`` are no such run: they are done, as runs before
 
 ``ask.json`` has ``script``, ``workplace`` (of LAMMPS), ``overlay`` (see ``recorder``),
 ``variables`` (lists of a name and its values, as of the option -var), ``fix``
-(IDs of fixes that move the atoms, if told), ``any`` (any run will do), ``everything`` (so will what
-is none, as a minimization), ``at`` (which of these runs, from 1).  Left beside it:
+(IDs of fixes that move the atoms, if told), ``any`` (any run will do), ``at`` (which of these runs,
+from 1).  Left beside it:
 
     read.json       ``commands`` up to the run, without those whose work another has undone, and
                     ``at_once`` (which of them act once, on what a restart file has: they are not to
@@ -179,10 +179,10 @@ class Script:
             takes_time = script.takes_time(words, self.lmp.extract_global("ntimestep"))
         except (ValueError, IndexError):
             return DO  # LAMMPS says what is wrong
-        if ask["everything"] or takes_time:
+        if takes_time:
             self.run = line
             self.seen.append(f"{line}: {finding.told(self.fixes)}")
-            if ask["everything"] or ask["any"] or finding.holders(self.fixes, ask["fix"]):
+            if ask["any"] or finding.holders(self.fixes, ask["fix"]):
                 if not self.skip:
                     self.ended = True
                     return STOP
@@ -392,8 +392,7 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
         values = np.array(get(name, kind, count))
         return values.reshape(-1, count) if count > 1 else values
 
-    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3)}
-    known |= dict.fromkeys("xvf", (1, 3))
+    known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3), **dict.fromkeys("xvf", (1, 3))}
     more = {"molecule": (0, 1), "rmass": (1, 1)}
     known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
     found = {name: gather(name, *how) for name, how in known.items()}

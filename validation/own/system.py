@@ -180,15 +180,11 @@ def refuse_ramps(own: Own) -> None:
 
 
 def read(
-    ask: Ask, out: Path, ranks: int, silence: float, everything: bool = False
+    ask: Ask, out: Path, ranks: int, silence: float
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
-    """What ``reader`` says of a script, and its atoms; and the folder where it left that.
-
-    Args:
-        everything: stop at the first run whatever moves atoms there.
-    """
+    """What ``reader`` says of a script, and its atoms; and the folder where it left that."""
     with _locked(out):
-        return _reading(ask, out, ranks, silence, everything)
+        return _reading(ask, out, ranks, silence)
 
 
 def _locked(out: Path):
@@ -196,13 +192,13 @@ def _locked(out: Path):
     return store.Store(out).locked("script")
 
 
-def _reading(ask, out, ranks, silence, everything=False):
+def _reading(ask, out, ranks, silence):
     if not Path(ask.script).is_file():
         raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
     folder = (out / "script").resolve()
-    said = _known(ask, folder, ranks, everything)
+    said = _known(ask, folder, ranks)
     if said is None:
-        said = _read(ask, folder, ranks, everything, silence)
+        said = _read(ask, folder, ranks, silence)
     with np.load(folder / "atoms.npz") as file:
         return said, dict(file), folder
 
@@ -212,19 +208,19 @@ def overlay(folder: Path) -> Path:
     return folder / "overlay"
 
 
-def _known(ask: Ask, folder: Path, ranks: int, everything: bool) -> dict | None:
+def _known(ask: Ask, folder: Path, ranks: int) -> dict | None:
     """What was read before, if nothing has changed since."""
     said, kept = whole.read(folder / "read.json"), whole.read(folder / "known.json")
-    same = said and kept and kept["origin"] == _origin(ask, ranks, everything, said)
+    same = said and kept and kept["origin"] == _origin(ask, ranks, said)
     return said if same else None
 
 
-def _origin(ask: Ask, ranks: int, everything: bool, said: Mapping) -> str:
+def _origin(ask: Ask, ranks: int, said: Mapping) -> str:
     """Hash of all that a reading follows from."""
     patterns, environment = said["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
     code = store.code(), machine.versions()
-    return store.digest(asdict(ask), ranks, everything, *code, _contents(said["files"]), *found)
+    return store.digest(asdict(ask), ranks, *code, _contents(said["files"]), *found)
 
 
 def _contents(files: Sequence[str]) -> str:
@@ -241,7 +237,7 @@ def _files_of(said: Mapping, folder: Path) -> str:
     return store.digest(_contents(said["files"]), known)
 
 
-def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) -> dict:
+def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
     """Have a script read in its own folder; or, if it fails there, in the one in which the harness
     was started, of which LAMMPS takes names.
 
@@ -252,7 +248,7 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
     here, start = Path(ask.script).parent, Path(ask.folder)
     name, messages = Path(ask.script).name, list[str]()
     for workplace in dict.fromkeys((here, start)):
-        message = _read_in(workplace, ask, folder, ranks, everything, silence)
+        message = _read_in(workplace, ask, folder, ranks, silence)
         if not message:
             break
         messages.append(message)
@@ -269,11 +265,11 @@ def _read(ask: Ask, folder: Path, ranks: int, everything: bool, silence: float) 
                 "folder, or rename one of them"
             )
     # the last file: it tells that the others are whole
-    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, everything, said)})
+    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, said)})
     return said
 
 
-def _read_in(workplace, ask, folder, ranks, everything, silence) -> str:
+def _read_in(workplace, ask, folder, ranks, silence) -> str:
     """Have a script read in a folder; why that failed."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
@@ -284,7 +280,6 @@ def _read_in(workplace, ask, folder, ranks, everything, silence) -> str:
         "variables": ask.variables,
         "fix": ask.fix,
         "any": bool(ask.group or ask.bodies),
-        "everything": everything,
         "at": ask.at,
     }
     (folder / "ask.json").write_text(json.dumps(plain))

@@ -210,8 +210,10 @@ class Said:
         """Its tables, and those of its checks: one for each part, and that of the file."""
         heads = ("subject", "of"), ("what", "number"), ("value", "measured"), ("bound", "bound")
         columns = [Column(*head, kind="text") for head in heads]
-        columns += [Column("verdict", "verdict", kind="verdict")]
-        columns += [Column("why", "why", kind="text", wide=True)]
+        columns += [
+            Column("verdict", "verdict", kind="verdict"),
+            Column("why", "why", kind="text", wide=True),
+        ]
         found = [*self.tables]
         for part, title in self.parts.items():
             rows = [_of_check(one) for one in self.checks if one["part"] == part]

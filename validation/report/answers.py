@@ -68,6 +68,7 @@ def _name(summary):
 def _answers(summary):
     """The rows of a scene."""
     best = rivals.best(summary["rows"])
+    assert best is not None  # see `is_sample`
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
         yield {

@@ -36,8 +36,8 @@ def environment(folder: Path) -> dict[str, str]:
     library = folder / "mpi_count.so"
     headers, mpi = _mpich("mpi.h").parent, _mpich("libmpi.so.12")
     flags = "-O2", "-shared", "-fPIC", "-I", str(headers)
-    command = [*_compiler(), *flags, str(SOURCE), "-o", str(library)]
-    command += [str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"]
+    linked = str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"
+    command = [*_compiler(), *flags, str(SOURCE), "-o", str(library), *linked]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         raise SystemExit(

@@ -12,14 +12,21 @@ _LATE = re.compile(r"^Dangerous builds = (\d+)", re.M)
 _SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
-def thermo(text: str) -> dict[str, np.ndarray]:
+class Columns(dict[str, np.ndarray]):
+    """Thermo output by column; a name that is none is answered with those that there are."""
+
+    def __missing__(self, name: str) -> np.ndarray:
+        raise KeyError(f"the output has no column {name}: it has {', '.join(self) or 'none'}")
+
+
+def thermo(text: str) -> Columns:
     """Thermo output of all runs in a log as one table.
 
     Args:
         text: the log, complete or cut off anywhere.
 
     Returns:
-        dict of column name to array.  A step printed twice (end of one run, start of
+        column name to array.  A step printed twice (end of one run, start of
         the next) appears once.  Empty if nothing was printed.  Where runs print different
         columns, there are all of them, with NaN in the steps that lack one.
     """
@@ -40,7 +47,9 @@ def thermo(text: str) -> dict[str, np.ndarray]:
             except ValueError:  # a warning between the rows
                 continue
             rows.setdefault(row[0], {}).update(zip(columns, row))
-    return {name: np.array([row.get(name, np.nan) for row in rows.values()]) for name in names}
+    return Columns(
+        (name, np.array([row.get(name, np.nan) for row in rows.values()])) for name in names
+    )
 
 
 @dataclass(frozen=True)

@@ -87,8 +87,12 @@ def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     versions, and with ours the package.  A file that is not there counts for nothing: LAMMPS says
     so when it reads it."""
     package = package_hash() if integrator.kind == "ours" else None
-    found = [versions(), scene.origin or contents(scene.folder), package]
-    found += [contents(file) for file in files if file.exists()]
+    found = [
+        versions(),
+        scene.origin or contents(scene.folder),
+        package,
+        *(contents(file) for file in files if file.exists()),
+    ]
     return hashlib.sha256(json.dumps(found).encode()).hexdigest()
 
 

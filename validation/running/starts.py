@@ -30,10 +30,14 @@ def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
     if not data.exists():
         data.parent.mkdir(parents=True, exist_ok=True)
         part = data.with_suffix(".part")
-        command = [*run.launcher(min(4, os.cpu_count() or 1)), sys.executable]
-        command += [str(scene.cutter), str(bodies), str(part)]
-        how: dict = {"cwd": scene.folder, "env": {"OMP_NUM_THREADS": "1", **os.environ}}
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, **how)
+        cut = sys.executable, str(scene.cutter), str(bodies), str(part)
+        command = [*run.launcher(min(4, os.cpu_count() or 1)), *cut]
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            cwd=scene.folder,
+            env={"OMP_NUM_THREADS": "1", **os.environ},
+        )
         if done.returncode:
             raise SystemExit(
                 f"no start of {bodies} bodies: {shlex.join(command)} failed in {scene.folder}"

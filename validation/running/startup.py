@@ -71,8 +71,8 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
     lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
     script.write_text("\n".join(lines))
     lmp = Path(sys.executable).parent / "lmp"
-    command = [str(lmp) if lmp.exists() else "lmp", "-in", str(script)]
-    command += ["-log", "none", "-screen", "none"]
+    words = "-in", str(script), "-log", "none", "-screen", "none"
+    command = [str(lmp) if lmp.exists() else "lmp", *words]
     if ranks > 1:
         command = [*run.launcher(ranks), *command]
     cores, environment = os.sched_getaffinity(0), {"OMP_NUM_THREADS": "1", **os.environ}

@@ -52,16 +52,15 @@ class Store:
         """
         return digest(self.base, settings, [*map(machine.contents, files)])
 
-    def once(self, name: str, origin: str, make: Callable[[], dict], again: bool = False) -> dict:
+    def once(self, name: str, origin: str, make: Callable[[], dict]) -> dict:
         """The record of this name and origin; ``make`` gives it if there is none, or none complete.
 
         A Ctrl-C in ``make`` passes through, and nothing is kept then.
 
         Args:
             name: of the record; with slashes, its file is in such folders.
-            again: make it anew whatever there is.
         """
-        kept = None if again else self.kept(name, origin)
+        kept = self.kept(name, origin)
         if kept and kept["complete"]:
             return kept["record"]
         record = make()

@@ -103,8 +103,10 @@ def work(job: dict, out: Path) -> None:
         return MPI.Wtime() - begin
 
     MPI.Pcontrol(0)
-    seconds = {"commands": [timed(command) for command in job["commands"]]}
-    seconds["setups"] = [timed("run 0") for _ in range(job["setups"])]
+    seconds = {
+        "commands": [timed(command) for command in job["commands"]],
+        "setups": [timed("run 0") for _ in range(job["setups"])],
+    }
     names = ("x", "v") if job["motion"] else ("x",)
     kept: dict[str, list] = {name: [] for name in names if job["body_property"]}
 

@@ -86,7 +86,8 @@ def run(arguments: argparse.Namespace) -> int:
     engine.versions(plan.schemes[point.scheme].engine for point in points)
     known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
     lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
-    runs = Runs(plan, lengths, out / "runs" / lengths.folder, arguments.silence)
+    folder = out / "runs" / lengths.folder
+    runs = Runs(plan, lengths, folder, arguments.silence, fewer=arguments.to_zero)
     screen = console.console()
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, known, meter)
@@ -94,7 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
     failed = all(row["error"] for row in summary["rows"])
     if arguments.to_zero:
         summary["rows"] = [row for row in summary["rows"] if row["scheme"] == points[0].scheme]
-        summary["zero"] = to_zero.told(summary["rows"], plan, lengths.time)
+        summary["zero"] = to_zero.told(summary["rows"], lengths.time)
         failed = failed or any(one["why"] for one in summary["zero"].values())
     said = to_zero.said(summary) if arguments.to_zero else report.said(summary)
     pages.write(said, summary, out)

@@ -67,7 +67,8 @@ def checks(summary: Mapping) -> list[Check]:
     at longer steps than those of today, and other engines."""
     if summary["settings"]["time"] < LEAST:
         return []
-    today, made = summary["known"][0]["dt"], []
+    today = summary["known"][0]["dt"]
+    made: list[Check] = []
     for row in summary["rows"]:
         longer = row["ours"] and row["dt"] > today
         if not row["error"] and (longer or row["engine"] in summary["others"]):

@@ -197,12 +197,14 @@ class Runs:
 
     Attributes:
         silence: s without a sign of life after which a run is given up.
+        fewer: whether longer steps than the shortest run from half of the starts only.
     """
 
     plan: Plan
     lengths: Lengths
     folder: Path
     silence: float
+    fewer: bool = False
 
     @property
     def store(self) -> Store:
@@ -214,6 +216,11 @@ class Runs:
         """Their numbers."""
         return range(1, self.lengths.starts + 1)
 
+    def starts_of(self, point: Point, points: Collection[Point]) -> range:
+        """Numbers of the starts from which one of these points runs."""
+        longer = point.dt > min(one.dt for one in points)
+        return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
+
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
         """The starts, all points from the first one, then all from the next one."""
         made = [
@@ -221,7 +228,7 @@ class Runs:
         ]
         for n in self.starts:
             said = f", start {n}" * (len(self.starts) > 1)
-            for point in points:
+            for point in (point for point in points if n in self.starts_of(point, points)):
                 job, label = partial(self.job, point, n), self.plan.label(point) + said
                 made.append(Trajectory(_name(n, point), label, job, point, start_name(n)))
         return made
@@ -232,9 +239,12 @@ class Runs:
 
     def steps(self, points: Collection[Point]) -> int:
         """All steps of all runs together."""
-        strides = ((point.dt, self.plan.schemes[point.scheme].stride) for point in points)
-        each = sum(sum(self.lengths.runs(dt, stride)) for dt, stride in strides)
-        return len(self.starts) * (self._begin + each)
+        total = len(self.starts) * self._begin
+        for point in points:
+            stride = self.plan.schemes[point.scheme].stride
+            each = sum(self.lengths.runs(point.dt, stride))
+            total += len(self.starts_of(point, points)) * each
+        return total
 
     def left(self) -> list[Point]:
         """Points of which the folder has runs."""

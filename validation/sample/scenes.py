@@ -1,7 +1,7 @@
 """The scenes of `sample`, each with its temperature and its schemes: entries of `SCENES`."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 from ..experiment import Point
 from ..own import counted, shapes
 from ..own.script import texts
+from ..own.shapes import Group
 from ..own.system import Own
 from ..scenes import TEMPERATURE, peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
@@ -126,9 +127,10 @@ def of_script(own: Own) -> Plan:
         for integrator in own.integrators.values()
     )
     starter = schemes.get(OURS, schemes[own.reference])
-    stiffest = max(shapes.fastest(own, shapes.bodies(own)).values(), default=0.0)
+    groups, _ = shapes.bodies(own)
+    stiffest = max(shapes.fastest(own, groups).values(), default=0.0)
     longest = max(REACH / stiffest if stiffest else 0.0, scene.dt)
-    known, turning = (Point(own.reference, scene.dt),), _turning(own)
+    known, turning = (Point(own.reference, scene.dt),), _turning(own, groups)
     return Plan(scene, temperature, schemes, starter, known, turning, longest=longest)
 
 
@@ -138,7 +140,7 @@ def _lines(integrator: Integrator) -> tuple[str, ...]:
     return (RAW, *lines) if any(texts(line)[3:4] == ["langevin"] for line in lines) else lines
 
 
-def _turning(own: Own) -> int:
+def _turning(own: Own, groups: Sequence[Group]) -> int:
     """Degrees of freedom of all rotation; 0 where `plan.BODIES` cannot tell the bodies' torques: in
     two dimensions, of bodies that no molecule's number tells, where there are atoms in none or
     something else acts on them, and in a script that has such names itself."""
@@ -151,7 +153,7 @@ def _turning(own: Own) -> int:
         or any(made.intersection(texts(line)[1:2]) for line in own.said["commands"])
     ):
         return 0
-    return sum(kind.number * (kind.freedom - 3) for kind in shapes.kinds(own, shapes.bodies(own)))
+    return sum(kind.number * (kind.freedom - 3) for kind in shapes.kinds(own, groups))
 
 
 def _held(own: Own, integrator: Integrator) -> int:

@@ -17,7 +17,6 @@ FIRST_SEED = 7100
 SEED = "SEED"  # in a scheme's lines
 DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and 20/ps
 PRESSURE_DAMPING = 500.0  # fs
-SKIN = 3  # Angstrom, of lists of neighbours that last for several long steps
 HYBRID = 10  # steps of a trajectory of hybrid Monte Carlo
 PRESSURE = 1.0  # atm
 # states at constant pressure: ends of a scheme's name and label, K above the first state's
@@ -262,7 +261,6 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
         held=thermostat.held,
         refined=thermostat.refined,
         usual=name in USUAL,
-        before=(f"neighbor {SKIN} bin",) if long else (),
     )
 
 

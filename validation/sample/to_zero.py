@@ -55,7 +55,12 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
             f"{scheme.label}: with 'moments step' the moments of inertia are others at each step, "
             "which no series in the step describes: give moments of one size, as 'moments equal 6'"
         )
-    longest = plan.longest or min(scheme.reach or inf, scheme.steps[-1])
+    if scheme.refined or scheme.reach == inf:
+        raise SystemExit(
+            f"{scheme.label}: its averages have no error in the square of the step, so --to-zero "
+            "has nothing to take off: 'sample' alone tells them"
+        )
+    longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
     dts = sorted(set(steps or usual(longest)))
     if len(dts) < 2:
         raise SystemExit("--to-zero needs two steps or more: --dt FS,FS")
@@ -63,13 +68,13 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 
 def usual(longest: float) -> tuple[float, ...]:
-    """The steps, fs, if none are given: rounded down, but for very short ones."""
+    """The steps, fs, if none are given: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
-    return tuple(floor(dt / HALF) * HALF or dt for dt in parts)
+    return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
-def told(rows: Sequence[Mapping], plan: Plan, time: float) -> dict[str, dict]:
-    """Averages at step zero, by observable.
+def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
+    """Averages at step zero, by observable; none of a pressure that a barostat keeps.
 
     Args:
         rows: of `measure.told`, of one scheme.
@@ -86,8 +91,8 @@ def told(rows: Sequence[Mapping], plan: Plan, time: float) -> dict[str, dict]:
     found: dict[str, dict] = {}
     for key in CONFIGURATIONS:
         means = {dt: row["means"][key] for dt, row in good.items() if key in row["means"]}
-        scheme = plan.schemes[rows[0]["scheme"]]
-        if means and BY_KEY[key].exact(plan, scheme) is None:
+        kept = key == "pressure" and any("density" in row["means"] for row in good.values())
+        if means and not kept:
             fit = limit.to_zero({dt: Estimate.of(mean) for dt, mean in means.items()})
             found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
@@ -151,7 +156,7 @@ def said(summary: Mapping) -> Said:
     )
 
 
-def _unit(key: str) -> str:
+def unit(key: str) -> str:
     """Of a mean."""
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
@@ -159,7 +164,7 @@ def _unit(key: str) -> str:
 def _answer(key: str, one: Mapping) -> str:
     title = BY_KEY[key].title
     if not one["why"]:
-        return f"{title}: {Estimate.of(one).text()} {_unit(key)}".strip() + "."
+        return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
     steps = ", ".join(f"{dt:g}" for dt, _ in one["means"])
     chi2 = (
         f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)" if "chi2" in one else ""
@@ -190,7 +195,7 @@ def _table(zero: Mapping[str, Mapping]) -> Table:
     ]
     rows = []
     for key, one in zero.items():
-        row: dict = {"title": BY_KEY[key].title, "unit": _unit(key), "terms": "refused"}
+        row: dict = {"title": BY_KEY[key].title, "unit": unit(key), "terms": "refused"}
         row |= {f"{dt:g}": mean for dt, mean in one["means"]}
         if "chi2" in one:
             row["chi2"] = Cell(f"{one['chi2']:.1f} ({one['left']})", one["chi2"])
@@ -218,7 +223,7 @@ def figure(summary: Mapping) -> Drawing | None:
         axis.errorbar(steps**2, values, margins, color=BLUE, **how)
         axis.errorbar([0], [one["value"]], [Estimate.of(one).margin], color=INK, **how)
         axis.set(
-            xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({_unit(key)})".replace(" ()", "")
+            xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({unit(key)})".replace(" ()", "")
         )
     message(drawn, f"Step zero: {_answer(*next(iter(some.items())))[:-1]}")
     return drawn

@@ -1,7 +1,6 @@
 """Small scenes in reduced units for `stress`: bodies and their data file."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -139,17 +138,18 @@ def scene(
     styles = ("bond_style zero", "angle_style zero") if bonded else ()
     held = (f"bond_coeff 1 {BOND}", f"angle_coeff 1 {ANGLE}") if bonded else ()
     read = "units lj", "atom_style full", "atom_modify map yes", *styles, "read_data data.bodies"
-    more = {"group": "all", "constraints": SHAKEN if bonded else None, **more}
-    more |= {"folder": folder.resolve(), "setup": (*read, *held, *setup), "dt": dt, "unit": n}
+    more = {
+        "group": "all",
+        "constraints": SHAKEN if bonded else None,
+        **more,
+        "folder": folder.resolve(),
+        "setup": (*read, *held, *setup),
+        "dt": dt,
+        "unit": n,
+    }
     return Scene(name=name, title="", bodies="molecule", units="lj", **more)
 
 
 def turned(seed: int) -> Rotation:
     """A random ``Rotation``."""
     return Rotation.random(random_state=np.random.default_rng(seed))
-
-
-def drifting(scene: Scene, velocity: np.ndarray) -> Scene:
-    """The scene with a velocity more for all atoms."""
-    more = "velocity all set {:.17g} {:.17g} {:.17g} sum yes units box".format(*velocity)
-    return replace(scene, setup=(*scene.setup, more))

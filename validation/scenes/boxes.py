@@ -144,8 +144,15 @@ def assemble(
         *(f"group {name} molecule " + " ".join(map(str, ids)) for name, ids in groups.items()),
         "group bodies " + ("subtract all single" if "single" in groups else "union all"),
     ]
-    more = {"singles": "single" in groups, "mass": mass * u.mass, "molecule": molecule}
-    return System("\n".join(text), {"data.bodies": data}, h * u.length, dt * u.time, **more)
+    return System(
+        "\n".join(text),
+        {"data.bodies": data},
+        h * u.length,
+        dt * u.time,
+        singles="single" in groups,
+        mass=mass * u.mass,
+        molecule=molecule,
+    )
 
 
 def turned(

@@ -37,8 +37,11 @@ def data_file(
     for name, rows in terms.items():
         kinds = max((row[0] for row in rows), default=0)
         lines += [f"{len(rows)} {name}", f"{kinds} {name[:-1]} types"]
-    lines += ["", *(f"{_words(ends)} {c}lo {c}hi" for ends, c in zip(_box(box), "xyz"))]
-    lines += [f"{_words(tilt)} xy xz yz"] if np.any(tilt) else []
+    lines += [
+        "",
+        *(f"{_words(ends)} {c}lo {c}hi" for ends, c in zip(_box(box), "xyz")),
+        *([f"{_words(tilt)} xy xz yz"] if np.any(tilt) else []),
+    ]
     sections = {
         "Masses": _numbered(mass),
         **{heading: map(_words, rows) for heading, rows in (coefficients or {}).items()},

@@ -78,8 +78,16 @@ class Liquid:
             "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
             "group liquid type > 0",
         )
-        more: dict = {"group": "liquid", "bodies": "molecule", "constraints": None}
-        return Scene(self.name, self.title, folder, setup, unit=self.molecules, **more)
+        return Scene(
+            self.name,
+            self.title,
+            folder,
+            setup,
+            unit=self.molecules,
+            group="liquid",
+            bodies="molecule",
+            constraints=None,
+        )
 
     def data(self) -> str:
         """The text of the data file."""

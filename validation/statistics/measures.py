@@ -321,17 +321,6 @@ def quotient(first: Estimate, second: Estimate) -> Estimate:
     return Estimate(value, *combined(*(one[1:] for one in parts)))
 
 
-def power(x: Sequence[float], y: Sequence[Estimate]) -> Estimate:
-    """The exponent of y ~ x^exponent, by a straight line through the logarithms that weighs the
-    errors of ``y``, `Estimate`s."""
-    relative = np.array([one.error / one.value for one in y])
-    line = np.stack([np.log(x), np.ones(len(y))], axis=1) / relative[:, None]
-    weights = np.linalg.pinv(line)[0]
-    exponent = weights @ (np.log([one.value for one in y]) / relative)
-    parts = ((weight, one.freedom) for weight, one in zip(weights, y))
-    return Estimate(exponent, *combined(*parts))
-
-
 def without_noise(off: np.ndarray) -> Estimate:
     """The rms of a mean difference, without what noise makes of it; ``off`` has independent
     measurements of the difference as rows.  The error is by the jackknife over these."""
@@ -364,11 +353,12 @@ def nearest_image(
     return d
 
 
-def largest_distance(
-    x: np.ndarray, y: np.ndarray, cell: np.ndarray, periodic: Sequence[bool] | np.ndarray
-) -> float:
-    """max_i |x_i - y_i| over all atoms, nearest image, in units of ``x``."""
-    return np.linalg.norm(nearest_image(x - y, cell, periodic), axis=-1).max()
+def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
+    """Arrays (bodies, n): the atoms of all bodies of n atoms, for each n; of body 0 none."""
+    order = np.argsort(bodies, kind="stable")
+    inside = order[bodies[order] != 0]
+    _, first, sizes = np.unique(bodies[inside], return_index=True, return_counts=True)
+    return [inside[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
 
 
 def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:

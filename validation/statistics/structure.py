@@ -41,11 +41,8 @@ class Motion:
         self.bodies = positions.bodies
         self.cell, self.periodic = positions.cell, positions.periodic
         self.cells = positions.cells
-        order = np.argsort(self.bodies, kind="stable")
-        order = order[self.bodies[order] != 0]
-        _, first, sizes = np.unique(self.bodies[order], return_index=True, return_counts=True)
-        self.groups = [order[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
-        self.count, self.free = len(first), int(np.sum(self.bodies == 0))
+        self.groups = measures.body_groups(self.bodies)
+        self.count, self.free = sum(map(len, self.groups)), int(np.sum(self.bodies == 0))
 
     def _image(self, d):
         return measures.nearest_image(d, self.cell, self.periodic)
@@ -132,15 +129,24 @@ def _quiet(function, *arguments, **more):
 def _data(temperature, natoms, held=0, pressure=None, **more):
     """physical_validation's record of a whole at this temperature, and pressure if there is one."""
     none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
-    first = {"molecule_idx": [0], "nconstraints_per_molecule": [0]}
     system = records.SystemData(
-        natoms=natoms, mass=np.ones(natoms), ndof_reduction_tra=held, **none, **first
+        natoms=natoms,
+        mass=np.ones(natoms),
+        ndof_reduction_tra=held,
+        **none,
+        molecule_idx=[0],
+        nconstraints_per_molecule=[0],
     )
     kind = "NVT" if pressure is None else "NPT"
-    state = {"volume": 1.0, "temperature": temperature, "pressure": pressure}
-    ensemble = records.EnsembleData(kind, natoms=natoms, **state)
-    how = {"units": records.UnitData.units("LAMMPS real"), "system": system, "ensemble": ensemble}
-    return records.SimulationData(observables=records.ObservableData(**more), **how)
+    ensemble = records.EnsembleData(
+        kind, natoms=natoms, volume=1.0, temperature=temperature, pressure=pressure
+    )
+    return records.SimulationData(
+        observables=records.ObservableData(**more),
+        units=records.UnitData.units("LAMMPS real"),
+        system=system,
+        ensemble=ensemble,
+    )
 
 
 def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:

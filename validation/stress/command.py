@@ -20,16 +20,25 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
         "130 after Ctrl-C.",
     )
-    text = "which (default: all); --list names them"
-    parser.add_argument("cases", nargs="*", type=_case, metavar="CASE", help=text)
-    text = "name all cases, with their physics, and end"
-    parser.add_argument("--list", action="store_true", help=text)
-    full = (
-        "one and a half to three hours of one core; start it once for each core to share the cases"
+    parser.add_argument(
+        "cases",
+        nargs="*",
+        type=_case,
+        metavar="CASE",
+        help="which (default: all); --list names them",
     )
-    command_line.short_or_full(parser, full)
-    text = "integrators, as the table of --list names them (default: all that a case is run with)"
-    command_line.only_of(parser, _names, text)
+    parser.add_argument(
+        "--list", action="store_true", help="name all cases, with their physics, and end"
+    )
+    command_line.short_or_full(
+        parser,
+        "one and a half to three hours of one core; start it once for each core to share the cases",
+    )
+    command_line.only_of(
+        parser,
+        _names,
+        "integrators, as the table of --list names them (default: all that a case is run with)",
+    )
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/stress", short=True)
     command_line.launch(parser)

@@ -43,8 +43,16 @@ def _liquid(stand, name, count, box, *, seed, corner=0.0, least=0.0, more=()):
         place = side * (np.array(site) + 0.5) + corner
         turn = _turn(rng, place, found, box, least)
         spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
-        how = {"velocity": rng.normal(size=3) / np.sqrt(WHOLE), "spin": spin}
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn, **how))
+        found.append(
+            bodies.body(
+                bodies.BENT,
+                bodies.MASSES,
+                place=place,
+                turn=turn,
+                velocity=rng.normal(size=3) / np.sqrt(WHOLE),
+                spin=spin,
+            )
+        )
     return _scene(stand, name, found, [*REPULSIVE, "neighbor 0.4 bin", *more], box, corner, DT)
 
 
@@ -124,8 +132,10 @@ def far_away(stand: Stand, steps: int) -> Number:
         ends.append(x - corner)
         pressures.append(result.thermo["Press"])
     distance, pressure = _apart(*ends), np.abs(pressures[1] / pressures[0] - 1).max()
-    note = f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself"
-    return of_parts({"far place": distance, "far pressure": pressure}, note)
+    return of_parts(
+        {"far place": distance, "far pressure": pressure},
+        f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself",
+    )
 
 
 @Case.of(
@@ -149,8 +159,9 @@ def ranks(stand: Stand, steps: int) -> Number:
     rounding = _apart(_end(stand, moved, "1, moved", steps)[1], one)
     apart = {n: _apart(_end(stand, scene, f"{n}", steps, ranks=n)[1], one) for n in RANKS}
     told = ", ".join(f"{count} ranks: {far:.1e}" for count, far in apart.items())
-    note = f"{told} σ; one rank, moved: {rounding:.1e} σ"
-    return Number(max(apart.values()) / rounding, note=note)
+    return Number(
+        max(apart.values()) / rounding, note=f"{told} σ; one rank, moved: {rounding:.1e} σ"
+    )
 
 
 CASES = gradient, far_away, ranks

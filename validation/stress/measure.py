@@ -36,8 +36,10 @@ _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 SLOW = ("matubayasi-nakahara", "gear")
 _RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
 _HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
-COMPARED = {"nosquish": INTEGRATORS["nosquish"]}
-COMPARED |= {name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)}
+COMPARED = {
+    "nosquish": INTEGRATORS["nosquish"],
+    **{name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)},
+}
 ALL = tuple(COMPARED)
 # without those that are much like another
 FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))

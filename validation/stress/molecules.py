@@ -98,8 +98,11 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
     if first == len(dts):
         told = "the longest step tried, so no error: the limit is at least that"
         return Number(longest, note=f"stable at {longest:.4g} fs, {told}")
-    note = f"stable at {longest:.4g} fs, not at {dts[first]:.4g} fs"
-    return Number((dts[first] + longest) / 2, (dts[first] - longest) / 4, note)
+    return Number(
+        (dts[first] + longest) / 2,
+        (dts[first] - longest) / 4,
+        f"stable at {longest:.4g} fs, not at {dts[first]:.4g} fs",
+    )
 
 
 def changes(
@@ -111,15 +114,25 @@ def changes(
     counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
     apart = 2 * int(counts.max())  # between the runs' numbers of steps
     state = f"id {scene_starts.STATE} modify {scene_starts.EXACT}"
-    lines = [f'write_dump all custom "{{folder}}/start" {state}', "run 0"]
-    lines += ["variable first equal $(etotal)", f"variable most equal $(ke*{GIVEN_UP * allowed})"]
-    lines += ["variable far equal 1-(abs(etotal-v_first)<v_most)"]
+    lines = [
+        f'write_dump all custom "{{folder}}/start" {state}',
+        "run 0",
+        "variable first equal $(etotal)",
+        f"variable most equal $(ke*{GIVEN_UP * allowed})",
+        "variable far equal 1-(abs(etotal-v_first)<v_most)",
+    ]
     for k, (dt, steps) in enumerate(zip(dts, counts), 1):
         every = steps // SAMPLES
         begin = -(-k * apart // every) * every
-        lines += [scene_starts.read("{folder}/start", 0), f"reset_timestep {begin}"]
-        lines += [f"timestep {dt:.6g}", f"thermo {every}"]
-        lines += [f"fix far all halt {every} v_far > 0.5 error hard", f"run {steps}", "unfix far"]
+        lines += [
+            scene_starts.read("{folder}/start", 0),
+            f"reset_timestep {begin}",
+            f"timestep {dt:.6g}",
+            f"thermo {every}",
+            f"fix far all halt {every} v_far > 0.5 error hard",
+            f"run {steps}",
+            "unfix far",
+        ]
     result, _ = stand.attempt(scene, label, [0], more=lines, dt=dts[0], every=1, **how)
     found, fifth = np.full(len(dts), np.inf), SAMPLES // 5
     for k in range(1, len(dts) + 1):
@@ -289,8 +302,14 @@ def water_cold(stand: Stand, time: float) -> Number:
 )
 def long_dimer(stand: Stand, steps: int) -> Number:
     """Two molecules that stay bound."""
-    how = {"dt": PAPER_DIMER, "every": max(1, steps // 2000), "more": motion.dump(steps // 20)}
-    result, folder = stand.run(SCENES["dimer"], "run", [steps], **how)
+    result, folder = stand.run(
+        SCENES["dimer"],
+        "run",
+        [steps],
+        dt=PAPER_DIMER,
+        every=max(1, steps // 2000),
+        more=motion.dump(steps // 20),
+    )
     energy, kinetic = result.thermo["TotEng"], result.thermo["KinEng"].mean()
     tenth = len(energy) // 10
     heat = abs(energy[-tenth:].mean() - energy[:tenth].mean()) / kinetic

@@ -143,8 +143,12 @@ def _bounds() -> Table:
         (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))
         for some in CRITERIA.values()
     ]
-    title = "Bounds: each is derived from physics or from a user's need, apart from any result"
-    return Table.of(title, head, rows, long=True)
+    return Table.of(
+        "Bounds: each is derived from physics or from a user's need, apart from any result",
+        head,
+        rows,
+        long=True,
+    )
 
 
 def list_cases(console: Console, cases: Mapping[str, Case]) -> None:

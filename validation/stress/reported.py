@@ -175,6 +175,10 @@ def _respa_falls(simulate):
 @case("temp-csvr", 0.17, why="chance, in ten samples of few bodies")
 def _bath(simulate):
     """fix temp/csvr to 3.0: how far the mean temperature is off, relative"""
-    how = {"before": "fix 5 all temp/csvr 3.0 3.0 0.01 4928", "every": 4}
-    kelvin = simulate(mixture("solid planar pair row"), 60, **how).thermo["Temp"]
+    kelvin = simulate(
+        mixture("solid planar pair row"),
+        60,
+        before="fix 5 all temp/csvr 3.0 3.0 0.01 4928",
+        every=4,
+    ).thermo["Temp"]
     return abs(kelvin[5:].mean() / 3.0 - 1)

@@ -189,8 +189,10 @@ def _pace(times, exact):
     if len(times) < 3:
         return Number(1.0, note=f"does not turn over at least three times in {WINDOW} turns")
     mean = measures.of_few(np.diff(times) / exact)
-    note = f"{mean.value * exact:.3f} steps at the end, exact {exact:.3f}"
-    return Number.of(mean._replace(value=abs(mean.value - 1)), note)
+    return Number.of(
+        mean._replace(value=abs(mean.value - 1)),
+        f"{mean.value * exact:.3f} steps at the end, exact {exact:.3f}",
+    )
 
 
 def exact_interval(tilt: float) -> float:
