@@ -155,51 +155,6 @@ def test_time_reversal(simulate, style):
     np.testing.assert_allclose(end.v, -start.v, rtol=0, atol=1e-9)
 
 
-HOOKS = "initial_integrate_respa", "final_integrate_respa", "end_of_step"
-# a class whose hooks count their calls: its own, so that Python follows the schedule, or in the
-# place of the instance's, which the plugin would call
-COUNTS = """
-from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.nve import NVE
-class Counts(NVE):
-    calls = 0
-    def count(self, *where):
-        self.calls += 1
-    def post_run(self):
-        super().post_run()
-        self.host.log(f"CALLS {self.calls}\\n")
-class Compiled(Counts):
-    def init(self):
-        super().init()
-        self.initial_integrate_respa = self.final_integrate_respa = self.end_of_step = self.count
-"""
-OWN = """
-class Own(Counts):
-    def HOOK(self, *where):
-        self.count()
-        super().HOOK(*where)
-__getattr__ = of_fix_line(Own, Compiled)
-"""
-
-
-@pytest.mark.parametrize("hook, calls", [*zip(HOOKS, (5, 5, 1))], ids=HOOKS)
-def test_python_follows_too(simulate, hook, calls):
-    """Locks out a hook of a class of one's own that is passed over, a step that calls Python where
-    there is none, and compiled levels that differ from Python's: both end with the same digits."""
-    system = smooth()
-    files = system.files | {"counts.py": COUNTS + OWN.replace("HOOK", hook)}
-    system = system._replace(files=files)
-    line = 'fix 1 {group} python/move "counts.NAME {group} {words}"'
-    runs = [
-        simulate(system, line.replace("NAME", name), 20, dt=4, before=TWO, every=20)
-        for name in ("Own", "Compiled")
-    ]
-    counted = [int(run.log.rsplit("CALLS ", 1)[1].split()[0]) for run in runs]
-    assert counted == [20 * calls, 0]
-    for name in "x", "v":
-        np.testing.assert_array_equal(getattr(runs[0], name), getattr(runs[1], name))
-
-
 def test_four_ranks(simulate):
     """Locks out a level's force gathered before or after atoms have gone to another rank."""
     system = smooth()

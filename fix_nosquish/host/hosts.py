@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import RunError
-from ..loops.compiled import Cell
 
 
 class OtherFix(NamedTuple):
@@ -218,14 +217,6 @@ class Host:
 
     def now(self) -> int | None:
         """What holds now, bits of `schedule.When`; None if it is not known."""
-
-    def have_levels(self, levels: np.ndarray, level_dt: Cell) -> None:
-        """Have what follows the schedule set the time step of a level of run_style respa.
-
-        Args:
-            levels: of all levels, the innermost first, in LAMMPS's memory; none without respa.
-            level_dt: where loops find that of the level whose forces act.
-        """
 
     def follow_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0

@@ -235,17 +235,11 @@ class Lammps:
         return self.lib.lammps_get_thermo(self.handle, b"time")
 
     @property
-    def levels(self) -> np.ndarray:
-        """(levels,) the time steps of run_style respa's levels, innermost first, in LAMMPS's
-        memory; none without it."""
+    def respa_dt(self) -> list[float]:
+        """The time steps of run_style respa's levels, innermost first; none without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
-        return array(self._global("respa_dt") if count else 0, (count,), float)
-
-    @property
-    def respa_dt(self) -> list[float]:
-        """The same as they are now."""
-        return self.levels.tolist()
+        return array(self._global("respa_dt"), (count,), float).tolist() if count else []
 
     @property
     def innermost_dt(self) -> float:

@@ -84,10 +84,6 @@ struct Bridge {
   int32_t velocities_every, table_every;    // velocities are read, and a table is written, at the end of multiples of these; 0: never
   // lists of actions, null where there is nothing to do, or where Python follows the schedule
   const Action *at_setup, *at_begin, *at_exchange, *at_neighbor, *at_end;
-  const Action *at_kick, *at_move, *at_level, *at_outermost, *at_end_levels;    // run_style respa
-  int32_t levels;            // how many it has; the time step of each, the innermost first; and the cell of that whose forces act
-  const double *respa_dt;
-  double *level_dt;
   const Action *at_deform, *at_flipped;    // behind a change of the box by another fix; and to other vectors of the same lattice
   double *forces_virial;    // of all ranks and without this fix, where the box or its velocity changes next
   double *told_box;    // lowest and highest coordinates, tilts xy, xz, yz, for the passes deform and flipped

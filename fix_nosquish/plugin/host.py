@@ -10,7 +10,7 @@ import numpy as np
 from ..errors import RunError
 from ..host import hosts
 from ..host.hosts import OtherFix
-from ..loops.compiled import Cell, array
+from ..loops.compiled import array
 from ..run.schedule import SCHEDULE
 from ..structs import Action, Bridge, FixFacts
 
@@ -143,10 +143,6 @@ class Host(hosts.Host):
 
     def now(self) -> int:
         return self._bridge.now(self._bridge.fix)
-
-    def have_levels(self, levels: np.ndarray, level_dt: Cell) -> None:
-        self._bridge.levels, self._bridge.respa_dt = len(levels), _address(levels)
-        self._bridge.level_dt = level_dt.address
 
     def follow_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0

@@ -117,19 +117,12 @@ void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
 {
   if (logfile) fflush(logfile);
   if (ilevel == 0) v_init(vflag);
-  if (!bridge.at_begin) return call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
-  bridge.vflag = vflag;
-  *bridge.level_dt = bridge.respa_dt[ilevel];
-  follow(ilevel == bridge.levels - 1 ? bridge.at_begin : bridge.at_kick);
-  if (ilevel == 0) follow(bridge.at_move);
+  call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
 }
 
 void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
 {
-  if (!bridge.at_level) return call(bridge.final_integrate_respa, ilevel, iloop);
-  *bridge.level_dt = bridge.respa_dt[ilevel];
-  follow(bridge.at_level);
-  if (ilevel == bridge.levels - 1) follow(bridge.at_outermost);
+  call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
 // What acts on the bodies besides the forces of this step, which are known?
@@ -147,10 +140,7 @@ void FixPythonMove::push()
 void FixPythonMove::end_of_step()
 {
   stream_with_box();
-  if (respa)
-    with_virial([this] {
-      if (!follow(bridge.at_end_levels)) call(bridge.end_of_step);
-    });
+  if (respa) with_virial([this] { call(bridge.end_of_step); });
   halt.end_run();
 }
 

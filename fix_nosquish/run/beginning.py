@@ -101,7 +101,6 @@ def _plan(integrator: "Integrator") -> None:
     host.facts = sum(bit for bit, so in holds.items() if so)
     if host.facts & RESETS:
         integrator.passes.level_dt.set(integrator.waiting)
-    host.have_levels(integrator.lammps.levels, integrator.passes.level_dt)
     asked = integrator.command.output
     host.follow_schedule(
         None if integrator.has_own_hooks else integrator.passes.lists,

@@ -43,8 +43,7 @@ from .schedule import SEEN, Phase
 from .switches import Choice, mask
 
 # hooks that a class may have of its own: then Python follows the schedule, not the plugin
-OF_LEVELS = "initial_integrate_respa", "final_integrate_respa", "end_of_step"
-HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor", *OF_LEVELS
+HOOKS = "setup", "initial_integrate", "final_integrate", "post_neighbor"
 
 
 class Integrator(Registered, Declaration):

@@ -14,7 +14,6 @@
     flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
-    level        its end
 
 An integrator's `own_lists` has those for the pressure, the cell and the flip, and any others; that
 of the name behind comes after the second pass over the bodies.
@@ -126,7 +125,6 @@ class Passes:
         gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
         velocities, orient = self._velocities_and_orient(integrator)
         after = velocities if integrator.half_step_velocities else []
-        close = [*gather, integrator.tail.bind_to(half), *orient]
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         own_lists = integrator.own_lists(cells)
         behind = own_lists.pop("behind", [])
@@ -147,10 +145,9 @@ class Passes:
         self.lists = {
             "gather": gather,
             "begin": [*before, self._advance(integrator, ends=False), *rest, *orient, *after],
-            "close": close,
+            "close": [*gather, integrator.tail.bind_to(half), *orient],
             "whole": [*whole, *rest, *orient, *after],
             "kick": [*gather, integrator.lead.bind_to(half)],
-            "level": [*close, *after],
             "velocities": velocities,
             "orient": orient,
             "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,

@@ -106,10 +106,7 @@ ACTIONS = (
     A("begin", (WAITING,), unless=LEVELS, passes="whole", then=HALF, clears=SEEN),
     A("begin", (SET,), unless=LEVELS, passes="begin", then=HALF, clears=SEEN),
     A("begin", (HALF,), when=MOVES_BOX, passes="cell"),
-    # run_style respa: a level begins its step with a half kick, the outermost one at the begin of a
-    # step; the innermost one then moves the bodies
-    A("begin", ANY, when=LEVELS, passes="kick"),
-    A("kick", ANY, passes="kick"),
+    # with run_style respa the innermost level moves the bodies, when all others have kicked them
     A("move", ANY, passes="begin", then=HALF, clears=SEEN),
     # LAMMPS has built its lists anew: before, and behind
     A("exchange", ANY, passes="flip"),
@@ -129,11 +126,7 @@ ACTIONS = (
     A("end", ANY, when=VIRIAL, passes="constraint_virial"),
     A("end", ANY, when=PRESSURE, passes="pressure"),
     A("end", ANY, when=TABLE, call="write_table"),
-    # run_style respa: a level's new forces end its step, those of the outermost one the step
-    A("level", ANY, when=WATCHED, call="refuse_new_box"),
-    A("level", ANY, passes="level"),
-    A("outermost", ANY, passes="velocities"),
-    # end_of_step with run_style respa only: the forces are those of all levels
+    # end_of_step, which the integrator has with run_style respa only
     A("end_levels", (HALF,), then=SET, sets=SEEN),
     A("end_levels", ANY, when=VIRIAL, passes="gather"),
     A("end_levels", ANY, when=VIRIAL, passes="constraint_virial"),
