@@ -355,19 +355,6 @@ def oscillators(rng, h, kt, parts=3000, steps=100):
     return w, (a * np.cos(angle) + b * np.sin(angle)).reshape(-1, len(w)), warm / over
 
 
-def four(x):
-    """Each four of a series that are one after the other, (n - 3, 4)."""
-    return np.lib.stride_tricks.sliding_window_view(x, refined.STEPS)
-
-
-def test_blocks_of_steps():
-    """Locks out samples that are not one after the other: a run's last step, one that is printed
-    twice, and a block that the end of a run cuts."""
-    steps = np.array([5, 8, 9, 10, 11, 16, 17, 18, 18, 19, 24, 25, 26, 27, 32, 33, 34])
-    assert steps[refined.blocks(steps)].tolist() == [[8, 9, 10, 11], [24, 25, 26, 27]]
-    assert refined.blocks(steps[:3]).shape == (0, 4)
-
-
 @pytest.mark.parametrize("h", [0.3, 0.6])
 def test_refined_averages_are_those_of_small_steps(h):
     """Locks out a term, a sign or a factor of the refined average: of harmonic modes the error of
@@ -377,12 +364,11 @@ def test_refined_averages_are_those_of_small_steps(h):
     u, force = (0.5 * w**2 * x**2).sum(axis=1), (w**4 * x**2).sum(axis=1)
     off, exact = (w**4 * square).sum() - kt * (w**2).sum(), kt * (w**2).sum()
     assert off == pytest.approx(0.0152 * h**2 * exact, rel=0.05)
-    shadow = four(h**2 / 24 * force)
     for a, error in (force, off), (u, 0.0):
-        made = refined.series(four(a), four(u), shadow, h, kt, len(w))
+        made = refined.series(a, u, h**2 / 24 * force, h, kt, len(w))
         assert a.mean() - made.mean() == pytest.approx(error, abs=0.1 * off * a.mean() / exact)
     # the parts of a series of the energy's square are independent, and known to their errors
-    parts = [np.array_split(one, 60) for one in (four(u**2), four(u), shadow)]
+    parts = [np.array_split(one, 60) for one in (u**2, u, h**2 / 24 * force)]
     means = [measures.mean(refined.series(*part, h, kt, len(w))) for part in zip(*parts)]
     spread = np.std([mean.value for mean in means], ddof=1)
     assert np.mean([mean.error for mean in means]) == pytest.approx(spread, rel=0.25)

@@ -103,8 +103,7 @@ def test_lengths():
     for dt in 1.0, 2.0, 4.0, 6.0, 8.0, 12.0:
         assert Lengths(300.0).every(dt, schemes.Scheme("x", "x", ())) * dt == 24.0
     assert Lengths(0.05).every(8.0, schemes.Scheme("x", "x", ())) == 1
-    for dt, every in (2.0, 48), (12.0, 8), (40.0, 5):
-        assert Lengths(300.0).every(dt, schemes.Scheme("x", "x", (), refined=True)) == every
+    assert Lengths(300.0).every(2.0, schemes.Scheme("x", "x", (), refined=True)) == 1
     total = runs_of(planned(), None, 20.0, 2).steps([Point("csvr", 4.0)])
     assert total == 2 * (10000 + 500 + 5000)
 

@@ -19,7 +19,7 @@ from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
 from . import engine, rivals
 from .criteria import LEAST_ERRORS
-from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table, spaced
+from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
 from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
@@ -166,7 +166,7 @@ def _timed(found: Found, runs: Runs, meter: run.Meter, time: bool) -> bool:
 
 def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
     """A run's numbers."""
-    apart = float(np.median(np.diff(spaced(samples, scheme)["Time"]))) / 1e3
+    apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
         x = observable.of(samples, plan, scheme)
@@ -175,8 +175,7 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
         numbers.means[observable.key] = measures.mean(x)
         numbers.variances[observable.key] = float(np.var(x, ddof=1))
         if observable.vector:
-            columns = spaced(samples, scheme)
-            vector = np.stack([columns[name] for name in observable.vector], axis=1)
+            vector = np.stack([samples[name] for name in observable.vector], axis=1)
             numbers.vectors[observable.key] = measures.autocovariance(vector)
         else:
             numbers.remembers[observable.key] = measures.autocorrelation(x).times(apart)

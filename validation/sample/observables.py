@@ -50,24 +50,15 @@ class Observable:
     refined: Series | None = None
 
     def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-        """Its samples; of a refined scheme one for each block of steps."""
+        """Its samples; a refined series is a few shorter than the table."""
         if not scheme.refined or self.refined is None:
-            return self.series(spaced(table, scheme), plan, scheme)
+            return self.series(table, plan, scheme)
         a = self.refined(table, plan, scheme)
         if a is None:
             return None
-        places = refined.blocks(table["Step"])
-        step = float(np.median(np.diff(table["Time"][places], axis=1)))
+        step = float(np.median(np.diff(table["Time"])))
         how = step, BOLTZMANN * scheme.temperature, _freedom(table) - scheme.held
-        return refined.series(*(x[places] for x in (a, table["PotEng"], table[SHADOW])), *how)
-
-
-def spaced(table: Table, scheme: Scheme) -> Table:
-    """Samples as far apart as each other: of a refined scheme one of each block."""
-    if not scheme.refined:
-        return table
-    places = refined.blocks(table["Step"])[:, 1]
-    return {name: column[places] for name, column in table.items()}
+        return refined.series(a, table["PotEng"], table[SHADOW], *how)
 
 
 def _freedom(table: Table) -> int:

@@ -14,12 +14,10 @@ from ..running import machine, rounds, run
 from ..running.starts import from_dump, to_dump
 from ..running.store import Store
 from ..scenes import FS_PER_PS, Scene, steps
-from ..statistics import refined
 from .engine import Course, of_scene
 from .schemes import FIRST_SEED, RAW, Scheme
 
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
-BLOCKS = 96.0  # the same between blocks of steps for refined averages
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
 BEGIN = 20.0  # ps at most of a run that makes a start
 LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
@@ -95,20 +93,13 @@ class Lengths:
         return [at_least_one(ps, stride * dt) * stride for ps in (self.settle, self.time)]
 
     def every(self, dt: float, scheme: Scheme) -> int:
-        """Steps between samples: of a settled run at least eight of them; where averages are
-        refined between blocks of steps one after the other, of which one is no other's end."""
+        """Steps between samples: of a settled run at least eight of them; one where averages are
+        refined, which takes steps one after the other."""
         if scheme.refined:
-            return max(refined.STEPS + 1, round(BLOCKS / dt))
+            return 1
         stride = scheme.stride
         sampled = self.runs(dt, stride)[1] // stride
         return stride * max(1, min(round(SAMPLED / (stride * dt)), sampled // 8))
-
-
-def in_blocks(every: int) -> list[str]:
-    """LAMMPS commands that print four steps one after the other, at each multiple of ``every``."""
-    last = refined.STEPS - 1
-    jump = f"({every}-1-step%{every})*(step%{every}>={last})"
-    return [f"variable block equal step+1+{jump}", "thermo v_block"]
 
 
 def at_least_one(time: float, dt: float) -> int:
@@ -284,8 +275,7 @@ class Runs:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
             course = Course(*how, runs, SPARSE * every, FIRST_SEED + start)
             return scheme.engine.job(course, of_scene(self.plan.scene), folder, self.silence)
-        more = self.plan.prints(scheme) + (in_blocks(every) if scheme.refined else [])
-        return self._job(point, start, folder, runs, every, more)
+        return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
         """What LAMMPS, or another engine, is told of a point."""
@@ -314,11 +304,9 @@ class Runs:
             stride = self.plan.schemes[names[name].scheme].stride
             runs = [-(-one // stride) * stride for one in rounds.lengths(loop, SECONDS).runs]
             folder = self.folder / TIMED / f"{name}-{number}"
-            scheme, every, more = self.plan.schemes[names[name].scheme], 0, []
-            if scheme.refined:
-                every = self.lengths.every(names[name].dt, scheme)
-                more = [*run.thermo("vol", *REFINED), *in_blocks(every)]
-            return self._job(names[name], start, folder, runs, every, more)
+            refined = self.plan.schemes[names[name].scheme].refined
+            columns = run.thermo("vol", *REFINED) if refined else []
+            return self._job(names[name], start, folder, runs, int(refined), columns)
 
         def measure() -> dict[str, list[float]]:
             if not time:

@@ -15,38 +15,29 @@ of the gradients of A and U, over masses.  Own derivation, in docs/algorithm.md.
 
 import numpy as np
 
-STEPS = 4  # one after the other, of which a rate of change follows
+BEFORE, AFTER = 1, 2  # samples at the begin and at the end that the derivative needs
 
 
 def rate(x: np.ndarray, h: float) -> np.ndarray:
-    """dx/dt in the middle of four steps, (n,) of (n, 4): of fourth order in the time h between
-    them, as the fastest motions have few steps each period."""
-    return (27 * (x[:, 2] - x[:, 1]) - (x[:, 3] - x[:, 0])) / (24 * h)
-
-
-def blocks(steps: np.ndarray) -> np.ndarray:
-    """Where among printed steps, (m,), there are four one after the other behind others that are
-    not, (n, 4)."""
-    ahead = np.diff(steps, prepend=-np.inf) > 1
-    places = np.flatnonzero(ahead[: 1 - STEPS or None])[:, None] + np.arange(STEPS)
-    return places[steps[places[:, -1]] - steps[places[:, 0]] == STEPS - 1]
+    """dx/dt between samples 1 and 2, 2 and 3, ... of a series with h between samples: of fourth
+    order, as the fastest motions have few samples each period; (n - 3,)."""
+    return (27 * (x[2:-1] - x[1:-2]) - (x[3:] - x[:-3])) / (24 * h)
 
 
 def series(
     a: np.ndarray, u: np.ndarray, s: np.ndarray, h: float, kt: float, freedom: float
 ) -> np.ndarray:
-    """A series whose mean is the refined average, and whose fluctuations are its noise, (n,).
+    """A series whose mean is the refined average, and whose fluctuations are its noise, (n - 3,).
 
     Args:
-        a: the quantity, at four steps one after the other, (n, 4); it must not depend on
-            velocities.
-        u, s: potential energy and S, (n, 4).
+        a: the quantity, (n,) of n steps one after the other; it must not depend on velocities.
+        u, s: potential energy and S, (n,).
         h: time step.
         kt: of the thermostat.
         freedom: degrees of freedom that it acts on.
     """
     slopes = rate(a, h) * rate(u, h)
-    a, u, s = a[:, 1], u[:, 1], s[:, 1]
+    a, u, s = (x[BEFORE:-AFTER] for x in (a, u, s))
     of_a, of_u, of_s = (x - x.mean() for x in (a, u, s))
     warmer = 2 / (freedom * kt**2)  # times <S> the change of 1/kT, less
     bent = (of_a * of_s - h**2 / 12 * slopes) / kt
