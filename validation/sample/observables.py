@@ -36,6 +36,7 @@ class Observable:
         moves: whether it is of velocities, not of configurations.
         refined: of a scheme whose averages are refined, the series that depends on no velocity, of
             all steps; None for one whose error is not taken off.
+        extensive: whether that is of all bodies, and its mean that of one.
     """
 
     key: str
@@ -48,6 +49,7 @@ class Observable:
     exact: Callable[[Plan, Scheme], float | None] = lambda plan, scheme: None
     moves: bool = False
     refined: Series | None = None
+    extensive: bool = True
 
     def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
         """Its samples; a refined series is a few shorter than the table."""
@@ -58,7 +60,8 @@ class Observable:
             return None
         step = float(np.median(np.diff(table["Time"])))
         how = step, BOLTZMANN * scheme.temperature, _freedom(table) - scheme.held
-        return refined.series(a, table["PotEng"], table[SHADOW], *how)
+        made = refined.series(a, table["PotEng"], table[SHADOW], *how)
+        return made / plan.scene.unit if self.extensive else made
 
 
 def _freedom(table: Table) -> int:
@@ -69,9 +72,14 @@ def _freedom(table: Table) -> int:
     return round(float(np.sum([one[0] for one in found])))
 
 
-def _column(name: str, scale: Callable[[Plan], float] = lambda plan: 1.0) -> Series:
-    """A column over a number."""
-    return lambda table, plan, scheme: table[name] / scale(plan) if name in table else None
+def _column(name: str, scale: Callable[[Plan], float] | None = None) -> Series:
+    """A column, or this over a number."""
+
+    def series(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
+        column = table.get(name)
+        return column if column is None or scale is None else column / scale(plan)
+
+    return series
 
 
 def _bodies(plan: Plan) -> float:
@@ -152,18 +160,18 @@ def _moving(plan: Plan, scheme: Scheme) -> float:
 OBSERVABLES = (
     Observable(
         "potential", "U/N", MOLECULE, _column("PotEng", _bodies),
-        refined=_column("PotEng", _bodies),
+        refined=_column("PotEng"),
     ),
     Observable("capacity", "heat capacity", "%", _capacity, True, "k a molecule"),
     Observable(
         "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure,
-        refined=_refined_pressure,
+        refined=_refined_pressure, extensive=False,
     ),
     Observable("density", "density", "%", _density, True, "g/cm³"),
     Observable("compressibility", "compressibility", "%", _compressibility, True, "1e-5/atm"),
     Observable(
         "torque", "squared torque", "%", _column(TORQUE, _bodies), True, "(kcal/mol)²",
-        refined=_column(TORQUE, _bodies),
+        refined=_column(TORQUE),
     ),
     Observable("dipole", "dipole fluctuation", "%", _dipole, True, vector=DIPOLE),
     Observable(
