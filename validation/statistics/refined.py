@@ -37,10 +37,8 @@ def series(
         kt: of the thermostat.
         freedom: degrees of freedom that it acts on.
     """
-    if a is u:
-        slopes = 24 * kt / h**2 * s[BEFORE:-AFTER]
-    else:
-        slopes = rate(a, h) * rate(u, h)
+    exact = 24 * kt / h**2 * s[BEFORE:-AFTER]
+    slopes = exact if a is u else rate(a, h) * rate(u, h)
     a, u, s = (x[BEFORE:-AFTER] for x in (a, u, s))
     of_a, of_u, of_s = (x - x.mean() for x in (a, u, s))
     warmer = 2 / (freedom * kt**2)  # times <S> the change of 1/kT, less
