@@ -55,8 +55,7 @@ QUICK = {
         test_words.py::test_each_keyword_has_a_row
         test_words.py::test_keywords_of_other_fixes
         test_output.py::test_values
-        test_output.py::test_same_on_any_number_of_ranks[2]
-        test_output.py::test_disk_that_fills_up[2]""",
+        test_output.py::test_same_on_any_number_of_ranks[2]""",
     "bad input": """
         test_bad_input.py::test_ends_on_two_ranks[no words at all]
         test_bad_input.py::test_ends_on_two_ranks[keyword that does not exist]

@@ -119,8 +119,7 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     (tmp_path / "notes").write_text("of no command")
     first = take(path, tmp_path / "out")
     ask, folder = first.ask, tmp_path / "out" / "script"
-    assert system._known(ask, folder, 1, everything=False)
-    assert not system._known(ask, folder, 1, everything=True)  # bodies stops at another run
+    assert system._known(ask, folder, 1)
     (tmp_path / "notes").write_text("changed")
     state = folder / "state.restart"
     stamp = state.stat().st_mtime_ns
@@ -128,9 +127,9 @@ def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
     assert state.stat().st_mtime_ns == stamp
     for name in "known.json", "read.json":  # cut short
         (folder / name).write_text((folder / name).read_text()[:-9])
-        assert system._known(ask, folder, 1, everything=False) is None
+        assert system._known(ask, folder, 1) is None
         take(path, tmp_path / "out")
-        assert system._known(ask, folder, 1, everything=False)
+        assert system._known(ask, folder, 1)
     data = tmp_path / "rings.data"
     data.write_text(data.read_text().replace("13.019", "14.5"))
     again = take(path, tmp_path / "out")

@@ -94,7 +94,7 @@ class Integrator(Registered, Declaration):
     gravity: np.ndarray | None = None
     waiting: float | None = None
     file: BodyFile | None = None
-    cards: Cards
+    cards: Cards = Cards()
     rows_lent: np.ndarray
     said: list[str]
     warned: set[str]
