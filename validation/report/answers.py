@@ -46,12 +46,19 @@ def table(summaries: Iterable[Mapping]) -> Table:
 
 
 def _ordered(summaries):
-    """The newest summary of each scene, in the order of `SCENES`."""
-    newest: dict[str, Mapping] = {}
-    for summary in sorted(filter(is_sample, summaries), key=lambda summary: summary["date"]):
-        newest[summary["scene"]] = summary
-    known = newest.values()
+    """The longest summary of each scene, in the order of `SCENES`."""
+    longest: dict[str, Mapping] = {}
+    for summary in filter(is_sample, summaries):
+        other = longest.get(summary["scene"])
+        if other is None or _sampled(summary) >= _sampled(other):
+            longest[summary["scene"]] = summary
+    known = longest.values()
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
+
+
+def _sampled(summary):
+    """ps of each point, of all starts."""
+    return summary["settings"]["time"] * summary["settings"]["starts"]
 
 
 def _name(summary):
