@@ -515,9 +515,7 @@ def readme_sampling():
 
 def _gain(ratio):
     """A ratio of times with its interval."""
-    value, low, high = (
-        "∞" if ratio[name] is None else f"{ratio[name]:.2g}" for name in ("value", "low", "high")
-    )
+    value, low, high = (pages.digits(ratio[name], 2) for name in ("value", "low", "high"))
     return f"{value} ({low} to {high})"
 
 

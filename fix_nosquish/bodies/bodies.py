@@ -17,7 +17,13 @@ from ..host.lammps import Box, Lammps
 from ..loops.compiled import F2, L1, Cell, I
 from ..loops.memory import Memory
 from ..motion import block
-from ..motion.frames import angular_momentum, matrices, quaternion_momentum, vector_times
+from ..motion.frames import (
+    angular_momentum,
+    matrices,
+    quaternion_momentum,
+    to_body,
+    vector_times,
+)
 from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
@@ -403,6 +409,12 @@ class Bodies:
         return np.divide(
             self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=turns
         )
+
+    def turning_torque(self) -> np.ndarray:
+        """Torque in the principal frame, (3, n); zero about an axis without moment, where it turns
+        nothing."""
+        torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.torque))
+        return torque * (self.moment > 0)
 
     @property
     def slowness(self) -> np.ndarray | float:

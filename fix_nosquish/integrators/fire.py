@@ -43,7 +43,6 @@ from ..motion.block import (
 )  # fmt: skip
 from ..motion.frames import (
     angular_velocity,
-    matrices,
     product,
     quaternion_momentum,
     rotation_matrix,
@@ -276,8 +275,7 @@ class FIRE(Integrator):
         A torque about an axis without a moment turns nothing, and is left out.
         """
         bodies = self.bodies
-        torque = np.array(to_body(matrices(bodies.q).reshape(9, -1), *bodies.torque))
-        pushes = bodies.force, torque * (bodies.moment > 0)
+        pushes = bodies.force, bodies.turning_torque()
         norms = [np.linalg.norm(push, axis=0).max(initial=0.0) for push in pushes]
         return self.communicator.gather_to_all(np.array([norms])).max(axis=0)
 

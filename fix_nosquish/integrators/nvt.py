@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from ..motion.frames import matrices, to_body
 from .ensemble import TEMPERATURE, Ensemble
 
 # by the words of keyword thermostat: modules of this package, and their classes
@@ -23,7 +22,7 @@ class NVT(Ensemble):
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
         of the shadow Hamiltonian's second order the part of the configuration; collective."""
         bodies, lammps = self.made(), self.lammps
-        torque = np.array(to_body(matrices(bodies.q).reshape(9, -1), *bodies.torque))
+        torque = bodies.turning_torque()
         turns = np.divide(
             torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
         )

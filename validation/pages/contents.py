@@ -110,11 +110,11 @@ class Column:
         return {f"{self.title}{end}{unit}": number for end, number in found.items()}
 
 
-def digits(value: float | None) -> str:
-    """A number to three digits, never as 1e+03; None is infinite."""
+def digits(value: float | None, significant: int = 3) -> str:
+    """A number to so many digits, never as 1e+03; None is infinite."""
     if value is None:
         return "∞"
-    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.3g}"
+    return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.{significant}g}"
 
 
 @dataclass(frozen=True)

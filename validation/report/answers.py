@@ -3,7 +3,7 @@ ours that is best beside the rivals, and how much less time its averages take to
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from ..pages import Column, Table
+from ..pages import Column, Table, digits
 from ..sample import rivals
 from ..sample.criteria import BOUNDS
 from ..sample.observables import BY_KEY
@@ -102,9 +102,7 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
 
 def times_less(gain: Mapping) -> str:
     """How much less time ours takes, with its interval."""
-    value, low, high = (
-        "∞" if gain[name] is None else f"{gain[name]:.2g}" for name in ("value", "low", "high")
-    )
+    value, low, high = (digits(gain[name], 2) for name in ("value", "low", "high"))
     return f"{value} times less (95 % CI {low}–{high})"
 
 

@@ -14,7 +14,7 @@ from ..statistics.estimate import Estimate, margin
 from ..statistics.precision import Interval, Worth, seconds, times
 from .observables import CONFIGURATIONS
 
-NEVER = Interval(inf, inf, inf)
+NEVER, NOT_AT_ALL = Interval(inf, inf, inf), Interval(0.0, 0.0, 0.0)
 
 
 def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict]:
@@ -51,8 +51,11 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
 
 
 def _smallest(row: Mapping) -> float:
-    values = (gain["value"] for gain in row["faster"].values())
-    return min(inf if value is None else value for value in values)  # None: the rival never does
+    return min(map(_value, row["faster"].values()))  # infinite: the rival never does
+
+
+def _value(interval: Mapping) -> float:
+    return inf if interval["value"] is None else interval["value"]
 
 
 def estimate(gain: Mapping, bound: float) -> Estimate:
@@ -70,14 +73,14 @@ def _is_rival(row: Mapping) -> bool:
 def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: float) -> dict:
     error = max(bound, min(_reach(row["biases"][key]) for row in rivals))
     aim = sqrt(2) * error
-    taken = [NEVER if _fails(row, key, error) else seconds(_worth(row, key), aim) for row in rows]
-    for row, interval in zip(rows, taken):
-        row["seconds"][key] = interval.plain()
-    best = min(rivals, key=lambda row: taken[rows.index(row)].value)
-    for row, interval in zip(rows, taken):
+    for row in rows:
+        taken = NEVER if _fails(row, key, error) else seconds(_worth(row, key), aim)
+        row["seconds"][key] = taken.plain()
+    best = min(rivals, key=lambda row: _value(row["seconds"][key]))
+    for row in rows:
         if row is not best:
             gain = times(_worth(best, key), _worth(row, key), aim)
-            row["faster"][key] = (Interval(0.0, 0.0, 0.0) if interval is NEVER else gain).plain()
+            row["faster"][key] = (NOT_AT_ALL if _fails(row, key, error) else gain).plain()
     goal = {"error": error, "label": best["label"], "dt": best["dt"]}
     return goal | {"seconds": best["seconds"][key]}
 
