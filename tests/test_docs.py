@@ -5,6 +5,7 @@ The results' pages are filled when they are built, so what is looked at here is 
 
 import ast
 import re
+import subprocess
 from pathlib import Path
 
 import committed
@@ -48,6 +49,13 @@ def test_readme_has_the_committed_table():
     """Locks out a table in the README that the committed results do not give."""
     text = (ROOT / "README.md").read_text()
     assert committed.readme(text) == text, "run: python docs/_ext/committed.py"
+
+
+def test_ci_finds_the_test_command():
+    """Locks out a README without the one command that .ci/run takes from it."""
+    taken = re.search(r"sed -n '(.*)' README.md", (ROOT / ".ci/run").read_text())[1]
+    found = subprocess.run(["sed", "-n", taken, ROOT / "README.md"], capture_output=True, text=True)
+    assert len(found.stdout.splitlines()) == 1, found.stdout
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
