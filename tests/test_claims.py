@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
-from scipy.spatial.transform import Rotation
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
@@ -22,7 +21,6 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
 from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
-from validation.claims.top import free_top
 from validation.running import machine, run
 from validation.sample.scenes import SCENES as SAMPLED
 from validation.scenes import INPUTS, SCENES
@@ -36,7 +34,7 @@ WORD = {True: "holds", None: "cannot tell", False: "does not hold"}
 
 def bench(out, *names, **more):
     """What a command asks for that names these."""
-    usual = {"full": False, "time": None, "ranks": 1, "silence": 100.0, "lammps": None} | more
+    usual = {"full": False, "time": None, "ranks": 1, "silence": 100.0} | more
     made = Bench(out, names=set(names), **usual)
     made.meter = Silent()
     return made
@@ -130,14 +128,13 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
         ("paper/trimer", "begins with trimer"),
         ("trimer", "there is no list trimer: choose from theory"),
         ("theory --time 1", "--time is for paper and published"),
-        ("examples", "--lammps"),
     ):
         with pytest.raises(SystemExit) as end:
             __main__.main([*words, *more.split()])
         assert end.value.code == 2 and told in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["theory", "paper", "published", "shadow", "examples"])
+@pytest.mark.parametrize("name", ["theory", "paper", "published"])
 def test_committed_results_can_be_shown(tmp_path, name):
     """Locks out a page that a summary does not make, and an answer that counts wrongly."""
     summary = json.loads((RESULTS / name / "summary.json").read_text())
@@ -149,36 +146,6 @@ def test_committed_results_can_be_shown(tmp_path, name):
 
 
 # ---- theory
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_exact_top_obeys_the_equations_of_motion(seed):
-    """Locks out a wrong modulus, sign, branch or direction of the elliptic functions, an angle
-    about the angular momentum that loses whole turns, and one of the two kinds of motion:
-    Euler's equations, dA^T/dt = A^T [w], and the start itself."""
-    rng = np.random.default_rng(seed)
-    moments, q = np.array([3.0, 1.7, 0.8]), rng.normal(size=4)
-    q /= np.linalg.norm(q)
-    axis = np.eye(3)[2 * (seed % 2)]  # the motion circles about this one
-    L = rng.normal(size=3) * 0.3 + axis * (-1) ** seed
-
-    def at(time):
-        q_then, L_then = free_top(q, L, moments, time)
-        return Rotation.from_quat(q_then, scalar_first=True).as_matrix(), L_then
-
-    turn, spin = at(0.0)
-    begin = Rotation.from_quat(q, scalar_first=True).as_matrix()
-    np.testing.assert_allclose(turn, begin, atol=1e-14)
-    np.testing.assert_allclose(spin, L, atol=1e-14)
-    h = 1e-3
-    for time in (-31.0, 0.0, 0.4, 5.0, 200.0):
-        turn, spin = at(time)
-        weights = (-2, 1), (-1, -8), (1, 8), (2, -1)
-        slopes = [sum(c * at(time + k * h)[i] for k, c in weights) / (12 * h) for i in (0, 1)]
-        w = spin / moments
-        cross = np.cross(np.eye(3), w)  # [w] times a vector is w x that vector
-        np.testing.assert_allclose(slopes[0], turn @ cross, atol=1e-9)
-        np.testing.assert_allclose(slopes[1], np.cross(spin, w), atol=1e-9)
 
 
 def test_form_sees_what_is_not_symplectic():
@@ -211,7 +178,7 @@ def few(monkeypatch):
     ]
     monkeypatch.setattr(theory, "INTEGRATORS", some)
     monkeypatch.setattr(theory, "TOLERANCES", tolerances)
-    monkeypatch.setattr(theory, "SHADOWED", {"NO_SQUISH, m_rot 2": " mrot 2"})
+    monkeypatch.setattr(theory, "ROTORS", {"NO_SQUISH, m_rot 2": " mrot 2"})
     monkeypatch.setattr(theory, "MULTIPLES", (1.0, 2.0, 4.0))
     return some
 
@@ -223,7 +190,7 @@ def test_the_theory_holds(tmp_path, few):
     status, summary = claims(tmp_path, "theory")
     assert status == 0 and {check["verdict"] for check in summary["checks"]} == {"holds"}
     assert Counter(check["part"] for check in summary["checks"]) == {
-        "reversal": len(SOME) + 3, "symplectic": 2 + 3 + 2 + 3, "conserved": 2, "rotors": 3
+        "reversal": len(SOME) + 3, "symplectic": 2 + 3 + 2 + 3, "energy": 1
     }  # fmt: skip
     rows = summary["data"]["reversal"]["runs"]
     left = {(row["name"], row["tolerance"]): row["distance"][-1] for row in rows}
@@ -233,15 +200,13 @@ def test_the_theory_holds(tmp_path, few):
 
 @pytest.mark.timeout(300)
 def test_another_scheme_is_found(tmp_path, monkeypatch, few):
-    """Locks out checks that say of any scheme what they say of ours: Richardson's in its place, and
-    a split rotation in that of the exact one."""
+    """Locks out checks that say of any scheme what they say of ours: Richardson's in its place."""
     lines = next(one.lines for one in few if one.name == "rigid")
     wrong = dataclasses.replace(few[0], lines=lines, kind="rigid")
     monkeypatch.setattr(theory, "INTEGRATORS", [wrong])
-    monkeypatch.setattr(theory, "ROTORS", {"split": " rotor exact", "exact": ""})
-    status, summary = claims(tmp_path, "theory/reversal", "theory/symplectic", "theory/rotors")
+    status, summary = claims(tmp_path, "theory/reversal", "theory/symplectic")
     assert status == 1 and {check["verdict"] for check in summary["checks"]} == {"does not hold"}
-    assert {check["part"] for check in summary["checks"]} == {"reversal", "symplectic", "rotors"}
+    assert {check["part"] for check in summary["checks"]} == {"reversal", "symplectic"}
 
 
 # ---- the paper
@@ -511,18 +476,14 @@ def result(sd, error=None, slope=0.0):
     kcal/mol/ps."""
     time = np.arange(4000) * 0.01
     energy = sd * np.random.default_rng(5).standard_normal(4000) - 7900.0 + slope * time
-    shadow = np.concatenate([[np.nan], 0.05 * (energy[1:] - energy.mean())])
-    return Series(None, error, Path(), time, energy, *[np.empty(0)] * 2, shadow)
+    return Series(None, error, Path(), time, energy, *[np.empty(0)] * 2)
 
 
-def beside(times, part="spread", **more):
-    """Checks of a part, by time step, where each spread is so many times the published one."""
-    scale = 20.0 if part == "shadow" else 1.0
-    published_ones = published.PUBLISHED[part]
-    found = {
-        f"{dt:g}-fs": result(scale * x * published_ones[dt], **more) for dt, x in times.items()
-    }
-    return {check.subject: check for check in published.checks(part, found)}
+def beside(times, **more):
+    """Checks by time step, where each spread is so many times the published one."""
+    theirs = published.PUBLISHED
+    found = {f"{dt:g}-fs": result(x * theirs[dt], **more) for dt, x in times.items()}
+    return {check.subject: check for check in published.checks(found)}
 
 
 def test_published_numbers_have_errors_too():
@@ -553,15 +514,9 @@ def test_all_steps_together():
     assert together.error == pytest.approx(0.0296 / np.sqrt(weights.sum()), rel=0.05)
 
 
-def test_shadow_energies_and_drifts():
-    """Locks out a spread that is another column's or another step's, one that the first sample
-    spoils, which is not known, a verdict against a spread that is smaller, and a drift that passes
-    for a spread: its number and the spread about the line stand beside it."""
-    of = {1.0: 0.5, 2.0: 1.5}
-    checks = beside(of, "shadow")
-    for dt, x in of.items():
-        assert checks[f"{dt:g} fs"].value == pytest.approx(x, rel=0.1)
-    assert [checks[f"{dt} fs"].holds for dt in (1, 2, 3)] == [True, False, None]
+def test_a_drift_beside_a_spread():
+    """Locks out a drift that passes for a spread: its number and the spread about the line stand
+    beside it."""
     still, drifting = (beside({2.0: 1.0}, slope=slope)["2 fs"].note for slope in (0.0, 0.5))
     told = r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)"
     assert "drifts" not in still and re.search(told, drifting)
@@ -570,7 +525,7 @@ def test_shadow_energies_and_drifts():
 def test_each_number_says_where_it_comes_from():
     """Locks out numbers that are called printed ones: each and its error are worked out here,
     from a file of the authors, which table, page and documentation name."""
-    for dt, check in zip(published.PUBLISHED["spread"], beside({1.0: 1.0}).values()):
+    for dt, check in zip(published.PUBLISHED, beside({1.0: 1.0}).values()):
         told = f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
         assert told in check.source
     summary = json.loads((RESULTS / "published" / "summary.json").read_text())
