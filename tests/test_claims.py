@@ -164,20 +164,14 @@ def test_form_sees_what_is_not_symplectic():
     assert defect == pytest.approx(1e-6, rel=0.5) and volume == pytest.approx(1e-6, rel=1e-3)
 
 
-SOME = "NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid"  # and shake at both ends
+SOME = "NVE", "MatubayasiNakahara", "Gear", "rigid/nve", "rigid", "shake"
 
 
 @pytest.fixture
 def few(monkeypatch):
     """Theory with few of its runs."""
-    tolerances = "1e-4", "1e-12"
-    some = [
-        one
-        for one in theory.INTEGRATORS
-        if one.name in SOME or (one.name == "shake" and one.tolerance in map(float, tolerances))
-    ]
+    some = [one for one in theory.INTEGRATORS if one.name in SOME]
     monkeypatch.setattr(theory, "INTEGRATORS", some)
-    monkeypatch.setattr(theory, "TOLERANCES", tolerances)
     monkeypatch.setattr(theory, "ROTORS", {"NO_SQUISH, m_rot 2": " mrot 2"})
     monkeypatch.setattr(theory, "MULTIPLES", (1.0, 2.0, 4.0))
     return some
@@ -190,12 +184,12 @@ def test_the_theory_holds(tmp_path, few):
     status, summary = claims(tmp_path, "theory")
     assert status == 0 and {check["verdict"] for check in summary["checks"]} == {"holds"}
     assert Counter(check["part"] for check in summary["checks"]) == {
-        "reversal": len(SOME) + 3, "symplectic": 2 + 3 + 2 + 3, "energy": 1
+        "reversal": len(SOME), "symplectic": 2 + 3 + 2 + 3, "energy": 1
     }  # fmt: skip
     rows = summary["data"]["reversal"]["runs"]
-    left = {(row["name"], row["tolerance"]): row["distance"][-1] for row in rows}
-    for key in ("Gear", None), ("rigid", None), ("shake", 1e-4):
-        assert left[key] > 1e-5, f"{key} is reversible"
+    left = {row["name"]: row["distance"][-1] for row in rows}
+    for name in "Gear", "rigid", "shake":
+        assert left[name] > 1e-5, f"{name} is reversible"
 
 
 @pytest.mark.timeout(300)
@@ -240,38 +234,20 @@ def claim(found, *words):
     return one
 
 
-def dimers(scatter, count=16):
-    """NO_SQUISH and reference 12 from some starts: the same sd, other means."""
-    means = np.random.default_rng(3).normal(size=(2, count))
-    means *= [[0.1], [0.1 * scatter]] / means.std(axis=1, keepdims=True)
-    names = "nosquish", "matubayasi-nakahara"
-    return {"dimer-starts": made("x", noise(1.0, 99), temperature=noise(20.0, 98, level=154.0))} | {
-        f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000 + means[k, n]))
-        for k, name in enumerate(names)
+def dimers(count=16):
+    """NO_SQUISH and reference 12 from some starts, with the same sd."""
+    return {
+        f"dimer-{name}-{n + 1}": made("x", noise(1.0, 100 * k + n, level=-9000))
+        for k, name in enumerate(("nosquish", "matubayasi-nakahara"))
         for n in range(count)
     }
-
-
-@pytest.mark.parametrize("scatter, holds", [(8.0, True), (1.0, None), (0.1, False)])
-def test_who_wanders_from_start_to_start(scatter, holds):
-    """Locks out the ratio turned round, a verdict within the errors, and the deviation along a
-    trajectory taken for that of the means."""
-    found = dimers(scatter)
-    one = claim(found, "reference 12 over NO_SQUISH", "scatter of")
-    assert one["value"] == pytest.approx(np.log10(scatter), abs=4 * one["error"])
-    assert one["verdict"] == WORD[holds]
-    soon = claim(found, "first 0.5 ps")
-    assert soon["value"] == pytest.approx(1.0, abs=4 * soon["error"])
-    warm = claim(found, "mean temperature")
-    assert warm["value"] == pytest.approx(154.0, abs=5 * warm["error"])
-    assert warm["error"] == pytest.approx(20.0 / np.sqrt(4000), rel=0.5)
 
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
 def test_who_is_more_accurate_on_the_dimer(size, holds):
     """Locks out the ratio turned round, other starts' trajectories that are compared, and the
     scatter of one ratio for the error of the mean."""
-    found, own = dimers(1.0), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
+    found, own = dimers(), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
     for n, of_both in enumerate(own, 1):
         parts = {"nosquish": 1.0, "matubayasi-nakahara": size * (1.0 + 0.1 * (-1) ** n)}
         for name, part in parts.items():
@@ -293,8 +269,6 @@ def test_who_is_more_accurate_in_the_liquid(size, holds):
     steps = np.repeat(np.random.default_rng(3).normal(size=8) * 2 * size, 500)
     found["water-matubayasi-nakahara"].total += steps
     assert claim(found, "more accurate")["value"] > 1.5 * size
-    wander = claim(found, "wander")
-    assert wander["value"] > 1 and wander["verdict"] == "holds"
     found["water-matubayasi-nakahara"].error = "interrupted"
     assert {check["subject"] for check in judged(found)["checks"]} == {"NO_SQUISH"}
     assert len(judged(found)["rows"]) == 2
@@ -316,7 +290,7 @@ def test_who_drifts():
     assert verdict(loud, **beside) == "cannot tell"
     assert claim(beside, "drifts")["verdict"] == "holds"
     assert claim({"peptide-rigid/small": steady}, "drifts")["verdict"] == "does not hold"
-    starts = dimers(1.0)
+    starts = dimers()
     assert claim(starts, "reference 12, stable")["verdict"] == "holds"
     for one in starts.values():
         one.total += 0.1 * one.time
@@ -328,14 +302,14 @@ def test_who_is_equal(size, equal):
     """Locks out a difference that passes since errors are large, one that does since it is small,
     and the root mean square for the mean in the average measure."""
     found = {
-        "peptide-nosquish-123": made("a", noise(size, 1), "peptide"),
-        "peptide-rigid/nve/small": made("b", noise(1.0, 2), "peptide"),
+        "peptide-nosquish": made("a", noise(size, 1), "peptide"),
+        "peptide-shake": made("b", noise(1.0, 2), "peptide"),
     }
     assert claim(found, "equal: sd")["verdict"] == WORD[equal]
-    measured = claim(found, "rigid/nve/small, average measure")
+    measured = claim(found, "shake 1e-8 + nve, average measure")
     assert measured["value"] == pytest.approx(np.sqrt(2 / np.pi) * 1e-4, rel=0.05)
     uneven = noise(1.0, 3, level=0.0) * np.repeat(np.linspace(0.4, 1.6, 8), 500) - 10000
-    found["peptide-nosquish-123"] = made("a", uneven, "peptide")
+    found["peptide-nosquish"] = made("a", uneven, "peptide")
     assert claim(found, "equal: sd")["verdict"] == "cannot tell"
 
 
@@ -347,9 +321,6 @@ def test_gear_is_held_against_the_same_starts():
         found[f"dimer-nosquish-{n}"] = made("a", noise(size, n), dt=1.0)
         found[f"dimer-gear-{n}"] = made("b", noise(2 * size, 10 + n), dt=1.0)
         found[f"dimer-gear-{n}"].total[:3] -= 5000.0  # of 10 steps each
-    one = claim(found, "Gear over NO_SQUISH", "average measure")
-    assert one["value"] == pytest.approx(2.0, rel=0.03) and one["verdict"] == "holds"
-    assert claim(found, "Gear, dimer", "drifts")["verdict"] == "does not hold"
     far = claim(found, "far more accurate")
     assert far["value"] is None and far["verdict"] == "cannot tell", "over a drift that may be none"
     for part, word in (0.0, "holds"), (0.05, "holds"), (0.5, "does not hold"):
@@ -446,26 +417,6 @@ def test_random_walk_is_told_from_noise():
     assert errors.mean() == pytest.approx(rates.std(), rel=0.4)
     still = [measures.random_walk(t, rng.normal(size=len(t)))[:2] for _ in range(20)]
     assert np.mean([rate < 2.5 * error for rate, error in still]) > 0.8 and np.max(still) < 0.05
-
-
-@pytest.mark.parametrize("number", [4, 8, 16, 32])
-def test_the_ratio_of_two_scatters(number):
-    """Locks out a margin of a ratio that is symmetric where the ratio's error is not: of eight
-    values a ratio of 9 was none yet, and two equal scatters were told apart in 6 instead of 2.5 %,
-    to one side; and parts of a walk taken for independent ones, 17 %."""
-    rng = np.random.default_rng(number)
-
-    def sides(pairs, *freedom):
-        found = [measures.scatters_apart(*both, *freedom) for both in pairs]
-        over = [[one.value > one.margin, one.value < -one.margin] for one in found]
-        return np.mean(over, axis=0), found[-1].margin
-
-    told, _ = sides(rng.normal(size=(4000, 2, number)))
-    assert np.abs(told - 0.025).max() < 0.009
-    walks = np.cumsum(rng.normal(size=(2000, 2, number * 16)), axis=2)
-    means = walks.reshape(2000, 2, number, 16).mean(axis=3)
-    told, wide = sides(means, measures.freedom_of_walk(number))
-    assert told.max() < 0.04 and (wide > 1.3 * sides(means)[1] or number == 4)
 
 
 # ---- published numbers
