@@ -62,22 +62,6 @@ def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
     assert ("exclude molecule/intra all leaves them out" in note) == (pairs > 0)
 
 
-def test_check_tells_of_a_mesh_that_runs_choose(tmp_path):
-    """Locks out silence on a mesh that each run at constant pressure chooses anew, and a warning
-    where the script gives it."""
-    path = scripts.co2(tmp_path)
-    own = take(path, tmp_path / "one")
-    (found,) = check._mesh(own)
-    assert found.holds is False and "mesh and gewald that each run" in found.what
-    assert "(G vector, grid): kspace_modify mesh NX NY NZ gewald G" in found.note
-
-    def told(more):
-        said = {**own.said, "commands": [*own.said["commands"], f"kspace_modify {more}"]}
-        return [one.what for one in check._mesh(replace(own, said=said))]
-
-    assert told("mesh 8 8 8")[0].startswith("gewald that") and not told("mesh 8 8 8 gewald 0.3")
-
-
 def test_check_finds_what_does_not_fit(tmp_path):
     """Locks out a script whose atoms stand still, whose thermostats are not counted or whose step
     is far too long, and that passes; and a note on what is wrong where nothing is."""

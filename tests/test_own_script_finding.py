@@ -2,8 +2,6 @@
 the scripts that `scripts` writes.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import scripts
@@ -16,7 +14,6 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
 from validation.scenes.integrators import Integrator
-from validation.statistics import measures
 
 
 def test_atoms_with_molecule_id_0_are_a_body():
@@ -116,27 +113,6 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
     quiet, noisy = found
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
-
-
-def test_atoms_that_overlap(taken):
-    """Locks out pairs that are of one body or bonded, that a face of the box hides, or that are
-    missed: against all distances."""
-    own = taken("rings")
-    edge, places = own.said["cell"][0][0], own.atoms["x"]
-    for number, seed in ((1, 0), (60, 1), (300, 2)):  # atoms of each body
-        random = np.random.default_rng(seed)
-        body = np.arange(len(places)) // number + 1
-        body[:20] = 0
-        x = random.uniform(0, edge, size=places.shape)
-        x[1] = x[0] + 1e-4  # bonded, and in no body
-        made = replace(own, found=replace(own.found, body=body),
-                       atoms=own.atoms | {"x": x, "bonds": np.array([[1, 2, 1]])})  # fmt: skip
-        near = measures.nearest_image(x[:, None] - x, np.array(own.said["cell"]), [True] * 3)
-        apart = np.linalg.norm(near, axis=2)
-        apart[(body[:, None] == body) & (body > 0)] = apart[0, 1] = np.inf
-        pairs, least = shapes.overlapping(made)
-        expected = np.argwhere(np.triu(apart < least, 1))
-        assert sorted(map(sorted, pairs.tolist())) == expected.tolist() and len(pairs) > 10
 
 
 def test_a_fix_of_ours_acts_on_the_group_of_its_class():

@@ -118,16 +118,6 @@ def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
     yield Check(
         "bodies", "image flags", "wider by them", gap, high=half, unit=units.length, note=note
     )
-    if near := shapes.overlapping(own):
-        pairs, least = near
-        some = "; ".join(f"{first} and {second}" for first, second in pairs[:3] + 1)
-        yield Check(
-            *("bodies", "atoms of different bodies"),
-            f"pairs nearer than {least:.3g} {units.length}",
-            *(len(pairs), 0.0),
-            high=0,
-            note=f"these are not bonded and nearly overlap: {some}",
-        )
 
 
 def _step(own: Own, groups: Sequence[Group], kinds: Sequence[Kind]) -> Iterator[Check]:
@@ -167,7 +157,6 @@ def _script(own: Own) -> Iterator[Check]:
         high=0,
         note=f"two of these fixes move the same atoms: {', '.join(movers)}",
     )
-    yield from _mesh(own)
     heats = finding.thermostats(own.said, own.atoms, own.found)
     number = len(heats) + bool(own.found.state.temp)
     yield Check(
@@ -178,29 +167,6 @@ def _script(own: Own) -> Iterator[Check]:
         high=1,
         note=f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}",
     )
-
-
-def _mesh(own: Own) -> Iterator[Check]:
-    """Whether a run that is continued has another mesh: LAMMPS chooses it for the box as it is when
-    a run begins."""
-    words = [texts(line) for line in own.said["commands"]]
-    styles = [found[1] for found in words if found[0] == "kspace_style"]
-    given = {word for found in words if found[0] == "kspace_modify" for word in found}
-    free = [word for word in ("mesh", "gewald") if word not in given]
-    note = (
-        "at constant pressure LAMMPS chooses them anew for the box of each run, so the energy "
-        "jumps between runs, and a run in parts parts from one run. Give those that the log of the "
-        "first run names (G vector, grid): kspace_modify mesh NX NY NZ gewald G"
-    )
-    if free and own.found.state.press and "pppm" in "".join(styles[-1:]):
-        yield Check(
-            "script",
-            "the mesh",
-            f"{' and '.join(free)} that each run chooses anew",
-            len(free),
-            high=0,
-            note=note,
-        )
 
 
 def _lists(rows: Sequence[Mapping]) -> Check:

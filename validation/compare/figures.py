@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.markers import CARETDOWNBASE
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, PURPLE, RED, SKY, message, panels
+from ..pages.figures import INK, MARKS, MISSED, OURS, PALE, PURPLE, RED, SKY, message
 from ..scenes import integrators
 from ..scenes.units import UNITS
 from ..statistics.estimate import SURE, Estimate
@@ -24,10 +24,6 @@ READ = (
     "least of its repeats to their median. A pale point with an arrow is what an error is at most, "
     "where it cannot be told from zero. Numbers are steps of ours. Above: the lines' names, and "
     "which steps run; a cross is a step that fails."
-)
-ERRORS = (
-    f"Errors against the time step, with {SURE} margins. The band is the target: a point is good "
-    "for sure if it is inside with its margin."
 )
 
 
@@ -124,31 +120,3 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
         beside: dict = {"textcoords": "offset points", "xytext": (-5, -5), "fontsize": 8.5}
         for one, place in zip(row, zip(x, y)):
             axis.annotate(f"{one['dt']:g}", place, color=OURS, ha="right", va="top", **beside)
-
-
-def errors(summary: Mapping) -> Figure | None:
-    """Each error that is a target against the step, with the target as a band."""
-    points = [one for one in _drawn(summary) if not one["failed"]]
-    wanted = [name for name in summary["targets"] if any(name in one["signed"] for one in points)]
-    if not wanted:
-        return None
-    looks = _styles(points)
-    figure, axes = panels(len(wanted), 2, 5.0, 2.8, 0.6)
-    for axis, name in zip(axes, wanted):
-        most = summary["targets"][name]
-        axis.axhspan(-most, most, color="#e6f2ee", zorder=0)
-        axis.axhline(0, color=INK, lw=0.6)
-        for number, (key, row) in enumerate(_by_integrator(points).items()):
-            own = [one for one in row if name in one["signed"]]
-            found = [Estimate.of(one["signed"][name]) for one in own]
-            margins = [one.margin if np.isfinite(one.margin) else 0.0 for one in found]
-            steps = [one["dt"] * (1 + 0.012 * number) for one in own]
-            style = looks[key] | {"lw": 1, "capsize": 2, "label": row[0]["label"]}
-            axis.errorbar(steps, [one.value for one in found], yerr=margins, **style)
-        unit = summary["about"][name]["unit"]
-        axis.set_title(f"{name}, {unit}".strip(", "), loc="left", fontsize=10, fontweight="bold")
-        axis.set_xlabel(f"step ({UNITS[summary['units']].time})")
-    handles = axes[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=2, frameon=False, fontsize=8.5)
-    message(figure, "Errors against the time step: inside the band is good enough")
-    return figure

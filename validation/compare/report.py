@@ -116,7 +116,7 @@ def answered(summary: Mapping) -> dict:
 
 
 def said(summary: Mapping) -> Said:
-    """The answer, the points, and figures of errors against steps and run times."""
+    """The answer, the points, and a figure of the error against the run time."""
     answer = Answer(summary)
     wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
                        for name, most in answer.wanted.items())  # fmt: skip
@@ -130,10 +130,7 @@ def said(summary: Mapping) -> Said:
         answer=_answer(answer),
         lines=[*_lines(answer)],
         tables=_tables(answer),
-        figures=[
-            Figure("cost", partial(figures.cost, summary), figures.READ),
-            Figure("errors", partial(figures.errors, summary), figures.ERRORS),
-        ],
+        figures=[Figure("cost", partial(figures.cost, summary), figures.READ)],
         notes=NOTES | about | script,
         defeats=[*_defeats(answer)],
         kept=_kept(answer),

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from ..statistics import measures
 from . import finding
@@ -17,7 +16,6 @@ from .system import Own
 THIN = 1e-7  # of its largest moment: a smaller one counts as zero, as in fix_nosquish
 # (kinetic energy in LAMMPS's units) over (mass x velocity^2), which LAMMPS calls mvv2e
 MVV2E = {"real": 2390.0573615334906, "metal": 1.0364269e-4, "electron": 1.06657236}
-OVERLAP = 0.4  # of the mean distance of atoms: nearer ones nearly overlap
 
 
 @dataclass(frozen=True)
@@ -168,28 +166,6 @@ def fastest(own: Own, groups: Sequence[Group]) -> dict[str, float]:
     unit = thermal(own) * mvv2e(own)
     most = {name: max(some, default=0.0) for name, some in squares.items()}
     return {name: float(np.sqrt(one / unit)) for name, one in most.items() if one > 0 and unit > 0}
-
-
-def overlapping(own: Own) -> tuple[np.ndarray, float] | None:
-    """Pairs of atoms (pairs, 2), from 0, that are too near to each other, and what is too near.
-
-    They are of different bodies, or of none, and not bonded. Too near is less than `OVERLAP` of the
-    mean distance of atoms, in a dense system that fills a part of its box of that in the system.
-    None of a tilted box.
-    """
-    cell, periodic = np.array(own.said["cell"]), own.said["periodic"]
-    if not np.allclose(cell, np.diag(np.diag(cell))):
-        return None
-    edges, number, body = np.diag(cell), len(own.found.body), own.found.body
-    x = own.atoms["x"] - own.atoms["x"].min(axis=0)
-    tree = cKDTree(np.where(periodic, np.mod(x, edges), x), boxsize=np.where(periodic, edges, 0.0))
-    neighbours = np.asarray(tree.query(tree.data, k=2)[0])
-    least = float(min(OVERLAP * (edges.prod() / number) ** (1 / 3), neighbours[:, 1].max()))
-    pairs = tree.query_pairs(least, output_type="ndarray")
-    bonds = np.sort(np.asarray(own.atoms.get("bonds", np.empty((0, 3), int)))[:, 1:] - 1, axis=1)
-    bonded = np.isin(pairs @ (number, 1), bonds @ (number, 1))
-    first, second = body[pairs.T]
-    return pairs[~bonded & ((first != second) | (first == 0))], least
 
 
 def moved(own: Own) -> Mapping[str, np.ndarray]:
