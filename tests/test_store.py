@@ -98,21 +98,9 @@ def test_interrupted(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         kept.once("second", kept.origin(1), stop)
     assert kept.kept("second", kept.origin(1)) is None
-    assert {name: one["record"] for name, one in kept.alike().items()} == {"first": {"value": 1}}
+    assert kept.kept("first", kept.origin(1))["record"] == {"value": 1}
     kept.keep("second", kept.origin(1), {"value": 2}, complete=False)
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
-
-
-def test_alike(tmp_path, monkeypatch):
-    """Locks out records of another package in a summary, and older ones of the same name."""
-    dates = iter("abcd")
-    monkeypatch.setattr(machine, "now", lambda: next(dates))
-    kept = Store(tmp_path)
-    for value in 1, 2:
-        kept.keep("one", kept.origin(value), {"value": value})
-    assert [one["record"]["value"] for one in kept.alike().values()] == [2]
-    monkeypatch.setattr(machine, "package_hash", lambda: "another")
-    assert Store(tmp_path).alike() == {}
 
 
 def test_processes_share(tmp_path):
@@ -182,7 +170,6 @@ def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
     (path,) = tmp_path.glob("*.json")
     path.write_text(DAMAGES[damage](path.read_text()))
     good = damage == "an unknown field"
-    assert [*kept.alike()] == ["one"] * good
     assert kept.once("one", "origin", make) == {"value": 1.5}
     assert len(calls) == (1 if good else 2)
     assert len(capsys.readouterr().err.splitlines()) == (not good)

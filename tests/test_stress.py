@@ -321,16 +321,6 @@ def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
         assert found["verdict"] in verdicts, found
 
 
-def test_ranks_tell_integrators_apart(tmp_path, monkeypatch):
-    """Locks out a liquid in which nothing is added up over ranks, so that they agree to the last
-    bit whatever is run."""
-    monkeypatch.setattr("validation.stress.contact.RANKS", (4,))
-    found = row(CASES["ranks"], "rigid/nve", tmp_path, 10)
-    assert found["verdict"] == "pass" and found["value"] > 0.0, found
-    found = row(CASES["ranks"], "rattle 1e-4", tmp_path, 10)
-    assert found["verdict"] == "fail" and found["value"] > 1e6 * CASES["ranks"].bound.bound, found
-
-
 def changing(monkeypatch, bears):
     """Put energies that change in place of runs; gives the list of the time steps tried."""
     tried = []

@@ -4,9 +4,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..pages.figures import BLUE, GREEN, INK, ORANGE, PALE, PURPLE, RED, label_ends, message
+from ..pages.figures import BLUE, INK, ORANGE, PALE, message
 
-LEAST = 1e-17  # shown for a zero
 POINTS = 400  # of a curve
 # what is drawn of the paper's trajectories
 DIMER = {"dimer-nosquish-1": "NO_SQUISH", "dimer-matubayasi-nakahara-1": "reference 12"}
@@ -18,32 +17,6 @@ CURVES = *DIMER, *LIQUID, *PEPTIDE
 def picked(count: int) -> np.ndarray:
     """Which of so many samples a curve has."""
     return np.unique(np.linspace(0, count - 1, min(POINTS, count)).astype(int))
-
-
-def reversal(summary: dict) -> Figure | None:
-    """Distance from the start against the number of steps."""
-    if not (found := summary["data"].get("reversal")):
-        return None
-    colours = {
-        "fix_nosquish.NVE": BLUE,
-        "rigid/nve": ORANGE,
-        "rigid": GREEN,
-        "shake 1e-4 + nve": RED,
-        "Gear": PURPLE,
-    }
-    figure, axis = plt.subplots(figsize=(7, 4), layout="constrained")
-    axis.set(xscale="log", yscale="log", xlabel="steps forward, and as many back")
-    axis.set_ylabel("distance from the start (Å)")
-    message(figure, "Forward and back: how far from the start")
-    ends = []
-    for row in found["runs"]:
-        label = row["label"]
-        if (colour := colours.get(label)) and not row["error"]:
-            distance = np.maximum(row["distance"], LEAST)
-            axis.plot(found["steps"], distance, "o-", ms=3, color=colour)
-            ends.append((found["steps"][-1], distance[-1], label, colour))
-    label_ends(axis, ends)
-    return figure
 
 
 def _curves(summary, names, told, power) -> Figure | None:

@@ -18,7 +18,6 @@ from ..scenes.integrators import OLDER, constrained, nosquish, rigid
 from ..statistics import motion
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate
-from . import figures
 from .plan import Bench, Claims, Found, Series, Simulation
 
 SCENE = SCENES["dimer"]
@@ -295,11 +294,6 @@ CLAIMS = Claims(
     PARTS,
     plan,
     judge,
-    figures={
-        figures.reversal: "The furthest atom's distance from its start after so many steps, "
-        "velocities reversed, and as many steps, in LAMMPS: the dimer. What rounding leaves grows "
-        "as the motion is chaotic.",
-    },
     notes={
         "Forward and back": "Two water molecules of inputs/water_dimer at their own time step: N "
         "steps, all velocities reversed, N steps of a new run. Fixes that keep a state of their "

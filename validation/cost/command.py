@@ -21,8 +21,7 @@ def add(verbs: command_line.Verbs) -> None:
         "count what they hand to MPI (this needs a C compiler). Writes tables to the terminal and "
         "summary.json, CSV files, figures and a self-contained report.html to the output folder. "
         "Ctrl-C keeps what is measured, and the same command goes on from there: what was measured "
-        "with the same code, input and settings is not measured again. Measured in parts, the "
-        "output folder gathers them: all of the same code and input is shown.",
+        "with the same code, input and settings is not measured again.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )

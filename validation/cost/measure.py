@@ -1,7 +1,6 @@
 """What ours and LAMMPS's own fixes cost: time, memory, messages, the start.
 
 A point that was measured with the same package, code, inputs and settings is not measured again.
-The summary also has what earlier calls have left in the folder, of the same package and inputs.
 """
 
 import os
@@ -13,7 +12,7 @@ from pathlib import Path
 from ..running import counting, machine, rounds, run, starts, startup
 from ..running.rounds import Timing
 from ..running.store import Store
-from ..scenes import INPUTS, SCENES, Scene
+from ..scenes import SCENES, Scene
 from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
 from .plan import Point
 
@@ -55,59 +54,38 @@ class Call:
 
 
 def cost(wanted: Iterable[Point], call: Call) -> dict:
-    """Measure the points that are not there yet, and collect all that is.
+    """Measure the points that are not there yet.
 
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
     """
     store, summary = Store(call.out / "records"), machine.circumstances()
     summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
-    cpu, records = summary["machine"]["cpu"], {}
     for point in wanted:
+        cpu = summary["machine"]["cpu"]
         origin = store.origin(point, call.script, cpu, files=point.inputs)
         if kept := store.kept(point.name, origin):
             call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
             call.meter.end(None)
-        begun = {
-            "part": point.part,
-            "cpu": cpu,
-            "begin": machine.now(),
-            "load": os.getloadavg()[0],
-            "inputs": _inputs(folder.name for folder in point.inputs),
-        }
-        make = partial(_record, point, call, begun)
+        begun = {"begin": machine.now(), "load": os.getloadavg()[0]}
         try:
-            records[point.name] = store.once(point.name, origin, make)
+            record = store.once(point.name, origin, partial(_record, point, call, begun))
         except KeyboardInterrupt as end:
             rows = end.rows if isinstance(end, Cut) else []
-            records[point.name] = begun | {"rows": rows, "complete": False}
+            record = begun | {"rows": rows, "complete": False}
             summary["interrupted"] = True
+        when = {key: record.get(key) for key in ("begin", "end", "load", "complete")}
+        summary[GROUPS.get(point.part, "points")] += [row | when for row in record["rows"]]
+        if summary["interrupted"]:
             break
-    if not call.script:
-        records = {name: kept["record"] for name, kept in store.alike().items()} | records
-    for record in records.values():
-        # times of another processor are not held beside this one's
-        if record["cpu"] == cpu and record["inputs"] == _inputs(record["inputs"]):
-            when = {key: record.get(key) for key in ("begin", "end", "load", "complete")}
-            group = GROUPS.get(record["part"], "points")
-            summary[group] += [row | when for row in record["rows"]]
-    known = [*SCENES, *(row["scene"] for row in summary["points"])]
-    summary["points"].sort(key=lambda row: (known.index(row["scene"]), row["bodies"], row["ranks"]))
     for row in summary["points"]:
         summary["versions"].update(machine.worker_versions(row["versions"]))
-    for group in GROUPS.values():
-        summary[group].sort(key=lambda row: row["ranks"])
     return summary
 
 
 def _record(point: Point, call: Call, begun: dict) -> dict:
     measure = {"start": _start, "messages": _messages}.get(point.part, _scene)
     return begun | {"rows": measure(point, call), "end": machine.now(), "complete": True}
-
-
-def _inputs(names: Iterable[str]) -> dict[str, str]:
-    """Hashes of folders of inputs."""
-    return {name: machine.contents(INPUTS / name) for name in names}
 
 
 def _scene(point: Point, call: Call) -> list[dict]:

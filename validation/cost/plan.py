@@ -79,6 +79,6 @@ def points(
             own = sizes if scene.cutter else scene.sizes
             found += [
                 Point(part, number, size, able, rounds, seconds)
-                for number, size in itertools.product(few, own)
+                for size, number in itertools.product(own, few)
             ]
     return found

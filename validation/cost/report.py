@@ -1,10 +1,8 @@
 """What `cost` says of its summary."""
 
-from functools import partial
-
-from ..pages import Column, Figure, Said, Table, ranks_of
+from ..pages import Column, Said, Table, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
-from . import figures, measure
+from . import measure
 from .criteria import TITLES, fastest, place
 
 WHERE = (
@@ -66,7 +64,6 @@ def said(summary: dict) -> Said:
     told = [answer, *started[:1], sent]
     answer = " ".join(filter(None, told)) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
-    caption = "Medians; bars from minimum to maximum. Left of 1 ours is faster."
     title = "What it costs"
     if not points:
         title += ": messages" if summary.get("counts") else ": start-up"
@@ -76,7 +73,6 @@ def said(summary: dict) -> Said:
         answer,
         lines=[*lines, *started[1:]],
         tables=[*(table for table in tables if table.rows), _messages(summary)],
-        figures=[Figure("scenes", partial(figures.scenes, summary), caption)],
         checks=summary.get("checks", ()),
         parts=TITLES,
         checks_file="goals",

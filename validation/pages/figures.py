@@ -11,11 +11,8 @@ import matplotlib
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-
-from ..statistics.measures import Spread
 
 # Okabe and Ito's colours (jfly.uni-koeln.de/color), which the colour-blind can tell
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
@@ -79,12 +76,6 @@ def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> Non
             xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow,
             color=colour, fontsize=LINE, va="center", annotation_clip=False,
         )  # fmt: skip
-
-
-def whiskers(spreads: Sequence[Spread]) -> tuple[np.ndarray, np.ndarray]:
-    """Medians of spreads, and how far minimum and maximum are from them, as for errorbar."""
-    median, low, high = np.transpose([(one["median"], one["min"], one["max"]) for one in spreads])
-    return median, np.array([median - low, high - median])
 
 
 def panels(

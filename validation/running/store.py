@@ -82,18 +82,6 @@ class Store:
         }
         whole.write(self._file(name, origin), plain)
 
-    def alike(self) -> dict[str, dict]:
-        """All that is kept, of the same versions, package and code; of a name the newest only."""
-        found: dict[str, dict] = {}
-        for file in self.folder.rglob("*.json"):
-            kept = _record(file)
-            if kept is None:
-                continue
-            known = found.get(kept["name"])
-            if kept["base"] == self.base and not (known and known["date"] >= kept["date"]):
-                found[kept["name"]] = kept
-        return found
-
     def shared(self, names: Iterable[str]) -> Iterator[str]:
         """The names, each while no other process has it; those that others have come last."""
         waiting: list[str] = []

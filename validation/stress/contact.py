@@ -1,9 +1,7 @@
-"""Bodies that collide or that a field turns, far from the origin, on many ranks.
+"""Bodies that a field turns, and that collide far from the origin.
 
 Reduced units; most bodies are bent triatomics, which fix shake can hold too.
 """
-
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,70 +17,28 @@ REPULSIVE = (
     "pair_coeff * * 1.0 1.0",
     "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
 )
-DENSE = (
-    "pair_style lj/cut 2.5",
-    "pair_coeff * * 1.0 1.0",
-    "neigh_modify every 2 delay 0 check no",
-    "velocity all set 40 -40 40 sum yes",
-)
-RANKS = 2, 4, 8
 BOX = 10.0
 FAR = 1e6  # box lengths
-ROUNDING = 1e-15  # σ, of positions in a box of 8 σ
 DT = 0.004
 WHOLE = bodies.MASSES.sum()
 
 
-def _liquid(stand, name, count, box, *, seed, corner=0.0, least=0.0, more=()):
-    """Bent triatomics on a lattice of count³ places, each turned at random so that no atoms are
-    nearer than ``least``, thermal at temperature 1."""
-    rng, side = np.random.default_rng(seed), box / count
+def _liquid(stand, name, corner):
+    """Bent triatomics on a lattice of 4³ places, turned at random, thermal at temperature 1."""
+    rng, found = np.random.default_rng(4), []
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
-    found: list[bodies.Body] = []
-    for site in np.ndindex(count, count, count):
-        place = side * (np.array(site) + 0.5) + corner
-        turn = _turn(rng, place, found, box, least)
-        spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
-        found.append(
-            bodies.body(
-                bodies.BENT,
-                bodies.MASSES,
-                place=place,
-                turn=turn,
-                velocity=rng.normal(size=3) / np.sqrt(WHOLE),
-                spin=spin,
-            )
-        )
-    return _scene(stand, name, found, [*REPULSIVE, "neighbor 0.4 bin", *more], box, corner, DT)
-
-
-def _turn(rng, place, others, box, least):
-    """A random turn with which no atom of a body at that place is nearer than ``least`` to the
-    others' or their periodic images."""
-    there = np.concatenate([np.empty((0, 3)), *(other.x for other in others)])
-    while True:
+    for site in np.ndindex(4, 4, 4):
         turn = bodies.Rotation.from_quat(rng.normal(size=4))
-        apart = bodies.body(bodies.BENT, bodies.MASSES, place=place, turn=turn).x[:, None] - there
-        if (np.linalg.norm(apart - box * np.round(apart / box), axis=2) >= least).all():
-            return turn
+        spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
+        place, velocity = BOX / 4 * (np.array(site) + 0.5) + corner, rng.normal(size=3)
+        how: dict = {"place": place, "turn": turn, "velocity": velocity / np.sqrt(WHOLE)}
+        found.append(bodies.body(bodies.BENT, bodies.MASSES, spin=spin, **how))
+    return _scene(stand, name, found, [*REPULSIVE, "neighbor 0.4 bin"], BOX, corner)
 
 
-def _scene(stand, name, found, setup, box, corner, dt, **more):
-    folder, corner = stand.folder.parent, np.full(3, corner)
-    more |= {"box": box, "corner": corner, "dt": dt, "name": name, "bonded": True}
-    return bodies.scene(folder, found, setup, **more)
-
-
-def _end(stand, scene, label, steps, every=None, **how):
-    """The result of a run, and where the atoms are at its end."""
-    how |= {"dt": scene.dt, "every": every or steps, "more": motion.dump(steps)}
-    result, folder = stand.run(scene, label, [steps], **how)
-    return result, motion.frames(folder)[2][-1]
-
-
-def _apart(end, other):
-    """How far an atom is from where it is at another end, at most."""
-    return np.linalg.norm(end - other, axis=1).max()
+def _scene(stand, name, found, setup, box, corner):
+    folder, ends = stand.folder.parent, {"box": box, "corner": np.full(3, corner)}
+    return bodies.scene(folder, found, setup, dt=DT, name=name, bonded=True, **ends)
 
 
 @Case.of(
@@ -110,7 +66,7 @@ def gradient(stand: Stand, steps: int) -> Number:
         "fix field all addforce v_fx v_fy v_fz energy v_e",
         "fix_modify field energy yes",
     )
-    scene = _scene(stand, f"dipoles-{stand.start}", found, setup, 100.0, -50.0, DT)
+    scene = _scene(stand, f"dipoles-{stand.start}", found, setup, 100.0, -50.0)
     return molecules.drift(stand, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
 
 
@@ -127,40 +83,16 @@ def far_away(stand: Stand, steps: int) -> Number:
     """The same bodies in a box at the origin and in one far off."""
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
-        scene = _liquid(stand, name, 4, BOX, seed=4, corner=corner)
-        result, x = _end(stand, scene, name, steps, every=1)
-        ends.append(x - corner)
+        scene, more = _liquid(stand, name, corner), motion.dump(steps)
+        result, folder = stand.run(scene, name, [steps], dt=DT, every=1, more=more)
+        ends.append(motion.frames(folder)[2][-1] - corner)
         pressures.append(result.thermo["Press"])
-    distance, pressure = _apart(*ends), np.abs(pressures[1] / pressures[0] - 1).max()
+    distance = np.linalg.norm(ends[1] - ends[0], axis=1).max()
+    pressure = np.abs(pressures[1] / pressures[0] - 1).max()
     return of_parts(
         {"far place": distance, "far pressure": pressure},
         f"motion: {distance:.1e} σ; pressure: {pressure:.1e} of itself",
     )
 
 
-@Case.of(
-    "ranks",
-    "Fast bodies of a dense liquid, each atom with dozens in reach, on 1, 2, 4 and 8 ranks, owners "
-    "new every other step.",
-    40,
-    200,
-    criterion="largest distance from the trajectory of one rank, over how far that one gets when "
-    "its start is moved by rounding, 1e-15 σ",
-    bars=EXACT,
-)
-def ranks(stand: Stand, steps: int) -> Number:
-    """Many a body is parted among ranks: what is added up, is so in another order for each number
-    of ranks."""
-    scene = _liquid(stand, "dense", 4, 0.64 * BOX, seed=8, least=0.9, more=DENSE)
-    shift = f"displace_atoms all random {ROUNDING} {ROUNDING} {ROUNDING} 4928"
-    moved = replace(scene, setup=(*scene.setup, shift))
-    one = _end(stand, scene, "1", steps)[1]
-    rounding = _apart(_end(stand, moved, "1, moved", steps)[1], one)
-    apart = {n: _apart(_end(stand, scene, f"{n}", steps, ranks=n)[1], one) for n in RANKS}
-    told = ", ".join(f"{count} ranks: {far:.1e}" for count, far in apart.items())
-    return Number(
-        max(apart.values()) / rounding, note=f"{told} σ; one rank, moved: {rounding:.1e} σ"
-    )
-
-
-CASES = gradient, far_away, ranks
+CASES = gradient, far_away

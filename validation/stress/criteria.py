@@ -144,17 +144,6 @@ CRITERIA = {
         "below",
         "who compares a pressure with tables",
     ),
-    "order of sums": Criterion(
-        "≤",
-        1e3,
-        "",
-        "ranks",
-        "largest distance from the trajectory of one rank, over that of a start moved by 1e-15 σ",
-        "each step rounds a position by 1e-15 σ, and a velocity of 40 σ/τ by 3.6e-15 σ/τ, which "
-        "moves a body by 2.8e-15 σ in 0.8 τ: 4 times the start's move; 200 steps to one side are "
-        "800 times, up to a power of ten",
-        "who changes the number of ranks and expects the same physics",
-    ),
 }
 
 
