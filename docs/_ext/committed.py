@@ -25,7 +25,7 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
-from validation.sample import to_zero  # noqa: E402
+from validation.sample import rivals, to_zero  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
@@ -378,6 +378,23 @@ def step_zero():
     heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
     told = ", ".join(map(str, steps))
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
+
+
+def factors(*names):
+    """Of the best point of each folder: gains, and the two ratios of which they are made."""
+    body = []
+    for name in names:
+        found = summary(name)
+        ours = rivals.best(found["rows"])
+        for key, goal in found["goals"].items():
+            points = {(row["label"], row["dt"]): row for row in found["rows"]}
+            theirs = points[goal["label"], goal["dt"]]
+            cost = theirs["cost"]["median"] / ours["cost"]["median"]
+            noise = theirs["noise"][key]["value"] / ours["noise"][key]["value"] / cost
+            gain = _gain(ours["faster"][key])
+            body.append([found["scene"], BY_KEY[key].title, *map(significant, (cost, noise)), gain])
+    heads = "CPU time per ps, ratio", "variance per ps, ratio", "time to the same error, ratio"
+    return markdown(["liquid", "average", *heads], body)
 
 
 def estimate(found):
