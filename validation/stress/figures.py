@@ -19,8 +19,8 @@ LOOKS = {
     "cannot run": ("#f2f2f2", "–"),
 }
 READ = (
-    "Each row is a case with its bound, each column an integrator. ✗ fails, ? cannot tell, ✸ breaks "
-    "(not finite, atoms lost, crash or hang), – cannot run; blank: not measured."
+    "Each row is a case with its bound, each column an integrator. ✗ fails, ? cannot tell, ✸ "
+    "breaks (not finite, atoms lost, crash or hang), – cannot run; blank: not measured."
 )
 
 

@@ -2,7 +2,7 @@
 
     python compare.py FOLDER [STARTS [PS]]
 
-Each start has velocities of its own, 4 ps to forget them, and PS ps of samples.  Its runs with the
+Each start has velocities of its own, 2 ps to forget them, and PS ps of samples.  Its runs with the
 three integrators follow each other, so that other load on the machine is the same for all.  Runs
 that FOLDER has are not run again.  Its summary.json has the averages, with 95 % intervals from
 the scatter of starts.  Needs this package with the extra `validation`.
@@ -21,7 +21,7 @@ from validation.statistics import measures
 
 HERE = Path(__file__).resolve().parent
 WAYS = ("shake", 1.0), ("shake", 2.0), ("rigid", 4.0)
-WARM = 4.0  # ps
+WARM = 2.0  # ps
 NAMES = {"shake": "fix shake", "rigid": "rigid groups"}
 AVERAGES = {  # of the log's columns
     "Density": "density, g/cm³",
@@ -70,7 +70,7 @@ def summary(runs, time):
     return {"starts": len(runs[WAYS[0]]), "warm": WARM, "time": time, "rows": rows}
 
 
-def main(folder, starts=5, time=8.0):
+def main(folder, starts=5, time=10.0):
     said = machine.circumstances() | {"command": f"python compare.py FOLDER {starts} {time:g}"}
     runs = {way: [] for way in WAYS}
     for start in range(starts):
