@@ -380,10 +380,10 @@ def step_zero():
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
 
 
-def factors(*names):
-    """Of the best point of each folder: gains, and the two ratios of which they are made."""
+def factors():
+    """Of the best point of refined averages: gains, and the two ratios of which they are made."""
     body = []
-    for name in names:
+    for name in sorted(path.name for path in RESULTS.glob("sample-*-refined")):
         found = summary(name)
         ours = rivals.best(found["rows"])
         for key, goal in found["goals"].items():
@@ -554,6 +554,7 @@ TABLES = [
     ensembles_density,
     theory_rotors,
     own_scripts,
+    factors,
     step_zero,
     readme_table,
 ]
