@@ -14,30 +14,30 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "claims",
         run,
-        help="does what the paper and we say hold? each statement a number between bounds",
-        description="Measure what is said of the integrator, each statement a number between "
+        help="test statements of the paper and of this package, each by a number",
+        description="Test statements about the integrator, each by a number that must be within "
         "bounds: what section II of Miller et al. (2002) proves (theory), its test problems "
-        "(paper), and the energy's spread in water beside published numbers (published). "
-        "Each list has a folder of its own with summary.json, tables, figures and report.html. "
-        "Ctrl-C keeps what is complete, and the same command goes on from there. Processes with "
-        "the same command share the runs.",
-        epilog="Exit status: 0 if all is measured and what is said of ours holds, 1 if not, 130 "
-        "after Ctrl-C. Statements of the paper may fail: they are not the code's.",
+        "(paper), and the fluctuations of the energy in water beside published numbers (published)."
+        " Each list writes a folder with summary.json, tables, figures and report.html. After "
+        "Ctrl-C the same command continues. Several processes with the same command share the "
+        "runs.",
+        epilog="Exit status: 0 if all statements about this package hold, 1 if not, 130 after "
+        "Ctrl-C. Statements of the paper may fail, because they are not about this code.",
     )
     parser.add_argument(
         "lists",
         nargs="*",
         type=_list,
         metavar="LIST[/PART]",
-        help=f"lists, of: {', '.join(LISTS)}; with what a part's name begins with, as theory/"
-        "reversal or paper/dimer, only that (default: all)",
+        help=f"any of {', '.join(LISTS)}, or a part of one by the beginning of its name, such as "
+        "theory/reversal or paper/dimer (default: all)",
     )
     command_line.short_or_full(parser, "as long as the committed results: some days")
     parser.add_argument(
         "--time",
         type=command_line.positive,
         metavar="PS",
-        help="length of the trajectories of paper's liquid, and of published",
+        help="length of the trajectories of published, and of the liquid in paper",
     )
     command_line.ranks(parser, of="the runs of paper and published")
     command_line.silence(parser, 300.0)

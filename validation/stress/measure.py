@@ -424,8 +424,8 @@ def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
         return {"ended": ["blow-up", str(found)]}
     except CannotRun as found:
         return {"ended": ["cannot run", str(found)]}
-    # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
-    except (ValueError, IndexError, ArithmeticError) as found:
+    # what a broken trajectory does to its analysis (in new numpys a LinAlgError is a ValueError)
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as found:
         return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
 
 
