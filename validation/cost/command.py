@@ -16,22 +16,12 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "cost",
         run,
-<<<<<<< HEAD
-        help="what the fix costs: time in it and of a step, memory, messages, start-up",
-        description="Time fix_nosquish.NVE and LAMMPS's own fixes on the same starts, in turn, and "
-        "count what they hand to MPI (this needs a C compiler). Writes tables to the terminal and "
-        "summary.json, CSV files, figures and a self-contained report.html to the output folder. "
-        "Ctrl-C keeps what is measured, and the same command goes on from there: what was measured "
-        "with the same code, input and settings is not measured again.",
-=======
         help="measure the cost of the fix: time, memory, messages and start-up",
         description="Time fix nosquish/nve and LAMMPS's own fixes on the same starts, in turn, and "
         "count the bytes that they pass to MPI (which needs a C compiler). Writes tables to the "
-        "terminal, and summary.json, CSV files, figures and report.html to the output folder. "
+        "terminal, and summary.json, CSV files and report.html to the output folder. "
         "After Ctrl-C the same command continues. What was measured with the same code, input and "
-        "settings is not measured again. Several commands with the same folder may each measure a "
-        "part: all parts are shown.",
->>>>>>> 8046d9b304359d048f948b229f3636eae4fc5a8e
+        "settings is not measured again.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
