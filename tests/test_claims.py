@@ -363,6 +363,7 @@ def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
     in the data file."""
     path = simulation("shake", steps=0, dt=1.0)
     job = dataclasses.replace(path, scene=paper_peptide.scene()).job(bench(tmp_path))
+    job = dataclasses.replace(job, body_property="molecule")
     result = run.run(job)
     assert result.error is None
     bodies = result.positions.bodies

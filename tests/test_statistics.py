@@ -214,25 +214,3 @@ def test_distance_counts_in_a_direction_that_is_not_periodic():
     d = np.array([[9.0, 9.0, 9.0]])
     found = measures.nearest_image(d, CUBE, (True, True, False))
     np.testing.assert_allclose(found, [[-1.0, -1.0, 9.0]])
-
-
-def test_rigidity_error_of_a_displaced_atom():
-    """Locks out missed pairs, pairs across bodies, and a body that merely crossed a face, also one
-    of a box that has another size at the end."""
-    bodies = np.array([5, 2, 5, 2, 5, 0, 0])  # two bodies, two atoms in none
-    start = np.random.default_rng(5).uniform(4, 6, size=(7, 3))
-    pairs = measures.body_pairs(bodies)
-    assert {tuple(sorted(pair)) for pair in pairs.tolist()} == {(0, 2), (0, 4), (2, 4), (1, 3)}
-    end = start.copy()
-    end[bodies == 5] += [7.0, 0.0, 0.0]  # the body moved; one of its atoms was wrapped
-    end[2] -= [10.0, 0.0, 0.0]
-    end[5:] += 1.0  # atoms in no body may move
-    assert measures.rigidity_error(start, end, pairs, CUBE, ALL) < 1e-12
-    wider = end.copy()
-    wider[2] -= [1.0, 0.0, 0.0]
-    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL, 1.1 * CUBE) < 1e-12
-    assert measures.rigidity_error(start, wider, pairs, CUBE, ALL) > 0.1
-    along = (start[3] - start[1]) / np.linalg.norm(start[3] - start[1])
-    end[3] += 2e-6 * along
-    error = measures.rigidity_error(start, end, pairs, CUBE, ALL)
-    assert error == pytest.approx(2e-6, abs=1e-12)

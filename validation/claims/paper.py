@@ -8,7 +8,7 @@ energy and on the number of molecules, which the paper does not name.
 Only trajectories that are complete are judged, but for Gear's.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -22,7 +22,6 @@ from ..scenes.integrators import INTEGRATORS, PAPER
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, plain
-from ..statistics.positions import Positions
 from . import figures
 from .plan import FEW, Bench, Claims, Found, Series, Simulation
 
@@ -33,7 +32,6 @@ PARTS = {
     "liquid": "Liquid water, figure 2b",
     "peptide": "The peptide in water, figure 3",
     "gear": "Gear's scheme",
-    "rigidity": "Rigid groups",
 }
 # What the paper says, in its words; no number is read off its figures.
 STATEMENTS = {
@@ -58,7 +56,6 @@ EQUAL = 0.15  # off 1: a ratio
 # steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
 # energy jumps meanwhile
 BEGINNING = 20
-RIGID = 1e-10  # Angstrom
 RUNNING = 30  # windows of a running mean in the length of a curve
 OVER = "reference 12 over NO_SQUISH"
 
@@ -156,14 +153,12 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
 def judge(found: Found, bench: Bench) -> dict:
     """All numbers of trajectories, complete or not, as plain data: ``rows``, a row for each,
     ``checks``, ``curves`` of the figures, ``lengths``."""
-    complete = {name: one for name, one in found.items() if not one.error}
-    whole = {name: one for name, one in complete.items() if len(one.total) >= FEW}
+    whole = {name: one for name, one in found.items() if not one.error and len(one.total) >= FEW}
     checks = [
         *_dimer(whole),
         *_liquid(whole),
         *_peptide(whole),
         *_gear(found, whole),
-        *_rigidity(complete),
     ]
     return {
         "rows": [row(one) for one in found.values()],
@@ -195,19 +190,12 @@ def row(one: Series) -> dict:
             "measure": measures.mean(measure(one.total)),
             "drift": measures.drift(one.time, one.total),
         }
-    return plain(found | ({"rigidity": rigidity(one.positions)} if one.positions else {}))
+    return plain(found)
 
 
 def measure(total: np.ndarray) -> np.ndarray:
     """|Delta E| of each sample."""
     return np.abs(total - total.mean()) / abs(total.mean())
-
-
-def rigidity(positions: Positions) -> float:
-    """Largest change of a distance within a rigid body, Angstrom, from the start to the end."""
-    pairs, (start, *_, end) = measures.body_pairs(positions.bodies), positions.x
-    cell = positions.cell, positions.periodic
-    return float(measures.rigidity_error(start, end, pairs, *cell))
 
 
 def _curve(one: Series) -> dict[str, list[float]]:
@@ -405,26 +393,6 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     yield check("NO_SQUISH over Gear, dimer", what, far, low=-1 / FAR, high=1 / FAR, note=told)
 
 
-def _rigidity(complete: Mapping[str, Series]) -> Iterator[Check]:
-    """The worst of all runs with rigid-body fixes."""
-    worst = {
-        name: rigidity(one.positions)
-        for name, one in complete.items()
-        if one.positions and one.simulation.integrator.kind != "constraints"
-    }
-    if worst:
-        name = max(worst, key=lambda name: worst[name])
-        yield Check.of(
-            "rigidity",
-            f"all {len(worst)} runs with rigid-body fixes",
-            "largest change of a distance within a group",
-            worst[name],
-            high=RIGID,
-            unit="Å",
-            note=name,
-        )
-
-
 def tables(summary: dict) -> list[Table]:
     """All trajectories."""
     lengths = [{**row, "status": row["error"] or "ok"} for row in summary["rows"]]
@@ -441,7 +409,6 @@ COLUMNS = (
     Column("sd_line", "sd about its line", "kcal/mol", "estimate", wide=True),
     Column("measure", "average measure", "ratio", "estimate"),
     Column("drift", "drift", "kcal/mol/ps", "estimate"),
-    Column("rigidity", "rigidity", "Å", "number", ".1e"),
     Column("status", "status", kind="text", wide=True),
 )
 CLAIMS = Claims(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -16,7 +16,6 @@ from ..running import machine, run
 from ..running.starts import from_dump, to_dump
 from ..scenes import FS_PER_PS, Scene
 from ..scenes.integrators import Integrator
-from ..statistics.positions import Positions
 
 FEW = 16  # samples: less says nothing
 
@@ -57,7 +56,6 @@ class Simulation:
         name: of its folder, and what it is asked for by; with slashes, in such folders.
         label: for the terminal.
         dt: the scene's unit.  steps: in all.  every: steps between samples of the energy.
-        keeps: see ``run.job``.
         start: name of the simulation that makes its start, and the step; None for the scene's own.
         state: steps between dumps of all atoms, of one that makes starts.
         more: LAMMPS commands before it; ``{folder}`` is its folder.
@@ -72,7 +70,6 @@ class Simulation:
     steps: int
     every: int
     ranks: int = 1
-    keeps: Literal["nothing", "positions"] = "positions"
     start: tuple[str, int] | None = None
     state: int | None = None
     more: Sequence[str] = ()
@@ -104,7 +101,7 @@ class Simulation:
             dt=self.dt,
             every=self.every,
             ranks=self.ranks,
-            keeps=self.keeps,
+            keeps="nothing",
             silence=bench.silence,
             more=more,
             origin=machine.origin(self.scene, self.integrator, *files),
@@ -128,7 +125,6 @@ class Series:
         folder: its files.
         time: (n,) ps.  total, kinetic: (n,) kcal/mol.  temperature: (n,) K.  All up to a sample
             that is not finite.
-        positions: at its start and end; None if they are not kept.
         seconds: that the steps took.
     """
 
@@ -139,7 +135,6 @@ class Series:
     total: np.ndarray
     kinetic: np.ndarray
     temperature: np.ndarray
-    positions: Positions | None = None
     seconds: float = 0.0
 
 
@@ -198,6 +193,5 @@ def series(simulation: Simulation, job: run.Job) -> Series:
         total,
         kinetic,
         temperature,
-        result.positions,
         sum(loop.seconds for loop in result.timings),
     )

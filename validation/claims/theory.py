@@ -71,7 +71,7 @@ def _there_and_back() -> Iterator[Simulation]:
             f"run {n}",
             WRITE.format(f"back-{n}"),
         ]
-    how: dict = {"dt": SCENE.dt, "steps": 0, "every": 0, "keeps": "nothing", "more": commands}
+    how: dict = {"dt": SCENE.dt, "steps": 0, "every": 0, "more": commands}
     for one in INTEGRATORS:
         yield Simulation(f"reversal/{one.label}", one.label, SCENE, one, **how)
 
@@ -159,7 +159,7 @@ def _neighbours(bench: Bench) -> Iterator[Simulation]:
     commands = [WRITE.format("start")]
     for dt in DTS:
         commands += [READ, "reset_timestep 0", f"timestep {dt}", "run 1", WRITE.format(f"end-{dt}")]
-    how: dict = {"dt": 1.0, "steps": 0, "every": 0, "keeps": "nothing", "more": commands}
+    how: dict = {"dt": 1.0, "steps": 0, "every": 0, "more": commands}
     for one in (one for one in INTEGRATORS if one.name in FORMS):
         yield Simulation(f"symplectic/{one.label}", one.label, scene, one, **how)
 

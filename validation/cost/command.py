@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
     from ..own import system
     from ..pages import console
     from ..running import store
-    from . import criteria, measure, report  # heavy: not for --help
+    from . import measure, report  # heavy: not for --help
 
     parts, short = arguments.parts, arguments.short
     scripts = [one for one in parts if command_line.is_script(one, lambda: plan.PARTS)]
@@ -82,7 +82,6 @@ def run(arguments: Namespace) -> int:
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)
             summary = measure.cost(points, call)
-    summary["checks"] = [] if script else criteria.checks(summary["points"], summary["starts"])
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)

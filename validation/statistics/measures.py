@@ -335,45 +335,6 @@ def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
     return [inside[first[sizes == n][:, None] + np.arange(n)] for n in np.unique(sizes)]
 
 
-def body_pairs(bodies: np.ndarray, reach: int = 8) -> np.ndarray:
-    """Pairs of atoms of the same body, (pairs, 2).
-
-    In a body of up to ``reach`` + 1 atoms all pairs; in a larger one each atom with
-    the ``reach`` that follow it in order of ID.  Atoms of body 0 are in no pair.
-    """
-    bodies = np.asarray(bodies)
-    order = np.argsort(bodies, kind="stable")
-    order = order[bodies[order] != 0]
-    pairs = [np.empty((0, 2), int)]
-    for k in range(1, min(reach, len(order) - 1) + 1):
-        first, second = order[:-k], order[k:]
-        same = bodies[first] == bodies[second]
-        pairs.append(np.stack([first[same], second[same]], axis=1))
-    return np.concatenate(pairs)
-
-
-def rigidity_error(
-    start: np.ndarray,
-    end: np.ndarray,
-    pairs: np.ndarray,
-    cell: np.ndarray,
-    periodic: Sequence[bool] | np.ndarray,
-    last_cell: np.ndarray | None = None,
-) -> float:
-    """Largest change of a distance within a body: max |d_ij(end) - d_ij(start)|.
-
-    Args:
-        cell: its vectors as rows.  last_cell: the same at the end, where it is another one.
-    """
-
-    def distances(x, cell):
-        apart = x[pairs[:, 0]] - x[pairs[:, 1]]
-        return np.linalg.norm(nearest_image(apart, cell, periodic), axis=1)
-
-    last = cell if last_cell is None else last_cell
-    return np.abs(distances(end, last) - distances(start, cell)).max(initial=0.0)
-
-
 class Spread(TypedDict):
     """What few values are, as plain data."""
 
