@@ -34,8 +34,8 @@ def said(summary: dict) -> Said:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
     return Said(
         "What breaks, where",
-        "Which integrator fails at long steps, in hot or cold systems, with unusual shapes, on "
-        "many ranks, far from the origin, and in the cases that users have reported?",
+        "Which integrator fails at long steps, in hot or cold systems, with unusual shapes, far "
+        "from the origin, and in the cases that users have reported?",
         _answer(cases),
         lines=lines,
         tables=[
