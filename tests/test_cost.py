@@ -56,14 +56,14 @@ def test_numbers_leave_warm_up_and_preparations_out():
 
     segments = log(1e-3, 4e-4, 4), log(2e-3, 8e-4, 4), log(9e-3, 9e-3, 4)
     logs = [log(9, 9, 0), log(9, 9, 0), log(8, 8, 2), *segments]
-    seconds = {"commands": [1, 2, 4], "setups": [0.5, 0.25], "runs": []}
+    seconds = {"setups": [0.5, 0.25], "runs": []}
     result = run.Result(None, {}, logs, None, {}, memory=[10, 20], seconds=seconds)
     job = run.Job(
         "", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2
     )
     found = rounds.timing(job, result)
     assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
-    assert (found.cpu, found.define, found.setups, found.memory) == (94.0, 6, [0.5, 0.25], [10, 20])
+    assert (found.cpu, found.setups, found.memory) == (94.0, [0.5, 0.25], [10, 20])
 
 
 def test_lengths_of_segments():
@@ -187,7 +187,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
             0 < row["modify"]["median"] < row["loop"]["median"]
             and len(row["modify"]["values"]) == 2
         )
-        assert row["setup"] and row["memory_in_all"]["median"] > 10
+        assert row["setup"] and row["memory"]
     pairs = [a / b for a, b in zip(ours["modify"]["values"], theirs["modify"]["values"])]
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
     pages.write(report.said(summary), summary, tmp_path)

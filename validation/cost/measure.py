@@ -148,7 +148,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
         row |= {
             "lines": every[name].commands(scene),
             "error": errors.get(name),
-            **_numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies),
+            **_numbers(found[name], found.get(OURS, []), found[FREE.name]),
         }
         record["integrators"].append(row | sent.get(name, {}))
     versions = [timing.versions for timings in found.values() for timing in timings]
@@ -169,20 +169,17 @@ def _calibrated(integrators, job, record):
     return 1.0
 
 
-def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing], bodies: int) -> dict:
+def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
     """An integrator's numbers, spreads over its rounds; None for those that were not measured."""
     rivals = [] if own is ours else ours
     return {
         "modify": rounds.spread(own, "modify"),
-        "modify_per_1000": rounds.spread(own, "modify", 1000 / bodies),
         "modify_ratio": rounds.ratio(rivals, own, "modify"),
         "loop": rounds.spread(own, "loop"),
         "loop_ratio": rounds.ratio(rivals, own, "loop"),
         "cpu": min((timing.cpu for timing in own if timing.cpu is not None), default=None),
         "setup": rounds.difference(own, free, "setup", 1e3),
-        "first_setup": rounds.difference(own, free, "first_setup", 1e3),
         "memory": rounds.difference(own, free, "peak"),
-        "memory_in_all": rounds.spread(own, "peak"),
     }
 
 

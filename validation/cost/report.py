@@ -12,12 +12,10 @@ WHERE = (
 STATUS = Column("status", "status", kind="text", wide=True)
 TIMES = (
     Column("modify", "Modify", "µs/step"),
-    Column("modify_per_1000", "Modify", "µs/step/1,000 bodies", wide=True),
     Column("modify_ratio", "ours / it", "Modify"),
     Column("loop", "loop", "µs/step"),
     Column("loop_ratio", "ours / it", "loop"),
     Column("setup", "setup", "ms"),
-    Column("first_setup", "first setup", "ms", wide=True),
     Column("memory", "memory", "MiB/rank"),
 )
 CUT = (
@@ -42,7 +40,7 @@ NOTES = {
     "same round; below 1 ours is faster.",
     "loop": "Wall time of a whole step.",
     "setup": "Wall time of `run 0`, less that of a run whose atoms move freely (fix nve/noforce). "
-    "It is the second `run 0` of a process; the first one is in the column “first setup”.",
+    "It is the second `run 0` of a process: the first one also reads or compiles code.",
     "memory": "Peak resident memory of the rank with the most, less that of a run whose atoms move "
     "freely. That of ours includes Python's packages.",
     "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "

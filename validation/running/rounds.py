@@ -41,7 +41,7 @@ class Timing:
         modify, loop, sections: us per step, of LAMMPS's timing table.
         cpu: the smallest share of a core in a segment, in percent.
         steps: of each segment.
-        define, setups: s of the fixes' commands together, and of each `run 0`.
+        setups: s of each `run 0`.
         memory: KiB of each rank at most.
         versions: what the worker says of itself.
     """
@@ -51,7 +51,6 @@ class Timing:
     cpu: float | None = None
     sections: dict = field(default_factory=dict)
     steps: list = field(default_factory=list)
-    define: float = 0.0
     setups: list = field(default_factory=list)
     memory: list = field(default_factory=list)
     versions: dict = field(default_factory=dict)
@@ -60,11 +59,6 @@ class Timing:
     def setup(self) -> float:
         """s of the last `run 0`."""
         return self.setups[-1]
-
-    @property
-    def first_setup(self) -> float:
-        """s of the fixes' commands and the first `run 0`."""
-        return self.define + self.setups[0]
 
     @property
     def peak(self) -> float:
@@ -137,24 +131,22 @@ def timing(job: run.Job, result: run.Result) -> Timing:
 
     names = segments[0].sections if segments else ()
     shares = [one.cpu for one in segments if one.cpu is not None]
-    spent = zip(job.commands, result.seconds["commands"])
     return Timing(
         modify=median("Modify"),
         loop=median(),
         cpu=min(shares, default=None),
         sections={name: median(name) for name in names},
         steps=[one.steps for one in segments],
-        define=sum(time for command, time in spent if command.startswith("fix ")),
         setups=result.seconds["setups"],
         memory=result.memory,
         versions=result.versions,
     )
 
 
-def spread(rounds: list[Timing], key: str, times: float = 1.0) -> measures.Spread | None:
+def spread(rounds: list[Timing], key: str) -> measures.Spread | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
     values = (getattr(one, key) for one in rounds)
-    return _spread(value * times for value in values if value is not None)
+    return _spread(value for value in values if value is not None)
 
 
 def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> measures.Spread | None:

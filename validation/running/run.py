@@ -94,7 +94,7 @@ class Result:
         positions: None if they were not kept.
         versions: what the worker says of itself, or {}.
         memory: peak memory of each rank in KiB.
-        seconds: wall time of each command, of each `run 0` and of each run (see ``worker``).
+        seconds: wall time of each `run 0` and of each run (see ``worker``).
         interrupted: whether a Ctrl-C came.
     """
 

