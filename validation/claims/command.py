@@ -18,7 +18,7 @@ def add(verbs: command_line.Verbs) -> None:
         description="Test statements about the integrator, each by a number that must be within "
         "bounds: what section II of Miller et al. (2002) proves (theory), its test problems "
         "(paper), and the fluctuations of the energy in water beside published numbers (published)."
-        " Each list writes a folder with summary.json, tables, figures and report.html. After "
+        " Each list writes a folder with summary.json, tables and report.html. After "
         "Ctrl-C the same command continues. Several processes with the same command share the "
         "runs.",
         epilog="Exit status: 0 if all statements about this package hold, 1 if not, 130 after "

@@ -22,7 +22,6 @@ from ..scenes.integrators import INTEGRATORS, PAPER
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, plain
-from . import figures
 from .plan import FEW, Bench, Claims, Found, Series, Simulation
 
 Pairs = list[tuple[Series, ...]]  # of trajectories from the same start
@@ -56,7 +55,6 @@ EQUAL = 0.15  # off 1: a ratio
 # steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
 # energy jumps meanwhile
 BEGINNING = 20
-RUNNING = 30  # windows of a running mean in the length of a curve
 OVER = "reference 12 over NO_SQUISH"
 
 
@@ -152,7 +150,7 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
 
 def judge(found: Found, bench: Bench) -> dict:
     """All numbers of trajectories, complete or not, as plain data: ``rows``, a row for each,
-    ``checks``, ``curves`` of the figures, ``lengths``."""
+    ``checks``, ``lengths``."""
     whole = {name: one for name, one in found.items() if not one.error and len(one.total) >= FEW}
     checks = [
         *_dimer(whole),
@@ -163,7 +161,6 @@ def judge(found: Found, bench: Bench) -> dict:
     return {
         "rows": [row(one) for one in found.values()],
         "checks": [check.plain() for check in checks],
-        "curves": {name: _curve(whole[name]) for name in figures.CURVES if name in whole},
         "lengths": _lengths(bench)._asdict(),
     }
 
@@ -196,21 +193,6 @@ def row(one: Series) -> dict:
 def measure(total: np.ndarray) -> np.ndarray:
     """|Delta E| of each sample."""
     return np.abs(total - total.mean()) / abs(total.mean())
-
-
-def _curve(one: Series) -> dict[str, list[float]]:
-    """``time`` in ps and ``error``, Delta E, of some samples, and the same of its running mean."""
-    window = max(1, len(one.total) // RUNNING)
-    curve = {}
-    for name, width in ("", 1), ("_running", window):
-        time, total = (
-            np.convolve(x, np.full(width, 1 / width), "valid") for x in (one.time, one.total)
-        )
-        pick = figures.picked(len(total))
-        curve[f"time{name}"] = np.round(time[pick], 3).tolist()
-        error = (total[pick] - one.total.mean()) / abs(one.total.mean())
-        curve[f"error{name}"] = np.round(error, 9).tolist()
-    return curve
 
 
 # ---- of several trajectories
@@ -420,13 +402,5 @@ CLAIMS = Claims(
     judge,
     tables=tables,
     checks_file="claims",
-    figures={
-        figures.figure_2a: "Delta E of NO_SQUISH and of reference 12 from the same start, the "
-        f"first of several, and running means (windows of a {RUNNING}th of the time). What both do "
-        "from step to step is the force splitting's; they differ in the slow wander.",
-        figures.figure_2b: "The same of 1,000 waters.",
-        figures.figure_3: "Delta E of the peptide in water. Grey: the average measure that the "
-        f"paper reports, ±{AVERAGE_MEASURE:g}.",
-    },
     ours=False,
 )

@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from .. import experiment
 from ..pages import Table
@@ -151,7 +150,6 @@ class Claims(NamedTuple):
         parts: part of its checks to their heading.
         plan: gives the simulations.
         judge: from what these left to plain data: ``checks`` and more.
-        figures: functions of a summary to captions.
         tables: of a summary, beside the checks.
         notes: what words mean, and how it was measured.
         checks_file: of the CSV file of the checks.
@@ -164,7 +162,6 @@ class Claims(NamedTuple):
     parts: Mapping[str, str]
     plan: Callable[[Bench], Sequence[Simulation]]
     judge: Callable[[Found, Bench], dict]
-    figures: Mapping[Callable[[dict], Figure | None], str] = MappingProxyType({})
     tables: Callable[[dict], Sequence[Table]] = lambda summary: ()
     notes: Mapping[str, str] = MappingProxyType({})
     checks_file: str = "table"

@@ -1,9 +1,8 @@
 """What `claims` says of a summary."""
 
-from functools import partial
 from importlib import import_module
 
-from ..pages import Figure, Said
+from ..pages import Said
 from ..statistics.check import VERDICTS
 from .plan import Claims
 
@@ -21,10 +20,6 @@ def said(summary: dict) -> Said:
         claims.question,
         _answer(claims, summary),
         tables=claims.tables(summary),
-        figures=[
-            Figure(draw.__name__, partial(draw, summary), caption)
-            for draw, caption in claims.figures.items()
-        ],
         checks=summary["checks"],
         parts=claims.parts,
         checks_file=claims.checks_file,

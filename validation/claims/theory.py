@@ -276,7 +276,7 @@ def plan(bench: Bench) -> list[Simulation]:
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """``checks``, and ``data``: part to what its figure shows."""
+    """``checks``, and ``data``: of each part what these follow from."""
     checks: list[Check] = []
     data = {}
     for part, measure in MEASURES.items():
