@@ -10,7 +10,6 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from functools import cache, partial
 from itertools import count
 from multiprocessing import get_context
@@ -41,24 +40,39 @@ def compile_modules(folder, names, levels):
     """Write the machine code of these modules' loops, a file for each and each level.
 
     Raises:
-        RuntimeError: for a loop that cannot be compiled.
+        SystemExit: if it cannot be done; what was printed says why.
     """
     gc.disable()  # it would search very many objects all the time
     for function, options in machine_code.INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
-    write = partial(_write, folder, levels)
     longest_first = sorted(names, key=lambda name: len(machine_code.LOOPS[name]), reverse=True)
-    processes = min(4, os.cpu_count() or 1, len(names))
-    with ProcessPoolExecutor(processes, get_context("fork")) as pool:
-        list(pool.map(write, longest_first))
+    # each process takes the number of a module from this pipe, as soon as it has compiled one
+    turns, numbers = os.pipe()
+    os.write(numbers, bytes(range(len(names))))
+    os.close(numbers)
+    work = partial(_work, turns, folder, longest_first, levels)
+    at_most = min(4, os.cpu_count() or 1, len(names))
+    processes = [get_context("fork").Process(target=work) for _ in range(at_most)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    if any(process.exitcode for process in processes):
+        sys.exit(1)
 
 
-def _write(folder, levels, name):
-    code = _bitcode(machine_code.LOOPS[name])
-    for level in levels:
-        own.save(own.place(folder, name, level), _object(code, level))
+def _work(turns, folder, names, levels):
+    """Compile modules as their turns come."""
+    try:
+        while turn := os.read(turns, 1):
+            name = names[turn[0]]
+            code = _bitcode(machine_code.LOOPS[name])
+            for level in levels:
+                own.save(own.place(folder, name, level), _object(code, level))
+    except (RuntimeError, OSError) as error:
+        sys.exit(str(error))
 
 
 def _teach(function, meaning, **options):
@@ -263,7 +277,4 @@ def main():
     folder, levels, *names = sys.argv[1:]
     for name in names:
         importlib.import_module(name)
-    try:
-        compile_modules(Path(folder), names, levels.split(","))
-    except (RuntimeError, OSError) as error:
-        sys.exit(str(error))
+    compile_modules(Path(folder), names, levels.split(","))
