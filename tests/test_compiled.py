@@ -631,6 +631,9 @@ def built(tmp_path_factory):
         words = [sys.executable, "-m", "fix_nosquish.loops", package]
         own = dict(os.environ, XDG_CACHE_HOME=str(folder / "cache"))
         subprocess.run(words, cwd=folder, check=True, timeout=250, env=own)
+    for library in package.glob("loops_*.so"):
+        if library.stem != f"loops_{machine_code.LEVELS[machine_code.level()]}":
+            library.unlink()  # a wheel has several
     for name in "numba", "llvmlite":
         (folder / f"{name}.py").write_text(f"raise ImportError('{name} is not needed')")
     return folder
