@@ -42,7 +42,7 @@ from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 
-from .machine_code import INLINED, LOOPS, load
+from .machine_code import INLINED, LOOPS, load_here
 
 
 class Kind(NamedTuple):
@@ -296,7 +296,7 @@ class Loop:
 
         Raises:
             TypeError: for an argument that is not of its kind.
-            RunError: if the loop cannot be compiled or loaded.
+            RuntimeError, OSError: if the loop cannot be compiled or loaded.
         """
         if len(values) != len(self.parameters):
             raise TypeError(
@@ -340,9 +340,7 @@ class Loop:
                 message = f"{self.name}: {name} must be {kind}, not a {given}"
                 raise TypeError(message) from None
         if not self.machine_code:
-            from ..ranks.communicator import ALONE  # which has loops itself
-
-            load(ALONE, self.module)
+            load_here(self.module)
         addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
         call = partial(self.machine_code, addresses)
         call.cells = used  # they live as long as their addresses are in use

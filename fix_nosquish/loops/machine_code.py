@@ -93,6 +93,18 @@ def load(communicator, *names):
         own.take(codes, agreed)
 
 
+def load_here(name):
+    """Make the loops of a module ready on this rank, at the first use of one without `load`.
+
+    Raises:
+        RuntimeError, OSError: if they cannot be compiled or loaded.
+    """
+    if others := _take_ours([name], level()):
+        from . import own
+
+        own.take(own.codes(others, LEVELS[level()]), level())
+
+
 def _take_ours(names, agreed):
     """Take loops of the library. Returns: the names of the modules that it has not."""
     known, others = built(agreed), []
