@@ -560,12 +560,10 @@ def test_an_empty_file(copied):
 
 
 def test_folder_that_cannot_be_written(copied):
-    """Locks out: loops that do not work, or are compiled at each start without a word, where the
-    user has no cache: a file is in the place of its folder, where not even root can write."""
-    process = start(copied, cache="helpers.py")
-    output, said = process.communicate(timeout=200)
-    assert json.loads(output) == [EXPECTED, True], said
-    assert "compiles loops at each start" in said and "helpers.py" in said
+    """Locks out: an error that does not say which folder it is, where the user has no cache: a file
+    is in the place of its folder, where not even root can write."""
+    _, said = start(copied, cache="helpers.py").communicate(timeout=200)
+    assert "NotADirectoryError" in said and "helpers.py/fix_nosquish'" in said
 
 
 @pytest.mark.parametrize("whose", ["file", "owner"])
@@ -632,6 +630,9 @@ def built(tmp_path_factory):
         words = [sys.executable, "-m", "fix_nosquish.loops", package]
         own = dict(os.environ, XDG_CACHE_HOME=str(folder / "cache"))
         subprocess.run(words, cwd=folder, check=True, timeout=250, env=own)
+    for library in package.glob("loops_*.so"):
+        if library.stem != f"loops_{machine_code.LEVELS[machine_code.level()]}":
+            library.unlink()  # a wheel has several
     for name in "numba", "llvmlite":
         (folder / f"{name}.py").write_text(f"raise ImportError('{name} is not needed')")
     return folder

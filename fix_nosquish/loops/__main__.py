@@ -16,7 +16,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from . import machine_code, own
+from . import machine_code
 
 NO_LOOPS = "fix_nosquish.loops", "fix_nosquish.plugin", "fix_nosquish.__main__"
 # without libraries: Python has loaded those of C, of whatever version, before
@@ -35,10 +35,12 @@ def modules():
 
 def build(place, levels):
     """Write libraries of the package's loops for these levels to a folder."""
+    from . import lower
+
     names = modules()
     compiler = shlex.split(os.environ.get("CXX", "c++"))
     with tempfile.TemporaryDirectory() as folder:  # not the user's cache
-        own.compile_all(Path(folder), names, levels)
+        lower.compile_modules(Path(folder), names, levels)
         for level in levels:
             objects = sorted(Path(folder).glob(f"*.{level}.o"))
             target = Path(place, f"loops_{level}.so")

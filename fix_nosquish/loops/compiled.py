@@ -57,8 +57,6 @@ class Kind(NamedTuple):
     def __str__(self):
         if self.dtype.names:
             return f"a record {self.name}"
-        if self.columns:
-            return f"a C-contiguous {self.dtype} array of {self.columns} columns"
         if self.dimensions:
             return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
         return f"a {self.dtype}"
@@ -230,20 +228,8 @@ def address(array):
     """Where an array begins in memory."""
 
 
-def floats(place, rows, columns):
-    """The float64 array (rows, columns) at this place in memory."""
-
-
 def longs(place, n):
     """The int64 array (n,) at this place in memory."""
-
-
-def ints(place, n):
-    """The int32 array (n,) at this place in memory."""
-
-
-def int_rows(place, rows, columns):
-    """The int32 array (rows, columns) at this place in memory."""
 
 
 def call(place, *arguments):
@@ -310,6 +296,7 @@ class Loop:
 
         Raises:
             TypeError: for an argument that is not of its kind.
+            RuntimeError, OSError: if the loop cannot be compiled or loaded.
         """
         if len(values) != len(self.parameters):
             raise TypeError(

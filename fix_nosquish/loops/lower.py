@@ -1,10 +1,7 @@
 """From the loops of `compiled.Loop` to machine code: numba makes LLVM's bitcode of them.
 
-    python -m fix_nosquish.loops.lower FOLDER LEVEL,... MODULE ...
-
-writes a file to the folder for each of both. It is a process of its own: numba's memory, and the
-level at which it works, end with it. Several share the modules: each reads the number of its next
-one, a byte, from standard input. Only the public interfaces of numba and llvmlite are used.
+`own` has a process of its own do it: numba's memory, and the level at which it works, end with it.
+Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc
@@ -13,11 +10,13 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from itertools import count
+from multiprocessing import get_context
 from pathlib import Path
 
 from . import compiled, machine_code, own
+from .memory import LENGTH, PLACE, WIDTH, floats_in, int_rows_in, ints_in, longs_in
 
 # before numba is imported: LLVM works when all functions are one, see `_simplify`
 os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
@@ -38,17 +37,42 @@ LONG = ir.IntType(64)
 
 
 def compile_modules(folder, names, levels):
-    """Write the machine code of the loops of these modules to the folder, as their turns come."""
+    """Write the machine code of these modules' loops, a file for each and each level.
+
+    Raises:
+        SystemExit: if it cannot be done; what was printed says why.
+    """
     gc.disable()  # it would search very many objects all the time
     for function, options in machine_code.INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
-    while turn := os.read(0, 1):
-        name = names[turn[0]]
-        code = _bitcode(machine_code.LOOPS[name])
-        for level in levels:
-            own.save(own.place(folder, name, level), _object(code, level))
+    longest_first = sorted(names, key=lambda name: len(machine_code.LOOPS[name]), reverse=True)
+    # each process takes the number of a module from this pipe, as soon as it has compiled one
+    turns, numbers = os.pipe()
+    os.write(numbers, bytes(range(len(names))))
+    os.close(numbers)
+    work = partial(_work, turns, folder, longest_first, levels)
+    at_most = min(4, os.cpu_count() or 1, len(names))
+    processes = [get_context("fork").Process(target=work) for _ in range(at_most)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    if any(process.exitcode for process in processes):
+        sys.exit(1)
+
+
+def _work(turns, folder, names, levels):
+    """Compile modules as their turns come."""
+    try:
+        while turn := os.read(turns, 1):
+            name = names[turn[0]]
+            code = _bitcode(machine_code.LOOPS[name])
+            for level in levels:
+                own.save(own.place(folder, name, level), _object(code, level))
+    except (RuntimeError, OSError) as error:
+        sys.exit(str(error))
 
 
 def _teach(function, meaning, **options):
@@ -82,8 +106,7 @@ def _fetch(typing, place):
     def code(context, builder, signature, values):
         number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
-        fetch = builder.module.globals.get("llvm.prefetch.p0")
-        fetch = fetch or ir.Function(builder.module, kind, "llvm.prefetch.p0")
+        fetch = builder.module.declare_intrinsic("llvm.prefetch.p0", (), kind)
         to_read, into_second_cache, of_data = number(0), number(2), number(1)
         pointer = builder.inttoptr(values[0], pointer)
         builder.call(fetch, [pointer, to_read, into_second_cache, of_data])
@@ -110,11 +133,16 @@ def _call(typing, place, arguments):
 PRIMITIVES: dict[Callable, Callable] = {
     compiled.prefetch: _prefetch,
     compiled.address: lambda array: array.ctypes.data,
-    compiled.floats: lambda place, rows, columns: carray(_to_float(place), (rows, columns)),
     compiled.longs: lambda place, n: carray(_to_long(place), (n,)),
-    compiled.ints: lambda place, n: carray(_to_int(place), (n,)),
-    compiled.int_rows: lambda place, rows, columns: carray(_to_int(place), (rows, columns)),
     compiled.call: lambda place, *arguments: _call(place, arguments),
+    longs_in: lambda memory, row: carray(_to_long(memory[row, PLACE]), (memory[row, LENGTH],)),
+    ints_in: lambda memory, row: carray(_to_int(memory[row, PLACE]), (memory[row, LENGTH],)),
+    int_rows_in: lambda memory, row: carray(
+        _to_int(memory[row, PLACE]), (memory[row, LENGTH], memory[row, WIDTH])
+    ),
+    floats_in: lambda memory, row: carray(
+        _to_float(memory[row, PLACE]), (memory[row, LENGTH], memory[row, WIDTH])
+    ),
 }
 
 
@@ -244,11 +272,9 @@ def _target(level=""):
     return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
 
 
-if __name__ == "__main__":
+def main():
+    """Compile modules, as `compile_modules`: FOLDER LEVEL,... MODULE ..."""
     folder, levels, *names = sys.argv[1:]
     for name in names:
         importlib.import_module(name)
-    try:
-        compile_modules(Path(folder), names, levels.split(","))
-    except RuntimeError as error:
-        sys.exit(str(error))
+    compile_modules(Path(folder), names, levels.split(","))

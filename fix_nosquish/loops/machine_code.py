@@ -97,7 +97,7 @@ def load_here(name):
     """Make the loops of a module ready on this rank, at the first use of one without `load`.
 
     Raises:
-        RuntimeError: if they cannot be compiled or loaded.
+        RuntimeError, OSError: if they cannot be compiled or loaded.
     """
     if others := _take_ours([name], level()):
         from . import own

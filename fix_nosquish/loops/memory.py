@@ -25,7 +25,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from .compiled import L2, Cell, annotations, call, floats, inlined, int_rows, ints, longs
+from .compiled import L2, Cell, annotations, call, inlined
 
 # columns of the table: where an array is, its shape (the second is 1 if it has one dimension), for
 # how many bytes there is room, and how many bytes a number takes
@@ -129,28 +129,21 @@ def resize(memory, row, length, width):
     memory[row, LENGTH], memory[row, WIDTH] = length, width
 
 
-@inlined
+# what only loops can call
 def longs_in(memory, row):
     """The int64 array in this row, (length,)."""
-    return longs(memory[row, PLACE], memory[row, LENGTH])
 
 
-@inlined
 def ints_in(memory, row):
     """The int32 array in this row, (length,)."""
-    return ints(memory[row, PLACE], memory[row, LENGTH])
 
 
-@inlined
 def int_rows_in(memory, row):
     """The int32 array in this row, (length, width)."""
-    return int_rows(memory[row, PLACE], memory[row, LENGTH], memory[row, WIDTH])
 
 
-@inlined
 def floats_in(memory, row):
     """The float64 array in this row, (length, width)."""
-    return floats(memory[row, PLACE], memory[row, LENGTH], memory[row, WIDTH])
 
 
 @inlined

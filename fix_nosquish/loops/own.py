@@ -9,7 +9,8 @@ import subprocess
 import sys
 import tempfile
 import time
-from functools import cache, partial
+from functools import partial
+from importlib import metadata
 from importlib.util import source_hash
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
@@ -24,21 +25,23 @@ def codes(names, level):
 
     Raises:
         RuntimeError: if it cannot be made; the message says why.
+        OSError: if the user's cache cannot be written.
     """
     if "__main__" in names:  # of another process, the compiler, this is another file
         raise RuntimeError(
             "loops of a driver script cannot be compiled: have the class with its operations "
             "in a file of its own, NAME.py, import it, and write NAME.CLASS in the fix line"
         )
-    within = folder()
-    places = {name: place(within, name, level) for name in names}
-    if missing := sorted(name for name, file in places.items() if read(file) is None):
+    kept = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), PACKAGE)
+    places = {name: place(kept, name, level) for name in names}
+    if missing := [name for name, file in places.items() if not read(file)]:
         package, begin = missing[0].partition(".")[0], time.perf_counter()
         _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
-        compile_all(within, missing, [level])
+        kept.mkdir(0o700, parents=True, exist_ok=True)
+        compile_all(kept, missing, [level])
         _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
     found = {name: read(file) for name, file in places.items()}
-    if other := [name for name, code in found.items() if code is None]:
+    if other := [name for name, code in found.items() if not code]:
         raise RuntimeError(
             f"the file of {other[0]} has changed since this process imported it: start the process "
             "anew"
@@ -47,35 +50,23 @@ def codes(names, level):
 
 
 def compile_all(within, names, levels):
-    """Have processes of their own, whose memory ends with them, compile loops, for `read`.
+    """Have a process of its own, whose memory ends with it, compile loops, for `read`.
 
     Raises:
-        RuntimeError: with what a process says that cannot do it.
+        RuntimeError: with what the process says if it cannot do it.
     """
-    names = sorted(names, key=lambda name: len(LOOPS[name]), reverse=True)
     # by this process's path: with -m a folder that LAMMPS runs in would come before the library
-    start = f"import sys; sys.path[:] = {sys.path}; from runpy import run_module as run; "
-    start += f"run({f'{__package__}.lower'!r}, run_name='__main__')"
-    # each takes the number of a module from this pipe, as soon as it has compiled one
-    turns, numbers = os.pipe()
-    os.write(numbers, bytes(range(len(names))))
-    os.close(numbers)
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-c", start, str(within), ",".join(levels), *names],
-            env=os.environ | {"MPI4PY_RC_INITIALIZE": "0"},
-            stdin=turns,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for _ in range(min(4, os.cpu_count() or 1, len(names)))
-    ]
-    os.close(turns)
-    said = [process.communicate()[1] for process in processes]
-    for process, errors in zip(processes, said, strict=True):
-        if process.returncode:
-            raise RuntimeError(errors.strip() or "the compiler ended")
+    start = f"import sys; sys.path[:] = {sys.path}; from {__package__}.lower import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", start, str(within), ",".join(levels), *names],
+        env=os.environ | {"MPI4PY_RC_INITIALIZE": "0"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip() or "the compiler ended")
 
 
 def take(codes, level):
@@ -96,25 +87,8 @@ def take(codes, level):
 # ---------------------------------------------------------------- the cache
 
 
-_spare = cache(tempfile.TemporaryDirectory)  # while this process runs
-
-
-def folder():
-    """Where machine code is kept: in the user's cache, if there can be one."""
-    kept = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"), PACKAGE)
-    try:
-        kept.mkdir(0o700, parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=kept).close()
-    except OSError as error:
-        _tell(f"{PACKAGE} compiles loops at each start, for it cannot keep them: {error}")
-        return Path(_spare().name)
-    return kept
-
-
 def place(within, name, level):
     """The file of the machine code of a module's loops; its name says what that follows from."""
-    from importlib import metadata
-
     try:
         versions = metadata.version("numba"), metadata.version("llvmlite")
     except metadata.PackageNotFoundError:
@@ -129,14 +103,14 @@ def place(within, name, level):
 
 
 def read(place):
-    """The machine code in a file, if there is some and nobody else can have written it."""
+    """The machine code in a file, or nothing if there is none that only this user can write."""
     try:
         with open(place, "rb") as file:
             about, content = os.fstat(file.fileno()), file.read()
     except OSError:
-        return None
+        return b""
     safe = about.st_uid == os.geteuid() and not about.st_mode & 0o022
-    return content if safe and content else None
+    return content if safe else b""
 
 
 def save(place, code):
