@@ -123,7 +123,7 @@ def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
         some = "; ".join(f"{first} and {second}" for first, second in pairs[:3] + 1)
         yield Check(
             *("bodies", "atoms of different bodies"),
-            f"pairs nearer than {least:.3g} {units.length}",
+            f"pairs closer than {least:.3g} {units.length}",
             *(len(pairs), 0.0),
             high=0,
             note=f"these are not bonded and nearly overlap: {some}",

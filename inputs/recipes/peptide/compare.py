@@ -2,10 +2,10 @@
 
     python compare.py FOLDER [STARTS [PS]]
 
-Each start has velocities of its own, 2 ps to forget them, and PS ps of samples.  Its runs with the
-three integrators follow each other, so that other load on the machine is the same for all.  Runs
-that FOLDER has are not run again.  Its summary.json has the averages, with 95 % intervals from
-the scatter of starts.  Needs this package with the extra `validation`.
+Each start has its own velocities, 2 ps to equilibrate, and PS ps of samples.  Its runs with the
+three integrators follow each other, so other load on the machine affects all of them alike.
+Runs that are in FOLDER are not repeated.  summary.json there has the averages.  Needs this package
+with the extra `validation`.
 """
 
 import json
@@ -14,10 +14,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-
 from validation.running import lammps_log, machine
 from validation.statistics import measures
+from validation.statistics.estimate import Estimate, plain
 
 HERE = Path(__file__).resolve().parent
 WAYS = ("shake", 1.0), ("shake", 2.0), ("rigid", 4.0)
@@ -27,12 +26,15 @@ AVERAGES = {  # of the log's columns
     "Density": "density, g/cm³",
     "c_water": "temperature of water, K",
     "c_peptide": "temperature of the peptide, K",
+    "c_oo[28][2]": "first peak of g(r) of water's O",
+    "c_oo[34][3]": "neighbours within 3.4 Å",
     "c_size": "radius of gyration, Å",
 }
+SPEED = "ns/day"
 
 
 def run(folder, way, dt, start, time):
-    """The averages of one start, and its speed, ns/day of CPU time; kept in the folder."""
+    """The averages of one start, and its ns/day by CPU time; kept in the folder."""
     kept = folder / "averages.json"
     if not kept.exists():
         folder.mkdir(parents=True, exist_ok=True)
@@ -45,28 +47,33 @@ def run(folder, way, dt, start, time):
         seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         rows = lammps_log.thermo((folder / "log.lammps").read_text())
         late = rows["Step"] * dt > 1000 * WARM
-        found = {title: rows[name][late].mean() for name, title in AVERAGES.items()}
-        r, g, neighbours = np.loadtxt(folder / "rdf.txt", skiprows=4, usecols=(1, 2, 3)).T
-        found["first peak of g(r) of water's O"] = g.max()
-        found["neighbours within 3.4 Å"] = neighbours[r < 3.4][-1]
-        found["ns/day"] = 86.4 * (WARM + time) / seconds
-        kept.write_text(json.dumps(found))
+        found = {title: measures.mean(rows[name][late]) for name, title in AVERAGES.items()}
+        kept.write_text(json.dumps(plain(found) | {SPEED: 86.4 * (WARM + time) / seconds}))
     return json.loads(kept.read_text())
 
 
 def summary(runs, time):
-    """Averages of the integrators, and what they differ by from the first one, as plain data."""
+    """Averages of the integrators, what they differ by from the first one, and speeds."""
+    means = {
+        way: {
+            title: measures.of_starts([Estimate.of(one[title]) for one in starts])
+            for title in AVERAGES.values()
+        }
+        for way, starts in runs.items()
+    }
     rows = []
     for way, dt in WAYS:
-        row = {"label": f"{NAMES[way]}, {dt:g} fs"}
-        for title in runs[way, dt][0]:
-            own, first = ([one[title] for one in runs[key]] for key in ((way, dt), WAYS[0]))
-            mean = measures.of_few(own)
-            less = measures.difference(mean, measures.of_few(first))
-            if title == "ns/day":
-                less = measures.ratio(first, own)
-            row[title] = {"mean": mean.plain(), "beside": less.plain()}
-        rows.append(row)
+        own, first, starts = means[way, dt], means[WAYS[0]], runs[way, dt]
+        less = {title: measures.difference(own[title], first[title]) for title in own}
+        rows.append({
+            "label": f"{NAMES[way]}, {dt:g} fs",
+            "means": plain(own),
+            "less": plain(less),
+            "speed": measures.spread(one[SPEED] for one in starts),
+            "times": measures.spread(
+                one[SPEED] / other[SPEED] for one, other in zip(starts, runs[WAYS[0]])
+            ),
+        })  # fmt: skip
     return {"starts": len(runs[WAYS[0]]), "warm": WARM, "time": time, "rows": rows}
 
 
@@ -77,9 +84,8 @@ def main(folder, starts=5, time=10.0):
         for way, dt in WAYS:
             own = folder / f"{way}-{dt:g}-{start}"
             runs[way, dt].append(run(own, way, dt, start, time))
-        if start:
-            text = json.dumps(said | summary(runs, time), indent=1)
-            (folder / "summary.json").write_text(text + "\n")
+        text = json.dumps(said | summary(runs, time), indent=1)
+        (folder / "summary.json").write_text(text + "\n")
 
 
 if __name__ == "__main__":
