@@ -83,10 +83,10 @@ CASES = {
         ("unknown keyword 'langevin'", "Langevin's thermostat"),
     ),
     "thermostat before a point": Case(
-        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps no temperature")
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "has no thermostat")
     ),
     "barostat before a point": Case(
-        "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
+        "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "has no barostat")
     ),
     "integrator before a point": Case(
         "all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"
