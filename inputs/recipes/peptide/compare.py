@@ -78,12 +78,12 @@ def summary(runs, time):
 
 
 def main(folder, starts=5, time=10.0):
-    said = machine.circumstances() | {"command": f"python compare.py FOLDER {starts} {time:g}"}
-    runs = {way: [] for way in WAYS}
+    said, runs = machine.circumstances(), {way: [] for way in WAYS}
     for start in range(starts):
         for way, dt in WAYS:
             own = folder / f"{way}-{dt:g}-{start}"
             runs[way, dt].append(run(own, way, dt, start, time))
+        said["command"] = f"python inputs/recipes/peptide/compare.py FOLDER {start + 1} {time:g}"
         text = json.dumps(said | summary(runs, time), indent=1)
         (folder / "summary.json").write_text(text + "\n")
 
