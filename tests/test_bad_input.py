@@ -106,7 +106,7 @@ CASES = {
         before="variable f string caf\u00e9",
     ),
     "inner steps without end": Case(
-        "all molecule mrot 1000000000000", ("at most 1000", "rotor exact is what many")
+        "all molecule mrot 1000000000000", ("at most 1000", "rotor exact is the limit of many")
     ),
     "chain without end": Case(
         "all molecule temp 1 1 1 thermostat nh tchain 100000000",

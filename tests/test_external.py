@@ -447,8 +447,14 @@ lmp.command("run 9")
         ("bodies.add_force([1], [lmp.extract_setting('world_rank'), 0, 0])", "other forces than"),
         ("bodies.add_force([1], [1, 0, 0]); lmp.command('run 1 pre no')", "'pre yes'"),
         (TOO_LATE, "have 'fix_modify ID external python' before it"),
-        ("lmp.command('unfix 1'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
-        ("lmp.command('clear'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
+        (
+            "lmp.command('unfix 1'); bodies.add_force([1], [1, 0, 0])",
+            "fix of these bodies no longer exists",
+        ),
+        (
+            "lmp.command('clear'); bodies.add_force([1], [1, 0, 0])",
+            "fix of these bodies no longer exists",
+        ),
     ],
 )
 def test_what_python_cannot_hand_in(run_lammps, tmp_path, call, says, ranks):

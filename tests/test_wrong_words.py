@@ -118,7 +118,7 @@ OF_TILTS = [
     ("NPH all molecule xy 1 1 1", "this one is orthogonal", ""),
     ("NPH all molecule tri 1 1 1 iso 1 1 1", "use only one of iso", "tilted"),
     ("NPH all molecule tri 1 1 1 xy 1 1 1", "use only one of iso", "tilted"),
-    ("NPH all molecule xy 1 1 1 yz 1 1 1", "give xz, too", "tilted"),
+    ("NPH all molecule xy 1 1 1 yz 1 1 1", "xz must change, too", "tilted"),
     ("NPH all molecule xz 1 1 1", "the box has no length along z", "flat and tilted"),
     ("NPH all molecule z 1 1 1", "in two dimensions the box has no length along z", "flat"),
     ("NPH all molecule aniso 1 1 1 couple xz", "leave out xz", "flat"),
@@ -175,7 +175,7 @@ OF_QUENCHES = [
 # keywords of others that NVE would take and ignore
 OF_NVE = [
     ("temp 2 2 1", "has no thermostat: use fix_nosquish.NVT or fix_nosquish.NPT"),
-    ("steps 10", "fix_nosquish.HMC does"),
+    ("steps 10", "it is a keyword of fix_nosquish.HMC"),
     ("dmax 1", "it is a keyword of fix_nosquish.FIRE"),
 ]
 
