@@ -83,10 +83,10 @@ CASES = {
         ("unknown keyword 'langevin'", "Langevin's thermostat"),
     ),
     "thermostat before a point": Case(
-        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "keeps no temperature")
+        "all molecule mrot 2 temp 1.4 1.4 10", ("unknown keyword 'temp'", "has no thermostat")
     ),
     "barostat before a point": Case(
-        "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "keeps the volume")
+        "all molecule iso 0.5 0.5 1", ("unknown keyword 'iso'", "has no barostat")
     ),
     "integrator before a point": Case(
         "all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"
@@ -106,7 +106,7 @@ CASES = {
         before="variable f string caf\u00e9",
     ),
     "inner steps without end": Case(
-        "all molecule mrot 1000000000000", ("at most 1000", "rotor exact is what many")
+        "all molecule mrot 1000000000000", ("at most 1000", "rotor exact is the limit of many")
     ),
     "chain without end": Case(
         "all molecule temp 1 1 1 thermostat nh tchain 100000000",

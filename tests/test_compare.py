@@ -356,7 +356,7 @@ def test_the_answer_is_the_choice_with_its_lines():
     good, bad = row(4.0, cost=[1.5, 1.25, 2.0], drift=(0.1, 0.01)), row(6.0, drift=(9.0, 0.1))
     summary = summary_of({"drift": 1.0}, held | {"asked": False}, good, bad)
     answer, lines = told(summary)
-    assert answer.startswith("nosquish with a step of 4 fs: 1.25 s per ns, on 1 rank. Sure by 95 %")
+    assert answer.startswith("nosquish with a step of 4 fs: 1.25 s per ns, on 1 rank. Within the")
     assert "With 6 fs: too much of drift: 9.00 ± 0.20." in lines
     assert lines[-2:] == ["    fix 1 all nosquish molecule", "    timestep 4"]
     assert report.answered(summary)["advised"]["dt"] == 4.0
@@ -364,7 +364,7 @@ def test_the_answer_is_the_choice_with_its_lines():
     assert any("longest step that was tried" in line for line in lines)
     assert told(summary_of({"drift": 1.0}, held))[0].startswith("nosquish with a step of 1 fs")
     nothing = summary_of({"drift": 1.0}, held | {"asked": False})
-    assert told(nothing) == ("No run is complete, so nothing is known yet.", [])
+    assert told(nothing) == ("No run is complete yet.", [])
     other = row(6.0, "other", cost=[1.0], drift=(0.9, 0.3))
     _, lines = told(summary_of({"drift": 1.0}, good, other))
     assert "As fast or faster, if they are within the targets: other, 6 fs." in lines
@@ -382,7 +382,7 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
     # ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5; then noise is half of the square
     for (value, error), least in ((0.0, 0.1), 29), ((0.014, 0.01), 10), ((0.11, 0.1), 73):
         found, answer = minutes(value, error)
-        assert found == least and f"About --budget {least} tells" in answer
+        assert found == least and f"About --budget {least} (minutes) would decide" in answer
     found, answer = minutes(0.0, 10.0, 1)
     assert found is None and "try about --budget 50 first" in answer
     bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
@@ -398,12 +398,12 @@ def test_what_runs_do_not_tell_is_said():
     lost = row(4.0, "rigid/nvt", t=(0.01, 0.01)) | {"without": ["drift"]}
     answer, lines = told(summary_of({"drift": 1.0, "t": 1.0}, lost))
     assert answer.startswith("rigid/nvt with a step of 4 fs")
-    assert lines[:2] == ["Of rigid/nvt nobody knows drift: nobody counts it.",
-                         "So this is by t only."]  # fmt: skip
+    assert lines[:2] == ["For rigid/nvt, drift cannot be measured: nobody counts it.",
+                         "The answer is therefore by t only."]  # fmt: skip
     answer, lines = told(summary_of({"drift": 1.0}, lost))
-    assert answer.startswith("Nothing is a target that these integrators' runs tell")
+    assert answer.startswith("None of the targets can be measured with these integrators")
     _, lines = told(summary_of({"t": 1.0, "rdf": 1.0}, row(4.0, t=(0.01, 0.01))))
-    assert any(line.startswith("Nothing is known of g(r)") for line in lines)
+    assert any(line.startswith("The error of g(r) is not known") for line in lines)
 
 
 def test_tables_have_each_point(tmp_path, capsys):

@@ -438,7 +438,7 @@ lmp.command("run 9")
     "call, says",
     [
         ("bodies.add_force([1, 28], [1, 0, 0])", "there is no body with ID 28"),
-        ("bodies.add_force([1, 2, 1], [1, 0, 0])", "a body's ID stands twice"),
+        ("bodies.add_force([1, 2, 1], [1, 0, 0])", "a body's ID is given twice"),
         (
             "bodies.add_force([1, 2, 4, 5], np.ones((3, 3)))",
             "expected IDs of bodies, a force (n, 3)",
@@ -447,8 +447,14 @@ lmp.command("run 9")
         ("bodies.add_force([1], [lmp.extract_setting('world_rank'), 0, 0])", "other forces than"),
         ("bodies.add_force([1], [1, 0, 0]); lmp.command('run 1 pre no')", "'pre yes'"),
         (TOO_LATE, "have 'fix_modify ID external python' before it"),
-        ("lmp.command('unfix 1'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
-        ("lmp.command('clear'); bodies.add_force([1], [1, 0, 0])", "fix of these bodies is gone"),
+        (
+            "lmp.command('unfix 1'); bodies.add_force([1], [1, 0, 0])",
+            "fix of these bodies no longer exists",
+        ),
+        (
+            "lmp.command('clear'); bodies.add_force([1], [1, 0, 0])",
+            "fix of these bodies no longer exists",
+        ),
     ],
 )
 def test_what_python_cannot_hand_in(run_lammps, tmp_path, call, says, ranks):
@@ -535,7 +541,7 @@ VARIABLES = (
         ("force 0 0", "'nothing' was given behind force"),
         ("force 0 0 up", "'up' was given behind force"),
         ("force 0 0 inf", "'inf' was given behind force"),
-        ("force 1 0 0 torque 0 0 0 force 1 0 0", "force stands twice"),
+        ("force 1 0 0 torque 0 0 0 force 1 0 0", "force is given twice"),
         ("force 1 0 0 virial maybe", "'maybe' was given where virial expects yes or no"),
         ("force 1 0 0 bodyforces early", "'bodyforces' was given where force FX FY FZ"),
         ("energy v_one", "at least one of force, torque and python"),

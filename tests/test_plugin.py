@@ -245,7 +245,7 @@ def test_run_error_on_one_rank(run_mover):
     [
         ("mover.Nobody", "module 'mover' has no attribute 'Nobody'", 2),
         ("nowhere.NVE", "no Python module named 'nowhere'", 2),
-        ("fix_nosquish NVE", "has no point: write fix_nosquish.NVE", 1),
+        ("fix_nosquish NVE", "has no dot: write fix_nosquish.NVE", 1),
         ("nowhere.at_all.NVE", "no Python module named 'nowhere'", 1),
         ("Nobody", "module '__main__' has no attribute 'Nobody'", 2),
         ("mover.lammps", "", 2),

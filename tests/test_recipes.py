@@ -196,3 +196,17 @@ def test_recipe(run_lammps, tmp_path, name, ranks):
     }
     assert warned == EXPECTED.get(name, set())
     LAWS[name](runs, tmp_path)
+
+
+@pytest.mark.parametrize(("way", "dt"), [("rigid", 4.0), ("shake", 2.0)])
+def test_comparison_with_shake(run_lammps, way, dt):
+    """Locks out an integrator that `compare.py` cannot run, and averages of another quantity than
+    they say: just after its start this is still TIP3P water of the density that it had."""
+    given = {"inputs": ROOT / "inputs", "way": way, "dt": dt, "warm": 0.04, "time": 0.04}
+    options = [str(word) for item in given.items() for word in ("-var", *item)]
+    last = run_lammps((FOLDER / "peptide" / "in.compare").read_text(), options=options).thermo[-1]
+    assert last["Step"] * dt == pytest.approx(80.0)
+    assert last["Density"] == pytest.approx(1.0268, abs=0.01)
+    assert last["c_oo[28][2]"] == pytest.approx(2.75, abs=0.15)  # of 4.9 neighbours
+    assert last["c_oo[34][3]"] == pytest.approx(4.95, abs=0.15)
+    assert last["c_size"] == pytest.approx(8.8, abs=0.1)

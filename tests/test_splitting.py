@@ -20,9 +20,9 @@ KNOWN = NVE.operations | {
         ("B A X B", {}, "there is no operation X, only A, B"),
         ("B A F B", {"F": Operation(kick)}, "the letter F stands for the forces"),
         ("B B", {}, "none of its operations moves the bodies"),
-        ("B A O A O A B", {}, "stands once, and from the first on that moves"),
-        ("O B A B", {}, "stands once, and from the first on that moves"),
-        ("B A B O", {}, "stands once, and from the first on that moves"),
+        ("B A O A O A B", {}, "may occur once, not before the first"),
+        ("O B A B", {}, "may occur once, not before the first"),
+        ("B A B O", {}, "may occur once, not before the first"),
         ("B A B", {"B": Operation(lambda *block: None)}, "of operation B is not marked @inlined"),
     ],
 )

@@ -357,8 +357,8 @@ class Bodies:
         take = self.taker()
         if take is None:  # nobody holds the integrator any more
             raise RunError(
-                "add_force: the fix of these bodies is gone, by unfix or with its LAMMPS: take "
-                "those of a fix that there is, by rigid_bodies",
+                "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
+                "closed): call rigid_bodies for a fix that exists",
                 everywhere=True,
             )
         take(ids, force, torque)

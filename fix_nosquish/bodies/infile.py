@@ -140,7 +140,7 @@ def _parse(path: str) -> np.ndarray:
             raise ValueError(text(int(wrong.argmax())))
 
     ids, mass = rows[:, 0], rows[:, 1]
-    refuse(np.isin(ids, numbers[times > 1]), lambda k: f"body {ids[k]:.0f} stands in it twice")
+    refuse(np.isin(ids, numbers[times > 1]), lambda k: f"body {ids[k]:.0f} is in it twice")
     refuse(
         ~np.isfinite(rows).all(axis=1),
         lambda k: f"the line of body {ids[k]:.0f} has a value that is not finite",

@@ -35,8 +35,8 @@ def turn_over(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
     new, notes, _ = build(recipe, atoms=came)
     if new.spin > bodies.spin or new.oriented > bodies.oriented:
         raise RunError(
-            f"by step {lammps.step} atoms came that are more than points, and the bodies had none "
-            "such when the run began: give the fix line keyword mol",
+            f"by step {lammps.step} atoms of finite size or with a dipole came, but the bodies had "
+            "none when the run began: give the fix line keyword mol",
             everywhere=True,
         )
     _refuse_joining(bodies.id[~dropped], new, membership)

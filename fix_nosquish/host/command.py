@@ -226,7 +226,7 @@ KEYWORDS = {
         partial(
             _Words.whole,
             most=1000,  # each costs time in every step
-            why=": rotor exact is what many inner steps come to, at the cost of one",
+            why=": rotor exact is the limit of many inner steps, at the cost of one",
         ),
     ),
     "order": Keyword(
@@ -318,52 +318,49 @@ OF_RIGID_FIXES = {
 }
 # keywords of other fixes, and of other integrators, and what serves instead
 _NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
+_NPT_OR_NPH = _NPT_NPH.replace("and", "or")
 _ELSEWHERE = {
     "langevin": "fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     **dict.fromkeys(
         ("bodyforces", "energy", "virial", "respa", "dynamic/dof", "external"),
-        "it is a word of fix_modify, behind this fix",
+        "give it by fix_modify, after this fix",
     ),
-    "temp": "this integrator keeps no temperature, fix nosquish/nvt and fix nosquish/npt do",
     **dict.fromkeys(
-        ("tchain", "thermostat", "separate"),
-        "this integrator has no thermostat, fix nosquish/nvt and fix nosquish/npt have",
+        ("temp", "tchain", "thermostat", "separate"),
+        "this integrator has no thermostat: use fix nosquish/nvt or fix nosquish/npt",
     ),
-    "seed": "this integrator draws no random numbers, fix nosquish/nvt, fix nosquish/npt and fix "
+    "seed": "this integrator uses no random numbers; fix nosquish/nvt, fix nosquish/npt and fix "
     "nosquish/hmc do",
-    **dict.fromkeys(("steps", "mix"), "this integrator tests no trajectory, fix nosquish/hmc does"),
-    **dict.fromkeys(
-        list(QUENCH)[2:],
-        "this integrator seeks no minimum, fix nosquish/fire does",
-    ),
-    "moments": "only averages over configurations do not depend on the moments, as of fix "
-    "nosquish/nvt, fix nosquish/npt and fix nosquish/hmc",
-    "ptemp": f"the piston of {_NPT_NPH} is made for the temperature of the bodies: leave it out",
-    "mtk": "barostat mtk of fix nosquish/npt, and that of fix nosquish/nph, is the piston of "
+    **dict.fromkeys(("steps", "mix"), "it is a keyword of fix nosquish/hmc"),
+    **dict.fromkeys(list(QUENCH)[2:], "it is a keyword of fix nosquish/fire"),
+    "moments": "other moments change the dynamics: it is a keyword of fix nosquish/nvt, fix "
+    "nosquish/npt and fix nosquish/hmc",
+    "ptemp": f"the temperature of the bodies sets the mass of the piston of {_NPT_NPH}: leave it "
+    "out",
+    "mtk": "barostat mtk of fix nosquish/npt, and the barostat of fix nosquish/nph, is the one of "
     "Martyna, Tobias and Klein: leave it out",
-    **dict.fromkeys(("nreset", "drag"), "no piston of this package has it: leave it out"),
+    **dict.fromkeys(("nreset", "drag"), "the piston of this package has none: leave it out"),
     **dict.fromkeys(
         ("tparam", "tloop", "ploop"),
-        "fix nosquish/nvt and fix nosquish/npt have thermostat nh with tchain N, and integrate "
-        "the chains in one way",
+        "fix nosquish/nvt and fix nosquish/npt have thermostat nh with tchain N; the other "
+        "parameters of the chains cannot be changed",
     ),
     **dict.fromkeys(
         (*PRESSURES, "couple", "every", "dilate"),
-        f"this integrator keeps the volume, {_NPT_NPH} change it",
+        f"this integrator has no barostat: use {_NPT_OR_NPH}",
     ),
     **dict.fromkeys(
         ("barostat", "compressibility"),
         "fix nosquish/npt has it: without a thermostat the barostat is always the piston",
     ),
     "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
-    "fixedpoint": f"the box of {_NPT_NPH} changes about its centre: leave it out",
-    "flip": f"a box of {_NPT_NPH} that is tilted far always gets other vectors: leave it out",
+    "fixedpoint": f"with {_NPT_NPH} the box changes about its centre: leave it out",
+    "flip": f"with {_NPT_NPH} a box with a large tilt always flips: leave it out",
     **dict.fromkeys(
         ("scalexy", "scaleyz", "scalexz"),
-        f"a tilt of {_NPT_NPH} that has no keyword of its own stretches with its edge: leave it "
-        "out",
+        f"with {_NPT_NPH} a tilt without its own keyword scales with its edge: leave it out",
     ),
-    "update": "dipoles turn with their bodies: leave it out",
+    "update": "dipoles rotate with their bodies: leave it out",
 }
 
 
@@ -549,7 +546,7 @@ def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keywor
     keyword = known[name]
     place = values.setdefault(keyword.within, {}) if keyword.within else values
     if name in place and not keyword.repeats:
-        raise words.wrong(f"keyword {name} stands twice")
+        raise words.wrong(f"keyword {name} is given twice")
     value = keyword.read(words, keyword.expected)
     place[name] = (*place.get(name, ()), value) if keyword.repeats else value
 
@@ -574,12 +571,12 @@ def _check_pressure(line: Line, values: dict[str, Any]) -> None:
         ),
         (
             several or ("tri" in given and given & set(TILTS)),
-            "of the keywords iso, aniso, tri and x, y, z only one kind can stand; "
-            "tilts xy, xz, yz beside another kind than tri",
+            "use only one of iso, aniso, tri and the axes x, y, z; tri cannot be combined with "
+            "xy, xz and yz",
         ),
         (
             {"xy", "yz"} <= given and "xz" not in given,
-            "where tilts xy and yz change, xz follows them: give xz, too",
+            "if tilts xy and yz change, xz must change, too: give xz",
         ),
         (
             "iso" in given and "couple" in values,
@@ -591,7 +588,7 @@ def _check_pressure(line: Line, values: dict[str, Any]) -> None:
         ),
         (
             "compressibility" in values and values.get("barostat") == "mtk",
-            "keyword compressibility is of no use to this barostat: leave it out",
+            "keyword compressibility has no effect with this barostat: leave it out",
         ),
     )
 
@@ -602,7 +599,7 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
     chains = thermostat == "nh"
     rescales = has_barostat and values.get("barostat", BAROSTATS[0]) == "crescale"
     draws = "barostat" if rescales else "" if chains else "thermostat"
-    no_use = "keyword {} is of no use to this thermostat: leave it out"
+    no_use = "keyword {} has no effect with this thermostat: leave it out"
     _refuse(
         line,
         (

@@ -270,7 +270,8 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
     if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
         raise ValueError(
             f"splitting {splitting!r}: "
-            "a letter that is prepared stands once, and from the first on that moves to the last"
+            "a prepared letter may occur once, not before the first letter that moves bodies, "
+            "nor after the last"
         )
     shares = (*((operations[letter].does, 1.0 / letters.count(letter)) for letter in letters),)
     middle: tuple[Callable, ...] = (_chain(shares[first:cut]),)

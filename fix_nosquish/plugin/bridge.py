@@ -142,7 +142,7 @@ def _of_target(target: str, capsule: object) -> Any:
     except AttributeError as problem:
         text = f"cannot find {target!r}: {problem}"
         if target.startswith("fix_nosquish "):
-            text = f"{target!r} has no point: write fix_nosquish.{target.split()[1]}"
+            text = f"{target!r} has no dot: write fix_nosquish.{target.split()[1]}"
         first = name.split(" ")[0]
         if isinstance(getattr(module, first, None), type) and not hasattr(module, "__getattr__"):
             text += f". Have in it: __getattr__ = fix_nosquish.of_fix_line({first})"

@@ -92,8 +92,8 @@ def without_energy(integrator: "Integrator") -> str | None:
     if not integrator.external.acts or any(f.id == told and f.energy_in_pe for f in others):
         return None
     return (
-        "external forces have none in the potential energy: give it behind the word energy of "
-        "fix_modify external"
+        "the energy of external forces is not in pe: give it by the word energy of fix_modify "
+        "external"
     )
 
 
@@ -138,7 +138,7 @@ def give_forces(
     if not problem and len(unknown := np.setdiff1d(ids, known)):
         problem = f"there is no body with ID {unknown[0]}"
     if not problem and len(np.unique(ids)) < len(ids):
-        problem = "a body's ID stands twice"
+        problem = "a body's ID is given twice"
     if problem:
         problem = (
             f"{problem}: expected IDs of bodies, a force (n, 3) and a torque (n, 3), or (3,) "
@@ -148,7 +148,7 @@ def give_forces(
     ids = ids.astype(np.int64)
     own = crc32(ids.tobytes() + rows.tobytes())
     communicator.agree(
-        "add_force: this rank hands in other forces than rank 0: hand in the same on all ranks"
+        "add_force: this rank passes other forces than rank 0: pass the same on all ranks"
         if communicator.share(own) != own
         else None
     )
@@ -172,7 +172,7 @@ def _read(words: list[str]) -> Said:
     while left:
         part = left.pop(0)
         if part in parts:
-            raise _wrong(f"{part} stands twice")
+            raise _wrong(f"{part} is given twice")
         parts.add(part)
         if part == "virial":
             yes_or_no = left.pop(0) if left else "nothing"

@@ -155,10 +155,10 @@ def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[lis
     known = (
         *([in_plane] if bodies.planar else [rotors, lines]),
         (found.single, "", "no single atoms"),
-        (bodies.spin, "torque and spin of particles that are no points", ""),
+        (bodies.spin, "torque and spin of particles of finite size", ""),
         (bodies.oriented, "orientation of particles", ""),
         (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
-        (command.steps, f"momenta anew, and a test, every {command.steps} steps", ""),
+        (command.steps, f"new momenta and a test every {command.steps} steps", ""),
         (integrator.box_every, f"box, in one of {integrator.box_every} steps", ""),
         (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
         (command.force or command.torque, "forces and torques that are switched off", ""),
@@ -205,8 +205,7 @@ def _moments(moments: Moments, command: Command, lammps: Lammps) -> str:
         what = {"equal": "instead of the atoms' own", "scale": "times those of the atoms' own"}
         chosen = f"{lammps.number(word):g} {what[how]}"
     return (
-        f"{chosen}. Averages over configurations and velocities stay as they are; how long bodies "
-        "take to turn does not"
+        f"{chosen}. Averages over configurations and velocities do not change, but the dynamics do"
     )
 
 
@@ -226,9 +225,9 @@ def _warnings(integrator: "Integrator") -> list[str]:
     warmed = integrator.thermostat or integrator.quenches or integrator.command.steps
     if notes.still and projected(notes.removed, notes.kinetic) and not warmed:
         lines.append(
-            "WARNING: the bodies' atoms are no points, and do not spin: velocity create and "
-            "velocity scale leave spins as they are. So the bodies' rotation starts colder than "
-            "their translation; a thermostat warms it"
+            "WARNING: the bodies have atoms of finite size without spin, because velocity create "
+            "and velocity scale do not set spins. So the bodies' rotation starts colder than "
+            "their translation; a thermostat heats it"
         )
     lines += [*notes.warnings, *integrator.own_warnings()]
     bodies, dt = integrator.bodies, integrator.lammps.innermost_dt

@@ -77,7 +77,7 @@ class Registered:
         if gone is None or name[:2] == "__":
             raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
         raise RunError(
-            f"{gone} is gone, by unfix or with its LAMMPS: ask for what you need before, or take "
-            "the integrator of a fix that there is",
+            f"{gone} no longer exists (unfix, or its LAMMPS was closed): read what you need before "
+            "that, or use the integrator of a fix that exists",
             everywhere=True,
         )

@@ -16,10 +16,9 @@ from pathlib import Path
 import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from fix_nosquish_validation.running import lammps_log
 from PIL import Image
 from scipy import stats
-
-from validation.running import lammps_log
 
 matplotlib.use("Agg")
 

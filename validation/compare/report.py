@@ -18,15 +18,15 @@ VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
 FEW = 4  # points that are named
 ENOUGH = 0.8  # of a panel's points that have a number
 NOTES = {
-    "cost": "Wall time of the runs themselves, with samples, per simulated time; the least of its "
-    "repeats is held against others, for what disturbs a run only makes it longer.",
-    "verdict": "Each point by itself. The step that is named is judged as one of several, or by a "
+    "cost": "Wall time of the runs per simulated time, including output. Integrators are compared "
+    "by the smallest value of the repetitions, because other load only makes runs longer.",
+    "verdict": "Of each row by itself. The step that is named is judged as one of several, or by a "
     "long run that did not choose it, so that it is within the targets in 95 % of cases.",
-    "drift, energy": "Of the energy that the integrator is to keep, with what thermostats and "
-    "barostats have given.",
-    "potential, density, rdf": "Held against the reference, from the same starts.",
-    "noise": "All points are run from the same two starts. What runs of a point differ by from "
-    "start to start is noise, whatever its correlation time.",
+    "drift, energy": "Of the energy that the integrator conserves, which includes that of "
+    "thermostats and barostats.",
+    "potential, density, rdf": "Compared with the reference, from the same starts.",
+    "noise": "All runs are from the same two starts. The scatter from start to start is the noise, "
+    "whatever its correlation time.",
 }
 
 
@@ -165,38 +165,38 @@ def _about(one: Mapping) -> str:
 def _answer(answer: Answer) -> str:
     summary, choice = answer.summary, answer.choice
     if not answer.points:
-        return "No run is complete, so nothing is known yet."
+        return "No run is complete yet."
     if not answer.targets:
         return (
-            "Nothing is a target that these integrators' runs tell. Give another one (--target "
-            "temperature=VALUE), or try integrators whose energy is counted (--only)."
+            "None of the targets can be measured with these integrators. Give another one "
+            "(--target temperature=VALUE), or integrators whose energy LAMMPS counts (--only)."
         )
     if best := choice.best:
         return (
             f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {_cost(best)} s per "
-            f"{summary['ns']}, on {ranks_of(summary['ranks'])}. Sure by {SURE}: "
-            f"{answer.within(best)}."
+            f"{summary['ns']}, on {ranks_of(summary['ranks'])}. Within the targets, "
+            f"with {SURE} confidence: {answer.within(best)}."
         )
     if choice.perhaps:
-        minutes, other = answer.minutes, "a target that short runs can tell: --target NAME=VALUE"
-        longer = f"About --budget {minutes} tells, in so many minutes. Or give {other}."
+        minutes, other = answer.minutes, "a target that short runs can decide: --target NAME=VALUE"
+        longer = f"About --budget {minutes} (minutes) would decide. Or give {other}."
         if minutes is None:
             longer = f"Give {other}."
         elif minutes > FAR * summary["minutes"]:
             longer = (
-                f"Runs so short do not tell how long it takes: try about --budget "
+                f"The runs are too short to estimate how long it takes: try about --budget "
                 f"{MORE * summary['minutes']:g} first. Or give {other}."
             )
         return (
-            f"Not sure: no step is within the targets by {SURE}, but these may be: "
+            f"Not sure: no step is within the targets with {SURE} confidence, but these may be: "
             f"{answer.named(choice.perhaps)}. Their error bars, or those of shorter steps, reach "
             f"across a target. {longer}"
         )
     shortest = min(one["dt"] for one in answer.points)
     return (
         f"No step that was tried is within the targets. Try shorter ones: --steps "
-        f"{shortest / 2:g},{shortest / 4:g}. Or is the start not in equilibrium, or do "
-        "forces end at their cutoff with a jump?"
+        f"{shortest / 2:g},{shortest / 4:g}. Or the start is not in equilibrium, or "
+        "the forces are discontinuous at the cutoff."
     )
 
 
@@ -208,13 +208,13 @@ def _lines(answer: Answer) -> Iterator[str]:
     if others:
         told = " and ".join(name for name in answer.wanted if name in others[0]["without"])
         labels = ", ".join(dict.fromkeys(one["label"] for one in others))
-        yield f"Of {labels} nobody knows {told}: {answer.summary['why']}."
+        yield f"For {labels}, {told} cannot be measured: {answer.summary['why']}."
     if lost and answer.targets:
-        yield f"So this is by {', '.join(answer.targets)} only."
+        yield f"The answer is therefore by {', '.join(answer.targets)} only."
     if "rdf" in answer.targets and not any("rdf" in one["errors"] for one in answer.points):
         yield (
-            "Nothing is known of g(r): too few runs are complete to tell its noise from an error. "
-            "But for that, --target without rdf answers."
+            "The error of g(r) is not known, because too few runs are complete. --target without "
+            "rdf gives an answer without it."
         )
     for one in answer.points:
         if one["alone"]:
@@ -243,8 +243,8 @@ def _nearest(answer: Answer) -> Iterator[str]:
     if held and answer.targets and meets(held[0], answer.targets) is False:
         yield (
             f"Even with {held[0]['dt']:g} {answer.unit} there is {answer.why_not(held[0])}: this "
-            "is no error of the step. Is the start in equilibrium, and do forces end at their "
-            "cutoff without a jump? --run N takes a later run of a script."
+            "is not an error of the time step. Is the start in equilibrium, and are the forces "
+            "continuous at the cutoff? --run N uses a later run of a script."
         )
     told = [one for one in answer.points if answer.targets.keys().isdisjoint(one["without"])]
     near = nearest(able(told, answer.targets) or told, answer.targets) if answer.targets else None
@@ -252,8 +252,8 @@ def _nearest(answer: Answer) -> Iterator[str]:
         one, alone = near[0], ""
         if meets(one, answer.targets):
             alone = (
-                f" Of it alone this is sure by {SURE}; as one of several, or with all shorter "
-                "steps of its integrator, it is not."
+                f" For this step alone that has {SURE} confidence, but not as one of several, or "
+                "with all shorter steps of its integrator."
             )
         yield f"The nearest: {answer.named([one])}: {answer.within(one)}.{alone}"
 
@@ -271,20 +271,20 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
     open_ = [one for one in longer if one not in bad and one not in near]
     if not longer:
         yield (
-            "This was the longest step that was tried: a longer one may be fine, too. Try it: "
+            "This was the longest step that was tried. A longer one may be good enough, too: "
             f"--steps {1.5 * best['dt']:g},{2 * best['dt']:g}"
         )
     elif open_:
         some = ", ".join(f"{one['dt']:g}" for one in open_)
-        yield f"Whether {some} {unit} would do cannot be told: a larger --budget tells."
+        yield f"{some} {unit} may be good enough, too: a larger --budget would decide."
     elif bad:
         first = min(bad, key=lambda one: one["dt"])
         yield f"With {first['dt']:g} {unit}: {answer.why_not(first)}."
     if near:
         some = ", ".join(f"{one['dt']:g}" for one in near)
         yield (
-            f"{some} {unit} is too near to a step that fails to be named: what ends a run is rare "
-            "there, and a longer one meets it."
+            f"{some} {unit} is too close to a step that fails to be named: a rare event may end a "
+            "longer run there."
         )
     if choice.ties:
         yield f"As fast, within the spread of the timings: {answer.named(choice.ties)}."

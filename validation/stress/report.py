@@ -62,14 +62,14 @@ def said(summary: dict) -> Said:
 
 
 def _longer(case: dict) -> list[str]:
-    """Who bears a longer step than ours, of a case whose number is one."""
+    """Which integrators run with a longer step than ours, in a case whose number is one."""
     ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
     if ours is None or ours["value"] is None or case["low"] is None:
         return []
     most = ours["value"] + Estimate.of(ours).margin
     told = f"ours {_found(ours).text} {case['unit']}"
     return [
-        f"{case['name']}: {row['label']} bears {_found(row).text} {case['unit']}, {told}."
+        f"{case['name']}: {row['label']} runs with {_found(row).text} {case['unit']}, {told}."
         for row in case["rows"]
         if row["value"] is not None and row["value"] - Estimate.of(row).margin > most
     ]

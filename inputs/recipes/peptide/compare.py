@@ -1,86 +1,82 @@
 """Compare rigid groups at 4 fs with fix shake at 1 and 2 fs: averages, and ns/day of one core.
 
-    python compare.py FOLDER [STARTS [PS]]
+    python compare.py FOLDER [STARTS [WARM [TIME]]]
 
-Each start has velocities of its own, 2 ps to forget them, and PS ps of samples.  Its runs with the
-three integrators follow each other, so that other load on the machine is the same for all.  Runs
-that FOLDER has are not run again.  Its summary.json has the averages, with 95 % intervals from
-the scatter of starts.  Needs this package with the extra `validation`.
+Each start has its own velocities, WARM ps to equilibrate, and TIME ps of samples.  Its runs with
+the three integrators follow each other, so other load on the machine affects all of them alike.
+Runs that are in FOLDER are not repeated.  summary.json there has the averages, with errors from
+the fluctuations in each run and the scatter of starts.  Needs this package with the extra
+`validation`.
 """
 
 import json
-import resource
 import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
-
-from validation.running import lammps_log, machine
-from validation.statistics import measures
+from fix_nosquish_validation.running import lammps_log, machine
+from fix_nosquish_validation.statistics import measures
+from fix_nosquish_validation.statistics.estimate import plain
 
 HERE = Path(__file__).resolve().parent
 WAYS = ("shake", 1.0), ("shake", 2.0), ("rigid", 4.0)
-WARM = 2.0  # ps
 NAMES = {"shake": "fix shake", "rigid": "rigid groups"}
 AVERAGES = {  # of the log's columns
     "Density": "density, g/cm³",
     "c_water": "temperature of water, K",
     "c_peptide": "temperature of the peptide, K",
+    "c_oo[28][2]": "first peak of g(r) of water's O",
+    "c_oo[34][3]": "neighbours within 3.4 Å",
     "c_size": "radius of gyration, Å",
 }
 
 
-def run(folder, way, dt, start, time):
-    """The averages of one start, and its speed, ns/day of CPU time; kept in the folder."""
-    kept = folder / "averages.json"
-    if not kept.exists():
+def run(folder, way, dt, start, warm, time):
+    """The averages of one start, and its ns/day by CPU time."""
+    log = folder / "log.lammps"
+    if not log.exists() or "Total wall time" not in log.read_text():
         folder.mkdir(parents=True, exist_ok=True)
         given = {"inputs": HERE.parents[1], "way": way, "dt": dt, "seed": 4928 + start}
-        given |= {"warm": WARM, "time": time}
+        given |= {"warm": warm, "time": time}
         words = [word for name, value in given.items() for word in ("-var", name, str(value))]
-        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run(["lmp", "-in", HERE / "in.compare", *words], cwd=folder, check=True)
-        after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-        rows = lammps_log.thermo((folder / "log.lammps").read_text())
-        late = rows["Step"] * dt > 1000 * WARM
-        found = {title: rows[name][late].mean() for name, title in AVERAGES.items()}
-        r, g, neighbours = np.loadtxt(folder / "rdf.txt", skiprows=4, usecols=(1, 2, 3)).T
-        found["first peak of g(r) of water's O"] = g.max()
-        found["neighbours within 3.4 Å"] = neighbours[r < 3.4][-1]
-        found["ns/day"] = 86.4 * (WARM + time) / seconds
-        kept.write_text(json.dumps(found))
-    return json.loads(kept.read_text())
+    rows = lammps_log.thermo(log.read_text())
+    late = rows["Step"] * dt > 1000 * warm
+    means = {title: measures.mean(rows[name][late]) for name, title in AVERAGES.items()}
+    loop = lammps_log.timings(log.read_text())[-1]
+    return means, 86.4 * time / (loop.seconds * loop.cpu / 100)
 
 
-def summary(runs, time):
-    """Averages of the integrators, and what they differ by from the first one, as plain data."""
-    rows = []
-    for way, dt in WAYS:
-        row = {"label": f"{NAMES[way]}, {dt:g} fs"}
-        for title in runs[way, dt][0]:
-            own, first = ([one[title] for one in runs[key]] for key in ((way, dt), WAYS[0]))
-            mean = measures.of_few(own)
-            less = measures.difference(mean, measures.of_few(first))
-            if title == "ns/day":
-                less = measures.ratio(first, own)
-            row[title] = {"mean": mean.plain(), "beside": less.plain()}
-        rows.append(row)
-    return {"starts": len(runs[WAYS[0]]), "warm": WARM, "time": time, "rows": rows}
+def summary(runs):
+    """Averages of each integrator, and its speed, also relative to the first one."""
+    rows, firsts = [], [speed for _, speed in runs[WAYS[0]]]
+    for (way, dt), starts in runs.items():
+        means = {
+            title: measures.of_starts([means[title] for means, _ in starts])
+            for title in AVERAGES.values()
+        }
+        speeds = [speed for _, speed in starts]
+        rows.append(
+            {
+                "label": f"{NAMES[way]}, {dt:g} fs",
+                "means": plain(means),
+                "speed": measures.spread(speeds),
+                "times": measures.spread(own / first for own, first in zip(speeds, firsts)),
+            }
+        )
+    return {"starts": len(firsts), "rows": rows}
 
 
-def main(folder, starts=5, time=10.0):
-    said = machine.circumstances() | {"command": f"python compare.py FOLDER {starts} {time:g}"}
-    runs = {way: [] for way in WAYS}
+def main(folder, starts=5, warm=10.0, time=100.0):
+    said, runs = machine.circumstances() | {"warm": warm, "time": time}, {way: [] for way in WAYS}
     for start in range(starts):
         for way, dt in WAYS:
             own = folder / f"{way}-{dt:g}-{start}"
-            runs[way, dt].append(run(own, way, dt, start, time))
-        if start:
-            text = json.dumps(said | summary(runs, time), indent=1)
-            (folder / "summary.json").write_text(text + "\n")
+            runs[way, dt].append(run(own, way, dt, start, warm, time))
+        given = f"FOLDER {start + 1} {warm:g} {time:g}"
+        said["command"] = f"python inputs/recipes/peptide/compare.py {given}"
+        (folder / "summary.json").write_text(json.dumps(said | summary(runs), indent=1) + "\n")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), *map(int, sys.argv[2:3]), *map(float, sys.argv[3:4]))
+    main(Path(sys.argv[1]), *map(int, sys.argv[2:3]), *map(float, sys.argv[3:5]))
