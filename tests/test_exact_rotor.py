@@ -14,9 +14,9 @@ from test_rotor import (
     tops,
 )
 from test_rotor import advance as advance_by
+from top import free_top
 
 from fix_nosquish.motion.operations import EXACT
-from validation.claims.top import free_top
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target

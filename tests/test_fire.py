@@ -144,7 +144,7 @@ def test_ranks(run_lammps, tmp_path, kinds, ranks):
     lines, group = fix(tolerance=1e-9), ""
     if points:
         group = "group loose molecule 1 2\ngroup stiff subtract all loose\n"
-        lines = fix("force v_f torque v_f points loose", 1e-9, bodies="stiff molecule")
+        lines = fix("force v_f torque v_f flexible loose", 1e-9, bodies="stiff molecule")
     script = f"{system.setup}\n{SMOOTH}{group}{lines}timestep 0.002\nrun 10000\n"
     for n in 1, ranks:
         done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=n)
@@ -292,7 +292,7 @@ fix field all efield 0 0.5 0.3
 def test_torque_without_a_moment(run_lammps):
     """Locks out a quench that waits for a torque that turns nothing, on a dipole that is a
     point."""
-    one = fix("force v_f torque v_f points loose", 1e-4, "all", "rigid custom i_body")
+    one = fix("force v_f torque v_f flexible loose", 1e-4, "all", "rigid custom i_body")
     done = run_lammps(f"{DIPOLES}{one}run 4000\n")
     assert ": as asked for" in done.log
 

@@ -181,6 +181,20 @@ def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch
         assert take(path, other / "out").said["step"] == step
 
 
+def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
+    """Locks out the user's older file, or none, in the place of the one that the script itself has
+    written before: that one is in the harness's folder."""
+    write = GAS + "reset_timestep {}\nwrite_restart state.*.restart\n"
+    read = "clear\nread_restart state.*.restart\npair_style zero 2.0\npair_coeff * *\n"
+    path = written(tmp_path, write.format(7) + read + RIGID + "run 5\n")
+    assert take(path, tmp_path / "none").said["step"] == 7
+    lmp = str(Path(sys.executable).with_name("lmp"))
+    command = [lmp, "-in", str(written(tmp_path, write.format(3), "in.older")), "-log", "none"]
+    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    assert take(path, tmp_path / "older").said["step"] == 7
+    assert [file.name for file in tmp_path.glob("state.*")] == ["state.3.restart"]
+
+
 def test_clear_in_a_loop_keeps_the_loops_counter(tmp_path):
     """Locks out variables that count from the begin in the run that is compared."""
     loop = "variable i loop 3\nlabel top\nclear\n" + GAS + RIGID

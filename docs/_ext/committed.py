@@ -25,7 +25,7 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
-from validation.sample import to_zero  # noqa: E402
+from validation.sample import rivals, to_zero  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
@@ -313,17 +313,7 @@ def ensembles_density():
 # ---- sampling
 
 
-# ---- long runs, theory, paper
-
-
-def theory_rotors():
-    """Error of the free rotation, by how far a body turns in a step."""
-    found = summary("theory")["data"]["rotors"]
-    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
-    lines = []
-    for name, errors in found["error"].items():
-        lines.append([name, *(significant(error, 2) for error in errors)])
-    return markdown(head, lines)
+# ---- advice for scripts
 
 
 def _confirmed(row, targets, unit):
@@ -378,6 +368,23 @@ def step_zero():
     heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
     told = ", ".join(map(str, steps))
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
+
+
+def factors():
+    """Of the best point of refined averages: gains, and the two ratios of which they are made."""
+    body = []
+    for name in sorted(path.name for path in RESULTS.glob("sample-*-refined")):
+        found = summary(name)
+        ours = rivals.best(found["rows"])
+        for key, goal in found["goals"].items():
+            points = {(row["label"], row["dt"]): row for row in found["rows"]}
+            theirs = points[goal["label"], goal["dt"]]
+            cost = theirs["cost"]["median"] / ours["cost"]["median"]
+            noise = theirs["noise"][key]["value"] / ours["noise"][key]["value"] / cost
+            gain = _gain(ours["faster"][key])
+            body.append([found["scene"], BY_KEY[key].title, *map(significant, (cost, noise)), gain])
+    heads = "CPU time per ps, ratio", "variance per ps, ratio", "time to the same error, ratio"
+    return markdown(["liquid", "average", *heads], body)
 
 
 def estimate(found):
@@ -535,8 +542,8 @@ TABLES = [
     cases,
     reported,
     ensembles_density,
-    theory_rotors,
     own_scripts,
+    factors,
     step_zero,
     readme_table,
 ]

@@ -171,7 +171,7 @@ class Bodies:
 
     Attributes:
         temperature: K.
-        points: keyword of ours for atoms that are in no body.
+        flexible: keyword of ours for atoms that are in no body.
         rest: group of these; empty for none.
         everywhere: group of all atoms that move.
         shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
@@ -183,7 +183,7 @@ class Bodies:
     """
 
     temperature: float
-    points: str = ""
+    flexible: str = ""
     rest: str = ""
     everywhere: str = "{group}"
     shake: bool = False
@@ -236,7 +236,7 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
     for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
         label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
         made.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
-    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.points) for scheme in made]
+    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in made]
     whole = bool(bodies.rest)
     return [replace(scheme, lines=own, whole=whole) for scheme, own in zip(made, lines)]
 
@@ -265,16 +265,21 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
 
 
 def _rigid(bodies: Bodies) -> list[Scheme]:
-    """LAMMPS's rigid fixes."""
+    """LAMMPS's rigid fixes, and its hybrid Monte Carlo of them."""
     usual = state(bodies.temperature, DAMPING)
     chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
     lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
     steps, whole = (0.5, 1.0, 2.0, 3.0, 4.0), bool(bodies.rest)
     name, label = "rigid+langevin", "rigid/nve/small + langevin"
+    # not by default: it draws all momenta anew each time, so averages take long
+    chance = f"fix chance {{group}} hmc {HYBRID} {SEED} {bodies.temperature:g} rigid 1"
+    hybrid: dict = {"name": "rigid+hmc", "label": "rigid/nve/small + fix hmc", "usual": False}
+    hybrid |= {"lines": (*small.lines, chance), "stride": HYBRID, "steps": (1.0, 2.0, 4.0)}
     return [
         # it counts three degrees of freedom more than a whole without momentum has
         Scheme.of(chains, lines=lines, held=3, steps=steps, whole=whole),
         Scheme.of(small, _kicks(bodies), name=name, label=label, steps=steps, reach=4.0),
+        *[Scheme.of(small, **hybrid)] * (not whole),
     ]
 
 
