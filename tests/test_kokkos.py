@@ -44,7 +44,11 @@ write_dump    all custom dump.end id x y z ix iy iz vx vy vz modify sort id form
 """
 SHAKE = "fix hold others shake 1e-10 200 0 b 1 a 1\nfix move others nve\nfix 1 ours "
 AGAIN = "clear\nread_restart restart\npair_modify table 0\nkspace_style pppm 1e-5\n"
-TILTS = "box tilt large", "change_box all triclinic xy final 7.7 xz final 7.7 yz final 7.7 remap\n"
+TILTS = (
+    "box tilt large",
+    "change_box all triclinic xy final 7.7 xz final 7.7 yz final 7.7 remap\n"
+    "kspace_style pppm 1e-5\n",
+)
 NVT, CELL = "nosquish/nvt molecule temp 400 400 50", "temp 400 400 50 seed 5"
 FIXES = {
     "nve": "fix 1 all nosquish/nve molecule",
@@ -53,7 +57,7 @@ FIXES = {
     "nh": f"fix 1 all {NVT} thermostat nh",
     "npt": f"fix 1 all nosquish/npt molecule {CELL} iso 1 1 200",
     "nph": "fix 1 all nosquish/nph molecule aniso 1 1 200",
-    "flips": f"fix 1 all nosquish/npt molecule {CELL} tri 1 1 100",
+    "tri": f"fix 1 all nosquish/npt molecule {CELL} tri 1 1 100",
     "hmc": "fix 1 all nosquish/hmc molecule temp 400 steps 5 seed 5",
     "fire": "fix 1 all nosquish/fire molecule force 1e-4 torque 1e-4",
     "suffix": "suffix hybrid kk nosquish\nfix 1 all rigid/nve molecule",
@@ -64,7 +68,7 @@ FIXES = {
 }
 
 if "g" in GIVEN:  # refused on a card
-    del FIXES["flips"], FIXES["hmc"]
+    del FIXES["tri"], FIXES["hmc"]
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +82,8 @@ def done():
 @pytest.mark.parametrize("fix", FIXES)
 def test_moves_as_without(run_lammps, tmp_path, done, fix, ranks, options):
     """Locks out forces and atoms that KOKKOS has elsewhere, or in another order, than the fix."""
-    large, tilted = TILTS if fix in ("flips", "deform") else ("", "")
-    steps = 40 if fix in ("hmc", "flips") else 20
+    large, tilted = TILTS if fix in ("tri", "deform") else ("", "")
+    steps = 40 if fix in ("hmc", "tri") else 20
     script = START.format(box=large) + tilted + FIXES[fix] + END
     parallel = ["mpirun", "-np", str(ranks)] if ranks > 1 else []
     environment = [f"{name}={value}" for name, value in of_shell().items()]
