@@ -1,8 +1,6 @@
-/* Fixes nve/card/before and nve/card/after, for tests: between them, KOKKOS as it is with a graphics card, in any LAMMPS.
-
-   The fix with ID ours is between the two. Before each of its hooks, what it does not have copied to the host is made useless
-   there. Behind the hook, what it does not say it has changed must be as it was. The names are those of fixes that read no
-   velocities, so that the fix does not take them for readers. */
+/* Fixes nve/card/before and nve/card/after, for tests: what the fix with ID ours, between them, changes on the host, beside what it
+   tells KOKKOS, in any LAMMPS. The names are those of fixes that read no velocities, so that the fix does not take them for readers.
+   The scalar is how many changes of an array there were that it had told. */
 
 #include "atom.h"
 #include "error.h"
@@ -22,15 +20,11 @@ struct Array {
   unsigned bit;    // in LAMMPS's atom_masks.h
   void *place;
   size_t bytes;
+  std::vector<char> content;
 };
 
-struct Kept {
-  Array array;
-  std::vector<char> content, shown;
-};
-
-std::vector<Kept> kept;
-int useless;    // how many arrays the card alone had, in all hooks
+std::vector<Array> kept;
+int told;
 
 class Card : public Fix {
  public:
@@ -54,47 +48,32 @@ class Card : public Fix {
   void post_force(int) override { look(); }
   void final_integrate() override { look(); }
   void end_of_step() override { look(); }
-  double compute_scalar() override { return useless; }
+  double compute_scalar() override { return told; }
 
  private:
-  std::vector<Array> arrays() const
+  void keep()
   {
     const size_t n = atom->nlocal, vector = 3 * sizeof(double);
     auto rows = [](double **array) { return array ? array[0] : nullptr; };
-    return {{"x", 0x1, rows(atom->x), vector * n}, {"v", 0x2, rows(atom->v), vector * n}, {"f", 0x4, rows(atom->f), vector * n},
+    kept = {{"x", 0x1, rows(atom->x), vector * n}, {"v", 0x2, rows(atom->v), vector * n}, {"f", 0x4, rows(atom->f), vector * n},
             {"tag", 0x8, atom->tag, sizeof(tagint) * n}, {"type", 0x10, atom->type, sizeof(int) * n},
             {"mask", 0x20, atom->mask, sizeof(int) * n}, {"image", 0x40, atom->image, sizeof(imageint) * n},
             {"q", 0x80, atom->q, sizeof(double) * n}, {"molecule", 0x100, atom->molecule, sizeof(tagint) * n},
             {"rmass", 0x200, atom->rmass, sizeof(double) * n}, {"radius", 0x100000, atom->radius, sizeof(double) * n},
             {"omega", 0x400000, rows(atom->omega), vector * n}, {"torque", 0x800000, rows(atom->torque), vector * n}};
+    for (auto &array : kept)
+      if (const auto *begin = static_cast<char *>(array.place)) array.content.assign(begin, begin + array.bytes);
   }
 
   void look()
   {
     const Fix *ours = modify->get_fix_by_id("ours");
-    if (!ours->kokkosable || ours->execution_space != Host) error->all(FLERR, "KOKKOS takes fix ours for one that needs all");
-    if (ours->datamask_modify & ~ours->datamask_read) error->all(FLERR, "newer on the card and changed on the host");
-    before ? keep(ours->datamask_read) : give_back(ours->datamask_modify);
-  }
-
-  void keep(unsigned read)
-  {
-    kept.clear();
-    for (const auto &array : arrays()) {
-      auto *begin = static_cast<char *>(array.place);
-      if (!begin || !array.bytes) continue;
-      const std::vector<char> content(begin, begin + array.bytes);
-      if (!(read & array.bit)) memset(begin, 0xff, array.bytes), useless++;    // doubles are not a number then
-      kept.push_back({array, content, std::vector<char>(begin, begin + array.bytes)});
-    }
-  }
-
-  void give_back(unsigned modify)
-  {
-    for (const auto &[array, content, shown] : kept) {
-      const bool changed = memcmp(array.place, shown.data(), array.bytes) != 0;
-      if (changed && !(modify & array.bit)) error->one(FLERR, std::string("fix ours has changed array ") + array.name);
-      if (shown != content) memcpy(array.place, content.data(), array.bytes);
+    if (~ours->datamask_read || ours->execution_space != Host) error->all(FLERR, "fix ours does not have all that it may read");
+    if (before) return keep();
+    for (const auto &array : kept) {
+      const bool same = array.content.empty() || !memcmp(array.place, array.content.data(), array.bytes);
+      if (!same && !(ours->datamask_modify & array.bit)) error->one(FLERR, std::string("fix ours has changed array ") + array.name);
+      told += !same;
     }
   }
 };
@@ -105,7 +84,7 @@ extern "C" void lammpsplugin_init(void *pointer, void *handle, void *enter)
     const char *version, *style, *name, *info, *author;
     void *(*creator)(void *, int, char **);
     void *handle;
-  } plugin{static_cast<LAMMPS *>(pointer)->version, "fix", "", "an imitated card", "tests",
+  } plugin{static_cast<LAMMPS *>(pointer)->version, "fix", "", "what KOKKOS is told", "tests",
            [](void *lmp, int narg, char **arg) -> void * {
              return static_cast<Fix *>(new Card(static_cast<LAMMPS *>(lmp), narg, arg));
            },

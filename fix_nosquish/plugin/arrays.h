@@ -12,10 +12,7 @@ namespace nosquish {
 
 // The bits by which KOKKOS knows LAMMPS's arrays; its atom_masks.h is not among the installed headers.
 
-enum Mask : unsigned {
-  X = 1 << 0, V = 1 << 1, F = 1 << 2, TAG = 1 << 3, TYPE = 1 << 4, GROUPS = 1 << 5, IMAGE = 1 << 6, MOLECULE = 1 << 8,
-  RMASS = 1 << 9, MU = 1 << 18, RADIUS = 1 << 20, OMEGA = 1 << 22, TORQUE = 1 << 23, ANGMOM = 1 << 24
-};
+enum Mask : unsigned { X = 1 << 0, V = 1 << 1, MU = 1 << 18, OMEGA = 1 << 22, ANGMOM = 1 << 24 };
 
 class AtomArrays : public Part {
  public:
@@ -23,17 +20,13 @@ class AtomArrays : public Part {
 
   using Part::Part;
 
-  // Tell KOKKOS what to have on the host before each hook, and what may be newer there behind it. It copies what is newer on the
-  // card only: forces once in a step, positions to the host and back, nothing twice.
+  // Tell KOKKOS what may be newer on the host behind each hook. As for any fix of which it knows no more, it brings what is newer on
+  // the card to the host before each, and what LAMMPS does within one, as where hybrid Monte Carlo goes back, begins and ends with
+  // the host's arrays.
 
   void declare() const
   {
-    const unsigned turning = (atom->omega_flag ? OMEGA : 0) | (atom->angmom_flag ? ANGMOM : 0) | (atom->mu_flag ? MU : 0);
-    fix->kokkosable = 1;
-    fix->execution_space = Host;
-    fix->datamask_modify = X | V | turning;
-    fix->datamask_read = fix->datamask_modify | F | TAG | TYPE | GROUPS | IMAGE | MOLECULE | RMASS |
-        (atom->torque_flag ? TORQUE : 0) | (atom->radius_flag ? RADIUS : 0);
+    fix->datamask_modify = X | V | (atom->omega_flag ? OMEGA : 0) | (atom->angmom_flag ? ANGMOM : 0) | (atom->mu_flag ? MU : 0);
   }
 
   // Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.

@@ -137,10 +137,7 @@ def init(integrator: "Integrator") -> None:
     integrator.take_time_step()
     integrator.cards = cards.find(integrator)
     wrong = integrator.cards.problem(
-        energy=integrator.needs_energy,
-        flips=integrator.flips,
-        held=bool(host.held),
-        counts=bool(host.counts),
+        energy=integrator.needs_energy, flips=integrator.flips, counts=bool(host.counts)
     )
     refuse(wrong, wrong)
     _open_table(integrator)

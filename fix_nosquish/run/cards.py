@@ -23,12 +23,12 @@ class Cards(NamedTuple):
     kokkos: str = ""
     number: int = 0
 
-    def problem(self, *, energy: bool, flips: bool, held: bool, counts: bool) -> str:
+    def problem(self, *, energy: bool, flips: bool, counts: bool) -> str:
         """Why a run would be wrong; empty if it is not.
 
         Args:
             energy, flips: `needs_energy` and `flips` of the integrator.
-            held, counts: those of its host.
+            counts: that of its host.
         """
         if self.gpu and counts:
             return (
@@ -42,15 +42,14 @@ class Cards(NamedTuple):
                 "gives atoms: use one that was built with KOKKOS_PREC=double"
             )
         within_a_step = {
-            "hybrid Monte Carlo moves atoms back": energy,
+            "hybrid Monte Carlo has forces computed anew": energy,
             "tilts that change send atoms to other ranks": flips,
-            "the box moves atoms that fix shake or rattle holds": held,
         }
         what = next((what for what, asked in within_a_step.items() if asked), "")
         if self.number and what:
             return (
-                f"{what} within a step, where KOKKOS does not look at the host's arrays: start "
-                "LAMMPS without -k on, or use a KOKKOS that was built for the host only"
+                f"{what} within a step, where KOKKOS does not bring all arrays to the card and "
+                "back: start LAMMPS without -k on, or use a KOKKOS that was built for the host only"
             )
         return ""
 
