@@ -66,11 +66,10 @@ QUICK = {
         test_bad_input.py::test_change_between_runs[delete_atoms group odd]""",
     "other fixes, respa": """
         test_other_fixes.py::test_velocities_changed_by_fixes[1]
-        test_respa.py::test_equal_steps_are_verlet[one level]
-        test_respa.py::test_time_reversal[two levels]""",
+        test_respa.py::test_equal_steps_are_verlet[one level]""",
     "in place of fix rigid's": """
         test_from_rigid.py::test_gravity[fix-1]
-        test_from_rigid.py::test_temper[2]""",
+        test_suffix.py::test_velocity_zero""",
     "runs in a row, restart": """
         test_scripts.py::test_rerun[2]
         test_scripts.py::test_rerun_of_rounded_places[1]
