@@ -525,12 +525,6 @@ def test_code_that_is_loaded_anew(written):
     assert answer(start(written, ANEW)) == [46, 46, 46]
 
 
-def test_later_processes_do_without_numba(written):
-    """Locks out: a start that imports numba though there is a file."""
-    assert len(files(written)) == 1
-    assert use(written) == [EXPECTED, False]
-
-
 @pytest.mark.parametrize(
     ("module", "before", "after", "expected"),
     [
@@ -757,34 +751,6 @@ metadata.version = without
     said = answer(start(fresh, hidden + USE_RANKS, ["same"], 2))
     assert said[0] == said[1] and said[0][0] is True
     assert "the loops of loops are not in" in said[0][1] and "[numba]'" in said[0][1]
-
-
-USE_LOOKUP = f"""
-import json
-{COUNT}
-from fix_nosquish.ranks import communicator, lookup
-machine_code.load(communicator.ALONE, lookup.__name__)
-print(json.dumps(made))
-"""
-
-
-def test_changed_sources_of_a_checkout(fresh):
-    """Locks out: old machine code for changed sources of the package, where there is no library."""
-    package = fresh / "fix_nosquish"
-    for name in "numba", "llvmlite":
-        (fresh / f"{name}.py").unlink()
-    for library in package.glob("loops_*.so"):
-        library.unlink()
-    name, changed = "fix_nosquish.ranks.lookup", package / "ranks" / "lookup.py"
-    assert answer(start(fresh, USE_LOOKUP)) == [name]
-    for before, after, compiled_anew in (
-        ("@loop", "# a comment\n@loop", []),
-        ("sources, known)\n", "sources, known + 0)\n", [name]),
-    ):
-        text = changed.read_text()
-        changed.write_text(text.replace(before, after, 1))
-        assert changed.read_text() != text
-        assert answer(start(fresh, USE_LOOKUP)) == compiled_anew
 
 
 def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch):
