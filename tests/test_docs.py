@@ -15,7 +15,7 @@ from conftest import ROOT
 
 from fix_nosquish import INTEGRATORS
 from fix_nosquish.run import other_fixes
-from fix_nosquish.run.schedule import SCHEDULE, Phase, When
+from fix_nosquish.run.schedule import When
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -67,20 +67,6 @@ def test_links_lead_to_files(path):
 
 
 # ---- the results
-
-
-def test_numbers_of_results_are_not_typed():
-    """Locks out a measured number that is typed into a page of results, and stays behind."""
-    names = (
-        r"TIP3P|CH3|NH3|1/16|1e-5|1e-8|95 %|1 %|10⁷|\(\d\.\d+\)|NVE_\dfs|S1\.csv|reference 12|"
-        r"J\. Chem\. Phys\. 150, 114110 \(2019\)|0\.3 fs|1,000 molecules|[Ff]igures? \d\w?|"
-        r"step 0|[Bb]elow 1,|667 energies"
-    )  # names, settings and what is a bound; not what was measured
-    for path in (DOCS / "results").glob("*.md"):
-        text = re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", path.read_text(), flags=re.S)
-        text = re.sub(r"`[^`]*`|\$[^$]*\$|\]\([^)]*\)|" + names, "", text, flags=re.I)
-        found = [line for line in text.splitlines() if re.search(r"\d", line)]
-        assert not found, f"{path.name}: " + "\n".join(found)
 
 
 @pytest.mark.parametrize("function", committed.TABLES, ids=lambda function: function.__name__)
@@ -169,15 +155,6 @@ fix_modify g energy yes
 ONE = "one\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
 
 
-def test_fix_lines_are_found():
-    """Locks out a search for lines that passes because it finds few."""
-    text = (
-        "Say `fix 1 a nosquish/nvt molecule` or\n\n    fix 2 all nosquish/nve &\n      single # x\n"
-    )
-    assert fix_lines(text) == ["fix 1 a nosquish/nvt molecule", "fix 2 all nosquish/nve single "]
-    assert sum(not PATTERN.match(line) for lines in SHOWN.values() for line in lines) > 50
-
-
 @pytest.mark.parametrize("place", [place for place in SHOWN if SHOWN[place]])
 def test_fix_lines_run(run_lammps, place):
     """Locks out a line of a page or of a docstring that the fix refuses, and a pattern of a style
@@ -223,14 +200,6 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)
         assert len(longest) > 10 and longest in source, (message, longest)
-
-
-def test_quoted_symptoms_are_those_of_the_package(source):
-    """Locks out a piece of the log that the page names and the package does not print."""
-    rows = re.findall(r"^\| `([^`]*)`", (DOCS / "troubleshooting.md").read_text(), re.M)
-    assert len(rows) > 10
-    for piece in rows:
-        assert piece.removeprefix("1 ") in source, piece
 
 
 def test_fixes_that_do_not_push_are_named():
@@ -414,19 +383,6 @@ def test_rooms_of_the_harness_use_those_before_them():
         for file in (harness / room).glob("*.py"):
             folders = {one for one in rooms_used(file) if (harness / one).is_dir()}
             assert folders <= set(rooms[: floor + 1]), file
-
-
-def test_step_of_the_page_on_architecture():
-    """Locks out a page on architecture that follows another step than the code does: its hops name
-    files and functions that there are, and its phases are the schedule's."""
-    text = page(DOCS / "architecture.md")
-    named = re.findall(r"`(\w+)`[^`.]*\(`([\w/]+\.(?:py|h|cpp))`\)", text)
-    assert len(named) >= 10
-    for name, place in named:
-        assert re.search(rf"\b{name}\b", (ROOT / "fix_nosquish" / place).read_text()), name
-    begins = [one for _, one in SCHEDULE["begin"] if one.passes == "whole"]
-    assert [(one.phases, one.then) for one in begins] == [((Phase.WAITING,), Phase.HALF)]
-    assert {one.then for _, one in SCHEDULE["end"]} >= {Phase.WAITING}
 
 
 def test_names_of_what_holds_in_a_step():
