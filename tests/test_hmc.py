@@ -1,7 +1,6 @@
 """HMC: what a rejected trajectory leaves, what is sampled, ranks, restart, what it refuses."""
 
 import re
-import sys
 from math import erfc, sqrt
 
 import numpy as np
@@ -313,29 +312,3 @@ def test_others_that_are_harmless(run_lammps):
     words = fix("temp 2 steps 10 seed 5") + of_trajectories(10)
     rows = run_lammps(f"{system.setup}\n{others}{words}run 40\n", files=system.files, ranks=2)
     assert rows.thermo["f_1[5]"][-1] > 0
-
-
-DRIVEN = """
-import sys
-from lammps import lammps
-
-lmp = lammps()
-lmp.file(sys.argv[1])
-lmp.command("uncompute 1_energy")
-try:
-    lmp.command("run 5 pre no")
-except Exception as error:
-    print("SAID", error)
-print("STEP", lmp.extract_global("ntimestep"))
-"""
-
-
-def test_an_error_where_the_energy_is_asked_for(run_lammps, tmp_path):
-    """Locks out a step's number that stays another one, where a compute ends the run by an error
-    and a Python driver goes on."""
-    (tmp_path / "drive.py").write_text(DRIVEN)
-    system = mixture(side=2, spacing=2.9)
-    script = f"{system.setup}\n{fix('temp 300 steps 5 seed 3')}run 5\n"
-    run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
-    assert "compute 1_energy is gone" in run.screen
-    assert "STEP 6" in run.screen, run.screen
