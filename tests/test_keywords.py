@@ -387,23 +387,6 @@ def test_infile(simulate, style, ranks):
     assert apart(simulate(system, RIGID, 50, **{**how, "words": style}), theirs, system.h) > 0.01
 
 
-def test_infile_with_what_is_there_anyway(simulate):
-    """Locks out a sign or factor that two codes could share: the file says what the bodies are
-    without it. Its name has a point, so it is a variable's text."""
-    system = mixture("solid planar")
-    rows = rows_of(system, simulate(system, "", 0))
-    system = with_file(system, text_of(rows), "bodies.of.test")
-    ours = simulate(
-        system,
-        OURS,
-        50,
-        words="molecule infile v_name",
-        before="variable name string bodies.of.test",
-        ranks=2,
-    )
-    assert_same(ours, simulate(system, OURS, 50), system)
-
-
 def test_infile_of_some_bodies(simulate):
     """Locks out bodies that are not in the file and lose their own mass, shape or velocity."""
     system = mixture("solid planar")
@@ -693,25 +676,6 @@ def test_minimisation_of_grains(run_lammps, tmp_path):
         ("tear the rigid bodies",),
         tmp_path,
     )
-
-
-def test_spin_at_the_start(run_clumps):
-    """Locks out omegas of the start that do not count in a body's angular momentum."""
-    still, spinning = clumps(velocity=0.0), clumps(velocity=0.0)
-    fix = "set group all omega 0.3 -0.7 1.1\n" + LIKE_LAMMPS.format(group="all", words="molecule")
-    theirs, _ = run_clumps(
-        spinning,
-        fix.replace(
-            LIKE_LAMMPS.format(group="all", words="molecule"),
-            RIGID.format(group="all", words="molecule"),
-        ),
-        0,
-    )
-    ours, _ = run_clumps(spinning, fix, 0, ranks=2)
-    close(ours, theirs, 1e-12)
-    assert np.abs(ours[:, 6:]).max() > 0.05
-    none, _ = run_clumps(still, LIKE_LAMMPS.format(group="all", words="molecule"), 0)
-    assert not none[:, 6:].any()
 
 
 def test_pressure_of_spheres(run_clumps):
