@@ -160,15 +160,6 @@ def test_pressures_that_are_printed(run_lammps, ranks, every):
     np.testing.assert_allclose(rows["Press"], rows["v_p"], rtol=0, atol=1e-9)
 
 
-def test_equal_numbers_in_other_words(run_lammps):
-    """Locks out axes that are refused because 1000 and 1e3 are not the same word."""
-    system = mixture(side=2)
-    words = "x 1 v_p 1000 y 10e-1 1 1e3 couple xy compressibility 1"
-    run_lammps(
-        f"{system.setup}\nvariable p equal 1\n{fix('seed 5', words)}run 0\n", files=system.files
-    )
-
-
 def test_pressure_that_is_no_tensor(refused, run_lammps):
     """Locks out a box whose axes follow a third of the Coulomb energy each, as kspace_style msm
     has it: LAMMPS's barostats refuse that, too."""
@@ -182,26 +173,6 @@ def test_pressure_that_is_no_tensor(refused, run_lammps):
     fits = fix("seed 5", f"iso {words}")
     fits += "run 1\nunfix 1\nkspace_modify pressure/scalar no\n" + fix("seed 5", f"x {words}")
     run_lammps(f"{setup}{fits}run 1\n", files=system.files)
-
-
-def test_continued_with_a_mesh(run_lammps, tmp_path):
-    """Locks out the promise that a run in parts is one run, where LAMMPS chooses another mesh for
-    the box of the second part, and a remedy that does not help: see docs/troubleshooting.md."""
-    system = charged(mixture(side=3, spacing=2.9))
-    setup = re.sub("pair_style .*", "pair_style lj/cut/coul/long 2.5", system.setup)
-    setup += "\nset group all charge 0.3\nset atom 1*42 charge -0.3\nkspace_style pppm 1e-4\n"
-    line = fix("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
-    jumps, ends = {}, {}
-    for mesh in "", "kspace_modify mesh 24 24 24 gewald 1.2\n":
-        for runs in "run 80\n", "run 40\nrun 40\n":
-            script = f"{setup}{mesh}timestep 0.002\n{line}{runs}{DUMP.format('end')}"
-            rows = run_lammps(script, files=system.files).thermo
-            ends[mesh, runs] = np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:6]
-        border = rows["Econserve"][rows["Step"] == 40]
-        jumps[bool(mesh)] = abs(np.diff(border)[0])
-        apart = np.abs(ends[mesh, "run 80\n"] - ends[mesh, runs]).max()
-        assert apart < 1e-9 if mesh else apart > 1e-7
-    assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
 
 
 @pytest.mark.parametrize(
