@@ -323,34 +323,6 @@ def test_velocities_changed_by_fixes(run_all, ranks):
             )
 
 
-def test_momentum_stays_removed(run_all):
-    """Locks out atoms whose momentum fix momentum removes for one step only,
-    until the bodies set it again."""
-    system = mixture("solid planar")
-    momenta = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
-    momenta += [f"variable {name} equal angmom(all,{name[1]})" for name in ("lx", "ly", "lz")]
-    spin = "variable w atom 0.1*y\nvelocity all set v_w 0.3 -0.2 sum yes"
-    columns = "v_vx v_vy v_vz v_lx v_ly v_lz"
-    # without forces between bodies angular momentum is conserved, too
-    free = "\n".join(["pair_style zero 2.5\npair_coeff * *", spin, *momenta])
-    fixes = "fix 5 all momentum 10 linear 1 1 1 angular"
-    results = run_all(
-        system,
-        {
-            fix: lines(system, fix, free, "RIGID", fixes, "run 19", columns=columns, every=1)
-            for fix in (RIGID, OURS)
-        },
-    )
-    table = {
-        fix: np.stack([results[fix].thermo[c] for c in columns.split()], axis=1) for fix in results
-    }
-    mass = system.mass.sum()
-    for fix in table:
-        assert (np.abs(table[fix][:10]) > 1e-3 * np.array([1, 1, 1, mass, mass, mass])).all()
-    assert np.abs(table[OURS][10:]).max() < 1e-10
-    assert np.abs(table[RIGID][11:, :3]).min() > 1e-3
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_thermostats_at_the_end_of_a_step(run_all, ranks):
     """Locks out thermostats that do not act on bodies, as on LAMMPS's rigid fixes, and a
@@ -485,32 +457,6 @@ def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
         np.testing.assert_allclose(
             read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name
         )
-
-
-def test_observers_see_the_same(run_all):
-    """Locks out a temperature that is read before and after another fix changes velocities, and is
-    then the old one in both, an f_ID before the first forces that ends the run, and a thermostat
-    that is said to be a fix that only looks."""
-    system = mixture("solid planar pair row single")
-    fix = OURS.format(group="all", words="molecule")
-    thermostat = "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
-    early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
-    plain = f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20"
-    runs = run_all(system, {"plain": plain, "observed": f"{early}\n{plain}"})
-    np.testing.assert_allclose(
-        runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12
-    )
-    assert re.search(TOOK + r" \d+ \(by fix 5\)", runs["observed"].log)
-
-
-def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
-    """Locks out passes that one of our fixes makes only because of another one."""
-    system = mixture("solid planar")
-    groups = "group one molecule 1:9\ngroup two subtract all one"
-    one, two = (OURS.format(group=group, words="molecule") for group in ("one", "two"))
-    script = f"{groups}\n{one}\n{two.replace('fix 1', 'fix 2')}\nrun 5"
-    log = run_all(system, {"": script})[""].log
-    assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log
 
 
 def test_values_read_before_a_step_begins(simulate):
