@@ -5,14 +5,11 @@ It is another version (29 Sep 2021), with Open MPI and the system's Python.  DEB
 if it is not /usr/bin/lmp.
 """
 
-import gc
 import os
 import re
 import subprocess
 import sys
-import weakref
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,11 +19,6 @@ from systems import apart, mixture
 from test_bad_input import CASES
 
 import fix_nosquish
-from fix_nosquish.errors import RunError
-from fix_nosquish.host.own_fix import OwnFix
-from fix_nosquish.ranks.communicator import ALONE
-from fix_nosquish.run import registry
-from fix_nosquish.run.integrator import Integrator
 from validation.scenes.data_file import data_file
 
 LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
@@ -233,15 +225,6 @@ def test_table_of_bodies(simulate, tmp_path):
     assert run.code and "needs the plugin's fix python/move" in run.screen
 
 
-def test_fix_redefined(run_water):
-    """Locks out a virial asked of an integrator that unfix has taken away."""
-    lines = advised(run_water(OURS, "run 0")[0])
-    again = f"run 10\nunfix 1\n{OURS}\nrun 10\nunfix 1\nrun 1\n{OURS}\nrun 10"
-    thermo = run_water(f"{OURS}\n{lines}", again)[0].thermo
-    plugin = run_water(OURS, again, launcher="lmp")[0].thermo
-    np.testing.assert_allclose(thermo["Pxx"][:4], plugin["Pxx"][:4], rtol=1e-4)
-
-
 # the message comes with Python's traceback
 IN_IMPORT = (
     "value with a point",
@@ -337,46 +320,3 @@ def test_what_needs_the_plugin(run_lammps, fix, says, ranks):
     done = run_lammps(SCRIPT.format(fix=fix, runs="run 10"), files={"data.ice": ice()}, **how)
     said = [line for line in done.screen.splitlines() if says in line]
     assert done.code and len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
-
-
-def test_bodies_of_one_of_several_fixes(monkeypatch):
-    """Locks out the bodies of another fix: this LAMMPS does not tell which of two has an ID."""
-
-    def one():
-        return SimpleNamespace(
-            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None), number=0
-        )
-
-    lammps = 4096
-    first = one()
-    monkeypatch.setattr(registry, "_all", [first])
-    assert Integrator.of_fix(lammps, "2") is first
-    monkeypatch.setattr(registry, "_all", [first, one()])
-    with pytest.raises(RunError, match="which of several fixes has the ID 2"):
-        Integrator.of_fix(lammps, "2")
-
-
-def test_a_failed_fix_goes_away(capfd):
-    """Locks out a fix that lives on, and claims its atoms, because it holds its own error."""
-
-    class Fix:
-        def __init__(self):
-            self.host = OwnFix(None, ALONE)
-
-        def fail(self):
-            try:
-                raise RunError("no atoms", everywhere=True)
-            except RunError as error:
-                for _ in range(2):  # as hooks within hooks do
-                    self.host.end(error)
-
-    gc.disable()
-    try:
-        fix = Fix()
-        fix.fail()
-        gone = weakref.ref(fix.host)
-        del fix
-        assert gone() is None
-    finally:
-        gc.enable()
-    assert capfd.readouterr().err == "ERROR: no atoms\n"
