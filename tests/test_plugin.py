@@ -107,15 +107,6 @@ def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
         np.testing.assert_allclose(ours[name], nve[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_time_step_may_change(run_lammps):
-    """Locks out a reset_dt that does not reach the class:
-    the second run would keep the old step."""
-    tail = "timestep 0.002\nrun 20\n"
-    ours = run_lammps(melt("mover.NVE", 20) + tail, files={"mover.py": MOVER}).thermo
-    nve = run_lammps(MELT.format(fix="fix 1 all nve", steps=20) + tail).thermo
-    np.testing.assert_allclose(ours["PotEng"], nve["PotEng"], rtol=1e-10)
-
-
 def test_script_from_standard_input(tmp_path, run_lammps):
     """Locks out python -m fix_nosquish that needs -in, where lmp does not."""
     (tmp_path / "mover.py").write_text(MOVER)
@@ -225,19 +216,6 @@ def test_mistake_on_all_ranks_is_one_message(run_mover):
     run = run_mover("Bad", more, ranks=2, check=False, timeout=60)
     assert_stopped(run, "AttributeError: 'Bad' object has no attribute 'nothing'")
     assert "MPI_Abort" not in run.screen
-
-
-def test_run_error_on_one_rank(run_mover):
-    """Locks out a RunError that is taken for one of all ranks."""
-    more = RANK + (
-        "from fix_nosquish.errors import RunError\n"
-        "class Bad(NVE):\n    def final_integrate(self):\n"
-        "        super().final_integrate()\n"
-        "        if rank == 1:\n            raise RunError('body 7 broke')\n"
-    )
-    run = run_mover("Bad", more, ranks=2, check=False, timeout=60)
-    assert_stopped(run, "body 7 broke", proc=1)
-    assert "Traceback" not in run.screen
 
 
 @pytest.mark.parametrize(
