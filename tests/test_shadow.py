@@ -1,7 +1,5 @@
 """The shadow energy, which NVE's steps keep to the fourth order."""
 
-import re
-
 import numpy as np
 import pytest
 from systems import mixture
@@ -86,15 +84,6 @@ def test_another_time_step(run_lammps):
     rows = run_lammps(script, files=system.files).thermo
     value = dict(zip(rows["Step"], rows["f_1[5]"]))
     assert value[20] == value[10] != value[30]
-
-
-def test_a_command_between_runs(run_lammps):
-    """Locks out a value that is gone when a command has set up between two runs."""
-    script = f"{mixture(side=2).setup}\nreset_timestep 0\n{FREE}timestep 0.004\n{fix('every 5')}"
-    script += "run 20\nprint 'ONE $(f_1[5])'\nwrite_restart r\nprint 'TWO $(f_1[5])'\n"
-    log = run_lammps(script, files=mixture(side=2).files).log
-    one, two = (re.search(f"^{name} (.*)", log, re.M)[1] for name in ("ONE", "TWO"))
-    assert one == two != "nan"
 
 
 @pytest.mark.parametrize(
