@@ -3,7 +3,6 @@ and bodies of one kind with different shapes."""
 
 import itertools
 import re
-import sys
 
 import numpy as np
 import pytest
@@ -231,32 +230,6 @@ def test_ranks_without_bodies(run_lammps):
     system = mixture(ALL)
     run = run_lammps(f"{system.setup}\n{one}\n{then}", files=system.files, ranks=4, timeout=60)
     assert re.search(SAID, run.log).groups()[:2] == ("1", "3")
-
-
-AGAIN = """import sys, lammps
-lmp = lammps.lammps()
-lmp.file(sys.argv[1])
-for _ in range(2):
-    try:
-        lmp.command("run 5")
-    except Exception as error:
-        print("REFUSED", error)
-"""
-
-
-def test_what_is_refused_is_refused_again(run_lammps):
-    """Locks out a driver in Python that tries again and gets the torn shapes as the bodies' own."""
-    system = mixture(ALL)
-    text = script(system, "run 5\nchange_box all boundary p p f")
-    run = run_lammps(
-        text, files=system.files, launcher=[sys.executable, "-c", AGAIN], check=False, timeout=60
-    )
-    refused = [line for line in run.screen.splitlines() if line.startswith("REFUSED")]
-    assert (
-        len(refused) == 2
-        and "torn apart" in refused[0]
-        and "unfix this fix and define it again" in refused[1]
-    ), run.screen
 
 
 # ---- bodies of one kind
