@@ -65,24 +65,6 @@ def check_combine(world):
                 assert len({copy[body] for copy in copies if body in copy}) == holds[k].any()
 
 
-def check_next_step(world):
-    """Sharers.combine does the same with the next step's parts,
-    with other arrays and numbers of rows in between."""
-    from fix_nosquish.ranks.sharing import Sharers
-
-    holds = np.random.default_rng(3).random((9, world.size)) < 0.7
-    mine = np.flatnonzero(holds[:, world.rank])
-    sharers = Sharers(world).find(len(mine), np.arange(len(mine)), mine, mine % world.size)
-    load = np.empty((6, len(mine)))
-    for step in range(3):
-        for array in load, np.empty((2, len(mine))), load:
-            array[:] = 10.0**step * (world.rank + 1) + np.arange(len(array))[:, None]
-            sharers.combine(array)
-            ranks = holds[mine] @ (np.arange(world.size) + 1.0)
-            want = 10.0**step * ranks + np.arange(len(array))[:, None] * holds[mine].sum(axis=1)
-            assert np.array_equal(array, want)
-
-
 def check_deliver(world):
     """exchange brings every array to its rank,
     when ranks are at different rounds of it, too."""
