@@ -80,7 +80,6 @@ QUICK = {
         test_plugin.py::test_error_on_one_rank_ends_all[init-lmp]
         test_plugin.py::test_run_error_everywhere_is_one_message[initial_integrate-lmp]
         test_plugin.py::test_library_user_gets_an_exception
-        test_plugin.py::test_respa[1]
         test_plugin.py::test_values_for_thermo[2]""",
     "another LAMMPS": """
         test_build.py::test_another_update
@@ -109,8 +108,7 @@ QUICK = {
     "the suite itself": """
         test_suite.py::test_imports_what_is_installed[module]
         test_suite.py::test_editable_install_is_compiled
-        test_suite.py::test_quick_tests_are_there
-        test_sessions.py::test_scripts_are_apart""",
+        test_suite.py::test_quick_tests_are_there""",
 }
 NAMES = {name.strip() for names in QUICK.values() for name in names.strip().split("\n")}
 

