@@ -204,7 +204,7 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
     environment = dict(
         os.environ,
         PATH=str(BIN),
-        PYTHONPATH=str(folder),
+        PYTHONPATH=f"{folder}:{os.environ.get('PYTHONPATH', '')}",
         XDG_CACHE_HOME=str(folder / cache),
     )
     mpirun = [str(BIN / "mpirun"), "-np", str(ranks)] if ranks else []
