@@ -117,17 +117,21 @@ def test_points_as_with_min_style_fire(run_lammps, tmp_path, ranks):
     assert np.abs(nearest(x - y, system.h)).max() < 1e-9
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
-def test_overlapping_start(run_lammps, tmp_path, ranks):
+@pytest.mark.parametrize(
+    "words, ranks",
+    [("force v_f torque v_f", 1), ("force 1e9 torque v_f", 2), ("force v_f torque v_f", 4)],
+)
+def test_overlapping_start(run_lammps, tmp_path, words, ranks):
     """Locks out a start that breaks the quench, bent bodies, and tolerances that are said to be
-    kept and are not."""
+    kept and are not, each by itself."""
     system = overlapping(40, 10)
-    script = f"{system.setup}\n{FORCES.format('start')}{fix()}thermo_style custom step pe f_1[5]\n"
-    script += f"timestep 1\nthermo 100\nrun 20000\n{FORCES.format('end')}"
-    done = run_lammps(script, files=system.files, ranks=ranks)
+    script = f"{system.setup}\n{FORCES.format('start')}{fix(words)}"
+    script += "thermo_style custom step pe f_1[5]\ntimestep 1\nthermo 100\nrun 20000\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=ranks)
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
     assert ": as asked for" in done.log
-    assert (norms(tmp_path / "end") < 1e-6 * (1 + 1e-6)).all()
+    asked = [1e9 if "1e9" in words else 1e-6, 1e-6]
+    assert (norms(tmp_path / "end") < np.multiply(asked, 1 + 1e-6)).all()
     assert bent(start, end) < 1e-12
     energies = done.thermo["PotEng"]
     assert energies[0] > 1e6 > 0 > energies[-1]
