@@ -266,11 +266,6 @@ def test_many_steps():
         assert (np.abs(body_momentum(q, p)[0]) / size).max() < 1e-10
         energies.append(energy(q, p, ASYMMETRIC) / start - 1)
     np.testing.assert_allclose(space_momentum(q, p), L, rtol=0, atol=1e-10 * size.max())
-    energies = np.array(energies)
-    assert 1e-6 < np.abs(energies).max() < 0.02  # bounded, by the error of a step of this length
-    halves = energies.reshape(2, 10, bunches // 20, n).mean(
-        axis=2
-    )  # ten nearly independent blocks each
-    shift = halves[1].mean(axis=0) - halves[0].mean(axis=0)
-    error = np.sqrt(halves.var(axis=1, ddof=1).sum(axis=0) / 10)
-    assert (np.abs(shift) < 5 * error + 1e-11).all(), (shift, error)
+    energies = np.abs(energies)
+    assert 1e-6 < energies.max() < 0.02  # bounded, by the error of a step of this length
+    assert energies[bunches // 2 :].max() < 1.1 * energies[: bunches // 2].max()
