@@ -146,22 +146,6 @@ def test_the_memory_of_a_square():
     assert np.std([one.value for one in squares]) > 1.3 * np.std([one.value for one in found[1]])
 
 
-def test_total_error_against_brute_force():
-    """Locks out another formula of bias and noise: the rms error of means of many runs that last so
-    long, of a series with a bias."""
-    rng, cost, apart, bias = np.random.default_rng(3), 2.5, 0.1, 0.05
-    x = 3.0 * remembering(rng, 400000, 8.0)
-    remembers = measures.autocorrelation(x).times(apart)
-    assert remembers.value == pytest.approx(apart / np.tanh(0.5 / 8.0), rel=0.1)
-    worth = precision.Worth(Estimate(bias), remembers.times(np.var(x) * cost))
-    for samples in 2000, 20000:
-        errors = [3.0 * remembering(rng, samples, 8.0).mean() + bias for _ in range(400)]
-        seconds = samples * apart * cost
-        brute = np.sqrt(np.mean(np.square(errors)))
-        assert worth.error(seconds) == pytest.approx(brute, rel=0.15)
-        assert precision.seconds(worth, brute).value == pytest.approx(seconds, rel=0.5)
-
-
 def test_a_gains_interval_covers():
     """Locks out intervals of gains that are too narrow: of noises whose logarithms are normal, that
     of the true ratio is inside in 95 % of cases."""
