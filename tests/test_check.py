@@ -115,17 +115,6 @@ def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
     assert check._lists(rows).holds is holds
 
 
-def test_check_of_atoms_that_a_fix_holds(tmp_path):
-    """Locks out a check that ends in a traceback where other atoms have no force, so that no step
-    is too long for them."""
-    path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
-                        lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
-    own = take(path, tmp_path / "out")
-    groups, _ = shapes.bodies(own)
-    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
-    assert found[1:] == ["centres", "turning"]
-
-
 def test_check_says_what_its_table_cannot(tmp_path, capsys):
     """Locks out an energy that LAMMPS counts wrongly and that stands beside ours as if ours were a
     thousand times better; three different steps that are all called safe; and a page, or a screen,
@@ -155,17 +144,6 @@ def test_a_start_whose_run_has_no_numbers_fails(taken):
     thermo["Press"] = np.array([1.0, 1.0, 1.0, np.nan, np.nan])
     row = check._row(own, ours, result)
     assert row["error"] == "no number from step 4 on: TotEng" and "change" not in row
-
-
-def test_check_names_the_suffix_that_needs_no_edit(taken):
-    """Locks out a word that LAMMPS takes ours by the suffix, where the script says otherwise."""
-    own = taken("rings")
-    (told,) = check._suffix(own)
-    assert told.endswith("without an edit.") and "fix bodies (rigid/nve/small)" in told
-    said = {**own.said, "commands": ["suffix opt", "suffix off"]}
-    (told,) = check._suffix(replace(own, said=said))
-    assert told.endswith("unless 'suffix off' in it says otherwise.")
-    assert not check._suffix(taken("spce"))
 
 
 # ---- which parts can be rigid
