@@ -23,10 +23,9 @@ from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
 from validation.claims.top import free_top
-from validation.running import machine, run
+from validation.running import run
 from validation.sample.scenes import SCENES as SAMPLED
-from validation.scenes import INPUTS, SCENES
-from validation.scenes import peptide as paper_peptide
+from validation.scenes import SCENES
 from validation.scenes.integrators import INTEGRATORS, PAPER, Integrator
 from validation.statistics import measures
 from validation.statistics.check import Check
@@ -55,27 +54,6 @@ def claims(out, *words):
 def simulation(integrator="nosquish", name="test", scene="dimer", **more):
     usual: dict = {"scene": SCENES[scene], "dt": paper.DIMER_DT, "steps": 40, "every": 10}
     return Simulation(name, name, integrator=PAPER[integrator], **usual | more)
-
-
-def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
-    """Locks out a result of other code, of other input files or of another start that is taken
-    over."""
-    asked, path = bench(tmp_path), simulation(start=("first", 0))
-    dump = asked.runs / "first" / "state.dump"
-    dump.parent.mkdir(parents=True)
-    dump.write_text("one")
-    found = [path.job(asked).origin, simulation("shake").job(asked).origin]
-    assert path.job(asked).origin == found[0]
-    dump.write_text("two")
-    found.append(path.job(asked).origin)
-    monkeypatch.setattr(machine, "package_hash", lambda: "other code")
-    found.append(path.job(asked).origin)
-    assert simulation("shake").job(asked).origin == found[1], "fix shake is no code of ours"
-    monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
-    found.append(path.job(asked).origin)
-    other = dataclasses.replace(SCENES["dimer"], folder=SCENES["water"].folder)
-    found.append(dataclasses.replace(path, scene=other).job(asked).origin)
-    assert len(set(found)) == len(found)
 
 
 @pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
@@ -421,22 +399,6 @@ def test_plans_are_what_the_paper_has(tmp_path):
     assert shorter["water-nosquish"].steps == 50_000
 
 
-@pytest.mark.timeout(120)
-def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
-    """Locks out constraints of wrong types: LAMMPS's own count of clusters is that of the bodies
-    in the data file."""
-    path = simulation("shake", steps=0, dt=1.0)
-    job = dataclasses.replace(path, scene=paper_peptide.scene()).job(bench(tmp_path))
-    result = run.run(job)
-    assert result.error is None
-    bodies = result.positions.bodies
-    sizes = Counter(Counter(bodies[bodies > 0].tolist()).values())
-    log = next(tmp_path.rglob("log.lammps")).read_text()
-    for words, number in (("size 2", sizes[2]), ("size 4", sizes[4]), ("frozen angles", sizes[3])):
-        line = next(line for line in log.splitlines() if words in line)
-        assert int(line.split()[0]) == number, line
-
-
 # ---- statistics of these
 
 
@@ -565,41 +527,6 @@ def test_shadow_energies_and_drifts():
     still, drifting = (beside({2.0: 1.0}, slope=slope)["2 fs"].note for slope in (0.0, 0.5))
     told = r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)"
     assert "drifts" not in still and re.search(told, drifting)
-
-
-def test_each_number_says_where_it_comes_from():
-    """Locks out numbers that are called printed ones: each and its error are worked out here,
-    from a file of the authors, which table, page and documentation name."""
-    for dt, check in zip(published.PUBLISHED["spread"], beside({1.0: 1.0}).values()):
-        told = f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
-        assert told in check.source
-    summary = json.loads((RESULTS / "published" / "summary.json").read_text())
-    written = (INPUTS.parent / "docs" / "results" / "water.md").read_text()
-    for text in " ".join(report.said(summary).notes.values()), written:
-        for words in "NVE_1fs.csv", "S1.csv", "github.com/craabreu/rigid_nvt", published.SERIES:
-            assert words in text
-    assert pytest.approx(1 / np.sqrt(2 * 667)) == published.THEIR_ERROR
-    assert f"{published.ENERGIES} energies" in written
-
-
-def test_the_start_is_what_is_said_to_be_matched():
-    """Locks out other water: charges, number, density, molecules that building the file has
-    bent, and the temperature."""
-    text = (published.scene().folder / "data.smooth").read_text()
-    header, rows, *_ = re.split(r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n", text)
-    atoms = np.array([line.split() for line in rows.splitlines()], float)
-    atoms = atoms[np.argsort(atoms[:, 0])]
-    side = float(re.search(r"0 (\S+) xlo xhi", header)[1])
-    x = (atoms[:, 4:7] + side * atoms[:, 7:10]).reshape(-1, 3, 3)
-    charges = atoms[:, 3].reshape(-1, 3)
-    assert x.shape[0] == 903 and np.all(charges == [-0.83, 0.415, 0.415])
-    assert 903 * 18.0154 / 0.602214076 / side**3 == pytest.approx(0.97, rel=1e-9)
-    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    lengths = np.linalg.norm([first, second], axis=2)
-    np.testing.assert_allclose(lengths, 0.9572, rtol=0, atol=1e-9)
-    angles = np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0)))
-    np.testing.assert_allclose(angles, 104.52, rtol=0, atol=1e-7)
-    assert pytest.approx(306.1, abs=0.1) == published.TEMPERATURE
 
 
 @pytest.mark.timeout(120)
