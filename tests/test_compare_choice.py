@@ -106,22 +106,6 @@ def test_choice_is_that_of_a_search():
     assert not list(disagreements())
 
 
-WRONG = {
-    "an error bar counts for nothing": ("margin", lambda error, freedom, confidence: 0.0),
-    "a step near one that fails is good": ("near_failure", lambda points: []),
-    "no telling is good enough": ("bound", lambda one, measure, confidence=0.95: 0.0),
-    "a tie goes to the fastest": ("_by_words", choice._by_cost),
-    "the longest step is the fastest": ("_by_cost", lambda one: -one["dt"]),
-}
-
-
-@pytest.mark.parametrize("mistake", WRONG)
-def test_a_wrong_choice_is_found(monkeypatch, mistake):
-    """Locks out a search that agrees with any choice."""
-    monkeypatch.setattr(choice, *WRONG[mistake])
-    assert any(disagreements())
-
-
 def test_a_bar_across_the_target_is_not_met():
     """Locks out a point whose value is below the target and whose error bar is not; and one above
     that is called out of the question."""
@@ -248,18 +232,6 @@ def test_time_goes_to_the_step_that_pays_most():
     assert step(*sure, slow) is None  # nothing that may be good is faster
     assert step(*sure, row(4.0, "fast", [0.2], t=(0.5, 0.4))) == ("fast", 4.0)
     assert promising([good], wanted, minutes=1e-6) is None  # too short to tell more
-
-
-def test_what_means_are_held_against_is_run_longer_where_short_runs_do_not_tell():
-    """Locks out a long run that is held against short ones whose noise is as large as the target,
-    and a run that costs much and tells nothing new."""
-    for noise, again in (0.8, True), (0.1, False):
-        found = promising([row(2.0, t=(0.3, 0.5), rdf=(0.1, noise))], {"t": 1.0, "rdf": 1.0})
-        assert found.again is again
-        spent = found.time * STEP * (1 / 2.0 + again / 0.5)
-        assert spent == pytest.approx((1 - measure.FIRST) * 120.0)
-        counts = found.time - max(plan.SETTLES * found.time, TIME)
-        assert found.times == pytest.approx(counts / (0.75 * TIME * 2))
 
 
 @pytest.mark.parametrize("error", [0.2, 0.8])
