@@ -193,12 +193,6 @@ def test_margins_of_few_points_cover(number, least):
     assert least < np.mean(hits) < 0.98
 
 
-def test_the_temperature_that_may_be_furthest_off_counts():
-    """Locks out a difference that is small and hardly known, beside a larger one that is known."""
-    kinds = [Estimate(0.01, 1e-4), None, Estimate(0.005, 0.02)]
-    assert errors._furthest(kinds).value == 0.005 and errors._furthest([None]) is None
-
-
 def test_the_error_of_g_is_that_from_the_limit():
     """Locks out an error of g(r) that is only the difference from what it is held against, which
     has one itself: of longer and shorter steps, of another integrator, and of the reference's own
