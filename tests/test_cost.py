@@ -6,7 +6,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +21,7 @@ for needed in ("rich", "jinja2", "matplotlib"):
 from validation import pages
 from validation.cost import criteria, measure, plan, report
 from validation.running import lammps_log, machine, rounds, run, startup
-from validation.scenes import SCENES, Scene, integrators
+from validation.scenes import SCENES
 from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 
 timing = partial(rounds.Timing, cpu=100.0)
@@ -64,17 +63,6 @@ def test_numbers_leave_warm_up_and_preparations_out():
     found = rounds.timing(job, result)
     assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
     assert (found.cpu, found.define, found.setups, found.memory) == (94.0, 6, [0.5, 0.25], [10, 20])
-
-
-def test_lengths_of_segments():
-    """Locks out segments that are too short to re-neighbour in, and hours for a slow scene."""
-    fast, slow = rounds.lengths(1e-5, 1.0), rounds.lengths(1.5, 1.0)
-    assert (fast.segment, fast.segments, fast.warm_up) == (100000, 3, 1000)
-    assert (slow.segment, slow.segments, slow.warm_up) == (
-        rounds.LEAST,
-        1,
-        rounds.LEAST // 5,
-    ) and rounds.LEAST >= 20
 
 
 def test_limits_are_judged():
@@ -149,25 +137,6 @@ def test_sizes():
         water.of_size(11000)
     assert "read_data cut.data" in water.of_size(10648, "cut.data").setup
     assert "replicate 3 3 3" in SCENES["mixed"].of_size(1296).setup
-
-
-def test_cut_water_has_the_molecules_asked_for():
-    """Locks out molecules that are cut in two, taken twice or taken from outside of the box."""
-    sys.path.insert(0, str(SCENES["water"].folder))
-    try:
-        from cut_water import centre, cut, side
-    finally:
-        sys.path.pop(0)
-    rng = np.random.default_rng(3)
-    place = rng.uniform(0, side(1000), (1000, 1, 3))
-    x = place + rng.uniform(-0.5, 0.5, (1000, 3, 3))
-    kept, velocities = cut(x, x, 1728)
-    assert kept.shape == velocities.shape == (1728, 3, 3)
-    assert len(np.unique(np.round(kept[:, 0], 6), axis=0)) == 1728
-    assert centre(kept).min() >= 0 and centre(kept).max() < 1.02 * side(1728)
-    # each is a copy of the molecule whose velocities it has, moved by whole boxes
-    shift = (kept - velocities) / side(1000)
-    np.testing.assert_allclose(shift, np.round(shift), atol=1e-9)
 
 
 # ------------------------------------------------------------- from end to end
@@ -246,22 +215,6 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     )
     incomplete, _ = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert incomplete["interrupted"], "an interrupted point was taken for a complete one"
-
-
-def test_constraints_only_where_they_hold_the_bodies():
-    """Locks out shake on bodies that it cannot hold, which would be compared with what is rigid."""
-    can = {
-        name: [one for one in BENCHMARKED if BENCHMARKED[one].can_run(scene)]
-        for name, scene in SCENES.items()
-    }
-    assert "shake" in can["water"] and "rattle" in can["dimer"]
-    assert not {"shake", "rattle"} & {*can["peptide"], *can["mixed"], *can["big"]}
-    tiny = Scene("tiny", "", ROOT, (), "all", "molecule", None, ghost_cutoff=7.0)
-    small, whole = (
-        run.job(tiny, integrators.rigid(style), "x", [1], dt=1, every=0).commands
-        for style in ("rigid/nve/small", "rigid/nve")
-    )
-    assert "comm_modify cutoff 7.0" in small and not any("comm_modify" in line for line in whole)
 
 
 def test_a_start_is_timed(tmp_path):
