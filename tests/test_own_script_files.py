@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scripts
 from own_scripts import GAS, refused, take
 
 pytest.importorskip("mdtraj", reason="the validation extra is not installed")
@@ -181,15 +180,6 @@ def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch
         assert take(path, other / "out").said["step"] == step
 
 
-def test_clear_in_a_loop_keeps_the_loops_counter(tmp_path):
-    """Locks out variables that count from the begin in the run that is compared."""
-    loop = "variable i loop 3\nlabel top\nclear\n" + GAS + RIGID
-    text = loop + "variable t equal v_i\nrun 2\nnext i\njump SELF top\n"
-    own = take(written(tmp_path, text), tmp_path / "out", at=3)
-    lines = [one for one in own.scene.setup if one.split()[0] in ("variable", "next")]
-    assert lines.count("variable i loop 3") == 1 and lines.count("next i") == 2
-
-
 @pytest.mark.parametrize(
     "change",
     [
@@ -220,25 +210,6 @@ def test_fixes_that_change_the_step_are_left_out(tmp_path):
     assert not result.error and result.thermo["Time"][-1] == pytest.approx(0.002)
 
 
-def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
-    """Locks out another fix or run in the place of the one that is named, and tracebacks."""
-    text = GAS + "fix 1 a nve\nrun 5\n"
-    how = {"group": "a", "bodies": "single"}
-    assert "there is no fix 9 at that run; it has 1 (nve" in refused(
-        text, tmp_path, fix=("9",), **how
-    )
-    assert "no run of the script has fix 9" in refused(
-        GAS + RIGID + "run 5\n", tmp_path, fix=("9",)
-    )
-    assert "the script has 1 such runs" in refused(GAS + RIGID + "run 5\n", tmp_path, at=3)
-    message = refused(text, tmp_path, group="waters", bodies="molecule")
-    assert "no group waters at its run; it has all, a, b" in message
-    for words in "molecules", "custom", "custom x", "group", "group 2 a", "group 1 none":
-        assert f"--bodies {words}: molecule" in refused(text, tmp_path, group="a", bodies=words)
-    message = refused(GAS + 'if "1 == 1" "run 5"\n', tmp_path)
-    assert 'failed at \'if "1 == 1" "run 5"\'' in message
-
-
 def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     """Locks out rows that fail for a line of the script's output, where nobody says so."""
     text = GAS + RIGID + "compute k a ke/rigid 1\nthermo_style custom step pe f_1\n"
@@ -256,34 +227,6 @@ def test_letters_of_other_encodings_in_comments(tmp_path):
     path = tmp_path / "in.own"
     path.write_bytes("# Wärme\n".encode("latin-1") + (GAS + RIGID + "run 5\n").encode())
     assert take(path, tmp_path / "out").bodies == 1
-
-
-def test_thermo_output_without_a_temperature(tmp_path):
-    """Locks out a script that is refused because its output does not name what the harness asks."""
-    text = GAS + "velocity all create 2.0 5\nthermo_style custom step pe\n" + RIGID + "run 5\n"
-    assert take(written(tmp_path, text), tmp_path / "out").said["temperature"] > 0
-
-
-def test_labels_of_types_in_shake(tmp_path):
-    """Locks out a traceback for words of shake that are no numbers."""
-    path = scripts.spce(tmp_path, number=2)
-    labels = "labelmap bond 1 OW-HW\nlabelmap angle 1 HW-OW-HW\n"
-    text = path.read_text()
-    at = text.index("\n", text.index("read_data")) + 1
-    text = (text[:at] + labels + text[at:]).replace(" b 1 a 1", " b OW-HW a HW-OW-HW")
-    assert "b OW-HW" in text
-    path.write_text(text)
-    own = take(path, tmp_path / "out")
-    assert own.bodies == 8 and own.scene.constraints == "b OW-HW a HW-OW-HW"
-
-
-def test_others_begin_where_ours_cannot(tmp_path):
-    """Locks out a command that is refused as a whole, because one integrator cannot begin."""
-    both = "fix hold all shake 1e-6 100 0 b 1 a 1\nfix move all nve\n"
-    fix = f"{both}fix p all press/berendsen iso 1 1 1000"
-    path = scripts.spce(tmp_path, number=2, fix=fix)
-    take(path, tmp_path / "out")
-    assert (tmp_path / "out" / "script" / "bodies.dump").exists()
 
 
 @pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])
