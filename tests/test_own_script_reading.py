@@ -4,7 +4,6 @@ Held against LAMMPS itself, which runs the same script as it is.
 """
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import asdict, replace
@@ -21,7 +20,7 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system
-from validation.running import machine, recorder, run, startup
+from validation.running import machine, run
 from validation.running.store import Store
 
 
@@ -85,31 +84,6 @@ run 1
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
         assert own.scene.dt == float(told[1]) / 1000
-
-
-def test_scripts_are_read_with_the_package_that_is_installed():
-    """Locks out the checkout's fix_nosquish in its place, which is not what users' runs have, and
-    compiles its loops anew."""
-    code = (
-        f"import runpy; runpy.run_path({str(system.READER)!r}, run_name='reader')\n"
-        "import fix_nosquish; print(fix_nosquish.__file__)"
-    )
-    how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
-    preloaded = {**os.environ, **recorder.environment("/a/b/overlay")}
-    done = subprocess.run([sys.executable, "-c", code], env=preloaded, **how)
-    assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
-
-
-def test_what_fixes_write_stays_beside_each_run(tmp_path):
-    """Locks out a fix of the script's that is lost, and what fixes write in the user's folder."""
-    own = take(scripts.clusters(tmp_path), tmp_path / "out")
-    lines = [*own.scene.setup, *own.scene.then]
-    assert any("wall/lj93" in line for line in lines) and "fix_modify wall energy yes" in lines
-    assert any("means.txt" in line for line in lines)
-    run.run(run.job(own.scene, own.integrators[own.reference], tmp_path / "out" / "a", [100],
-                    dt=own.scene.dt, every=0))  # fmt: skip
-    (made,) = (tmp_path / "out" / "a").rglob("means.txt")
-    assert made.stat().st_size > 0 and not (tmp_path / "means.txt").exists()
 
 
 def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
@@ -255,29 +229,6 @@ def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
     assert result.error is None and result.thermo["Step"].tolist() == [0, 1, 2]
 
 
-def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
-    """Locks out a ramp that begins anew in each part of a run, and coordinates that LAMMPS refuses
-    to read in two dimensions."""
-    flat = GAS.replace("units lj\n", "units lj\ndimension 2\n").replace("6 0 6\n", "6 -0.5 0.5\n")
-    flat = flat.replace("1 1\ncreate", "1 0\ncreate").replace(" 4\n", " 0\n")
-    flat = flat.replace("group b id 3 0\n", "group b id 3 4\n")
-    path = tmp_path / "in.flat"
-    path.write_text(
-        flat + "velocity all create 1 5\nfix plane all enforce2d\nfix 1 a rigid/nve single\n"
-        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n"
-    )
-    own = take(path, tmp_path / "out")
-    how = {"dt": 0.001, "every": 0}
-    job = run.job(own.scene, own.integrators[own.reference], tmp_path / "run", [10, 20], **how)
-    result = run.run(job)
-    assert result.error is None
-    assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
-    ramp = finding.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
-    assert ramp.ramps == ["iso from 1 to 2"]
-    with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
-        system.refuse_ramps(replace(own, found=replace(own.found, state=ramp)))
-
-
 def test_a_failure_of_the_machine_is_no_result(tmp_path):
     """Locks out a full disk that is a run's result for ever."""
     job = run.Job(str(tmp_path), str(tmp_path), [], [1], None)
@@ -295,46 +246,46 @@ def test_a_failure_of_the_machine_is_no_result(tmp_path):
         assert run.is_there(job, failures=True) is result, text
 
 
-def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
-    """Locks out a traceback, a guess, or a message that does not say what to do."""
-    two = GAS + "fix 1 a rigid/nve single\nfix 2 b rigid/nve single\nrun 1\n"
-    message = refused(two, tmp_path)
-    assert "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)" in message
-    assert "--fix ID" in message
-    path = tmp_path / "in.two"
-    path.write_text(two)
-    assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
-    message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
-    assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
-    assert "has no run" in refused(GAS, tmp_path) and "has no run" in refused("", tmp_path)
-    message = refused(GAS + "jump /nowhere/nothing\n", tmp_path)
-    assert "failed at 'jump /nowhere/nothing'" in message
-    assert "Label wasn't found" in refused(GAS + "jump SELF there\n", tmp_path)
-    message = refused("jump SELF\n", tmp_path)
-    assert "a loop of the script have no end" in message
-    wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
-    assert "the script failed at 'fix 1 all rigid/nve molecule'" in refused(wrong, tmp_path)
-    for words in (
-        "fix 1 all",
-        "fix 1 all python/move",
-        'fix 1 all python/move "fix_nosquish.NVE all"',
-    ):
-        said = refused(f"{GAS}{words}\nrun 1\n", tmp_path)
-        assert f"the script failed at '{words}': ERROR" in said  # LAMMPS's own
-    late = GAS.replace("pair_coeff * *\n", "") + "fix 1 a rigid/nve single\nrun 1\n"
-    assert "coeffs are not set" in refused(late, tmp_path)
-    with pytest.raises(SystemExit, match="there is no script"):
-        take("nothing", tmp_path)
-    assert "has no run" in refused("jump /dev/stdin\n", tmp_path)
-    assert "failed at 'include in.bad'" in refused("include in.bad\n", tmp_path)
-    assert "has no run" in refused(GAS + "quit\nfix 1 a rigid/nve single\nrun 5\n", tmp_path)
-    with_gap = GAS + "group one id 2\ndelete_atoms group one compress no\n"
-    message = refused(with_gap + "fix 1 b rigid/nve single\nrun 1\n", tmp_path)
-    assert "atom IDs are not 1 to 3 at 'run 1' (the largest is 4)" in message
-    bare = "".join(line for line in GAS.splitlines(True) if line.split()[0] != "create_atoms")
-    bare = bare.replace("id 1 2", "empty").replace("id 3 4", "empty")
-    message = refused(bare + "fix 1 all nve\nrun 1\n", tmp_path, group="all", bodies="molecule")
-    assert "there are no atoms at 'run 1'" in message
-    (tmp_path / "in.bad").write_bytes(b"\xff\xfe\0")
-    with pytest.raises(SystemExit, match=r"in\.bad: "):
-        take(tmp_path / "in.bad", tmp_path / "out")
+OWN = "fix 1 a rigid/nve single\n"
+HOW = {"group": "a", "bodies": "single"}
+SAID = [  # a script, options, and what the one line says
+    (f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n", {},
+     "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)"),
+    (f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n", {}, "--fix ID"),
+    (f"{GAS}fix 1 all nve\nrun 100000000\n", {}, "run 100000000: 1 (nve on all)"),
+    (f"{GAS}fix 1 all nve\nrun 100000000\n", {}, "--bodies molecule"),
+    (GAS, {}, "has no run"),
+    ("", {}, "has no run"),
+    (f"{GAS}jump /nowhere/nothing\n", {}, "failed at 'jump /nowhere/nothing'"),
+    (f"{GAS}jump SELF there\n", {}, "Label wasn't found"),
+    ("jump SELF\n", {}, "a loop of the script have no end"),
+    *(
+        (f"{GAS}{line}\nrun 1\n", {}, f"the script failed at '{line}': ERROR")
+        for line in (
+            "fix 1 all rigid/nve molecule", "fix 1 all", "fix 1 all python/move",
+            'fix 1 all python/move "fix_nosquish.NVE all"',
+        )
+    ),
+    (f"{GAS.replace('pair_coeff * *', '')}{OWN}run 1\n", {}, "coeffs are not set"),
+    ("jump /dev/stdin\n", {}, "has no run"),
+    ("include in.bad\n", {}, "failed at 'include in.bad'"),
+    (f"{GAS}quit\n{OWN}run 5\n", {}, "has no run"),
+    (f"{GAS}fix 1 a nve\nrun 5\n", {"fix": ("9",), **HOW},
+     "there is no fix 9 at that run; it has 1 (nve"),
+    (f"{GAS}{OWN}run 5\n", {"fix": ("9",)}, "no run of the script has fix 9"),
+    (f"{GAS}{OWN}run 5\n", {"at": 3}, "the script has 1 such runs"),
+    (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"group": "waters"},
+     "no group waters at its run; it has all, a, b"),
+    *(
+        (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"bodies": words}, f"--bodies {words}: molecule")
+        for words in ("molecules", "custom", "custom x", "group", "group 2 a", "group 1 none")
+    ),
+    (f"{GAS}if \"1 == 1\" \"run 5\"\n", {}, "failed at 'if \"1 == 1\" \"run 5\"'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "options", "says"), SAID)
+def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path, text, options, says):
+    """Locks out a traceback, a guess, another fix or run in the place of the one that is named, or
+    a message that does not say what to do."""
+    assert says in refused(text, tmp_path, **options)
