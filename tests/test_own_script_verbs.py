@@ -31,14 +31,6 @@ def test_an_integrator_that_is_none_is_refused(capsys):
     assert capsys.readouterr().err.endswith('choose from a ("a 1e-4 + b"), c\n')
 
 
-def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
-    """Locks out steps with blanks between them, that are answered with how all verbs are used."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["sample", "water", "--dt", "4", "6", "--short", "8"])
-    told = capsys.readouterr().err
-    assert "unrecognized arguments" in told and "--dt FS,FS" in told
-
-
 @pytest.mark.parametrize("verb", ["cost", "check"])
 def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
     """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
@@ -62,15 +54,6 @@ def test_cost_of_a_script(tmp_path, capsys):
     assert main(["cost", path, "--short", "--out", str(out), *words]) == 0
     (point,) = json.loads((out / "summary.json").read_text())["points"]
     assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
-
-
-def test_ranks_are_started_by_the_launcher(monkeypatch):
-    """Locks out a cluster's launcher that is not used."""
-    monkeypatch.setattr(run, "_launch", None)
-    run.launch_by("srun -n {ranks} --exact")
-    assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
-    run.launch_by(None)
-    assert run.launcher(4)[1:] == ["-np", "4"]
 
 
 @pytest.mark.parametrize(
@@ -130,9 +113,6 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = "claims report cost sample stress"
-
-
 @pytest.mark.parametrize(
     "words",
     [
@@ -150,27 +130,3 @@ def test_without_a_checkout_each_verb_says_that_there_are_no_scenes(words, tmp_p
     with pytest.raises(SystemExit, match="built-in scenes come with a checkout"):
         main(words.split())
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
-    """Locks out `choose from` with nothing behind it, of verbs that have no scenes."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["check", "water"])
-    assert "there is no input script water\n" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("compare water --group all", "--group is for a script"),
-        ("sample water -var a 1", "-var is for a script"),
-        ("cost water --run 2", "--run is for a script"),
-    ],
-)
-def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):
-    """Locks out words that are taken for a scene, or for a script, and do nothing there."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "in.own").write_text("units lj\n")
-    with pytest.raises(SystemExit) as end:
-        main(words.split())
-    assert end.value.code == 2 and said in capsys.readouterr().err
