@@ -1,14 +1,11 @@
 """What averages cost with their error: the verb's plan, numbers, verdicts and runs."""
 
-import gzip
 import json
 import re
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import BIN, read_thermo
 
 from validation import __main__
 from validation.experiment import Point
@@ -84,19 +81,6 @@ def test_what_runs(name, tmp_path):
         assert plan.points(["nh"], [3.0]) == [Point("nh", 3.0)]
 
 
-def test_points_at_two_states():
-    """Locks out a second state without the first one, or one that is held against another."""
-    plan = planned("pressure")
-    pressed, first = Point("npt-csvr-400atm", 6.0), Point("npt-csvr", 6.0)
-    assert plan.points(["npt-csvr-400atm"], [6.0]) == [first, pressed]
-    for scheme in plan.schemes.values():
-        if scheme.first:
-            other = plan.schemes[scheme.first]
-            assert (other.temperature, other.pressure, other.first) == (298.0, 1.0, "")
-            assert (scheme.temperature, scheme.pressure) in {(308.0, 1.0), (298.0, 400.0)}
-            assert scheme.held == other.held
-
-
 def test_lengths():
     """Locks out a settled part that is sampled, and samples at other times with other steps."""
     assert Lengths(300.0).runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
@@ -106,32 +90,6 @@ def test_lengths():
     assert Lengths(300.0).every(2.0, schemes.Scheme("x", "x", (), refined=True)) == 1
     total = runs_of(planned(), None, 20.0, 2).steps([Point("csvr", 4.0)])
     assert total == 2 * (10000 + 500 + 5000)
-
-
-def test_turns_of_the_peptide():
-    """Locks out a temperature of rotation of other degrees of freedom: counted in the data file."""
-    plan = planned("peptide")
-    with gzip.open(plan.scene.folder / "data.peptide.gz", "rt") as file:
-        atoms = file.read().split("\nAtoms", 1)[1].split("\n\n", 2)[1]
-    sizes = np.bincount([int(line.split()[1]) for line in atoms.splitlines()])[1:]
-    assert plan.turning == 2 * np.sum(sizes == 2) + 3 * np.sum(sizes > 2) and min(sizes) == 2
-
-
-@pytest.mark.parametrize("liquid, room", [(scenes.BENZENE, 2.48), (scenes.CARBON_DIOXIDE, 1.16)])
-def test_liquids(liquid, room):
-    """Locks out another density, molecules that overlap, and shapes of another size."""
-    lines = liquid.data().splitlines()
-    atoms = lines.index("Atoms # full") + 2
-    number = liquid.molecules * len(liquid.types)
-    x = np.array([line.split()[1:] for line in lines[atoms : atoms + number]], float)
-    box = np.array([float(line.split()[1]) for line in lines if line.endswith("hi")])
-    mass = np.array(liquid.mass)[x[:, 1].astype(int) - 1].sum()
-    assert mass / box.prod() / 0.602214076 == pytest.approx(liquid.density)
-    assert abs(x[:, 2].sum()) < 1e-9
-    far = x[:, None, 3:6] - x[:, 3:6]
-    far = np.linalg.norm(far - np.rint(far / box) * box, axis=2)
-    same = x[:, :1] == x[:, 0]
-    assert far[~same].min() > 2.5 and far[same].max() == pytest.approx(2 * room, abs=0.01)
 
 
 def test_seeds_of_a_scripts_own_integrators():
@@ -403,17 +361,6 @@ def test_what_is_not_judged():
 # ---- runs
 
 
-def test_a_start_has_no_longer_step_than_the_script(tmp_path):
-    """Locks out a start that breaks, of a script whose step is a short one."""
-    plan = planned()
-    for dt, steps in ((0.5, 40), (4.0, 10)):
-        some = runs_of(replace(plan, scene=replace(plan.scene, dt=dt)), tmp_path, 0.02)
-        job = some.start(1)
-        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
-        begun = some.job(Point("langevin-5", 1.0), 1).commands
-        assert any(f'state.dump" {steps} x' in line for line in begun)
-
-
 def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
     """Locks out the time of a core that other processes had, and a step's time for a ps's."""
     assert plans.cost(8000.0, 50.0, 4.0) == pytest.approx(1.0)
@@ -541,14 +488,3 @@ def test_translation_is_that_of_the_centres(tmp_path):
     found = result.thermo
     np.testing.assert_allclose(found["v_moves"], found["f_1[1]"], rtol=1e-6)
     np.testing.assert_allclose(found["KinEng"] - found["v_moves"], found["f_1[2]"], rtol=1e-6)
-
-
-def test_the_scene_runs_by_itself(tmp_path):
-    """Locks out an input script that is another scene than the verb's."""
-    log, plan = tmp_path / "alone.log", planned()
-    words = [str(BIN / "lmp"), "-in", "in.512", "-log", str(log), "-var", "nsteps", "1"]
-    done = subprocess.run(words, cwd=plan.scene.folder, capture_output=True, text=True, timeout=100)
-    assert done.returncode == 0, done.stdout
-    job = run.job(plan.scene, plan.starter.seeded(1), tmp_path / "scene", [0], dt=4.0, every=1)
-    energy = read_thermo(log.read_text())["PotEng"][0]
-    assert energy == pytest.approx(run.run(job).thermo["PotEng"][0], rel=1e-6)
