@@ -195,50 +195,5 @@ def test_counter(tmp_path):
         assert rank == sent | dict.fromkeys(of_fixes, 0)
 
 
-def test_counts_are_kept(tmp_path, monkeypatch):
-    """Locks out a case that is counted twice, a failed one that ends the others or is not told, and
-    a Ctrl-C that loses what was counted."""
-    from types import SimpleNamespace
-
-    from conftest import Silent
-
-    from validation.cost import measure, plan
-
-    sent = {"messages": 2.0, "bytes": 3000.0, "collectives": 0.0, "collective_bytes": 0.0}
-    begun, ends = [], {("rigid/nve", 1): "lost atoms", ("rigid/nve", 4): "interrupted"}
-
-    def run(job, environment):
-        begun.append((job.name, job.ranks))
-        error = ends.get((job.name, job.ranks))
-        return SimpleNamespace(error=error, interrupted=error == "interrupted")
-
-    def cost(ranks):
-        begun.clear()
-        points = plan.points(["messages"], ranks, [], plan.COMPARED, 5, 1.0)
-        return measure.cost(points, measure.Call(tmp_path, Silent()))
-
-    def job(scene, integrator, *_, ranks, **more):
-        return SimpleNamespace(ranks=ranks, name=integrator.name)
-
-    monkeypatch.setattr(measure.run, "job", job)
-    monkeypatch.setattr(measure.run, "run", run)
-    monkeypatch.setattr(measure.counting, "environment", lambda _: {})
-    counts = {key: measure.COUNTED * value for key, value in sent.items()}
-    counts |= {f"fix_{key}": value for key, value in counts.items()}
-    monkeypatch.setattr(measure.counting, "read", lambda _: [counts, counts])
-    first = cost([1, 4, 8])
-    assert first["interrupted"] and [
-        (row["integrator"], row["ranks"], row["error"]) for row in first["counts"]
-    ] == [
-        ("nosquish", 1, None),
-        ("rigid/nve", 1, "lost atoms"),
-        ("rigid/nve/small", 1, None),
-        ("nosquish", 4, None),
-    ]
-    ends.pop(("rigid/nve", 4))
-    second = cost([1, 4])
-    assert {ranks for _, ranks in begun} == {4} and not second["interrupted"]
-
-
 if __name__ == "__main__":
     run_counted()
