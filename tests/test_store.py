@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import subprocess
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,18 +102,6 @@ def test_interrupted(tmp_path):
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
 
 
-def test_alike(tmp_path, monkeypatch):
-    """Locks out records of another package in a summary, and older ones of the same name."""
-    dates = iter("abcd")
-    monkeypatch.setattr(machine, "now", lambda: next(dates))
-    kept = Store(tmp_path)
-    for value in 1, 2:
-        kept.keep("one", kept.origin(value), {"value": value})
-    assert [one["record"]["value"] for one in kept.alike().values()] == [2]
-    monkeypatch.setattr(machine, "package_hash", lambda: "another")
-    assert Store(tmp_path).alike() == {}
-
-
 def test_processes_share(tmp_path):
     """Locks out work that two processes do, and work that none does."""
     first, second = Store(tmp_path), Store(tmp_path)
@@ -186,36 +173,3 @@ def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
     assert kept.once("one", "origin", make) == {"value": 1.5}
     assert len(calls) == (1 if good else 2)
     assert len(capsys.readouterr().err.splitlines()) == (not good)
-
-
-def test_positions_that_were_not_written_to_their_end(tmp_path, monkeypatch):
-    """Locks out half a file of positions, which ends all later commands in the folder."""
-    worker = tmp_path / "worker.py"
-    text = run.WORKER.read_text()
-    assert text.count("np.savez(file, **arrays)") == 1
-    worker.write_text(text.replace("np.savez(file, **arrays)", "file.write(b'PK'); 1 / 0"))
-    monkeypatch.setattr(run, "WORKER", worker)
-    made = ["region box block 0 1 0 1 0 1", "create_box 1 box", "create_atoms 1 single 0 0 0"]
-    made = ["atom_style molecular", *made, "mass 1 1", "fix 1 all nve"]
-    job = run.Job(str(tmp_path / "run"), str(tmp_path), made, [1], "molecule")
-    assert run.run(job).error == "division by zero"
-    assert run.collect(job.directory).positions is None
-
-
-def test_nothing_of_python_runs_between_fork_and_exec(monkeypatch):
-    """Locks out a child that waits for ever for a lock that another thread, as that of a progress
-    bar, had when it was forked."""
-    popen, seen = subprocess.Popen, []
-
-    def begins(words, **more):
-        seen.append(more)
-        return popen(words, **more)
-
-    monkeypatch.setattr(subprocess, "Popen", begins)
-    output = subprocess.PIPE
-    with run.started(["sh", "-c", "trap"], stdout=output, text=True) as process:
-        assert process.communicate()[0] == ""  # no signal is ignored
-    with run.started(["no-such-program"], stderr=output, text=True) as process:
-        said = process.communicate()[1]
-    assert said == "ERROR: no-such-program cannot be started: No such file or directory\n"
-    assert len(seen) == 2 and not any(more.get("preexec_fn") for more in seen)
