@@ -4,7 +4,6 @@ cases tell integrators apart."""
 import csv
 import dataclasses
 import json
-import threading
 from pathlib import Path
 
 import committed
@@ -155,22 +154,6 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert len(done) == 9
 
 
-def test_rows_of_the_folder_are_judged_by_the_bounds_of_today(tmp_path):
-    """Locks out rows that are run again for a new bound, old verdicts that stay, and rows that
-    other inner bounds made."""
-    cases = {name: case(lambda stand, length: Number(0.5), name) for name in ("one", "two")}
-    measure.whole.write(tmp_path / "summary.json", stress(cases, cases, tmp_path / "elsewhere"))
-
-    def told(bounds):
-        stricter = {"one": dataclasses.replace(cases["one"], bounds=bounds), "two": cases["two"]}
-        found = stress(stricter, ["two"], tmp_path)["cases"]
-        return {case["name"]: case["rows"][0]["verdict"] for case in found}
-
-    assert told({"test": criterion(0.1)}) == {"one": "fail", "two": "pass"}
-    inner = {"test": criterion(0.1), "inner": criterion(0.3, inner=True)}
-    assert told(inner) == {"two": "pass"}
-
-
 def test_a_length_of_some_is_a_tenth(tmp_path):
     """Locks out slow schemes that run for all the length, and a tenth that others get."""
     found = case(lambda stand, length: Number(1e-6 * length), full=1000, tenth=measure.SLOW)
@@ -178,28 +161,6 @@ def test_a_length_of_some_is_a_tenth(tmp_path):
     told = {one["integrator"]: one["value"] * 1e6 for one in summary["cases"][0]["rows"]}
     assert told == pytest.approx({"nosquish": 1000, "gear": 100})
     assert found.length(False, "gear") == 1
-
-
-def test_a_case_is_one_process_alone(tmp_path):
-    """Locks out two processes in one case's folder, and one that waits while there are other
-    cases."""
-    done = []
-
-    def measured(stand, length):
-        done.append(stand.case.name)
-        return Number(0.5)
-
-    cases = {name: case(measured, name) for name in ("one", "two")}
-    with measure.Rows(cases, tmp_path, False).store.locked("one"):
-        run_them = threading.Thread(target=stress, args=(cases, ["one", "two"], tmp_path))
-        run_them.start()
-        for _ in range(60):  # on a busy machine it takes a while
-            run_them.join(0.5)
-            if done:
-                break
-        assert run_them.is_alive() and done == ["two"]
-    run_them.join(30.0)
-    assert done == ["two", "one"]
 
 
 # ---- exact answers
@@ -323,14 +284,6 @@ def test_many_looks_are_one_verdict(looks, starts):
     assert 0.02 < sure / 4000 < 0.06
 
 
-def test_drifts_of_starts_have_a_sign():
-    """Locks out a mean of absolute values, which chance alone keeps from zero."""
-    numbers = [Number(0.3, 0.1, freedom=62.0), Number(-0.1, 0.1, freedom=62.0)]
-    found = measure.drift_of_starts(numbers)
-    told = found.value, found.error, found.freedom
-    np.testing.assert_allclose(told, [0.1, 0.1 / np.sqrt(2), 62.0])
-
-
 # ---- that cases tell integrators apart
 
 # each with a length that is short, who passes and who does not
@@ -399,14 +352,6 @@ def test_limit_by_halving(monkeypatch, good):
         assert (found.value, found.error) == (0.375 + 0.25 * good, 0.0625)
 
 
-def test_limit_of_steps_that_are_bad_below_good_ones(monkeypatch):
-    """Locks out a limit of the step where shorter steps break too, as where an energy drifts with
-    any step."""
-    changing(monkeypatch, lambda dt, scene: 4.0 < dt < 8.1 or dt < 0.6)
-    found = molecules.halved(None, None, np.arange(0.5, 12.1, 0.5), 1.0)
-    assert (found.value, found.error) == (0.75, 0.125)
-
-
 def test_limit_is_a_mean_over_starts(monkeypatch):
     """Locks out an error bar without what another start gives, or one for which four starts were as
     good as many."""
@@ -418,31 +363,6 @@ def test_limit_is_a_mean_over_starts(monkeypatch):
     scatter = stats.t.ppf(0.975, 3) * np.std([4, 5, 6, 7], ddof=1) / 2
     expected = np.hypot(scatter, stats.norm.ppf(0.975) * 0.25)
     np.testing.assert_allclose(measures.margin(found.error, found.freedom), expected)
-
-
-def test_limit_of_a_run_that_breaks_at_once(tmp_path):
-    """Locks out a crash, and a limit, where not even the first step is borne."""
-
-    def measured(stand, length):
-        return molecules.limit(stand, molecules.dimer_of(0.1), np.array([50.0, 60.0]), length)
-
-    found = row(case(measured, side="≥"), folder=tmp_path, length=5000.0)
-    assert (found["verdict"], found["value"]) == ("fail", 0.0)
-    assert found["note"].startswith("not even at 50 fs"), found
-
-
-def test_dimer_of_other_masses_has_the_same_energy(tmp_path):
-    """Locks out a light dimer that is hotter or colder than the others."""
-    kinetic = []
-    for mass in 1.0, 0.1, 0.01:
-
-        def measured(stand, length, mass=mass):
-            how = {"dt": 0.01, "every": 1}
-            result, _ = stand.run(molecules.dimer_of(mass), f"{mass}", [length], **how)
-            return Number(result.thermo["KinEng"][0])
-
-        kinetic.append(row(case(measured), "rigid/nve", tmp_path)["value"])
-    np.testing.assert_allclose(kinetic, kinetic[1], rtol=1e-9)
 
 
 def test_refused_bodies_are_not_run(tmp_path):
