@@ -284,7 +284,7 @@ fix_modify hold energy yes
 variable T equal 1.5
 fix 1 all python/move "fix_nosquish.NVE bodies molecule"
 fix 1 all python/move &
-  "fix_nosquish.NVT bodies molecule moments equal 6 temp v_T v_T 1 seed 7 points points"
+  "fix_nosquish.NVT bodies molecule moments equal 6 temp v_T v_T 1 seed 7 flexible points"
 fix_modify 1 virial yes
 run 0
 velocity all scale 1.5

@@ -195,7 +195,7 @@ CASES = {
     ),
     # the atoms
     "atoms without IDs": Case(
-        "some single points loose",
+        "some single flexible loose",
         ("needs atom IDs", "atom_modify id no"),
         before="clear\natom_style atomic\natom_modify id no\nregion r block 0 9 0 9 0 9\n"
         "create_box 1 r\ncreate_atoms 1 random 20 5 NULL\nmass 1 1\npair_style zero 2\n"

@@ -144,7 +144,7 @@ def test_virial_of_bonded_bodies(run_lammps, ranks):
 def test_rejected_trajectory_of_bonded_bodies(run_lammps, ranks):
     """Locks out terms of the force field that are not computed anew where a rejected trajectory
     goes back, or not for each atom: all energies, forces and pressures are those of before."""
-    words = "molecule temp 300 steps 10 seed 7 points rest"
+    words = "molecule temp 300 steps 10 seed 7 flexible rest"
     text = f"{SETUP}group rest subtract all rigid\ntimestep 0.5\n"
     text += f'fix 1 rigid python/move "mine.Rejects rigid {words}"\n'
     text += "compute each all pe/atom\ncompute sum all reduce sumsq c_each\n"

@@ -252,7 +252,7 @@ MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what h
         "fix own_held own_rest rattle 1e-6 200 0 b 1 3 a 1",
     ]),
     "pressure": ("fix 1 all npt temp 300 300 100 iso 1 1 1000 drag 0.2", [
-        f"{NPT} points own_rest",
+        f"{NPT} flexible own_rest",
     ]),
     "pressure and shake": (
         "fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all npt temp 300 300 100 iso 1 1 1000\n"
@@ -266,7 +266,7 @@ MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what h
         "group frozen id 82\ngroup mobile subtract all frozen\n"
         "fix 1 mobile npt temp 300 300 100 iso 1 1 1000",
         ["group own_others subtract all own_bodies own_rest",
-         f"{NPT} points own_rest dilate own_others"],
+         f"{NPT} flexible own_rest dilate own_others"],
     ),
     "two fixes": ("group water molecule 1:27\ngroup solute subtract all water\n"
         "fix 1 water nvt temp 300 300 100\nfix 2 solute nvt temp 280 280 50",

@@ -137,7 +137,7 @@ angle_style zero
 angle_coeff *
 special_bonds lj/coul 0 0 0
 group rigid molecule <= 50
-group flexible subtract all rigid
+group rest subtract all rigid
 group own_rest empty
 group solute empty
 group tip molecule 1

@@ -245,7 +245,7 @@ fix field all efield 0 0.5 0.3
 def test_torque_without_a_moment(run_lammps):
     """Locks out a quench that waits for a torque that turns nothing, on a dipole that is a
     point."""
-    one = fix("force v_f torque v_f points loose", 1e-4, "all", "rigid custom i_body")
+    one = fix("force v_f torque v_f flexible loose", 1e-4, "all", "rigid custom i_body")
     done = run_lammps(f"{DIPOLES}{one}run 4000\n")
     assert ": as asked for" in done.log
 

@@ -87,7 +87,7 @@ def test_rejected(run_lammps, tmp_path, case, ranks):
     words = "temp 400 steps 400 seed 7 mix v_none"
     before, group, flat = "", "all", ""
     if case == "points":
-        before, group, words = POINTS, "stiff", f"{words} points loose"
+        before, group, words = POINTS, "stiff", f"{words} flexible loose"
     if case == "plane":
         flat = "fix 2 all enforce2d\n"
     words = fix(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 200)
@@ -239,7 +239,7 @@ def test_same_end(run_lammps, tmp_path, kinds):
     restart file on another number of ranks, with what was counted."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = "temp 2 steps 10 seed 13 mix v_half"
-    bodies = fix(words) if kinds == "bodies" else fix(f"{words} points loose", group="stiff")
+    bodies = fix(words) if kinds == "bodies" else fix(f"{words} flexible loose", group="stiff")
     start = f"{SMOOTH}timestep 0.025\n{bodies}{of_trajectories(10)}"
     begin, end = f"{system.setup}\n{POINTS}{start}", DUMP.format("end")
     runs = [(f"{begin}run 120\n{end}", ranks) for ranks in (1, 2, 4, 8)]

@@ -135,7 +135,7 @@ def test_evaporate(compared, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_points(compared, ranks):
-    """Locks out atoms of keyword points that come and go and are not moved, or moved twice."""
+    """Locks out atoms of keyword flexible that come and go and are not moved, or moved twice."""
     first = (
         MOLECULES.format(12)
         + "\nregion top block 0 8 0 8 7 8\ngroup gas empty\ngroup bodies type 1 2"
@@ -145,7 +145,7 @@ def test_points(compared, ranks):
         "fix 3 gas evaporate 25 1 box 4928"
     )
     theirs = "fix 1 bodies rigid/nve/small molecule\nfix 9 gas nve"
-    ours = 'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule points gas order 123"'
+    ours = 'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule flexible gas order 123"'
     left = compared(ours, theirs, first=first, changes=changes, ranks=ranks)
     assert left[0][0]["Atoms"][-1] == 36 + 9 - 4
     assert_same(left)

@@ -694,13 +694,13 @@ def test_single_spheres(run_clumps, dimension):
 
 
 def test_spheres_as_points(run_lammps):
-    """Locks out spheres of keyword points that are counted among the kinds of the bodies, and
+    """Locks out spheres of keyword flexible that are counted among the kinds of the bodies, and
     degrees of freedom that leave out how they turn."""
     script, data = clumps(points=False)
     script += "group bodies molecule <= 20\ngroup loose subtract all bodies\n"
-    fix = 'fix 1 all python/move "fix_nosquish.NVE bodies molecule points loose"\n'
+    fix = 'fix 1 all python/move "fix_nosquish.NVE bodies molecule flexible loose"\n'
     log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
-    assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 points" in log
+    assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 flexible atoms" in log
     assert f"{20 * 6 + 21 * 6} left to the bodies" in log
 
 
@@ -765,7 +765,7 @@ def test_restart_of_two_fixes(simulate, run_lammps, tmp_path):
         return f"""{neighbours}timestep {system.dt:.17g}
 variable s string {of_solids}
 variable p string {of_planars}
-fix 1 all python/move "fix_nosquish.NVE solid molecule infile v_s points single"
+fix 1 all python/move "fix_nosquish.NVE solid molecule infile v_s flexible single"
 fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
 """
 

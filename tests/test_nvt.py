@@ -630,7 +630,7 @@ POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
 
 def with_points(words, temperature="2 2 2e-1"):
     """The lines for bodies and, besides, the atoms of five molecules as points."""
-    line = f"NVT stiff molecule temp {temperature} {words} points loose"
+    line = f"NVT stiff molecule temp {temperature} {words} flexible loose"
     return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
 
 
@@ -652,7 +652,7 @@ def test_points_move_as_with_nve(run_lammps, tmp_path):
     """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
     fix nve has them beside the bodies."""
     system, ends = mixture(side=3, spacing=2.9), []
-    one = 'fix 1 all python/move "fix_nosquish.NVE stiff molecule points loose"\n'
+    one = 'fix 1 all python/move "fix_nosquish.NVE stiff molecule flexible loose"\n'
     two = 'fix 1 stiff python/move "fix_nosquish.NVE stiff molecule"\nfix 2 loose nve\n'
     for words in (one, two):
         script = f"{system.setup}\n{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n"
@@ -673,7 +673,7 @@ def test_points_have_the_temperature(run_lammps, tmp_path):
     loose = atoms[atoms[:, 1] <= 150]
     for component in (loose[:, 6:] * np.sqrt(loose[:, 2:3] / 2.0)).T:
         assert stats.kstest(component, "norm").pvalue > 1e-3
-    assert f"{len(loose)} points, the atoms of group loose" in log
+    assert f"{len(loose)} flexible atoms, of group loose" in log
     assert "  66 rigid bodies with" in log
 
 

@@ -116,14 +116,14 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         "rigid molecule": [True] * 4,
         'python/move "fix_nosquish.NVE bodies molecule"': [True, True, False, False],
         'python/move "fix_nosquish.HMC bodies molecule temp 1 every 9 seed 5"': [1, 1, 0, 0],
-        'python/move "fix_nosquish.NVT bodies molecule temp 1 1 1 points points seed 5"': [
+        'python/move "fix_nosquish.NVT bodies molecule temp 1 1 1 flexible points seed 5"': [
             1,
             1,
             1,
             0,
         ],
-        'python/move "fix_nosquish.NVE bodies molecule moments step points points"': [1, 1, 1, 0],
-        "nosquish/npt molecule temp 1 1 1 seed 5 iso 1 1 9 points points": [True] * 4,
+        'python/move "fix_nosquish.NVE bodies molecule moments step flexible points"': [1, 1, 1, 0],
+        "nosquish/npt molecule temp 1 1 1 seed 5 iso 1 1 9 flexible points": [True] * 4,
         'python/move "other.Class bodies"': [True] * 4,
     }
     for text, wanted in words.items():

@@ -165,7 +165,7 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     fix_modify."""
     _, own, folder = staged
     found = own.found
-    assert (found.group, found.points, found.rest) == ("bodies", "points", True)
+    assert (found.group, found.flexible, found.rest) == ("bodies", "points", True)
     assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
     assert found.state == finding.State(("1.5", "1.5", "1"))
     assert found.dropped == ("moments equal 6",)

@@ -184,7 +184,7 @@ ACTS = {
     "rotor": "test_exact_rotor.py::test_free_bodies_in_lammps",
     "order": "test_nve.py::test_order_of_axes",
     "output": "test_output.py::test_steps_of_several_runs",
-    "points": "test_nvt.py::test_points_move_as_with_nve",
+    "flexible": "test_nvt.py::test_points_move_as_with_nve",
     "mol": "test_insertion.py::test_one_of_several_templates",
     "gravity": "test_from_rigid.py::test_gravity",
     "temp": "test_nvt.py::test_ramp",

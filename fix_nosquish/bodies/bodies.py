@@ -30,7 +30,7 @@ from ..ranks import migration
 from ..ranks.communicator import ALONE, Alone
 from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
 from ..ranks.sharing import Sharers, places
-from .membership import POINTS, Former, Membership
+from .membership import FLEXIBLE, Former, Membership
 from .particles import Particles
 
 OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
@@ -187,8 +187,8 @@ class Bodies:
 
     @property
     def listed(self) -> np.ndarray:
-        """Which bodies are counted here and are bodies of the fix line, not its points, (n,)."""
-        return self.sharers.owned & (self.state[block.ID] < POINTS)
+        """Which bodies are counted here and are no flexible atoms, (n,)."""
+        return self.sharers.owned & (self.state[block.ID] < FLEXIBLE)
 
     @property
     def flat(self) -> np.ndarray:

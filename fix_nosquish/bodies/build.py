@@ -14,7 +14,7 @@ from ..motion.frames import matrices, quaternions
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
 from .members import Members, find_members, sharers_of
-from .membership import POINTS, Former, Membership
+from .membership import FLEXIBLE, Former, Membership
 from .particles import Particles, particles_of
 from .principal import moments_and_axes
 from .unfold import Unfolded, unfold
@@ -296,7 +296,7 @@ def count(membership: Membership) -> int | None:
         ids = np.unique(membership.body_ids(membership.atoms()))
     except RunError:
         return None
-    owned = sharers_of(membership.communicator, ids[ids < POINTS]).owned
+    owned = sharers_of(membership.communicator, ids[ids < FLEXIBLE]).owned
     return membership.communicator.count(owned.sum()) or None
 
 

@@ -19,7 +19,7 @@ from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 from .bodies import Bodies
 from .build import Given
-from .membership import POINTS, Membership
+from .membership import FLEXIBLE, Membership
 from .unfold import Unfolded
 
 _COLUMNS = 20
@@ -75,7 +75,7 @@ def _offset(counts: bool, ids: np.ndarray, communicator: Alone) -> int:
     """By how much the bodies' IDs exceed those of a file that counts; else 0; collective."""
     if not counts:
         return 0
-    return int(communicator.gather_to_all(ids[ids < POINTS]).min(initial=POINTS)) - 1
+    return int(communicator.gather_to_all(ids[ids < FLEXIBLE]).min(initial=FLEXIBLE)) - 1
 
 
 def _off_centre(unfolded: Unfolded, off: np.ndarray) -> list[str]:
@@ -167,8 +167,8 @@ def _tensors(rows: np.ndarray) -> np.ndarray:
 
 
 def write(path: str, counts: bool, bodies: Bodies, membership: Membership) -> None:
-    """Write the bodies of the fix line, not its points, as they are, to a file that is whole, or is
-    what it was; collective.
+    """Write the bodies of the fix line as they are, without flexible atoms, to a file that is
+    whole, or is what it was; collective.
 
     Args:
         counts: as of `read`.

@@ -9,7 +9,7 @@ from ..errors import RunError
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from ..ranks.sharing import Sharers
-from .membership import POINTS, Former, Membership
+from .membership import FLEXIBLE, Former, Membership
 from .particles import Particles, particles_of
 
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
@@ -23,7 +23,7 @@ class Members(NamedTuple):
         natoms, mass: (n,) number of atoms of each body and their mass, on all ranks.
         atoms, body, tag, atom_mass: (m,) each atom's index in LAMMPS's arrays, the place of its
             body in `ids`, its ID, its mass.
-        particles: what the atoms are besides points; None if this atom style has points only.
+        particles: what the atoms are besides point masses; None if this atom style has only these.
         sharers: the `Sharers` of these bodies.
         membership: the `Membership`.
     """
@@ -136,9 +136,9 @@ def find_members(
         )
     _refuse_odd_atoms(membership, atoms, tag, mass, lammps.unknown(shapes))
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    far = (ids_of_atoms < _LEAST_ID) | ((ids_of_atoms >= POINTS) & (ids_of_atoms != POINTS + tag))
+    taken = (ids_of_atoms >= FLEXIBLE) & (ids_of_atoms != FLEXIBLE + tag)
     communicator.refuse(
-        far,
+        (ids_of_atoms < _LEAST_ID) | taken,
         lambda k: (
             f"{membership.name(ids_of_atoms[k])} has too large an ID: less than 2^52 is possible"
         ),
@@ -172,7 +172,7 @@ def _refuse_odd_atoms(
     )
     # a point's ID is calculated with as a real number
     communicator.refuse(
-        tag >= POINTS,
+        tag >= FLEXIBLE,
         lambda k: f"atom {tag.max()} has too large an ID: less than 2^52 is possible",
     )
     what = np.zeros(len(atoms), "U1") if unknown is None else unknown[atoms]

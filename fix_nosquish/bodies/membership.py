@@ -9,7 +9,7 @@ from ..host.command import Command
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 
-POINTS = 2**52  # a point's ID is this more than that of its atom; bodies have smaller ones
+FLEXIBLE = 2**52  # a flexible atom's ID is this plus its tag; IDs of bodies are smaller
 
 
 class Former(NamedTuple):
@@ -43,7 +43,7 @@ class Membership:
         command: the `Command`, which is the fix line.
         variable: name of the atom-style variable that tells bodies apart; "" if none does.
         masks: bits of `lammps.groups` by name.  An atom is in a body if its groups have some bit of
-            fix_group and some of body_groups.  It is a point if they have some bit of points.
+            fix_group and some of body_groups.  It is flexible if they have some bit of flexible.
 
     Raises:
         RunError: on all ranks, for a group or variable that is not there.
@@ -52,8 +52,8 @@ class Membership:
     def __init__(self, lammps: Lammps, communicator: Alone, command: Command) -> None:
         self.lammps, self.communicator, self.command = lammps, communicator, command
         of_bodies = command.arguments if command.style == "group" else (command.group,)
-        of_points = (command.points,) if command.points else ()
-        for group in (command.group, *of_bodies, *of_points):
+        of_atoms = (command.flexible,) if command.flexible else ()
+        for group in (command.group, *of_bodies, *of_atoms):
             if not lammps.has("group", group):
                 raise RunError(
                     f"there is no group '{group}': define it before the fix", everywhere=True
@@ -70,23 +70,23 @@ class Membership:
         bits = {
             "fix_group": lammps.group_bit(command.group),
             "body_groups": np.bitwise_or.reduce(self._bits),
-            "points": sum(lammps.group_bit(group) for group in of_points),
+            "flexible": sum(lammps.group_bit(group) for group in of_atoms),
         }
         self.masks = {name: np.uint32(some).view(np.int32).item() for name, some in bits.items()}
 
     def atoms(self) -> np.ndarray:
-        """Indices of this rank's atoms that are in bodies, or points."""
-        return np.flatnonzero(np.logical_or(*self._rigid_and_points()))
+        """Indices of this rank's atoms that are in bodies, or flexible."""
+        return np.flatnonzero(np.logical_or(*self._rigid_and_flexible()))
 
-    def _rigid_and_points(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which of this rank's atoms are in bodies, and which are points, (natoms,) bool each."""
-        one, other, points = (
+    def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which of this rank's atoms are in bodies, and which are flexible, (natoms,) bool each."""
+        one, other, flexible = (
             self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
         )
-        return one & other, points
+        return one & other, flexible
 
     def body_ids(self, atoms: np.ndarray, former: Former | None = None) -> np.ndarray:
-        """The ID of the body of each of these atoms, or of the point that it is; collective.
+        """The ID of the body of each of these atoms, or its own if it is flexible; collective.
 
         Args:
             atoms: (m,) their indices.
@@ -97,21 +97,21 @@ class Membership:
             RunError: on all ranks, for an atom that is both, and where the body style's IDs are not
                 there.
         """
-        rigid, points = (which[atoms] for which in self._rigid_and_points())
+        rigid, flexible = (which[atoms] for which in self._rigid_and_flexible())
         tags = self.lammps.tags[atoms].astype(np.int64)
-        ids = POINTS + tags
+        ids = FLEXIBLE + tags
         ids[rigid] = self._ids_of_bodies(atoms[rigid], former)
         self.communicator.refuse(
-            rigid & points,
+            rigid & flexible,
             lambda k: (
                 f"atom {tags[k]} is in a rigid body, and in group "
-                f"'{self.command.points}' of keyword points: leave it out of one of them"
+                f"'{self.command.flexible}' of keyword flexible: leave it out of one of them"
             ),
         )
         return ids
 
     def _ids_of_bodies(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
-        """As `body_ids`, of atoms that are no points."""
+        """As `body_ids`, of atoms in bodies."""
         style, arguments, lammps = self.command.style, self.command.arguments, self.lammps
         if style == "single":
             return np.ones(len(atoms), np.int64)
@@ -170,8 +170,8 @@ class Membership:
     def name(self, body: int) -> str:
         """How a user would name the body of this ID."""
         style, arguments = self.command.style, self.command.arguments
-        if self.command.points and body > POINTS:
-            return f"atom {body - POINTS} (keyword points)"
+        if self.command.flexible and body > FLEXIBLE:
+            return f"atom {body - FLEXIBLE} (keyword flexible)"
         if style == "molecule":
             return f"the body of molecule {body}"
         if style == "custom":

@@ -245,7 +245,7 @@ KEYWORDS = {
         f"N, {_COUNT}, and {_FILE}",
         lambda words, expected: Output(words.whole(expected, _INTEGER), words.take(expected)),
     ),
-    "points": Keyword("the ID of a group, whose atoms are in no body", _Words.take),
+    "flexible": Keyword("the ID of a group, whose atoms are in no body", _Words.take),
     "mol": Keyword(
         "the ID of a molecule template, as fix deposit, pour or gcmc names it", _Words.take
     ),
@@ -384,7 +384,7 @@ class Command:
         reinit: whether the bodies are made anew when a run starts.
         infile: the file with the bodies' properties, None for none.
         output: the table of bodies, None for none.
-        points: ID of the group whose atoms move as points, each by itself; None for none.
+        flexible: ID of the group whose atoms are in no body and move one by one; None for none.
         mol: ID of the molecule template of which fixes insert bodies, None for none.
         gravity: ID of the fix gravity that gives the bodies' weight, None for none.
         temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, () for none.
@@ -414,7 +414,7 @@ class Command:
     reinit: bool = True
     infile: str | None = None
     output: Output | None = None
-    points: str | None = None
+    flexible: str | None = None
     mol: str | None = None
     gravity: str | None = None
     temp: tuple[str, ...] = ()

@@ -34,8 +34,8 @@ COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), 
 class Barostat(Part):
     """What changes the box of an ensemble every so many steps.
 
-    All atoms of the system are in its bodies, or points, or keyword dilate says of the others which
-    ones move with the box.
+    All atoms of the system are in its bodies, or flexible, or keyword dilate says which of the
+    others move with the box.
 
     Attributes:
         of_numbers: the record of what it knows.
@@ -138,7 +138,7 @@ class Barostat(Part):
         outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
         refuse(
             outside and not self.command.dilate,
-            f"{outside} atoms are in no body: give their group to keyword points, so that this "
+            f"{outside} atoms are in no body: give their group to keyword flexible, so that this "
             "fix moves them, too, or say by keyword dilate which of them the box takes along",
         )
         self.has_others = outside > 0

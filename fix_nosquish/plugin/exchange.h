@@ -92,7 +92,7 @@ class Exchange : public Part {
     if (bit) MPI_Allreduce(&own, &left, 1, MPI_LMP_TAGINT, MPI_MAX, world);
     if (left)
       refuse("neigh_modify include leaves out atom " + std::to_string(left) + ", which this fix moves, and LAMMPS computes no forces on "
-             "such atoms: have all bodies and points in that group (and in that of atom_modify first), or leave it out");
+             "such atoms: have all bodies and atoms of keyword flexible in that group (and in that of atom_modify first), or leave it out");
   }
 
   double bytes() const { return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }

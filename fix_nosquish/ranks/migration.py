@@ -110,8 +110,8 @@ class Atoms(NamedTuple):
 
     Attributes:
         groups: (natoms,) the bits of each atom's groups.
-        fix_group, body_groups, points: masks: an atom is in a body if it has a bit of each of the
-            first two, and a point if it has one of the third.
+        fix_group, body_groups, flexible: masks: an atom is in a body if it has a bit of each of the
+            first two, and flexible if it has one of the third.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -122,7 +122,7 @@ class Atoms(NamedTuple):
     groups: I1
     fix_group: I
     body_groups: I
-    points: I
+    flexible: I
     origins: L1
     arrived: F2
     arrived_cell: L1
@@ -144,7 +144,7 @@ def locate(atoms, bodies, found):
     here, place = new_longs(bodies, BODIES.here, natoms), new_longs(bodies, BODIES.place, natoms)
     for i in range(natoms):
         groups = atoms.groups[i]
-        if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.points:
+        if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.flexible:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == IN_NO_BODY or j >= index.size or -j > arrived:

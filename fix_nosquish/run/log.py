@@ -25,7 +25,7 @@ _PUSHED = 0.1
 
 
 class _Counts(NamedTuple):
-    """Numbers of bodies on all ranks; of rotors and lines points count, too, as spheres turn."""
+    """Numbers of bodies on all ranks; rotors and lines include flexible spheres and ellipsoids."""
 
     bodies: int
     solid: int
@@ -33,7 +33,7 @@ class _Counts(NamedTuple):
     linear: int
     single: int
     atoms: int
-    points: int
+    flexible: int
     rotors: int
     lines: int
     shared: int
@@ -69,11 +69,11 @@ def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
     owned = freedom(bodies, lammps.dimension)[bodies.sharers.owned]
     own = communicator.total(np.array([owned.sum()]))[0]
     done, left = _passes(integrator, found, virial)
-    points = f"; {found.points} points, the atoms of group {command.points}"
+    flexible = f"; {found.flexible} flexible atoms, of group {command.flexible}"
     lines = [
         f"Rigid bodies by {integrator.method}, fix_nosquish {__version__}: {command.text}",
         f"  {found.bodies} rigid bodies with {found.atoms} atoms: {_kinds(bodies, found)}"
-        f"{points if command.points else ''}",
+        f"{flexible if command.flexible else ''}",
         f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
         f"  start velocities: {_start(notes, own, lammps)}",
         "\n    ".join(["  passes in use:", *(done or ["translation"])]),
@@ -101,7 +101,7 @@ def _counted(integrator: "Integrator") -> _Counts:
         linear=listed[rotors:turning].sum(),
         single=listed[turning : len(bodies)].sum(),
         atoms=bodies.natoms[listed].sum(),
-        points=(owned & ~listed).sum(),
+        flexible=(owned & ~listed).sum(),
         rotors=owned[:rotors].sum(),
         lines=owned[rotors:turning].sum(),
         shared=len(shared[owned[shared]]),

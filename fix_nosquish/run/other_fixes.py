@@ -253,10 +253,10 @@ def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -
             f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
             f"give it {without}, or use fix nosquish/{'nph' if integrator.box_every else 'nve'}"
         )
-    if command.points and host.removed_freedom(fix.id, command.points):
+    if command.flexible and host.removed_freedom(fix.id, command.flexible):
         return (
-            f"{theirs} constrains atoms of group '{command.points}', which "
-            "keyword points moves as points: unfix it, or leave them out of the group"
+            f"{theirs} constrains atoms of group '{command.flexible}', which "
+            "keyword flexible moves without constraints: unfix it, or leave them out of the group"
         )
     groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
     if all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups):

@@ -84,7 +84,7 @@ DTYPE = np.dtype(
 def table(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     """The bodies that are counted on this rank: each of the simulation's bodies is on one rank.
 
-    Atoms of keyword points are not among them.
+    Atoms of keyword flexible are not among them.
 
     Returns:
         structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..bodies.bodies import Bodies
-from ..bodies.membership import POINTS
+from ..bodies.membership import FLEXIBLE
 from ..errors import RunError
 from ..host.command import Command
 from ..ranks.communicator import Alone
@@ -46,8 +46,8 @@ def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choic
         off, flat = ("x and y are", switch.on[:2]) if rows is _TORQUE else ("z is", switch.on[2:])
         if bodies.planar and any(flat):
             raise RunError(f"keyword {name}: {off} off in two dimensions: say off", everywhere=True)
-        lowest = ids[first - 1] if switch.first else -2 * POINTS
-        highest = ids[last - 1] if switch.last else POINTS - 1
+        lowest = ids[first - 1] if switch.first else -2 * FLEXIBLE
+        highest = ids[last - 1] if switch.last else FLEXIBLE - 1
         found.append(Choice(lowest, highest, rows, switch.on))
     return found
 

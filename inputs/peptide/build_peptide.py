@@ -181,10 +181,10 @@ def equilibrate(alpha):
         include {HERE / "forcefield.peptide"}
         read_data {START}
         group rigid molecule > 0
-        group flexible subtract all rigid
+        group rest subtract all rigid
         velocity all create {TEMPERATURE} {SEED} mom yes
         fix 1 rigid rigid/nve/small molecule
-        fix 2 flexible nve
+        fix 2 rest nve
         fix bath all langevin {TEMPERATURE} {TEMPERATURE} 200 {SEED}
         group alpha id {" ".join(map(str, alpha))}
         fix springs alpha spring/self {SPRING}
@@ -220,9 +220,9 @@ def check():
         include {HERE / "forcefield.peptide"}
         read_data {OUTPUT}
         group rigid molecule > 0
-        group flexible subtract all rigid
+        group rest subtract all rigid
         fix 1 rigid rigid/nve/small molecule
-        fix 2 flexible nve
+        fix 2 rest nve
         thermo_style custom step temp pe etotal press density
         run 0
     """)

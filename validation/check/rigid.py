@@ -121,7 +121,7 @@ def _moving(found: Found, said: Mapping, atoms: parts.Atoms) -> list[str]:
     made = [line.format(group=GROUP, bodies=STYLE) for line in ours[chains].lines]
     moved = finding.in_group(said, atoms, texts(found.mover)[2])
     if found.state.press and not (moved | (found.body > 0)).all():  # the box scales all others, too
-        taken = f"{GROUP} {schemes.REST}" if f"points {schemes.REST}" in made[-1] else GROUP
+        taken = f"{GROUP} {schemes.REST}" if f"flexible {schemes.REST}" in made[-1] else GROUP
         line = made.pop().replace(f" dilate {schemes.REST}", "")
         made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]
     return made

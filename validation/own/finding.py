@@ -111,7 +111,7 @@ class Found:
         body: (atoms,) number of each atom's body from 1, 0 for none.
         rest: whether the fixes also move other atoms, ``mover`` is the command that does, and
             ``holder`` the one that holds some of these.
-        points: group of these other atoms, where one of ours moves them with the bodies.
+        flexible: group of these other atoms, where one of ours moves them with the bodies.
         constraints: the words of shake that hold the same bodies; None if there are none.
         why: why not.
         keywords: that go into other fixes, too.
@@ -131,7 +131,7 @@ class Found:
     rest: bool = False
     mover: str = ""
     holder: str = ""
-    points: str = ""
+    flexible: str = ""
     constraints: str | None = None
     why: str = ""
     keywords: str = ""
@@ -296,13 +296,13 @@ def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.n
 
 def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
     """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
-    fix_nosquish those of the class's group, and its points, whatever the fix's group is."""
+    fix_nosquish those of the class's group, and its flexible atoms, whatever the fix's group is."""
     ours = words_of(line)
     if not ours:
         return in_group(said, atoms, texts(line)[2])
-    points = _points(ours.keywords)
+    flexible = _flexible(ours.keywords)
     mask = in_group(said, atoms, ours.group)
-    return mask | in_group(said, atoms, points) if points else mask
+    return mask | in_group(said, atoms, flexible) if flexible else mask
 
 
 def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) -> dict[str, str]:
@@ -316,9 +316,9 @@ def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) ->
     }
 
 
-def _points(keywords: Sequence[str]) -> str:
-    """The group of points that one of ours moves; empty for none."""
-    return next((part[1] for part in _split(keywords) if part[0] == "points"), "")
+def _flexible(keywords: Sequence[str]) -> str:
+    """The group of keyword flexible of one of ours; empty for none."""
+    return next((part[1] for part in _split(keywords) if part[0] == "flexible"), "")
 
 
 def _movers(said, atoms, fixes, mask) -> list[str]:
@@ -352,7 +352,7 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
             couple = part[1] if part[1] != "none" else None
         elif part[0] in KEPT:
             kept.append(" ".join(part))
-        elif part[0] not in ("seed", "thermostat", "barostat", "points"):
+        elif part[0] not in ("seed", "thermostat", "barostat", "flexible"):
             dropped.append(" ".join(part))
     return State(temp, tuple(press), couple), kept, dropped
 
@@ -372,7 +372,7 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
     else:
         count = body_words(words[4:])
         group, bodies, keywords = words[2], (*words[4 : 4 + count],), (*words[4 + count :],)
-    points = _points(keywords)
+    flexible = _flexible(keywords)
     state, kept, dropped = state_of(keywords)
     body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
@@ -385,8 +385,8 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
         " ".join(bodies),
         state,
         body,
-        rest=bool(points),
-        points=points,
+        rest=bool(flexible),
+        flexible=flexible,
         constraints=constraints,
         why=why,
         keywords="".join(" " + word for word in kept),

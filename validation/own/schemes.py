@@ -109,10 +109,10 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
     """Commands that make the group of the atoms that are in no body, and those that move them."""
     if not found.rest:
         return [], []
-    state, group, made = found.state, found.points, []
+    state, group, made = found.state, found.flexible, []
     if not group:
         group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
-    if state.press or found.points:
+    if state.press or found.flexible:
         style = "nvt" if state.temp else "nve"
         heat = state_words(State(state.temp))
         moves = [f"fix {REST} {group} {style}{heat}"]
@@ -133,15 +133,15 @@ def _id(found):
 
 
 def _ours(found: Found, units: str) -> Iterator[Integrator]:
-    state, (made, moves), points = found.state, _rest(found), ""
+    state, (made, moves), others = found.state, _rest(found), ""
     rest = [*made, *moves]
-    if found.rest and (state.press or found.points):
-        rest, points = made, f" points {found.points or REST}"
-        if found.holder:  # atoms that shake holds are no points: the box scales them
-            rest, points = [*made, *moves], f" dilate {REST}"
+    if found.rest and (state.press or found.flexible):
+        rest, others = made, f" flexible {found.flexible or REST}"
+        if found.holder:  # atoms that shake holds have their own fix: the box scales them
+            rest, others = [*made, *moves], f" dilate {REST}"
     style = f"nosquish/{state.ensemble}"
     for number, (kind, more) in enumerate(_kinds(state, units)):
-        said = state_words(state) + more + found.keywords + points
+        said = state_words(state) + more + found.keywords + others
         lines = (*rest, f"fix {_id(found)} {{group}} {style} {{bodies}}{said}")
         title = f"{OURS}-{kind.split()[0]}" if number else OURS
         yield Integrator(title, f"{style} {kind}".strip(), lines)
@@ -197,8 +197,8 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         return
     state = found.state
     group, made = texts(found.mover)[2] if found.mover else found.group, []
-    if found.points:
-        group, made = ALL, [f"group {ALL} union {{group}} {found.points}"]
+    if found.flexible:
+        group, made = ALL, [f"group {ALL} union {{group}} {found.flexible}"]
     of = texts(found.holder)[2] if found.holder else found.group
     move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + state_words(state)
     held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
@@ -286,10 +286,10 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
             f"The {stray:,} atoms with molecule-ID 0 are one rigid body, as in LAMMPS: give every "
             "body a molecule-ID of its own, or leave these atoms out of the group."
         )
-    if found.points:
+    if found.flexible:
         lines.append(
-            f"Atoms of group {found.points}, in no body, move, too: with ours as its points, with "
-            "others by a fix of their own."
+            f"Atoms of group {found.flexible}, in no body, move, too: with ours by keyword "
+            "flexible, with others by a fix of their own."
         )
     elif found.rest:
         lines.append("The other atoms that these fixes move keep their integrator.")

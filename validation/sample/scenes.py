@@ -67,8 +67,8 @@ def _pressure(folder: Path) -> Plan:
 def _peptide(_: Path) -> Plan:
     bodies = Bodies(
         TEMPERATURE["peptide"],
-        points=" points flexible",
-        rest="flexible",
+        flexible=" flexible rest",
+        rest="rest",
         everywhere="all",
         shake=True,
         alike=False,  # of four atoms it holds three bonds: the averages have their angles' energy

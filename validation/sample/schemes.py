@@ -171,7 +171,7 @@ class Bodies:
 
     Attributes:
         temperature: K.
-        points: keyword of ours for atoms that are in no body.
+        flexible: keyword of ours for atoms that are in no body.
         rest: group of these; empty for none.
         everywhere: group of all atoms that move.
         shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
@@ -183,7 +183,7 @@ class Bodies:
     """
 
     temperature: float
-    points: str = ""
+    flexible: str = ""
     rest: str = ""
     everywhere: str = "{group}"
     shake: bool = False
@@ -236,7 +236,7 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
     for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
         label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
         made.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
-    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.points) for scheme in made]
+    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in made]
     whole = bool(bodies.rest)
     return [replace(scheme, lines=own, whole=whole) for scheme, own in zip(made, lines)]
 

@@ -99,7 +99,7 @@ class Shadowed(NVE):
         elif others:
             problem = (
                 f"fix {others[0]} moves atoms, too, and the shadow energy is that of one fix's "
-                "steps: have one fix move all atoms, with keyword points"
+                "steps: have one fix move all atoms, with keyword flexible"
             )
         elif unknown := external.without_energy(self):
             problem = f"the shadow energy would drift: {unknown}"
