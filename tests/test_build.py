@@ -8,8 +8,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import threading
-import time
 from importlib import metadata
 from pathlib import Path
 
@@ -218,29 +216,6 @@ def test_a_rank_without_python(tmp_path):
     errors = [line for line in done.stdout.splitlines() if line.startswith("ERROR")]
     assert done.returncode and len(errors) == 1, done.stdout
     assert errors[0].startswith("ERROR on proc 1") and "/nowhere/libpython.so" in errors[0]
-
-
-def test_lmp_outlives_the_thread_that_started_it(tmp_path):
-    """Locks out a native lmp that is killed when its parent's thread ends: only the command lmp
-    takes it along."""
-    (tmp_path / "data.ice").write_text(ice())
-    (tmp_path / "in.test").write_text(SCRIPT.format(fix=f"{NVE}\nshell sleep 1"))
-    started = []
-
-    def start():
-        words = [NATIVE, "-in", "in.test", "-screen", "none"]
-        started.append(subprocess.Popen(words, cwd=tmp_path, env=os.environ | of_shell()))
-        while "fix  " not in (read_if_there(tmp_path / "log.lammps")):
-            time.sleep(0.05)
-
-    thread = threading.Thread(target=start)
-    thread.start()
-    thread.join(60)
-    assert started[0].wait(60) == 0
-
-
-def read_if_there(path):
-    return path.read_text() if path.exists() else ""
 
 
 def test_plugin_of_another_version(tmp_path, run_ice):
