@@ -15,7 +15,7 @@ from test_compare_choice import row
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
-from validation import RESULTS, command_line
+from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.compare import case as cases
@@ -188,37 +188,6 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     assert about["drift"]["default"] == usual
 
 
-@pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])
-def test_samples_of_the_energy_are_equally_apart(long):
-    """Locks out samples whose distance depends on the step, on the budget, or differs within a
-    run; and runs that are longer or shorter than was planned."""
-    for frames in 20, 200, 1000:
-        lengths = plan.Lengths(long, frames, cases.SPAN * 2.0)
-        for factor in (0.5, *cases.FACTORS):
-            dt = 2.0 * factor
-            every, runs = lengths.every(dt), lengths.runs(dt)
-            assert all(one % every == 0 for one in runs) and len(set(runs)) == 1
-            if long >= cases.SPAN * 2.0 * frames:
-                assert sum(runs) * dt == pytest.approx(long, rel=0.1)
-                span = cases.SPAN * 2.0 / (every * dt)
-                assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
-            assert 1 <= len(runs) <= frames
-
-
-@pytest.mark.parametrize("unit", (1e-10, 1e-8, 1e-4, 1.0))
-def test_g_is_the_same_in_each_unit_of_length(unit):
-    """Locks out a g(r) of zeros, and an error of it that is zero, in units si and cgs, where a
-    volume in single precision is none."""
-    x = np.random.default_rng(1).uniform(0, 20, (40, 60, 3))
-    cells = np.array([20 * np.eye(3)] * len(x))
-    found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
-    r = np.abs(x[:, :, None] - x[:, None])
-    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
-    edges = 2.0 + 0.5 * np.arange(16)
-    ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
-    np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
-
-
 WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
 
 
@@ -361,20 +330,6 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
     assert lines[1].startswith("The nearest: nosquish, 2 fs")
 
 
-def test_what_runs_do_not_tell_is_said():
-    """Locks out an answer that does not say by what it is, where nobody knows an energy, and one
-    that blames the step for a structure that nothing tells."""
-    lost = row(4.0, "rigid/nvt", t=(0.01, 0.01)) | {"without": ["drift"]}
-    answer, lines = told(summary_of({"drift": 1.0, "t": 1.0}, lost))
-    assert answer.startswith("rigid/nvt with a step of 4 fs")
-    assert lines[:2] == ["Of rigid/nvt nobody knows drift: nobody counts it.",
-                         "So this is by t only."]  # fmt: skip
-    answer, lines = told(summary_of({"drift": 1.0}, lost))
-    assert answer.startswith("Nothing is a target that these integrators' runs tell")
-    _, lines = told(summary_of({"t": 1.0, "rdf": 1.0}, row(4.0, t=(0.01, 0.01))))
-    assert any(line.startswith("Nothing is known of g(r)") for line in lines)
-
-
 # ---- from end to end
 
 
@@ -462,16 +417,6 @@ def test_a_committed_point_is_measured_again(tmp_path, monkeypatch):
     )  # fmt: skip
     apart = measures.difference(Estimate.of(found), Estimate.of(known))
     assert abs(apart.value) < apart.margin
-
-
-def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
-    """Locks out a traceback in place of a summary, and points after the interruption."""
-    steady(monkeypatch)
-    ended = run.Result("interrupted", {}, [], None, {}, interrupted=True)
-    monkeypatch.setattr(run, "once", lambda job, on_step=None, failures=False: ended)
-    assert main(["compare", "dimer", "--out", str(tmp_path)]) == command_line.INTERRUPTED
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["interrupted"] and summary["points"] == []
 
 
 def test_a_plan_keeps_its_budget():
