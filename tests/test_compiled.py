@@ -291,17 +291,6 @@ def test_only_contracted_functions_round_once(loops):
     assert result == (2.0**-60 if llvm.get_host_cpu_features().get("fma", True) else 0.0)
 
 
-def test_empty_and_read_only_arrays(loops):
-    """Locks out: an array without memory, or one that numpy may not write, being refused."""
-    x, index = np.frombuffer(np.ones((4, 3)).tobytes()).reshape(4, 3), np.array([2], np.int32)
-    result = np.empty(1)
-    assert not x.flags.writeable
-    loops.lengths(x, index, 0.0, result)
-    assert result == 0.25 * np.sin(1.0)
-    loops.lengths(np.empty((0, 3)), np.empty(0, np.int32), 1.0, np.empty(0))
-    assert loops.total(np.empty(0, np.int64), 3) == 3
-
-
 def test_a_bound_call_sees_and_keeps_its_arrays(loops):
     """Locks out: a call on a copy, or on memory that was freed."""
     numbers = np.arange(4)
