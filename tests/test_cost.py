@@ -126,19 +126,6 @@ def test_scene_runs_alike_with_ours_and_lammps(name, tmp_path):
     assert int(re.search(r"(\d+) rigid bodies", text).group(1)) == scene.unit
 
 
-def test_sizes():
-    """Locks out copies that are not the number of bodies asked for, and a scene that claims a size
-    that it cannot have."""
-    water = SCENES["water"]
-    for bodies, copies in ((100000, "4 5 5"), (8000, "2 2 2"), (12000, "2 2 3")):
-        assert f"replicate {copies}" in water.of_size(bodies).setup
-    assert not water.is_whole_copies(10648) and not water.is_whole_copies(11000)
-    with pytest.raises(ValueError, match="11000"):
-        water.of_size(11000)
-    assert "read_data cut.data" in water.of_size(10648, "cut.data").setup
-    assert "replicate 3 3 3" in SCENES["mixed"].of_size(1296).setup
-
-
 # ------------------------------------------------------------- from end to end
 
 
