@@ -370,21 +370,6 @@ def test_rooms_use_those_below_them():
         assert (ROOT / name).exists() or any(file.endswith(f"/{name}") for file in there), name
 
 
-def test_rooms_of_the_harness_use_those_before_them():
-    """Locks out what the package's test does, in the harness: rooms that need a verb, or each other
-    in a circle."""
-    harness = ROOT / "validation"
-    below = ast.get_docstring(ast.parse((harness / "__init__.py").read_text())).split("A verb is")[
-        0
-    ]
-    rooms = re.findall(r"(?m)^    (\w+)  ", below)
-    assert len(rooms) > 4
-    for floor, room in enumerate(rooms):
-        for file in (harness / room).glob("*.py"):
-            folders = {one for one in rooms_used(file) if (harness / one).is_dir()}
-            assert folders <= set(rooms[: floor + 1]), file
-
-
 def test_names_of_what_holds_in_a_step():
     """Locks out a bit that C++ and Python know by two names: the schedule's conditions are those of
     the plugin, in the same order."""
