@@ -71,21 +71,6 @@ def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
     assert [row["error"] for row in rows] == [None] * len(rows)
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_noise_is_no_stiff_force(ranks, tmp_path):
-    """Locks out a step that `check` calls too long for the noise of a thermostat, which is no
-    spring: it adds twice the step over the damping time to the square of frequency x step."""
-    path, found = scripts.rings(tmp_path), []
-    text = path.read_text()
-    for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
-        path.write_text(text.replace("fix heat all langevin 300 300 200 11\n", line))
-        own = take(path, tmp_path / "out", ranks)
-        found.append(shapes.fastest(own, shapes.bodies(own)[0]))
-        assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
-    quiet, noisy = found
-    assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
-
-
 def test_atoms_that_overlap(taken):
     """Locks out pairs that are of one body or bonded, that a face of the box hides, or that are
     missed: against all distances."""
