@@ -21,7 +21,6 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_val
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system
 from validation.running import machine, run
-from validation.running.store import Store
 
 
 def test_words_are_lammpss(tmp_path):
@@ -84,30 +83,6 @@ run 1
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
         assert own.scene.dt == float(told[1]) / 1000
-
-
-def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
-    """Locks out a stale reading, and one that is done again for nothing, which would begin all runs
-    from another state."""
-    path = scripts.rings(tmp_path)
-    (tmp_path / "notes").write_text("of no command")
-    first = take(path, tmp_path / "out")
-    ask, folder = first.ask, tmp_path / "out" / "script"
-    assert system._known(ask, folder, 1)
-    (tmp_path / "notes").write_text("changed")
-    state = folder / "state.restart"
-    stamp = state.stat().st_mtime_ns
-    take(path, tmp_path / "out")
-    assert state.stat().st_mtime_ns == stamp
-    for name in "known.json", "read.json":  # cut short
-        (folder / name).write_text((folder / name).read_text()[:-9])
-        assert system._known(ask, folder, 1) is None
-        take(path, tmp_path / "out")
-        assert system._known(ask, folder, 1)
-    data = tmp_path / "rings.data"
-    data.write_text(data.read_text().replace("13.019", "14.5"))
-    again = take(path, tmp_path / "out")
-    assert again.atoms["mass"][0] == 14.5
 
 
 def test_runs_follow_from_all_files_of_the_script(tmp_path):
@@ -200,33 +175,6 @@ def test_commands_behind_a_run_find_atoms_where_it_left_them(staged):
     again = run.run(run.job(own.scene, own.integrators["yours"], folder / "ids", [0], **how))
     assert "other IDs than when the script was read" in again.error
     np.save(known, [bodies, types])
-
-
-def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
-    """Locks out the state of rigid velocities at a step where nobody finds it; one that is half
-    written, or that two processes write at once."""
-    path = scripts.spce(tmp_path, lines="run 5", number=3)
-    seen, once = [], run.run
-
-    def watched(job, *more):
-        with Store(tmp_path / "out").locked("script", wait=False) as free:
-            seen.append(free)
-        if len(seen) == 1:
-            Path(job.directory).mkdir(exist_ok=True)
-            (Path(job.directory) / "state.dump").write_text("half")
-            raise KeyboardInterrupt
-        return once(job, *more)
-
-    monkeypatch.setattr(system.run, "run", watched)
-    with pytest.raises(KeyboardInterrupt):
-        take(path, tmp_path / "out", at=2)
-    own = take(path, tmp_path / "out", at=2)
-    monkeypatch.undo()
-    assert seen == [False] * 3 and own.said["step"] == 5
-    shake = own.integrators["shake"]
-    how = {"dt": own.scene.dt, "every": 1}
-    result = run.run(run.job(own.scene, shake, tmp_path / "shake", [2], **how))
-    assert result.error is None and result.thermo["Step"].tolist() == [0, 1, 2]
 
 
 def test_a_failure_of_the_machine_is_no_result(tmp_path):
