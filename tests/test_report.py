@@ -18,7 +18,6 @@ from conftest import ROOT
 from matplotlib.figure import Figure as Drawing
 from rich.console import Console
 
-from validation import __main__ as command
 from validation import pages
 from validation.pages import Cell, Column, Figure, Said, Table
 from validation.report import answers, report
@@ -190,25 +189,6 @@ def test_releases(tmp_path, monkeypatch):
     with open(report.RELEASES) as file:
         rows = list(csv.DictReader(file))
     assert rows == [{"scene": "Cost", "number": "Modify", "0.1": "1", "0.2": "2"}]
-
-
-def test_own_results_before_committed_ones_and_broken_ones_told(tmp_path, monkeypatch, capsys):
-    """Locks out committed numbers in place of the user's own, and a crash where a file is cut short
-    or is of no verb, which takes the other parts with it."""
-    monkeypatch.setattr(report, "RESULTS", tmp_path / "committed")
-    whole = (COMMITTED / "cost-start" / "summary.json").read_text()
-    for name, text in {
-        "committed/cost-start": "{}",
-        "own/cost-start": whole.replace("AMD EPYC", "Abacus"),
-        "own/cut": whole[:999],
-        "own/odd": whole.replace("validation cost", "validation butter"),
-    }.items():
-        (tmp_path / name).mkdir(parents=True)
-        (tmp_path / name / "summary.json").write_text(text)
-    assert command.main(["report", "--results", str(tmp_path / "own")]) == 0
-    page, told = (tmp_path / "own" / "report.html").read_text(), capsys.readouterr().out
-    assert page.count('<section id="') == 1 and "Abacus" in page and "No results of" in page
-    assert "cut/summary.json: JSONDecodeError" in told and "odd/summary.json: Module" in told
 
 
 # ------------------------------------------------------------- in a browser
