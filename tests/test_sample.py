@@ -449,32 +449,6 @@ def test_the_verb_runs(tmp_path, monkeypatch):
     assert row["error"] == "all starts failed, start 1: no sign of life"
 
 
-@pytest.mark.timeout(200)
-def test_runs_at_constant_pressure(tmp_path, monkeypatch):
-    """Locks out barostats that fail, a density in other units, and runs of another length that
-    throw the shorter ones away: both stay in the folder, and the first command finds its own."""
-    monkeypatch.setattr(plans, "ROUNDS", 1)
-    monkeypatch.setattr(plans, "SECONDS", 0.02)
-
-    def do(time, *names):
-        words = ["sample", "pressure", "--ps", time, "--dt", "4", "--only", *names]
-        assert __main__.main([*words, "--out", str(tmp_path)]) == 0
-        summary = json.loads((tmp_path / "summary.json").read_text())
-        assert summary["settings"]["time"] == float(time)
-        logs = (tmp_path / "runs").glob(f"{time}-ps/start-1/*/log.lammps")
-        return summary["rows"], {path: path.stat().st_mtime_ns for path in logs}
-
-    rows, short = do("0.05", "npt-langevin-400atm", "rigid/npt/small")
-    assert [row["scheme"] for row in rows][:2] == ["npt-langevin", "npt-langevin-400atm"]
-    for row in rows:
-        assert row["error"] is None and 0.9 < row["means"]["density"]["value"] < 1.1
-        assert {"compressibility", "pressure", "temperature", "apart"} < row["means"].keys()
-        assert "pressure" in row["biases"] and "density" not in row["biases"]  # without a limit
-    longer, _ = do("0.07", "rigid/npt/small")
-    again, same = do("0.05", "rigid/npt/small")
-    assert same == short and len(longer) == 1 and again == rows
-
-
 def test_translation_is_that_of_the_centres(tmp_path):
     """Locks out a kinetic energy of translation, of LAMMPS's fixes, that is not the centres': the
     same as that of the fix, which knows its bodies."""
