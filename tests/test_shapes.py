@@ -410,23 +410,3 @@ def test_advice_for_a_line_of_masses(run_lammps, mass, beside):
         for script, files in [row(TWO_MASSES.format(mass), beside, f"fix 1 all {fix}")]
     ]
     assert energies[0] > 1e-4 and energies[0] == pytest.approx(energies[1], rel=1e-6)
-
-
-@pytest.mark.parametrize("far_apart", [False, True])
-def test_kinds_of_molecules_whose_IDs_do_not_follow_one_another(run_lammps, far_apart):
-    """Locks out a kind of molecule that is told by the IDs themselves, not by their order."""
-    system = herd("stretched")
-    head, rest = system.files["data.bodies"].split("Atoms # molecular\n\n")
-    atoms, velocities = rest.split("\n\n", 1)
-    # first all first atoms, then all second ones
-    lines = [line.split() for line in atoms.splitlines()]
-    lines = [" ".join([str(1 + k // 3 + 27 * (k % 3)), *line[1:]]) for k, line in enumerate(lines)]
-    files = {
-        "data.bodies": head
-        + "Atoms # molecular\n\n"
-        + "\n".join(lines if far_apart else atoms.splitlines())
-        + "\n\n"
-        + velocities
-    }
-    run = run_lammps(script(system, "run 0"), files=files)
-    assert "WARNING: the 27 bodies of 3 atoms" in run.log and " 1 differ from it" in run.log
