@@ -158,18 +158,3 @@ def test_a_damaged_file_of_a_run_has_it_done_again(tmp_path, capsys, file, damag
     assert said.startswith(f"{path} is damaged (") and said.endswith("is done again")
     assert (run.collect(path.parent).error is None) is (file == "job.json")
     assert run.once(job).error is None and run.is_there(job)
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
-    """Locks out a traceback where a record was cut short."""
-    make, calls = counted({"value": 1.5})
-    kept = Store(tmp_path)
-    kept.once("one", "origin", make)
-    (path,) = tmp_path.glob("*.json")
-    path.write_text(DAMAGES[damage](path.read_text()))
-    good = damage == "an unknown field"
-    assert [*kept.alike()] == ["one"] * good
-    assert kept.once("one", "origin", make) == {"value": 1.5}
-    assert len(calls) == (1 if good else 2)
-    assert len(capsys.readouterr().err.splitlines()) == (not good)
