@@ -214,19 +214,6 @@ def test_exact_symmetric_top(moment):
 # ---- bounds
 
 
-def test_every_case_has_criteria():
-    """Locks out a case without a criterion that judges it, a criterion of no case, and one without
-    derivation or need."""
-    for found in CASES.values():
-        judges = [one for one in found.criteria.values() if not one.inner]
-        assert judges and all(one.side == "≤" for one in judges[1:]), found.name
-        assert found.physics and found.criterion and found.bars
-    named = {name for one in CRITERIA.values() for name in one.cases.split()}
-    assert named == {name for name, one in CASES.items() if one.part == measure.EXTREME}
-    for name, one in CRITERIA.items():
-        assert one.derivation and one.need and one.quantity and one.side in "≤≥", name
-
-
 def test_committed_rows_are_judged_by_the_bounds_of_today():
     """Locks out a bound that is changed in the table alone, results that other bounds have judged,
     a case that nobody fails, and a page that claims another verdict."""
