@@ -394,39 +394,53 @@ def test_what_settles_is_left_out(tmp_path, monkeypatch):
     assert found.errors == {Point("nh", 8.0): "energy is not finite"}
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The words of a command before its schemes, its folder, and the summary that it has left."""
+    folder = tmp_path_factory.mktemp("measured")
+    words = ["sample", "water", "--ps", "0.05", "--out", str(folder), "--only"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plans, "ROUNDS", 1)
+        patch.setattr(plans, "SECONDS", 0.02)
+        status = __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "2"])
+        assert status == 0
+        yield words, folder, json.loads((folder / "summary.json").read_text())
+
+
 @pytest.mark.timeout(300)
-def test_the_verb_runs(tmp_path, monkeypatch):
-    """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
-    command has left, a Ctrl-C that loses it, and a start that takes all others with it."""
-    monkeypatch.setattr(plans, "ROUNDS", 1)
-    monkeypatch.setattr(plans, "SECONDS", 0.02)
-    words = ["sample", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
-    assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "2"]) == 0
-    files = {path.name for path in tmp_path.iterdir()}
-    assert {"summary.json", "table.csv", "report.html", "precision.png"} <= files
-    summary = json.loads((tmp_path / "summary.json").read_text())
+def test_the_verb_runs(measured):
+    """Locks out a verb that fails, a number in other units, runs that are done twice, and samples
+    that cost a timed run its time."""
+    _, folder, summary = measured
+    assert {"table.csv", "report.html", "precision.png"} <= {path.name for path in folder.iterdir()}
     assert len(summary["rows"]) == 3 and not summary["checks"]
     for row in summary["rows"]:
         assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
         assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
         assert 200 < row["means"]["rotation"]["value"] < 400
         assert set(row["biases"]) == set(row["means"])
-    logs = list(tmp_path.rglob("log.lammps"))
+    logs = list(folder.rglob("log.lammps"))
     timed = [path for path in logs if plans.TIMED in path.parts]
     # a run from each point and the start; points in turn, without samples
     assert len(logs) - len(timed) == 3 + 1 and len(timed) == 3
     for path in timed:
         text = path.read_text()
         assert "c_dipole" not in text and "\nthermo 0" in text
-    for path in [one for one in timed if "hmc" in str(one)]:
-        steps = re.findall(r"\nrun (\d+)", path.read_text())
-        assert all(int(one) % schemes.HYBRID == 0 for one in steps)
-    done = {path: path.stat().st_mtime_ns for path in logs}
+        if "hmc" in str(path):
+            steps = map(int, re.findall(r"\nrun (\d+)", text))
+            assert not any(number % schemes.HYBRID for number in steps)
 
-    once, lost, stops = run.once, [], ["nh"]
+
+@pytest.mark.timeout(300)
+def test_a_folder_keeps_what_there_is(measured, tmp_path, monkeypatch):
+    """Locks out a folder that forgets what an earlier command has left, a Ctrl-C that loses it, and
+    a start that takes all others with it."""
+    words, folder, summary = measured
+    once, lost = run.once, []
+    done = {path: path.stat().st_mtime_ns for path in folder.rglob("log.lammps")}
 
     def other(job, *rest, **more):
-        if any(name in job.directory.rpartition("/")[2] for name in stops):
+        if "nh" in job.directory.rpartition("/")[2]:
             return run.Result("interrupted", {}, [], None, {}, interrupted=True)
         if any(f"start-{number}/start" in job.directory for number in lost):
             return run.Result("no sign of life", {}, [], None, {})
@@ -434,18 +448,18 @@ def test_the_verb_runs(tmp_path, monkeypatch):
 
     monkeypatch.setattr(run, "once", other)
     assert __main__.main([*words, "nh", "--dt", "2"]) == 130
-    again = json.loads((tmp_path / "summary.json").read_text())
+    again = json.loads((folder / "summary.json").read_text())
     assert again["interrupted"] and again["rows"] == summary["rows"]
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("log.lammps")} == done
     twice, lost[:] = [*words, "langevin-20", "--dt", "2", "--starts", "2"], [2]
     assert __main__.main(twice) == 0
-    rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    rows = json.loads((folder / "summary.json").read_text())["rows"]
     assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 3
     told = "No average has start 2, which failed: no sign of life."
-    assert told in (tmp_path / "report.html").read_text()
+    assert told in (folder / "report.html").read_text()
     lost.append(1)
-    assert __main__.main([*twice, "--out", str(tmp_path / "none")]) == 1
-    (row,) = json.loads((tmp_path / "none" / "summary.json").read_text())["rows"]
+    assert __main__.main([*twice, "--out", str(tmp_path)]) == 1
+    (row,) = json.loads((tmp_path / "summary.json").read_text())["rows"]
     assert row["error"] == "all starts failed, start 1: no sign of life"
 
 
