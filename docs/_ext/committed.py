@@ -25,7 +25,7 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
-from validation.sample import to_zero  # noqa: E402
+from validation.sample import rivals, to_zero  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 
@@ -380,6 +380,23 @@ def step_zero():
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
 
 
+def factors():
+    """Of the best point of refined averages: gains, and the two ratios of which they are made."""
+    body = []
+    for name in sorted(path.name for path in RESULTS.glob("sample-*-refined")):
+        found = summary(name)
+        ours = rivals.best(found["rows"])
+        for key, goal in found["goals"].items():
+            points = {(row["label"], row["dt"]): row for row in found["rows"]}
+            theirs = points[goal["label"], goal["dt"]]
+            cost = theirs["cost"]["median"] / ours["cost"]["median"]
+            noise = theirs["noise"][key]["value"] / ours["noise"][key]["value"] / cost
+            gain = _gain(ours["faster"][key])
+            body.append([found["scene"], BY_KEY[key].title, *map(significant, (cost, noise)), gain])
+    heads = "CPU time per ps, ratio", "variance per ps, ratio", "time to the same error, ratio"
+    return markdown(["liquid", "average", *heads], body)
+
+
 def estimate(found):
     """A number of a summary with its 95 % margin; nothing for one that is refused."""
     known = Estimate(None) if found.get("why") else Estimate.of(found)
@@ -537,6 +554,7 @@ TABLES = [
     ensembles_density,
     theory_rotors,
     own_scripts,
+    factors,
     step_zero,
     readme_table,
 ]
