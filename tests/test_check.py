@@ -14,7 +14,7 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 import scripts
-from own_scripts import take
+from own_scripts import take, with_lines
 from scipy.spatial.transform import Rotation
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
@@ -214,21 +214,6 @@ def test_parts_of_a_kind_get_one_shape():
     np.testing.assert_allclose(apart, apart[:1].repeat(40, axis=0), atol=1e-12)
     exact = np.sort(np.linalg.norm(methyl[[0, 0, 0, 1, 1, 2]] - methyl[[1, 2, 3, 2, 3, 3]], axis=1))
     np.testing.assert_allclose(apart[0], exact, atol=0.02)
-
-
-def with_lines(text, told):
-    """A script with what ``check --rigid`` tells of it: lines in the place of the last of the fixes
-    that go, and without commands that name them."""
-    kept, lost = text.splitlines(), []
-    made = [line.strip() for line in told.splitlines() if line.startswith("    ")]
-    (place,) = re.findall(r"In the place of .*", told)
-    ids = re.findall(r"fix (\S+) \(", place)
-    if named := re.search(r"have to go, too: (.*)\.", told):
-        lost = named[1].split("; ")
-    own = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
-    assert len(own) == len(ids) > 0
-    kept[kept.index(own[-1])] = "\n".join(made)
-    return "\n".join(line for line in kept if line not in (*own, *lost)) + "\n"
 
 
 REST = "group own_rest subtract all own_bodies"
