@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scripts
 from conftest import Silent, read_thermo
-from own_scripts import take
+from own_scripts import take, with_lines
 from test_compare_choice import row
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
@@ -205,25 +205,6 @@ PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts
 }
 
 
-def with_advice(text, told):
-    """A script with what ``compare`` tells of it."""
-    kept = text.replace("&\n", "").splitlines()
-    lines = [line.strip() for line in told.splitlines() if line.startswith("    ")]
-    (place,) = (line for line in told.splitlines() if line.startswith("In the place of"))
-    assert place.endswith("and of the script's timestep:")
-    ids = re.findall(r"fix (\S+) \(", place)
-    fixes = [
-        n for n, line in enumerate(kept) if line.split()[:1] == ["fix"] and line.split()[1] in ids
-    ]
-    kept[fixes[-1]] = "\n".join(lines)
-    lost = [n for n, line in enumerate(kept) if line.startswith("timestep")] + fixes[:-1]
-    for line in told.splitlines():
-        if line.startswith("These name a fix that goes"):
-            some = line.rstrip(".").partition("have to go, too: ")[2].split("; ")
-            lost += [kept.index(one) for one in some]
-    return "\n".join(line for n, line in enumerate(kept) if n not in lost) + "\n"
-
-
 @pytest.mark.parametrize("which", PRINTED)
 def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
     """Locks out lines that LAMMPS refuses in the place where they are said to stand, or that begin
@@ -244,7 +225,7 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
         best = row(own.scene.dt, one.name) | dict(zip(keys, case.written(one)))
         told = [best["place"] + ", and of the script's timestep:", *best["lost"]]
         told += [f"    {line}" for line in report._input(best)]
-        done = run_lammps(with_advice(text, "\n".join(told)))
+        done = run_lammps(with_lines(text, "\n".join(told)))
         rows = read_thermo(done.log[done.log.rindex("   Step") :])
         assert rows["Step"][-1] - rows["Step"][0] == 3
         assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
