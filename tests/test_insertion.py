@@ -320,24 +320,6 @@ def test_template_in_a_later_run(compared, run_lammps, tmp_path):
     assert_same([(one[0], atoms), one], (), tolerance=1e-8)
 
 
-@pytest.mark.parametrize("header", ["", "2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0 0 0 inertia\n"])
-def test_spheres_of_a_template_without_masses(run_lammps, header):
-    """Locks out the crash that LAMMPS's own fix has where neither types nor the template give
-    atoms a mass: spheres have that of density 1, bodies what the template says of them."""
-    spheres = SPHERES[: SPHERES.index("Masses")].replace("3 atoms\n", f"3 atoms\n{header}")
-    script = SCRIPT.format(
-        style="sphere\natom_modify map array", edge=8, first="pair_style zero 1\npair_coeff * *",
-        masses="fix 6 all property/atom mol ghost yes", fix=OURS,
-        changes=f"{DEPOSIT.replace('12 0 8', '1 0 1')}\nfix 4 all addforce 0.1 0 0\n"
-        "variable v equal vcm(all,x)",
-        run="thermo_style custom step v_v\nrun 200",
-    )  # fmt: skip
-    v = run_lammps(script, files={"mol.bent": spheres}).thermo["v_v"]
-    mass = 2.1 if header else 3 * np.pi / 6
-    slope = (v[-1] - v[5]) / (0.002 * 20 * (len(v) - 6))
-    assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
-
-
 def test_molecule_that_is_no_body(refused):
     """Locks out a molecule of a template whose parts are bodies by themselves."""
     parts = OWN + "\nMolecules\n\n1 1\n2 1\n3 2\n"
