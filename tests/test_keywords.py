@@ -782,29 +782,6 @@ fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
     np.testing.assert_allclose(then, end, rtol=0, atol=1e-9 * np.abs(end).max())
 
 
-def test_infile_of_other_bodies(run_lammps, simulate):
-    """Locks out silence where a fix gets the file of another one, whose bodies have the same IDs
-    and are elsewhere, lighter or heavier; and a warning of bodies whose own masses are just
-    others, by twice or half."""
-    system = mixture("solid planar single")
-    rows = rows_of(system, simulate(system, "", 0))
-    alone = np.bincount(system.molecule)[rows[:, 0].astype(int)] == 1
-    other = np.concatenate([rows[~alone][:2], rows[alone][:1]])
-    other[:, 1] *= 0.5, 2.0, 1.0
-    other[:, 2:5] += 1.5
-    rows = rows[~alone]
-    rows[::2, 1] *= 3.0
-    said = {}
-    for name, given in ("own", unlike_its_atoms(rows)), ("other", other):
-        script = (
-            f"{system.setup}\n{OURS.format(group='all', words='molecule infile bodies')}\nrun 0"
-        )
-        files = with_file(system, text_of(given)).files
-        said[name] = run_lammps(script + "\n", files=files, ranks=2).log
-    assert "WARNING: the infile has the centres of 3 bodies far from their atoms" in said["other"]
-    assert "far from their atoms" not in said["own"]
-
-
 def test_velocities_set_between_runs_that_go_on(run_lammps):
     """Locks out silence where velocities that a script sets have no effect, because the bodies go
     on, and that they have one where a fix might have set them."""
