@@ -691,16 +691,6 @@ def test_forces_in_the_table(run_lammps, tmp_path, name, ranks):
     np.testing.assert_allclose(*tables, rtol=1e-9, atol=1e-9)
 
 
-def test_points_are_no_rows(run_lammps):
-    """Locks out points among the bodies of the fix's array, and of its table."""
-    system = mixture(side=3, spacing=2.9)
-    words = with_points(THERMOSTATS["langevin"] + " output 5 bodies_csv")
-    script = f"{system.setup}\n{words}timestep 0.002\nrun 0\nprint 'rows $(f_1[22][1]) end'\n"
-    done = run_lammps(script + "print 'none $(f_1[23][1])'\n", files=system.files, check=False)
-    assert re.search(r"^rows [-0-9.e]+ end", done.screen, re.MULTILINE)
-    assert "out-of-range" in done.screen
-
-
 DIPOLES = """
 units lj
 atom_style full
