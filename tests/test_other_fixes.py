@@ -356,42 +356,6 @@ def test_thermostats_at_the_end_of_a_step(run_all, ranks):
     assert not off, f"f_1 is of another time than temp with {off}"
 
 
-def test_log_of_changed_velocities(run_all):
-    """Locks out a log without the line, or with one for each step, or one that names no fix, or
-    fixes that only look, and the line where no fix has changed anything."""
-    system = mixture("solid planar pair")
-    table = "fix 7 all ave/time 2 3 6 c_thermo_temp\nfix 8 all print 4 'now' screen no"
-    cases = {
-        "momentum": (f"fix drag all momentum 5 linear 1 1 1\n{DRIFTING}", 1),
-        "two": (
-            f"fix drag all momentum 5 linear 1 1 1\nfix heat all temp/rescale 5 3 3 0 1\n{table}",
-            1,
-        ),
-        "looking": (table, 0),
-        "within the window": ("fix heat all temp/rescale 5 1 1 100 1", 0),
-        "others": ("group few molecule 1\nfix drag few momentum 5 linear 1 1 1", 1),
-        "none": ("", 0),
-    }
-    results = run_all(
-        system,
-        {
-            name: lines(system, OURS, more, "RIGID", "run 20", "run 20")
-            for name, (more, _) in cases.items()
-        },
-    )
-    for name, (more, count) in cases.items():
-        said = [line for line in results[name].log.splitlines() if line.startswith(TOOK)]
-        assert len(said) == 2 * count, (name, said)
-        for fix in re.findall(r"fix (\w+) ", more) if count else ():
-            assert (fix in re.search(r"by fix (.*?)\)", said[0])[1].split()) == (
-                fix not in ("7", "8")
-            ), said
-    for name in "looking", "within the window":
-        assert np.array_equal(results[name].x, results["none"].x) and np.array_equal(
-            results[name].v, results["none"].v
-        ), name
-
-
 @pytest.mark.parametrize("how", ["run 10\nrun 10", "run 10\nrun 10 pre no"])
 @pytest.mark.parametrize("words", ["molecule", "molecule reinit no"])
 def test_change_at_the_last_step(run_all, how, words):
