@@ -14,7 +14,6 @@ from conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 
-from validation.scenes import SCENES
 
 FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
@@ -88,27 +87,6 @@ def test_energies_are_gromacs(tmp_path):
     assert len(theirs) == 9
     for name, value in theirs.items():
         assert ours[name] == pytest.approx(value, rel=1e-7), name
-
-
-@pytest.mark.parametrize("name", ["water", "peptide"])
-def test_mesh_is_as_fine_as_a_scene_says(name):
-    """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no
-    effect: the accuracy that LAMMPS itself estimates."""
-    scenes = {"1e-5": SCENES[name]} | {
-        accuracy: SCENES[name].on_mesh(accuracy) for accuracy in ("1e-4", "1e-6")
-    }
-    for wanted, scene in scenes.items():
-        done = subprocess.run(
-            [str(BIN / "lmp"), "-log", "none"],
-            cwd=scene.folder,
-            input="\n".join([*scene.setup, "run 0", ""]),
-            capture_output=True,
-            text=True,
-            timeout=100,
-        )
-        assert done.returncode == 0, done.stdout
-        found = float(re.search(r"estimated relative force accuracy = (\S+)", done.stdout)[1])
-        assert 0.5 < found / float(wanted) < 1.5
 
 
 def test_bodies_are_the_residues_groups(data, atoms, names):
