@@ -154,46 +154,5 @@ def test_arrays(counts):
         assert size < 1.4 * before + 16, f"{name}: {size} entries on 16 ranks, {before} on 4"
 
 
-# Each rank sends its right neighbour 10 numbers, five times, and other things that are not to be
-# counted.
-RING = """
-from mpi4py import MPI
-import numpy as np
-world, data, got = MPI.COMM_WORLD, np.ones(10), np.empty(10)
-right, left = (world.rank + 1) % world.size, (world.rank - 1) % world.size
-MPI.Pcontrol(0)
-world.Sendrecv(data, right, 0, got, left)
-MPI.Pcontrol(1)
-requests = [world.Send_init(data, right), world.Recv_init(got, left)]
-for _ in range(2):
-    MPI.Prequest.Startall(requests)
-    MPI.Request.Waitall(requests)
-requests[0].Start()
-requests[1].Start()
-MPI.Request.Waitall(requests)
-for request in requests:
-    request.Free()
-world.Sendrecv(data, right, 0, got, left)
-world.Isend(data, MPI.PROC_NULL)
-request = world.Issend(data, right)
-world.Recv(got, left)
-request.Wait()
-world.Barrier()
-world.Allreduce(MPI.IN_PLACE, data)
-world.Alltoall(np.ones(world.size), np.empty(world.size))
-world.Alltoallv([data, np.full(world.size, 2)], [got, np.full(world.size, 2)])
-"""
-
-
-def test_counter(tmp_path):
-    """Locks out calls that are not counted, or twice, or while the count is off,
-    and sends counted to nobody."""
-    for rank in start(3, tmp_path, ["-c", RING]):
-        collectives = {"collectives": 4, "collective_bytes": 80 + 3 * 8 + 3 * 16}
-        of_fixes = ("fix_messages", "fix_bytes", "fix_collectives", "fix_collective_bytes")
-        sent = {"messages": 5, "bytes": 5 * 80, **collectives}
-        assert rank == sent | dict.fromkeys(of_fixes, 0)
-
-
 if __name__ == "__main__":
     run_counted()
