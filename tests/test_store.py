@@ -2,7 +2,6 @@
 
 import json
 import shutil
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -100,23 +99,6 @@ def test_interrupted(tmp_path):
     assert {name: one["record"] for name, one in kept.alike().items()} == {"first": {"value": 1}}
     kept.keep("second", kept.origin(1), {"value": 2}, complete=False)
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
-
-
-def test_processes_share(tmp_path):
-    """Locks out work that two processes do, and work that none does."""
-    first, second = Store(tmp_path), Store(tmp_path)
-    mine = first.shared(["one", "two"])
-    assert next(mine) == "one"
-    theirs = second.shared(["one", "two"])
-    assert next(theirs) == "two"
-    left = []
-    waiting = threading.Thread(target=lambda: left.extend(theirs))
-    waiting.start()
-    waiting.join(0.2)
-    assert left == []  # "one" is waited for, until the first is done with it
-    mine.close()
-    waiting.join(20)
-    assert left == ["one"]
 
 
 def test_file_is_whole(tmp_path, monkeypatch):
