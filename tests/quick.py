@@ -95,7 +95,6 @@ QUICK = {
         test_store.py::test_made_once
         test_store.py::test_origin_is_all_that_counts
         test_store.py::test_code_that_measures_counts
-        test_data_file.py::test_lammps_reads_what_was_meant
         test_cost.py::test_ratios_are_of_one_round
         test_claims.py::test_exact_top_obeys_the_equations_of_motion
         test_claims.py::test_form_sees_what_is_not_symplectic
