@@ -15,9 +15,7 @@ from validation.scenes.integrators import target
 THERMO = (
     "thermo_style custom step temp pe ke {}\nthermo_modify norm no format float %.16g\nthermo 10\n"
 )
-OURS, THEIRS, LARGE = (
-    fix.format(group="all", words="molecule") for fix in (LIKE_LAMMPS, SMALL, RIGID)
-)
+OURS, THEIRS = (fix.format(group="all", words="molecule") for fix in (LIKE_LAMMPS, SMALL))
 
 
 @pytest.fixture(scope="module")
@@ -163,49 +161,6 @@ def test_suffix(both, words, suffix):
     end = f"{pair}{fix}{THERMO.format('press')}run 40"
     ours, plain = both(f"suffix {suffix}\n{end}", f"suffix off\n{end}", first="package omp 2")
     assert_alike(ours, plain, ["PotEng", "KinEng", "Press"])
-
-
-TEMPER = """
-log           log.$w
-variable      T world 1.0 2.0
-velocity      all create $T 4928
-fix           0 all langevin $T $T 1e12 88
-FIX
-thermo_style  custom step temp
-thermo        1
-timestep      1e-7
-run           3
-temper        20 5 $T 0 3847 58728
-run           1
-"""
-
-
-def test_temper_refuses_our_thermostat(run_lammps, system):
-    """Locks out NVT whose temperature temper does not set."""
-    words = TEMPER.replace("fix           0 all langevin $T $T 1e12 88", "").replace(
-        "FIX", 'fix 0 all python/move "fix_nosquish.NVT all molecule temp 1 1 1 seed 5"'
-    )
-    run = run_lammps(
-        f"variable w world 1 2\n{system.setup}{words}",
-        files=system.files,
-        ranks=2,
-        launcher="lmp",
-        options=["-partition", "2x1", "-log", "log.both"],
-        check=False,
-    )
-    assert run.code and run.screen.count("Tempering temperature fix is not supported") == 1
-
-
-def test_bodies_of_a_file(both, system, tmp_path):
-    """Locks out a variable of style atomfile that tells no bodies apart."""
-    (tmp_path / "bodies").write_text(
-        f"{len(system.molecule)}\n"
-        + "".join(f"{atom} {body}\n" for atom, body in enumerate(system.molecule, 1))
-    )
-    told = "variable which atomfile bodies\n"
-    ours = OURS.replace("molecule", "custom v_which")
-    end = f"{THERMO.format('')}run 20"
-    assert_alike(*both(f"{told}{ours}\n{end}", f"{LARGE}\n{end}"), ["PotEng", "KinEng"])
 
 
 BALLS = """three balls
