@@ -516,39 +516,6 @@ def test_vector(simulate):
         )
 
 
-def test_averages_in_time(simulate, tmp_path):
-    """Locks out an array that fix ave/time refuses,
-    or a value that is of another step where only fixes ask for it."""
-    system = mixture("solid planar")
-    average = (
-        "\nfix 8 all ave/time 5 1 5 f_1[*] mode vector file averages format ' %.17g'\n"
-        "fix 7 all ave/time 5 1 5 f_1 f_1[1] f_1[4] file scalars format ' %.17g'"
-    )
-    simulate(
-        system,
-        OURS + average,
-        20,
-        words="molecule output 5 v_table",
-        before=FILE,
-        ranks=2,
-        every=20,
-    )
-    table = read(tmp_path / "bodies.csv")
-    lines = [
-        line.split() for line in (tmp_path / "averages").read_text().splitlines() if line[0] != "#"
-    ]
-    rows = np.array([line[1:] for line in lines if len(line) == 16], float)
-    names = "x", "y", "z", "vx", "vy", "vz", "fx", "fy", "fz", "tqx", "tqy", "tqz", "ix", "iy", "iz"
-    np.testing.assert_allclose(rows, of(table, *names), rtol=1e-14)
-    scalars = np.loadtxt(tmp_path / "scalars")
-    assert len(scalars) == 5
-    energy = [
-        0.5 * (rows["mass"] * (of(rows, "vx", "vy", "vz") ** 2).sum(axis=1)).sum()
-        for rows in np.split(table, 5)
-    ]
-    np.testing.assert_allclose(scalars[:, 2], energy, rtol=1e-12)
-
-
 # ---- virial of each atom
 
 
