@@ -169,22 +169,6 @@ def test_runs_in_a_row(run_water, ranks):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_bodies_keep_their_shape(run_water, ranks):
-    """Locks out molecules that shrink with the box between two runs, where this LAMMPS takes
-    nothing along with its atoms."""
-    runs = "run 20\nchange_box all x scale 0.98 y scale 0.97 remap\nrun 10"
-    plugin = run_water(OURS, runs, launcher="lmp")[1]
-    ours = run_water(OURS, runs, ranks=ranks)[1]
-    np.testing.assert_allclose(
-        ours, plugin, rtol=0, atol=1e-6
-    )  # the two versions' PPPM differs in a box that has changed
-    molecules = ours.reshape(-1, 3, 3)
-    np.testing.assert_allclose(
-        np.linalg.norm(molecules[:, 0] - molecules[:, 1], axis=1), 0.9572, rtol=0, atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
 def test_respa(simulate, ranks):
     """Locks out indices of before a re-neighbouring,
     of which this LAMMPS gives no news between the levels."""
@@ -194,35 +178,6 @@ def test_respa(simulate, ranks):
     own = simulate(system, NVE, 100, dt=4, before=hot, after="# own", launcher=debian(ranks))
     assert apart(own, plugin, system.h) < 1e-8
     np.testing.assert_allclose(own.v, plugin.v, rtol=0, atol=1e-8 * np.abs(plugin.v).max())
-
-
-def test_table_of_bodies(simulate, tmp_path):
-    """Locks out rows with another step's state, where this LAMMPS tells nothing before its first
-    step, and an empty file under run_style respa."""
-    system, tables = mixture("solid planar"), []
-    for launcher in "lmp", debian(1):
-        simulate(
-            system,
-            NVE,
-            4,
-            words="molecule output 2 table",
-            after=f"# {launcher[0]}",
-            launcher=launcher,
-        )
-        tables.append(np.loadtxt(tmp_path / "table", delimiter=",", skiprows=1))
-    plugin, own = tables
-    np.testing.assert_array_equal(np.unique(own[:, 0]), [2, 4])
-    np.testing.assert_allclose(own[:, 1:17], plugin[plugin[:, 0] > 0][:, 1:17], rtol=0, atol=1e-9)
-    run = simulate(
-        system,
-        NVE,
-        4,
-        words="molecule output 2 table",
-        before="run_style respa 2 4 pair 2",
-        launcher=debian(1),
-        check=False,
-    )
-    assert run.code and "needs the plugin's fix python/move" in run.screen
 
 
 # the message comes with Python's traceback
