@@ -2,8 +2,6 @@
 written to, and the system that is compared is the script's."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -162,22 +160,13 @@ def test_what_the_script_writes_is_what_it_reads(tmp_path):
     assert "'read_dump traj.dump 5 x y z'" in message and "left out: dump 1 all" in message
 
 
-def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch):
+def test_the_environment_is_looked_at_again(tmp_path, monkeypatch):
     """Locks out an old reading in the place of a new one."""
     text = GAS + RIGID + "variable t getenv STEP_OF_TEST\ntimestep $t\nrun 5\n"
     path = written(tmp_path, text)
     for value in "0.001", "0.002":
         monkeypatch.setenv("STEP_OF_TEST", value)
         assert take(path, tmp_path / "out").scene.dt == float(value)
-    lmp = str(Path(sys.executable).with_name("lmp"))
-    other = tmp_path / "other"
-    text = "read_restart run.*.restart\npair_style zero 2.0\npair_coeff * *\n"
-    path = written(other, text + RIGID + "run 5\n")
-    for step in 0, 7:
-        made = f"{GAS}reset_timestep {step}\nwrite_restart run.*.restart\n"
-        command = [lmp, "-in", str(written(tmp_path, made, "in.write")), "-log", "none"]
-        subprocess.run(command, cwd=other, check=True, stdout=subprocess.DEVNULL)
-        assert take(path, other / "out").said["step"] == step
 
 
 @pytest.mark.parametrize(
