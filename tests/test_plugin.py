@@ -122,18 +122,6 @@ def test_script_from_standard_input(tmp_path, run_lammps):
     assert "Loop time" in done.stdout
 
 
-def test_class_text_reaches_module_getattr(run_lammps):
-    """Locks out splitting the quoted text anywhere but at its last point."""
-    module = MOVER + (
-        "asked = []\n"
-        "def __getattr__(name):\n"
-        "    if name.startswith('__'):\n        raise AttributeError(name)\n"
-        "    print('ASKED', repr(name), flush=True)\n    return NVE\n"
-    )
-    run = run_lammps(melt("mover.Some words i_here", 0), files={"mover.py": module})
-    assert run.screen.count("ASKED 'Some words i_here'") == 1
-
-
 # ---- the end of a run
 
 
@@ -521,34 +509,6 @@ def test_array_that_grows(run_lammps, name, column):
     np.testing.assert_array_equal(
         thermo[column], 0 if name == "Growing" else thermo["f_1[1][1]"] + 1
     )
-
-
-@pytest.mark.parametrize(
-    "name, columns, text",
-    [
-        ("Values", "f_1[3]", "out-of-range"),
-        ("Values", "f_1[3][1]", "out-of-range"),
-        ("Values", "f_1[1][4]", "out-of-range"),
-        ("Counting", "f_1", "not compute a scalar"),
-        ("Counting", "f_1[1]", "not compute a vector"),
-        ("Counting", "f_1[1][1]", "not compute an array"),
-        ("Bad", "f_1[2]", "ZeroDivisionError"),
-        ("Worse", "f_1[1]", "no attribute 'vector_extensive'"),
-    ],
-)
-def test_values_that_are_not_there(run_lammps, name, columns, text):
-    """Locks out values announced that the class has not,
-    and a failing method whose column is a zero."""
-    more = (
-        "class Bad(Values):\n    def compute_vector(self, i):\n        return 1 / 0\n"
-        "class Worse(Counting):\n    def compute_vector(self, i):\n        return 1.0\n"
-    )
-    script = with_columns(melt(f"mover.{name}", 0), columns)
-    ranks = 2 if name == "Bad" else 1
-    run = run_lammps(
-        script, files={"mover.py": MOVER + VALUES + more}, ranks=ranks, check=False, timeout=60
-    )
-    assert_stopped(run, text)
 
 
 # Atoms without forces, all in one half of the box at first, fly into the other half and back.
