@@ -7,14 +7,13 @@ import shlex
 import sys
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import __main__ as command
 from validation.compare import report as compare_report

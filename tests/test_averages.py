@@ -109,11 +109,14 @@ def remembering(rng, samples, time):
 
 
 def test_the_error_of_an_autocorrelation_time():
-    """Locks out a time of an independent sample without its error, or with another one."""
+    """Locks out a time of an independent sample without its error, or with another one, and one
+    that is too small where the mean of a short series is taken off."""
     rng, truth = np.random.default_rng(2), 1 / np.tanh(0.5 / 10.0)
     found = [measures.autocorrelation(remembering(rng, 20000, 10.0)) for _ in range(300)]
     off = np.array([(one.value - truth) / one.error for one in found])
     assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
+    short = [measures.autocorrelation(remembering(rng, 200, 5.0)).value for _ in range(600)]
+    assert np.mean(short) == pytest.approx(1 / np.tanh(0.5 / 5.0), rel=0.12)
 
 
 def memory_of_a_square(rng, starts, samples, memory):

@@ -11,14 +11,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from own_scripts import take, with_lines
 from scipy.spatial.transform import Rotation
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.__main__ import main
 from validation.check import measure as check

@@ -5,15 +5,13 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent, read_thermo
 from own_scripts import take, with_lines
 from test_compare_choice import row
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import RESULTS
 from validation.__main__ import main

@@ -4,11 +4,9 @@ import math
 from statistics import NormalDist
 from types import SimpleNamespace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import choice, law, measure, plan
 from validation.compare.choice import choose, level_of_each

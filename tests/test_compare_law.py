@@ -1,10 +1,8 @@
 """The error of a mean at a step, from runs with this step and longer ones."""
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import law
 from validation.statistics import measures

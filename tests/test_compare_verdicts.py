@@ -4,12 +4,10 @@ out of equilibrium, through all that is made of them."""
 from dataclasses import replace
 from types import SimpleNamespace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from scipy import signal
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import case as cases
 from validation.compare import choice, errors

@@ -9,14 +9,13 @@ import subprocess
 from functools import partial
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from conftest import BIN, Silent, read_thermo
 
 ROOT = Path(__file__).resolve().parent.parent
 
-for needed in ("rich", "jinja2", "matplotlib"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import pages
 from validation.cost import criteria, measure, plan, report

@@ -5,13 +5,11 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from own_scripts import take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.own import shapes, shifted
 from validation.running import run

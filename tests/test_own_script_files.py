@@ -4,11 +4,10 @@ written to, and the system that is compared is the script's."""
 import re
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from own_scripts import GAS, refused, take
-
-pytest.importorskip("mdtraj", reason="the validation extra is not installed")
 
 from validation.own import system
 from validation.running import run, starts

@@ -4,14 +4,12 @@ the scripts that `scripts` writes.
 
 from dataclasses import replace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
 from own_scripts import GAS, take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes

@@ -4,14 +4,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
 from own_scripts import take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
 from validation.running import lammps_log, run

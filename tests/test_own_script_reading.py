@@ -9,14 +9,12 @@ import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
 from own_scripts import GAS, refused, take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system

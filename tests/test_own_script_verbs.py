@@ -3,11 +3,9 @@
 import json
 import re
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
 import scripts
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import command_line
 from validation.__main__ import main

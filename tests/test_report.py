@@ -9,11 +9,8 @@ import re
 import shutil
 import subprocess
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
 from conftest import ROOT
 from matplotlib.figure import Figure as Drawing
 from rich.console import Console

@@ -8,11 +8,9 @@ import sys
 import time
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.running import lammps_log, run
 from validation.scenes import Scene

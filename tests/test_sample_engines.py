@@ -6,12 +6,10 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from conftest import BIN
-
-for needed in ("rich", "matplotlib", "pandas", "jinja2", "physical_validation", "mdtraj"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.__main__ import main
 from validation.running import run

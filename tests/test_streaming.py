@@ -40,13 +40,20 @@ def flow(run_lammps, tmp_path):
     return run
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
-@pytest.mark.parametrize("flips", [False, True], ids=["one box", "flips"])
-def test_points_as_with_fix_nve(flow, ranks, flips):
-    """Locks out bodies that keep their velocity where they cross a face, or lose their image where
-    the box flips: bodies of one atom go as with fix nve, which LAMMPS's own bodies do not."""
+LATE = "fix late all temp/rescale 7 6 6 0.01 1\n"
+
+
+@pytest.mark.parametrize(
+    ("flips", "late", "ranks"),
+    [*((flips, "", ranks) for flips in (False, True) for ranks in (1, 2, 4)), (False, LATE, 2)],
+    ids=lambda value: {LATE: "late", "": "alone"}.get(value),
+)
+def test_points_as_with_fix_nve(flow, flips, late, ranks):
+    """Locks out bodies that keep their velocity where they cross a face, take over that of another
+    image where a fix changes it, or lose their image where the box flips: bodies of one atom go as
+    with fix nve, which LAMMPS's own bodies do not."""
     system = mixture("single", side=4, spacing=1.3, tilt=0.1)
-    before = "displace_atoms all move 0.3 0.3 0.3 units box\n"  # no atom is on a face
+    before = f"displace_atoms all move 0.3 0.3 0.3 units box\n{late}"  # no atom is on a face
     how = {"before": before, "rate": 2.0, "steps": 150 + 200 * flips}
     x, v, theirs = flow(system, "fix 1 all nve\n", ranks=1, **how)
     y, w, ours = flow(system, OURS, ranks=ranks, **how)

@@ -4,13 +4,11 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from own_scripts import take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import INPUTS, __main__
 from validation.experiment import Point
