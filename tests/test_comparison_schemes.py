@@ -315,16 +315,6 @@ def test_gears_derivatives_go_on(simulate):
     assert 1e-9 < apart(anew, whole, system.h) < 1e-3
 
 
-def test_mn_goes_on_and_waits_like_nve(simulate):
-    """Locks out a loop that differs where two half kicks are done in one pass, and levels of
-    run_style respa that kick twice."""
-    system = smooth()
-    whole, same = (simulate(system, MN, 40, every=every) for every in (40, 1))
-    np.testing.assert_array_equal(same.x, whole.x)
-    levels = simulate(system, MN, 40, before="run_style respa 1")
-    assert apart(levels, whole, system.h) < 1e-9
-
-
 @pytest.mark.parametrize(
     "words, before, expected, ranks",
     [
