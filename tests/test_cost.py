@@ -176,9 +176,6 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
         and float(table[1]["Modify median (µs/step)"]) == ours["modify"]["median"]
     )
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
-    page = (tmp_path / "report.html").read_text()
-    assert "no/such/fix" in page and page.count("data:image/png;base64,") == 1
-    assert 'src="http' not in page and "href=" not in page, "the report is one file"
 
     again, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
     assert len(begun) == 1 and again["points"] == summary["points"]
