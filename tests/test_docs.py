@@ -14,7 +14,6 @@ import pytest
 from conftest import ROOT
 
 from fix_nosquish import INTEGRATORS
-from fix_nosquish.run import other_fixes
 from fix_nosquish.run.schedule import When
 
 DOCS = ROOT / "docs"
@@ -200,18 +199,6 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)
         assert len(longest) > 10 and longest in source, (message, longest)
-
-
-def test_fixes_that_do_not_push_are_named():
-    """Locks out a page by which other fixes push the bodies than those of which the package counts
-    this, as where it names a few that do."""
-    text = (DOCS / "fix-nvt.md").read_text().split("### Degrees of freedom")[1].split("###")[0]
-    named = re.search(r"\| known to conserve the momentum .*\n\|-.*\n((\|.*\n)+)", text)[1]
-    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._CONSERVING)
-    pairs = re.search(r"\*\*Pair styles\*\* (.*)\n", text)[1]
-    styles = other_fixes._NOT_CONSERVING + other_fixes._NOT_WITHOUT_NEWTON
-    named = set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", pairs))
-    assert named == set(styles)
 
 
 # ---- the tutorial
