@@ -115,6 +115,13 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         )
 
 
+HELD = {  # two molecules of two atoms, whose bonds shake holds
+    "mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
+    "molecule": np.array([1, 1, 2, 2]), "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+    "held_bonds": np.ones(2, bool),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("lines", "name"),
     [
@@ -145,12 +152,8 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     """Locks out two rows of one trajectory, of which one takes another integrator's place: its
     fixes say the same as ours in other words, in another order, or with another seed."""
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
-    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
-             "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
-             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, atoms)
+    found = finding.find(said, HELD)
     assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
     those, reference, _ = schemes.schemes(found, "lj")
     assert reference == those[0].name == name
@@ -164,12 +167,8 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     of ours or shake in a box whose angles stay."""
     line = f"npt temp 1 1 2 {tilts}"
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
-    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
-             "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
-             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, atoms)
+    found = finding.find(said, HELD)
     assert found.state.ensemble == "npt" and found.state.tilts
     those, reference, notes = schemes.schemes(found, "real")
     assert reference == "shake"
