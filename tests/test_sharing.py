@@ -104,29 +104,6 @@ def check_look_up(world):
         ]
 
 
-def check_rows(world):
-    """look_up gives each atom's new rank the row of its old one, for atoms in any order."""
-    from fix_nosquish.ranks.lookup import gone, look_up
-
-    for rng, *_ in scenes(world.size):
-        n = int(rng.choice([0, 3, 300]))
-        old, new = rng.integers(0, world.size, (2, n))
-        place = np.empty(n, int)  # of each atom in the list of its old rank
-        for r in range(world.size):
-            place[old == r] = rng.permutation(np.count_nonzero(old == r))
-        rows = rng.normal(size=(n, 4))
-        there = rows[old == world.rank][np.argsort(place[old == world.rank])]
-        left = np.flatnonzero((old == world.rank) & (new != world.rank))
-        lost = place[left]
-        gained = np.random.default_rng(world.rank).permutation(
-            np.flatnonzero((new == world.rank) & (old != world.rank))
-        )
-        told = look_up(world, left, there[lost].view(np.int64), gained)
-        assert np.array_equal(told.view(float), rows[gained])
-        origins = old[gained] << 32 | place[gained]
-        assert not len(gone(world, lost, origins))
-
-
 def check_atoms_lost(world):
     """gone tells the rank that lost them of atoms that nobody has."""
     from fix_nosquish.ranks.lookup import gone
