@@ -40,20 +40,13 @@ def flow(run_lammps, tmp_path):
     return run
 
 
-LATE = "fix late all temp/rescale 7 6 6 0.01 1\n"
-
-
-@pytest.mark.parametrize(
-    ("flips", "late", "ranks"),
-    [*((flips, "", ranks) for flips in (False, True) for ranks in (1, 2, 4)), (False, LATE, 2)],
-    ids=lambda value: {LATE: "late", "": "alone"}.get(value),
-)
-def test_points_as_with_fix_nve(flow, flips, late, ranks):
-    """Locks out bodies that keep their velocity where they cross a face, take over that of another
-    image where a fix changes it, or lose their image where the box flips: bodies of one atom go as
-    with fix nve, which LAMMPS's own bodies do not."""
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("flips", [False, True], ids=["one box", "flips"])
+def test_points_as_with_fix_nve(flow, ranks, flips):
+    """Locks out bodies that keep their velocity where they cross a face, or lose their image where
+    the box flips: bodies of one atom go as with fix nve, which LAMMPS's own bodies do not."""
     system = mixture("single", side=4, spacing=1.3, tilt=0.1)
-    before = f"displace_atoms all move 0.3 0.3 0.3 units box\n{late}"  # no atom is on a face
+    before = "displace_atoms all move 0.3 0.3 0.3 units box\n"  # no atom is on a face
     how = {"before": before, "rate": 2.0, "steps": 150 + 200 * flips}
     x, v, theirs = flow(system, "fix 1 all nve\n", ranks=1, **how)
     y, w, ours = flow(system, OURS, ranks=ranks, **how)
@@ -74,14 +67,23 @@ displace_atoms all move 0 {0} 0 units box
 """
 
 
+# the momentum along y is that of whatever images
+LATE = "velocity all set NULL 0.5 NULL sum yes units box\nfix late all momentum 7 linear 0 1 0\n"
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
-@pytest.mark.parametrize("rate, steps", [(0.5, 100), (3.0, 300)], ids=["one box", "flips"])
-def test_free_bodies_know_no_face(flow, ranks, rate, steps):
-    """Locks out bodies that a face cuts or that cross it, and do not move as elsewhere: where the
-    faces are is a matter of choice.  So is where a run ends."""
+@pytest.mark.parametrize(
+    "rate, steps, late",
+    [(0.5, 100, ""), (3.0, 300, ""), (0.5, 100, LATE)],
+    ids=["one box", "flips", "another fix changes velocities"],
+)
+def test_free_bodies_know_no_face(flow, ranks, rate, steps, late):
+    """Locks out bodies that a face cuts or that cross it, and do not move as elsewhere, or take
+    over the velocities of images from another fix: where the faces are is a matter of choice.  So
+    is where a run ends."""
     system = mixture("solid planar pair single", side=3, spacing=2.2, tilt=0.1)
     move, how = 0.4 * system.h[1, 1], {"rate": rate, "steps": steps}
-    before = "pair_style zero 2.5\npair_coeff * *\n"
+    before = f"pair_style zero 2.5\npair_coeff * *\n{late}"
     x, v, here = flow(system, OURS, before=before, **how)
     before += MOVED.format(move, rate)
     y, w, there = flow(system, OURS, before=before, ranks=ranks, runs=2, **how)
