@@ -96,7 +96,6 @@ QUICK = {
         test_store.py::test_origin_is_all_that_counts
         test_store.py::test_code_that_measures_counts
         test_cost.py::test_ratios_are_of_one_round
-        test_claims.py::test_exact_top_obeys_the_equations_of_motion
         test_claims.py::test_form_sees_what_is_not_symplectic
         test_stress.py::test_verdicts
         test_compare_choice.py::test_choice_is_that_of_a_search

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import Silent
-from scipy.spatial.transform import Rotation
 
 for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
     pytest.importorskip(needed, reason="the extra 'validation' is not installed")
@@ -21,7 +20,6 @@ for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
 from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
-from validation.claims.top import free_top
 from validation.sample.scenes import SCENES as SAMPLED
 from validation.scenes import SCENES
 from validation.scenes.integrators import PAPER, Integrator
@@ -107,36 +105,6 @@ def test_committed_results_can_be_shown(tmp_path, name):
 
 
 # ---- theory
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_exact_top_obeys_the_equations_of_motion(seed):
-    """Locks out a wrong modulus, sign, branch or direction of the elliptic functions, an angle
-    about the angular momentum that loses whole turns, and one of the two kinds of motion:
-    Euler's equations, dA^T/dt = A^T [w], and the start itself."""
-    rng = np.random.default_rng(seed)
-    moments, q = np.array([3.0, 1.7, 0.8]), rng.normal(size=4)
-    q /= np.linalg.norm(q)
-    axis = np.eye(3)[2 * (seed % 2)]  # the motion circles about this one
-    L = rng.normal(size=3) * 0.3 + axis * (-1) ** seed
-
-    def at(time):
-        q_then, L_then = free_top(q, L, moments, time)
-        return Rotation.from_quat(q_then, scalar_first=True).as_matrix(), L_then
-
-    turn, spin = at(0.0)
-    begin = Rotation.from_quat(q, scalar_first=True).as_matrix()
-    np.testing.assert_allclose(turn, begin, atol=1e-14)
-    np.testing.assert_allclose(spin, L, atol=1e-14)
-    h = 1e-3
-    for time in (-31.0, 0.0, 0.4, 5.0, 200.0):
-        turn, spin = at(time)
-        weights = (-2, 1), (-1, -8), (1, 8), (2, -1)
-        slopes = [sum(c * at(time + k * h)[i] for k, c in weights) / (12 * h) for i in (0, 1)]
-        w = spin / moments
-        cross = np.cross(np.eye(3), w)  # [w] times a vector is w x that vector
-        np.testing.assert_allclose(slopes[0], turn @ cross, atol=1e-9)
-        np.testing.assert_allclose(slopes[1], np.cross(spin, w), atol=1e-9)
 
 
 def test_form_sees_what_is_not_symplectic():
