@@ -24,7 +24,7 @@ if TYPE_CHECKING:  # a name of the package costs no import of numpy
     from .bodies.bodies import Bodies
     from .run.integrator import Integrator
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 INTEGRATORS = {
     "NVE": "nve",
     "NVT": "nvt",

@@ -57,7 +57,6 @@ def test_as_with_fix_rigid(simulate, name, ranks):
         ("NVE all molecule", "all deform 1 xy erate 0.01 remap none", "with its remap x or v"),
         ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
         ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
-        ("Shadowed all molecule", "all deform 1 xy erate 0.3 remap v", "Shadowed does not do so"),
         (
             "NVT all molecule temp 1 1 1 seed 5",
             "all deform 1 xy erate 0.3 remap v",
@@ -69,7 +68,7 @@ def test_as_with_fix_rigid(simulate, name, ranks):
             "MatubayasiNakahara does not do so",
         ),
     ],
-    ids=["none", "tilt", "wiggle", "group", "shadow", "NVT", "derived"],
+    ids=["none", "tilt", "wiggle", "group", "NVT", "derived"],
 )
 def test_other_changes_are_refused(refused, words, change, says):
     """Locks out bodies that stay behind the box, or do not go as its images do: also where the

@@ -10,12 +10,10 @@ import test_insertion as insertion
 from systems import SHAPES, assemble, mixture
 from test_own_fix import debian, obstacle
 
-from validation.scenes.integrators import target
 from validation.statistics import motion
 
 ALL = "solid planar pair row single"
 NVE = "fix 1 all nosquish/nve molecule\n"
-SHADOWED = f'python/move "{target("Shadowed")} all molecule"'
 THERMO = (
     "thermo_style custom step pe ke etotal press pxx pyy pzz pxy pxz pyz {}\n"
     "thermo_modify format float %.16g norm no\n"
@@ -175,7 +173,6 @@ def trap(system, stiffness):
     "fix",
     [
         "nosquish/nve molecule",
-        SHADOWED,
         "nosquish/nvt molecule temp 1 1 5.0 seed 7",
         "nosquish/nvt molecule temp 1 1 5.0 seed 7 thermostat csvr",
         "nosquish/nvt molecule temp 1 1 5.0 thermostat nh",
@@ -492,17 +489,13 @@ def test_what_is_refused(refused, words, says, ranks):
     refused(script, says, system.files, ranks=ranks)
 
 
-@pytest.mark.parametrize(
-    "fix",
-    ["nosquish/hmc molecule temp 1 steps 2 seed 5", SHADOWED],
-    ids=["hmc", "shadow"],
-)
 @pytest.mark.parametrize("words", ["force 1 0 0", "torque 1 0 0 virial yes", "python"])
-def test_energy_is_needed(run_lammps, refused, fix, words):
+def test_energy_is_needed(run_lammps, refused, words):
     """Locks out trajectories that are tested without the energy of external forces; the message's
     advice is followed."""
     system = mixture("solid planar pair")
-    script = f"{system.setup}\nfix 1 all {fix}\nfix_modify 1 external {words} {{}}\nrun 2"
+    fix = "fix 1 all nosquish/hmc molecule temp 1 steps 2 seed 5"
+    script = f"{system.setup}\n{fix}\nfix_modify 1 external {words} {{}}\nrun 2"
     refused(script.format(""), "the word energy of fix_modify external", system.files)
     script = script.format("energy 0")
     run_lammps(script, files=system.files)

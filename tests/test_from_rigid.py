@@ -139,10 +139,9 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
         (GRAVITY, "NVE all molecule gravity h", "", "'h', which is no fix gravity"),
         ("", "NVE all molecule gravity g", GRAVITY, "that stands before this fix"),
         (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
-        (GRAVITY, "Shadowed all molecule gravity g", "", "fix_modify g energy yes"),
         (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
     ],
-    ids=["none", "behind", "respa", "shadow", "HMC"],
+    ids=["none", "behind", "respa", "HMC"],
 )
 def test_gravity_that_is_refused(refused, system, before, words, after, says):
     """Locks out bodies without the weight that is asked for, or with that of several levels, and a

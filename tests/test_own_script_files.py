@@ -2,6 +2,8 @@
 written to, and the system that is compared is the script's."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import needs_extra  # noqa: F401  the extra validation
@@ -166,6 +168,20 @@ def test_the_environment_is_looked_at_again(tmp_path, monkeypatch):
     for value in "0.001", "0.002":
         monkeypatch.setenv("STEP_OF_TEST", value)
         assert take(path, tmp_path / "out").scene.dt == float(value)
+
+
+def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
+    """Locks out the user's older file, or none, in the place of the one that the script itself has
+    written before: that one is in the harness's folder."""
+    write = GAS + "reset_timestep {}\nwrite_restart state.*.restart\n"
+    read = "clear\nread_restart state.*.restart\npair_style zero 2.0\npair_coeff * *\n"
+    path = written(tmp_path, write.format(7) + read + RIGID + "run 5\n")
+    assert take(path, tmp_path / "none").said["step"] == 7
+    lmp = str(Path(sys.executable).with_name("lmp"))
+    command = [lmp, "-in", str(written(tmp_path, write.format(3), "in.older")), "-log", "none"]
+    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    assert take(path, tmp_path / "older").said["step"] == 7
+    assert [file.name for file in tmp_path.glob("state.*")] == ["state.3.restart"]
 
 
 @pytest.mark.parametrize(

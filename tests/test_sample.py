@@ -320,6 +320,13 @@ def checks(
     return {check.part: check for check in criteria.checks(summary)}
 
 
+def test_an_observable_gets_a_bound(monkeypatch):
+    """Locks out a bound that needs an entry elsewhere, and ends in a KeyError without it."""
+    monkeypatch.setitem(criteria.BOUNDS, "capacity", 2.0)
+    made = checks(capacity=1.0)["bias"]
+    assert (made.what, made.high, made.unit) == ("bias of the mean heat capacity", 2.0, "%")
+
+
 @pytest.mark.parametrize(
     ("key", "part", "scheme", "dt", "most"),
     [

@@ -34,7 +34,6 @@ BATHS = {
     "mtk": (f"NPT all molecule {BATH} iso v_P v_P v_t barostat mtk every 2", "econserve"),
     "NPH": ("NPH all molecule iso v_P v_P v_t every 2", "econserve"),
     "HMC": ("HMC all molecule temp v_T steps 10 seed 7", "f_1[6]"),
-    "shadow": ("Shadowed all molecule", "f_1[5]"),
 }
 
 

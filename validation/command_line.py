@@ -199,18 +199,18 @@ def script(parser: argparse.ArgumentParser) -> None:
 def own(parser: argparse.ArgumentParser) -> None:
     """The options that say more of a script of one's own."""
     group = parser.add_argument_group("for a script of your own")
-    help = "a variable of the script, as of LAMMPS's option of that name"
+    help = "set a variable of the script, as LAMMPS's option -var does"
     group.add_argument(
         *("-var", "--var"), dest="variables", nargs="+", action="append", metavar="WORD", help=help
     )
     for option, metavar, help in (
-        ("--fix", "ID", "the fix whose place the others take, where several could be meant"),
-        ("--group", "GROUP", "the rigid atoms, where no fix tells them"),
-        ("--bodies", "WORDS", 'what is one body there: molecule, or "custom i_NAME"'),
+        ("--fix", "ID", "the fix to replace, if it could be one of several"),
+        ("--group", "GROUP", "the group of the rigid atoms, if no fix names it"),
+        ("--bodies", "WORDS", 'what forms one body in it: molecule, or "custom i_NAME"'),
     ):
         more: dict = {"action": "append"} if option == "--fix" else {}
         group.add_argument(option, metavar=metavar, help=help, **more)
-    help = "compare at its N-th run with rigid bodies; those before are done (default 1)"
+    help = "use the N-th run with rigid bodies; earlier runs are executed (default 1)"
     group.add_argument("--run", type=whole, default=1, metavar="N", dest="run_number", help=help)
 
 
@@ -244,20 +244,20 @@ def launch(parser: argparse.ArgumentParser) -> None:
         "--launch",
         type=command,
         metavar="COMMAND",
-        help='what starts each run\'s ranks, as "srun -n {ranks}" (default: mpirun)',
+        help='command that starts the ranks of a run, such as "srun -n {ranks}" (default: mpirun)',
     )
 
 
 def silence(parser: argparse.ArgumentParser, default: float) -> None:
     """The option --silence."""
-    number(parser, "--silence", default, "S", "give a run up that wrote nothing for S seconds")
+    number(parser, "--silence", default, "S", "end a run that has written nothing for S seconds")
 
 
 def short_or_full(parser: argparse.ArgumentParser, full: str) -> None:
     """The options --short, the default, and --full."""
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
-        "--short", action="store_true", help="some minutes in all, for a first look (the default)"
+        "--short", action="store_true", help="a few minutes, for a first look (the default)"
     )
     length.add_argument("--full", action="store_true", help=full)
 

@@ -313,17 +313,7 @@ def ensembles_density():
 # ---- sampling
 
 
-# ---- long runs, theory, paper
-
-
-def theory_rotors():
-    """Error of the free rotation, by how far a body turns in a step."""
-    found = summary("theory")["data"]["rotors"]
-    head = ["rotation", *(f"{plain(angle)} rad" for angle in found["angles"])]
-    lines = []
-    for name, errors in found["error"].items():
-        lines.append([name, *(significant(error, 2) for error in errors)])
-    return markdown(head, lines)
+# ---- advice for scripts
 
 
 def _confirmed(row, targets, unit):
@@ -552,7 +542,6 @@ TABLES = [
     cases,
     reported,
     ensembles_density,
-    theory_rotors,
     own_scripts,
     factors,
     step_zero,

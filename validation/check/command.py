@@ -13,15 +13,14 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "check",
         run,
-        help="before a long run of a script of yours: is it sound, and which parts can be rigid",
-        description="Look at a LAMMPS input script before its long run: which bodies there are, "
-        "their shapes and moments, whether the step is safe for the fastest rotation and the "
-        "stiffest force, whether groups, exclusions and fixes fit, and what each integrator makes "
-        "of the start. With --rigid, find parts of its molecules that can be rigid, by bonds and "
-        "masses, and write the files and the lines with which the script has them. No file of "
-        "yours is written to.",
-        epilog="Exit status: 0 if all numbers are within their bounds (with --rigid: if there are "
-        "such parts), 1 if not, 130 after Ctrl-C.",
+        help="look at your script before a long run, and find parts that can be rigid",
+        description="Look at a LAMMPS input script before a long run. It reports the bodies, "
+        "their shapes and moments; whether the time step is short enough for the fastest rotation "
+        "and the stiffest force; whether groups, exclusions and fixes match; and whether each "
+        "integrator can run the start. With --rigid it finds parts of molecules that can be rigid, "
+        "by bonds and masses, and writes the lines that make them so. Your files are not changed.",
+        epilog="Exit status: 0 if all numbers are within their bounds (with --rigid: if parts were "
+        "found), 1 if not, 130 after Ctrl-C.",
     )
     command_line.script(parser)
     parser.add_argument(

@@ -1,12 +1,11 @@
 """``claims``: its words, and what they run."""
 
 from argparse import ArgumentTypeError, Namespace
-from pathlib import Path
 
 from .. import command_line
 
 # module of a list: its name on the command line, and of its folder
-LISTS = ("theory", "paper", "published", "examples")
+LISTS = ("theory", "paper", "published")
 
 
 def add(verbs: command_line.Verbs) -> None:
@@ -15,33 +14,31 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "claims",
         run,
-        help="does what the paper and we say hold? each statement a number between bounds",
-        description="Measure what is said of the integrator, each statement a number between "
+        help="test statements of the paper and of this package, each by a number",
+        description="Test statements about the integrator, each by a number that must be within "
         "bounds: what section II of Miller et al. (2002) proves (theory), its test problems "
-        "(paper), the energy's spread in water beside published numbers (published), and LAMMPS's "
-        "own examples with -sf nosquish (examples). Each list has a folder of its own with "
-        "summary.json, tables, figures and report.html. "
-        "Ctrl-C keeps what is complete, and the same command goes on from there. Processes with "
-        "the same command share the runs.",
-        epilog="Exit status: 0 if all is measured and what is said of ours holds, 1 if not, 130 "
-        "after Ctrl-C. Statements of the paper may fail: they are not the code's.",
+        "(paper), and the fluctuations of the energy in water beside published numbers (published)."
+        " Each list writes a folder with summary.json, tables, figures and report.html. After "
+        "Ctrl-C the same command continues. Several processes with the same command share the "
+        "runs.",
+        epilog="Exit status: 0 if all statements about this package hold, 1 if not, 130 after "
+        "Ctrl-C. Statements of the paper may fail, because they are not about this code.",
     )
     parser.add_argument(
         "lists",
         nargs="*",
         type=_list,
         metavar="LIST[/PART]",
-        help=f"lists, of: {', '.join(LISTS)}; with what a part's name begins with, as theory/"
-        "reversal or paper/dimer, only that (default: all; examples with --lammps only)",
+        help=f"any of {', '.join(LISTS)}, or a part of one by the beginning of its name, such as "
+        "theory/reversal or paper/dimer (default: all)",
     )
     command_line.short_or_full(parser, "as long as the committed results: some days")
     parser.add_argument(
         "--time",
         type=command_line.positive,
         metavar="PS",
-        help="length of the trajectories of paper's liquid, and of published",
+        help="length of the trajectories of published, and of the liquid in paper",
     )
-    parser.add_argument("--lammps", type=Path, metavar="DIR", help="LAMMPS's folder examples")
     command_line.ranks(parser, of="the runs of paper and published")
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results")
@@ -61,27 +58,23 @@ def run(arguments: Namespace) -> int:
     from ..pages import console
     from . import measure, plan, report  # heavy: not for --help
 
-    usual = [name for name in LISTS if name != "examples" or arguments.lammps]
+    command_line.need_scenes()
     wanted: dict[str, list[str]] = {}
-    for word in arguments.lists or usual:
+    for word in arguments.lists or LISTS:
         name, _, part = word.partition("/")
         wanted.setdefault(name, []).append(part)
-    if wanted.keys() - {"examples"}:
-        command_line.need_scenes()
     if not {"paper", "published"} & wanted.keys():
         command_line.refuse(arguments, ("time", "ranks"), "is for paper and published")
-    if ("examples" in wanted) != bool(arguments.lammps):
-        arguments.parser.error("examples and --lammps, LAMMPS's folder, need each other")
     out, screen, failed = command_line.folder(arguments), console.console(), False
     for name, parts in wanted.items():
         short = "-short" * (not arguments.full and not arguments.out)
-        how = arguments.full, arguments.time, arguments.ranks, arguments.silence, arguments.lammps
+        how = arguments.full, arguments.time, arguments.ranks, arguments.silence
         bench, claims = plan.Bench(out / f"{name}{short}", *how, set()), report.claims_of(name)
         for part in parts:
-            found = [one for one in measure.names(claims, bench) if one.startswith(part)]
+            found = {one.name for one in claims.plan(bench) if one.name.startswith(part)}
             if not found:
                 arguments.parser.error(f"nothing of {name} has a name that begins with {part}")
-            bench.names |= set(found)
+            bench.names |= found
         with console.Meter(screen, measure.total(claims, bench)) as bench.meter:
             summary = measure.measure(name, claims, bench)
         said = report.said(summary)

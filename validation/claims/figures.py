@@ -46,26 +46,6 @@ def reversal(summary: dict) -> Figure | None:
     return figure
 
 
-def conserved(summary: dict) -> Figure | None:
-    """The spread of energy and shadow energy against the time step."""
-    row = summary["data"].get("conserved", {}).get("NO_SQUISH")
-    if not row:
-        return None
-    figure, axis = plt.subplots(figsize=(6, 4), layout="constrained")
-    axis.set(xscale="log", yscale="log", xlabel="Δt (fs)", ylabel="spread (kcal/mol)")
-    message(figure, "Spread of the energy, and of what is conserved up to Δt⁴")
-    dt, ends = np.array(row["dt_fs"]), []
-    for key, label, order, colour in (
-        ("energy", "H", 2, ORANGE),
-        ("shadow", "H + Δt² H⁽²⁾", 4, BLUE),
-    ):
-        axis.plot(dt, row[key][0] * (dt / dt[0]) ** order, color=PALE, lw=1, zorder=0)
-        axis.plot(dt, row[key], "o-", color=colour)
-        ends.append((dt[-1], row[key][-1], label, colour))
-    label_ends(axis, ends)
-    return figure
-
-
 def _curves(summary, names, told, power) -> Figure | None:
     """A panel of Delta E for each trajectory, of those that there are."""
     curves = summary.get("curves", {})

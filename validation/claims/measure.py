@@ -8,15 +8,9 @@ from ..running.store import Store
 from .plan import Bench, Claims, Simulation, failure, series
 
 
-def names(claims: Claims, bench: Bench) -> list[str]:
-    """Of all that can be asked for."""
-    return [simulation.name for simulation in claims.plan(bench)] + [*claims.names(bench)]
-
-
 def total(claims: Claims, bench: Bench) -> int:
-    """Steps of all runs of LAMMPS together, and what is measured without them."""
-    others = sum(name in bench.names for name in claims.names(bench))
-    return others + sum(simulation.steps for simulation in _chosen(claims, bench))
+    """Steps of all runs together."""
+    return sum(simulation.steps for simulation in _chosen(claims, bench))
 
 
 def measure(name: str, claims: Claims, bench: Bench) -> dict:
@@ -33,7 +27,6 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
     trajectories = [simulation.trajectory(bench) for simulation in simulations]
     store = Store(bench.runs)
     done = experiment.perform(trajectories, store, bench.meter, judge=failure, ladders=False)
-    bench.interrupted |= done.interrupted
     found = {
         simulation.name: series(simulation, done.jobs[simulation.name])
         for simulation in simulations
@@ -41,10 +34,9 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
     }
     failed = {one.name: done.failed.get(one.name, "") for one in simulations if not one.may_fail}
     failed |= dict.fromkeys(done.left_out, "its start has failed")
-    judged = claims.judge(found, bench)
-    summary = circumstances | {"claims": name, "interrupted": bench.interrupted} | judged
-    failed |= judged.get("failed", {})
-    return summary | {"failed": {name: why for name, why in failed.items() if why}}
+    failed = {failing: why for failing, why in failed.items() if why}
+    told = {"claims": name, "interrupted": done.interrupted, "failed": failed}
+    return circumstances | told | claims.judge(found, bench)
 
 
 def _chosen(claims: Claims, bench: Bench) -> Sequence[Simulation]:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..pages import Column, Table
-from ..scenes import FS_PER_PS, SCENES, TEMPERATURE, Scene, steps
+from ..scenes import FS_PER_PS, SCENES, Scene, steps
 from ..scenes import peptide as paper_peptide
 from ..scenes.integrators import INTEGRATORS, PAPER
 from ..statistics import measures
@@ -49,23 +49,18 @@ STATEMENTS = {
 AVERAGE_MEASURE = 1e-5  # of figure 3, section III
 DIMER_DT, DT = 0.3, 3.0  # fs, of figure 2a, and of figures 2b and 3
 OTHER = "matubayasi-nakahara"
-ORDERED = "nosquish-123"  # NO_SQUISH with rigid/nve/small's order of axes
 SIDE = 8  # of a trajectory: parts, for the error of a ratio
 SURE_DRIFT = 2.5  # margins (95 %) that a drift has which is none by chance
 LOST = 0.05  # of Richardson's drift, that another one may be
 # "far more accurate", "about": one order of magnitude, and the same one
 FAR, NEAR = 10.0, np.sqrt(10.0)
 EQUAL = 0.15  # off 1: a ratio
-SAME = 0.02  # off 1: a ratio of deviations from the same start
-SOON = 0.5  # ps for which two schemes stay near each other
 # steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
 # energy jumps meanwhile
 BEGINNING = 20
-KELVIN = 5.0  # that a mean temperature may be off
 RIGID = 1e-10  # Angstrom
 RUNNING = 30  # windows of a running mean in the length of a curve
 OVER = "reference 12 over NO_SQUISH"
-SHARED = "nearly all of it is the force splitting's error, which both share"
 
 
 # ---- what is run
@@ -79,7 +74,6 @@ class Lengths(NamedTuple):
         apart: time between one start and the next.
         liquid: 1,000 waters.
         peptide: figure 3's trajectories.
-        ordered: the peptide with `ORDERED`.
         drifting: the peptide with ``rigid/small``.
         gear: Gear's trajectories of the liquid and the peptide.
         gear_starts: of the dimer, with Gear's scheme.
@@ -91,16 +85,15 @@ class Lengths(NamedTuple):
     apart: float
     liquid: float
     peptide: float
-    ordered: float
     drifting: float
     gear: float
     gear_starts: int
     every: int
 
 
-SHORT = Lengths(50.0, 10, 60.0, 3.6, 3.6, 3.6, 2.4, 0.15, 4, 10)
+SHORT = Lengths(50.0, 10, 60.0, 3.6, 3.6, 2.4, 0.15, 4, 10)
 # the paper's, but for figure 2b's 6,000 ps of the liquid
-FULL = Lengths(300.0, 32, 1000.0, 3000.0, 300.0, 75.0, 30.0, 2.0, 4, 50)
+FULL = Lengths(300.0, 32, 1000.0, 3000.0, 300.0, 30.0, 2.0, 4, 50)
 
 
 def _lengths(bench: Bench) -> Lengths:
@@ -116,7 +109,6 @@ def plan(bench: Bench) -> list[Simulation]:
     made = [*_dimers(make, lengths)]
     for name in "nosquish", "shake", "rigid/nve/small":
         made.append(make(peptide, name, lengths.peptide))
-    made.append(make(peptide, ORDERED, lengths.ordered))
     made.append(make(peptide, "rigid/small", lengths.drifting))
     made += [make(scene, "gear", lengths.gear, every=2) for scene in (liquid, peptide)]
     return made + [make(liquid, name, lengths.liquid) for name in ("nosquish", OTHER)]
@@ -268,12 +260,6 @@ def _drift(series: Sequence[Series]) -> Estimate:
     return fits[0] if len(fits) == 1 else measures.of_few([fit.value for fit in fits])
 
 
-def _scatters(ours: Sequence[float], others: Sequence[float]) -> str:
-    """The two standard deviations and their ratio, in words."""
-    first, second = (np.std(some, ddof=1) for some in (ours, others))
-    return f"{second:.2g} and {first:.2g} kcal/mol, {second / first:.2g} times"
-
-
 def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
     """Stable: the drift moves the energy by less than it fluctuates anyway."""
     slope = _drift(series)
@@ -294,42 +280,13 @@ def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
 
 
 def _dimer(whole: Found) -> Iterator[Check]:
-    """Figure 2a.
-
-    All starts are of one trajectory of NO_SQUISH, so they have one shadow energy.  Reference 12's,
-    did it exist, would be the same up to the rotor splitting's small part.  What keeps a shadow
-    energy has the same mean energy from each start; what has none wanders.
-    """
+    """Figure 2a."""
     check = partial(Check.of, "dimer", source=STATEMENTS["dimer"])
     pairs = _dimer_pairs(whole, OTHER)
     if len(pairs) > 1:
         span, starts = _length(*sum(pairs, ())), f"{len(pairs)} starts"
         what = f"more accurate: average measure, {span}, mean of {starts}"
         yield check(OVER, what, _ratio(pairs, _average), low=1.0)
-        first, second = ([one.total.mean() for one in series] for series in zip(*pairs))
-        what = f"its slow part: log10 of the scatter of ⟨E⟩ over {starts} with one shadow energy, "
-        note = (
-            f"{_scatters(first, second)}; all starts lie on one trajectory of NO_SQUISH, and the "
-            "shadow energy that they share is NO_SQUISH's"
-        )
-        over = measures.scatters_apart(first, second)
-        yield check(OVER, what + f"{span} each", over, low=0.0, note=note)
-        what = f"sd of energy in the first {SOON:g} ps, mean of {starts}"
-        same = _ratio(pairs, lambda one: one.total[one.time <= SOON].std())
-        yield check(OVER, what, same, low=1.0 - SAME, high=1.0 + SAME, source="", note=SHARED)
-    if starting := whole.get("dimer-starts"):
-        aim, mean = TEMPERATURE["dimer"], measures.mean(starting.temperature)
-        what = f"mean temperature of the trajectory that all starts are of, {_length(starting)}"
-        yield check(
-            "NO_SQUISH",
-            what,
-            mean,
-            low=aim - KELVIN,
-            high=aim + KELVIN,
-            unit="K",
-            source="Caption of figure 2",
-        )
-    if len(pairs) > 1:
         for name, series in zip(("nosquish", OTHER), zip(*pairs)):
             yield _steady(check, name, series)
 
@@ -343,10 +300,6 @@ def _liquid(whole: Found) -> Iterator[Check]:
         span = _length(ours, other)
         over = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
         yield check(OVER, f"more accurate: sd of energy about its mean, {span}", over, low=1.0)
-        first, second = (_in_parts(one.total).mean(axis=1) for one in (ours, other))
-        what = f"wander: log10 of the sd of the energy's means in {SIDE} parts, {span}"
-        over = measures.scatters_apart(first, second, measures.freedom_of_walk(SIDE))
-        yield check(OVER, what, over, low=0.0, note=_scatters(first, second))
     for name, one in series.items():
         if one:
             yield _steady(check, name, [one])
@@ -361,47 +314,46 @@ def _in_parts(total: np.ndarray) -> np.ndarray:
 def _peptide(whole: Found) -> Iterator[Check]:
     """Figure 3."""
     check = partial(Check.of, "peptide", source=STATEMENTS["peptide"])
-    names = "nosquish", "shake", "rigid/nve/small", "rigid/small", ORDERED
+    names = "nosquish", "shake", "rigid/nve/small"
     series = {name: whole[f"peptide-{name}"] for name in names if f"peptide-{name}" in whole}
-    for name in (name for name in names[:3] if name in series):
-        what = f"average measure about {AVERAGE_MEASURE:g}, {_length(series[name])}"
+    richardson = whole.get("peptide-rigid/small")
+    for name, one in series.items():
+        what = f"average measure about {AVERAGE_MEASURE:g}, {_length(one)}"
         yield check(
             PAPER[name].label,
             what,
-            measures.mean(measure(series[name].total)),
+            measures.mean(measure(one.total)),
             low=AVERAGE_MEASURE / NEAR,
             high=AVERAGE_MEASURE * NEAR,
         )
-    for name, against in (ORDERED, "rigid/nve/small"), ("nosquish", "shake"):
-        if {name, against} <= series.keys():
-            yield _equal(check, series, name, against)
-    drifts = {name: _drift([one]) for name, one in series.items() if name != ORDERED}
-    for name, slope in drifts.items():
-        label, span = PAPER[name].label, _length(series[name])
+    if {"nosquish", "shake"} <= series.keys():
+        yield _equal(check, series["nosquish"], series["shake"])
+    for name, one in series.items():
+        if richardson is None:
+            yield _steady(check, name, [one])
+            continue
+        slope = _drift([one])
+        over = measures.quotient(slope, _drift([richardson]))
+        what = f"stable: drift over that of rigid/small, {_length(one)}"
         note = f"{slope.text()} kcal/mol/ps"
-        if name == "rigid/small":
-            off, what = abs(slope.value) / slope.margin, f"drifts: |drift| of the energy, {span}"
-            yield check(
-                label,
-                what,
-                off,
-                low=SURE_DRIFT,
-                note=note,
-                unit="margins",
-                source="Richardson's scheme, which is not symplectic",
-            )
-        elif "rigid/small" in drifts:
-            over = measures.quotient(slope, drifts["rigid/small"])
-            what = f"stable: drift over that of rigid/small, {span}"
-            yield check(label, what, over, low=-LOST, high=LOST, note=note)
-        else:
-            yield _steady(check, name, [series[name]])
+        yield check(PAPER[name].label, what, over, low=-LOST, high=LOST, note=note)
+    if richardson:
+        slope = _drift([richardson])
+        yield check(
+            "rigid/small",
+            f"drifts: |drift| of the energy, {_length(richardson)}",
+            abs(slope.value) / slope.margin,
+            low=SURE_DRIFT,
+            note=f"{slope.text()} kcal/mol/ps",
+            unit="margins",
+            source="Richardson's scheme, which is not symplectic",
+        )
 
 
-def _equal(check: Callable, series: Found, name: str, against: str) -> Check:
-    """Two integrators, in parts of the same length."""
-    both = series[against], series[name]
-    label = f"NO_SQUISH{' order 123' if name == ORDERED else ''} over {PAPER[against].label}"
+def _equal(check: Callable, ours: Series, shake: Series) -> Check:
+    """NO_SQUISH and SHAKE, in parts of the same length."""
+    both = shake, ours
+    label = f"NO_SQUISH over {PAPER['shake'].label}"
     what = f"equal: sd of energy about the means of {SIDE} parts, {_length(*both)}"
     samples = _shortest(both)
     over = measures.ratio(*(_in_parts(one.total[:samples]).std(axis=1, ddof=1) for one in both))
@@ -446,10 +398,6 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     when = f"{_length(*ours, *theirs)} {first}, {len(pairs)} starts"
     ours_drift, drift = _drift(ours), _drift(theirs)
     note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
-    what = f"drifts {where}: |drift| of the energy, {when}"
-    yield check("Gear, dimer", what, off, low=SURE_DRIFT, unit="margins", note=note)
-    what = f"less accurate {where}: average measure, {when}"
-    yield check("Gear over NO_SQUISH, dimer", what, _ratio(pairs, _average), low=1.0)
     far, what = None, f"far more accurate {where}: drift of the energy, {when}"
     told = f"Gear's drift itself cannot be told: {note}"
     if off >= SURE_DRIFT:  # nothing can be said over a drift that may be none

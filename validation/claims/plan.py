@@ -1,6 +1,6 @@
 """What a list of claims is, and the runs of LAMMPS that its claims are measured on."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -19,7 +19,6 @@ from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
 
 FEW = 16  # samples: less says nothing
-SHADOW = "f_1[5]"  # a column, of an integrator `Shadowed`
 
 
 @dataclass
@@ -32,10 +31,8 @@ class Bench:
         time: ps of the long runs, in place of that; None for the usual one.
         ranks: MPI ranks of what is large.
         silence: s without a word in the log after which a run is given up.
-        lammps: LAMMPS's folder examples; None if it is not given.
-        names: of what is measured.
+        names: of the simulations that are asked for.
         meter: what is told of progress.
-        interrupted: whether a Ctrl-C came.
     """
 
     out: Path
@@ -43,9 +40,7 @@ class Bench:
     time: float | None
     ranks: int
     silence: float
-    lammps: Path | None
     names: set[str]
-    interrupted: bool = False
     meter: run.Meter = field(init=False)
 
     @property
@@ -133,7 +128,6 @@ class Series:
         folder: its files.
         time: (n,) ps.  total, kinetic: (n,) kcal/mol.  temperature: (n,) K.  All up to a sample
             that is not finite.
-        shadow: (n,) kcal/mol, if the integrator was asked for it, else (0,).
         positions: at its start and end; None if they are not kept.
         seconds: that the steps took.
     """
@@ -145,7 +139,6 @@ class Series:
     total: np.ndarray
     kinetic: np.ndarray
     temperature: np.ndarray
-    shadow: np.ndarray = field(default_factory=lambda: np.empty(0))
     positions: Positions | None = None
     seconds: float = 0.0
 
@@ -163,7 +156,6 @@ class Claims(NamedTuple):
         parts: part of its checks to their heading.
         plan: gives the simulations.
         judge: from what these left to plain data: ``checks`` and more.
-        names: gives names of what `judge` measures without a simulation.
         figures: functions of a summary to captions.
         tables: of a summary, beside the checks.
         notes: what words mean, and how it was measured.
@@ -177,7 +169,6 @@ class Claims(NamedTuple):
     parts: Mapping[str, str]
     plan: Callable[[Bench], Sequence[Simulation]]
     judge: Callable[[Found, Bench], dict]
-    names: Callable[[Bench], Iterable[str]] = lambda bench: ()
     figures: Mapping[Callable[[dict], Figure | None], str] = MappingProxyType({})
     tables: Callable[[dict], Sequence[Table]] = lambda summary: ()
     notes: Mapping[str, str] = MappingProxyType({})
@@ -194,11 +185,11 @@ def failure(result: run.Result) -> str | None:
 def series(simulation: Simulation, job: run.Job) -> Series:
     """What the run of a job left, complete or not."""
     result = run.collect(job.directory)
-    columns = "Step", "TotEng", "KinEng", "Temp", SHADOW
+    columns = "Step", "TotEng", "KinEng", "Temp"
     values = [result.thermo.get(column, np.empty(0)) for column in columns]
     finite = np.isfinite(values[1])
     until = len(finite) if finite.all() else int(np.argmin(finite))
-    step, total, kinetic, temperature, shadow = (some[:until] for some in values)
+    step, total, kinetic, temperature = (some[:until] for some in values)
     return Series(
         simulation,
         failure(result),
@@ -207,7 +198,6 @@ def series(simulation: Simulation, job: run.Job) -> Series:
         total,
         kinetic,
         temperature,
-        shadow,
         result.positions,
         sum(loop.seconds for loop in result.timings),
     )

@@ -1,5 +1,4 @@
-"""The spread of energy and shadow energy of rigid water at several time steps, beside published
-numbers.
+"""The spread of rigid water's energy at several time steps, beside published numbers.
 
 A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with
 the free rotor's exact solution and forces that end smoothly; `inputs/water_smooth` has their
@@ -12,23 +11,19 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..running import run
 from ..scenes import Scene, smooth_water, steps
-from ..scenes.integrators import nosquish
+from ..scenes.integrators import INTEGRATORS
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, combined
-from .plan import FEW, SHADOW, Bench, Claims, Found, Simulation
+from .plan import FEW, Bench, Claims, Found, Simulation
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
 SERIES = "github.com/craabreu/rigid_nvt_paper"
 FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories of constant energy
-# fs: standard deviation of TotEng in `FILE`, and of Hs there, their shadow energy; kcal/mol
-PUBLISHED = {
-    "spread": {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872},
-    "shadow": {1.0: 0.00438, 2.0: 0.0352, 3.0: 0.0997, 4.0: 0.306},
-}
+# fs: standard deviation of TotEng in `FILE`, kcal/mol
+PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}
 ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
 THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not depend on each other
 # All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all
@@ -39,7 +34,6 @@ ORIGINS = {
     "standard deviations of the energy": "computed here: of TotEng in the authors' "
     f"Figures/NVE_1fs.csv to NVE_4fs.csv ({SERIES}); the paper draws these energies and prints no "
     "standard deviation",
-    "standard deviations of the shadow energy": "computed here: of Hs in the same files",
     "their errors": f"computed here: 1/√(2·{ENERGIES}) of each, for {ENERGIES} energies that do "
     "not depend on each other",
     "903 molecules, 970 kg/m³, cutoff 10 Å from 9.5 Å on, erfc(0.29 r/Å)": "the authors' "
@@ -54,12 +48,10 @@ ALL = "all"  # time steps together
 PARTS = {
     "spread": "Standard deviation of the energy over the published one, 903 TIP3P molecules at "
     f"{TEMPERATURE:.0f} K",
-    "shadow": "Standard deviation of the shadow energy over the published one, the same runs",
 }
 # ps with a heat bath, then with one and averaged, then without; time step (fs) of all
 BATH, MEAN, REST, BATH_DT = 4.0, 6.0, 1.0, 2.0
 SHORT, FULL = 4.0, 48.0  # ps of each time step
-PS_PER_NS = 1000.0
 SAMPLED = 12.0  # fs between samples of the energy
 
 
@@ -84,21 +76,17 @@ def plan(bench: Bench) -> list[Simulation]:
     how: dict = {"scene": water, "ranks": bench.ranks}
     more = _to_the_mean(water.group)
     start: dict = {"dt": BATH_DT, "steps": rest, "every": 100, "state": rest, "more": more}
-    usual = nosquish("nosquish", "fix_nosquish.NVE")
-    made = [Simulation("start", "start", integrator=usual, **start, **how)]
-    for dt in sorted(PUBLISHED["spread"], reverse=True):
-        every = max(1, round(SAMPLED / dt))
-        shadowed = nosquish("nosquish", "fix_nosquish.NVE", f" every {every}", "Shadowed")
-        more = run.thermo(SHADOW)
+    ours = INTEGRATORS["nosquish"]
+    made = [Simulation("start", "start", integrator=ours, **start, **how)]
+    for dt in sorted(PUBLISHED, reverse=True):
         made.append(
             Simulation(
-                integrator=shadowed,
+                f"{dt:g}-fs",
+                f"{dt:g} fs",
+                integrator=ours,
                 dt=dt,
                 steps=steps(_time(bench), dt),
-                every=every,
-                more=more,
-                name=f"{dt:g}-fs",
-                label=f"{dt:g} fs",
+                every=max(1, round(SAMPLED / dt)),
                 start=("start", rest),
                 **how,
             )
@@ -124,53 +112,45 @@ def _to_the_mean(group):
 
 def judge(found: Found, bench: Bench) -> dict:
     """``checks`` of what was found over what is published, and ``time``."""
-    made = [check.plain() for part in PUBLISHED for check in checks(part, found)]
-    return {"checks": made, "time": _time(bench)}
+    return {"checks": [check.plain() for check in checks(found)], "time": _time(bench)}
 
 
-def checks(part: str, found: Found) -> Iterator[Check]:
+def checks(found: Found) -> Iterator[Check]:
     """Of each time step (fs); where all spreads are known their mean, too, each weighted by what it
     is worth."""
     made = []
-    for dt, theirs in PUBLISHED[part].items():
+    for dt, theirs in PUBLISHED.items():
         result = found.get(f"{dt:g}-fs")
         value, note = None, f"no complete run: {result.error if result else 'not begun'}"
         if result and not result.error:
-            energy = result.total if part == "spread" else result.shadow
-            known = np.isfinite(energy)  # three steps tell a shadow energy first
-            note = f"{known.sum()} samples"
-            if known.sum() >= FEW:
-                value, note = _over(part, result.time[known], energy[known], theirs)
-        made.append(_check(part, f"{dt:g} fs", FILE.format(dt), value, note))
+            note = f"{len(result.total)} samples"
+            if len(result.total) >= FEW:
+                value, note = _over(result.time, result.total, theirs)
+        made.append(_check(f"{dt:g} fs", FILE.format(dt), value, note))
     yield from made
-    if part == "spread" and all(check.value is not None for check in made):
+    if all(check.value is not None for check in made):
         weights = np.array([check.error for check in made]) ** -2.0
         weights /= weights.sum()
         errors = ((weight * check.error, check.freedom) for weight, check in zip(weights, made))
         mean = weights @ [check.value for check in made]
-        yield _check(part, ALL, "all four", Estimate(mean, *combined(*errors)))
+        yield _check(ALL, "all four", Estimate(mean, *combined(*errors)))
 
 
-def _over(part, time, energy, theirs):
+def _over(time, energy, theirs):
     """A standard deviation over theirs, and in words what it is made of."""
     spread, slope = measures.standard_deviation(energy), measures.drift(time, energy)
     other = Estimate(theirs, theirs * THEIR_ERROR)
-    value = measures.quotient(spread, other)
-    if part == "shadow":
-        drifts = f"drifts by {slope.times(PS_PER_NS).text()} a ns"
-        return value, f"{spread.text()} over {theirs:.3g} kcal/mol, {drifts}"
-    told = f", drifts by {slope.text()} kcal/mol/ps" * bool(abs(slope.value) > slope.margin)
     line = measures.about_line(time, energy).text()
-    return value, f"{spread.text()} (about its line {line}{told}) over {other.text()} kcal/mol"
+    told = f", drifts by {slope.text()} kcal/mol/ps" * bool(abs(slope.value) > slope.margin)
+    note = f"{spread.text()} (about its line {line}{told}) over {other.text()} kcal/mol"
+    return measures.quotient(spread, other), note
 
 
-def _check(part, subject, file, found, note=""):
-    name, column = ("total", "TotEng") if part == "spread" else ("shadow", "Hs")
-    what = f"standard deviation of the {name} energy over the published one"
-    source = f"{SOURCE}; theirs and its error computed here from {column} in {file}, {SERIES}"
-    # ours may be better: its derivatives in time are others
-    low, high = (1 - WITHIN, 1 + WITHIN) if part == "spread" else (None, 1.0)
-    return Check.of(part, subject, what, found, low=low, high=high, note=note, source=source)
+def _check(subject, file, found, note=""):
+    what = "standard deviation of the total energy over the published one"
+    source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
+    ends: dict = {"low": 1 - WITHIN, "high": 1 + WITHIN}
+    return Check.of("spread", subject, what, found, note=note, source=source, **ends)
 
 
 CLAIMS = Claims(

@@ -15,34 +15,34 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "compare",
         run,
-        help="which integrator, which time step, and what it costs",
-        description="Run integrators with several time steps from the same starts, measure how far "
-        "each is off and what it costs, and name the fastest whose errors are within the targets, "
-        "with the lines for the input script. Writes summary.json, CSV files, figures and "
-        "report.html to the output folder. After a Ctrl-C the same command goes on.",
-        epilog="Exit status: 0 if a step is within the targets by its 95 % margins, 1 if none is, "
-        "2 if a word is wrong, 130 after Ctrl-C.",
+        help="find the fastest integrator and time step for an accuracy",
+        description="Run integrators with several time steps from the same starts, measure the "
+        "error and the cost of each, and name the fastest one within the targets, with the lines "
+        "for the input script. Writes summary.json, CSV files, figures and report.html to the "
+        "output folder. After Ctrl-C the same command continues.",
+        epilog="Exit status: 0 if a step is within the targets by its 95 % confidence intervals, "
+        "1 if none is, 2 if an argument is wrong, 130 after Ctrl-C.",
     )
     kind = command_line.scene_or_script(lambda: SCENES)
     parser.add_argument(
         "scene",
         type=kind,
         metavar="SCENE",
-        help=f"what is simulated: {', '.join(SCENES)}, or a LAMMPS input script of yours",
+        help=f"{', '.join(SCENES)}, or a LAMMPS input script of yours",
     )
     text = (
-        "largest errors that are good enough, as in energy=0.05 drift=0.01; an unknown one lists "
-        "all (default: drift, temperature, energy, density and rdf, as far as there are any)"
+        "largest acceptable errors, such as energy=0.05 drift=0.01; an unknown name lists all "
+        "(default: those of drift, temperature, energy, density and rdf that can be measured)"
     )
     command_line.targets(parser, text)
     text = "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(
         SWEPT
     )
     command_line.only_of(parser, lambda: (*SWEPT, "all"), text)
-    text = "time steps in fs, or the script's units (default: of a script its own and up to 6 times"
-    text += " that)"
+    text = "time steps in fs, or in the script's units (default for a script: its own step and up "
+    text += "to 6 times that)"
     parser.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
-    text = "minutes that all may take, by the time of a step when it begins"
+    text = "minutes for everything, estimated from the time of a step at the beginning"
     command_line.number(parser, "--budget", BUDGET, "MINUTES", text)
     command_line.ranks(parser, 1)
     command_line.silence(parser, 120.0)

@@ -16,33 +16,33 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "cost",
         run,
-        help="what the fix costs: time in it and of a step, memory, messages, start-up",
-        description="Time fix_nosquish.NVE and LAMMPS's own fixes on the same starts, in turn, and "
-        "count what they hand to MPI (this needs a C compiler). Writes tables to the terminal and "
-        "summary.json, CSV files, figures and a self-contained report.html to the output folder. "
-        "Ctrl-C keeps what is measured, and the same command goes on from there: what was measured "
-        "with the same code, input and settings is not measured again. Measured in parts, the "
-        "output folder gathers them: all of the same code and input is shown.",
+        help="measure the cost of the fix: time, memory, messages and start-up",
+        description="Time fix nosquish/nve and LAMMPS's own fixes on the same starts, in turn, and "
+        "count the bytes that they pass to MPI (which needs a C compiler). Writes tables to the "
+        "terminal, and summary.json, CSV files, figures and report.html to the output folder. "
+        "After Ctrl-C the same command continues. What was measured with the same code, input and "
+        "settings is not measured again. Several commands with the same folder may each measure a "
+        "part: all parts are shown.",
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
     words = ", ".join(plan.PARTS)
-    help = f"what to measure, of: {words} (default: all), or a script of yours"
+    help = f"any of {words} (default: all), or a script of yours"
     part = command_line.scene_or_script(lambda: plan.PARTS)
     parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
     on = ",".join(map(str, plan.COUNTED_ON))
     for option, kind, metavar, help in (
-        ("--ranks", command_line.wholes, "N,N", f"MPI ranks (default 1,2; of messages {on})"),
-        ("--sizes", command_line.wholes, "N,N", f"of molecules (default {sizes}; --short: first)"),
-        ("--rounds", command_line.whole, "N", "turns of each (default 5; --short: 2)"),
+        ("--ranks", command_line.wholes, "N,N", f"MPI ranks (default 1,2; for messages {on})"),
+        ("--sizes", command_line.wholes, "N,N", f"molecules (default {sizes}; --short: first)"),
+        ("--rounds", command_line.whole, "N", "repetitions (default 5; --short: 2)"),
         ("--seconds", command_line.positive, "S", "of a timed segment (default 1; --short: 0.2)"),
     ):
         parser.add_argument(option, type=kind, metavar=metavar, help=help)
     names = ", ".join(BENCHMARKED)
     help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
     command_line.only_of(parser, lambda: BENCHMARKED, help)
-    help = "some minutes in all, for a first look"
+    help = "a few minutes, for a first look"
     parser.add_argument("--short", action="store_true", help=help)
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/cost", short=True)

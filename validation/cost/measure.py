@@ -10,14 +10,11 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-
 from ..running import counting, machine, rounds, run, starts, startup
 from ..running.rounds import Timing
 from ..running.store import Store
 from ..scenes import INPUTS, SCENES, Scene
 from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
-from ..statistics import measures
 from .plan import Point
 
 MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
@@ -114,7 +111,7 @@ def _inputs(names: Iterable[str]) -> dict[str, str]:
 
 
 def _scene(point: Point, call: Call) -> list[dict]:
-    """All integrators in turn; then, on several ranks, their messages."""
+    """All integrators in turn; without rounds their messages."""
     if call.script:
         scene, integrators = call.script
     else:
@@ -161,10 +158,10 @@ def _scene(point: Point, call: Call) -> list[dict]:
         return job(every[name], runs[name], str(number), rounds.SETUPS)
 
     found, errors, cut = rounds.in_turn(labels, turn, point.rounds, call.meter)
-    counts: dict[str, list[dict]] = {}
-    if not cut and (point.ranks > 1 or not point.rounds):
-        jobs = {name: job(one, [3, COUNTED], "messages") for name, one in every.items()}
-        counts, cut = _counts(jobs, labels, errors, folder / "counts", call.meter)
+    sent: dict[str, dict] = {}
+    if not point.rounds:
+        jobs = {name: job(every[name], [3, COUNTED], "messages") for name in point.integrators}
+        sent, cut = _counts(jobs, labels, errors, folder / "counts", call.meter)
     if cut:
         short = [name for name in found if len(found[name]) < point.rounds]
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
@@ -175,7 +172,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
             "error": errors.get(name),
             **_numbers(found[name], found.get(OURS, []), found[FREE.name], point.bodies),
         }
-        record["integrators"].append(row | _sent(counts.get(name), counts.get(FREE.name)))
+        record["integrators"].append(row | sent.get(name, {}))
     versions = [timing.versions for timings in found.values() for timing in timings]
     record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
     if cut:
@@ -217,48 +214,39 @@ def _counts(
     errors: dict[str, str],
     folder: Path,
     meter: run.Meter,
-) -> tuple[dict[str, list[dict]], bool]:
-    """What each rank has sent in each job, and whether a Ctrl-C ended it all; of those that fail
-    the ``errors`` are added."""
-    counts: dict[str, list[dict]] = {}
-    for name in (name for name in jobs if name not in errors):
+) -> tuple[dict[str, dict], bool]:
+    """What fixes hand to MPI in a step of each job, the mean over the ranks, and whether a Ctrl-C
+    ended it all; of those that fail the ``errors`` are added."""
+    sent: dict[str, dict] = {}
+    for name in jobs:
         meter.begin(f"{labels[name]}, messages", 1)
         result = run.run(jobs[name], environment=counting.environment(folder))
         meter.end(result.error)
         if result.interrupted:
-            return counts, True
+            return sent, True
         if result.error:
             errors[name] = result.error
         else:
-            counts[name] = counting.read(folder)
-    return counts, False
-
-
-def _sent(own: list[dict] | None, free: list[dict] | None) -> dict:
-    """Spreads over the ranks of what each sends in a step: in all, by fixes, more than freely."""
-    found: dict[str, measures.Spread] = {}
-    for key in SENT if own else ():
-        found[key] = measures.spread(rank[key] / COUNTED for rank in own or ())
-        found[f"fix_{key}"] = measures.spread(rank[f"fix_{key}"] / COUNTED for rank in own or ())
-        if free:
-            more = ((a[key] - b[key]) / COUNTED for a, b in zip(own or (), free))
-            found[f"more_{key}"] = measures.spread(more)
-    return found
+            ranks = counting.read(folder)
+            sent[name] = {
+                key: sum(rank[f"fix_{key}"] for rank in ranks) / COUNTED / len(ranks)
+                for key in SENT
+            }
+    return sent, False
 
 
 def _messages(point: Point, call: Call) -> list[dict]:
-    """What the fixes hand to MPI in a step, the mean over the ranks, of each integrator."""
+    """What the fixes hand to MPI, of each integrator."""
     try:
         (record,), cut = _scene(point, call), False
     except Cut as end:
         (record,), cut = end.rows, True
     rows = []
     for row in record["integrators"]:
-        sent = {key: row.get(f"fix_{key}", {}).get("values") for key in SENT}
-        known = {key: float(np.mean(values)) for key, values in sent.items() if values}
+        sent = {key: row[key] for key in SENT if key in row}
         where = {"decomposition": "brick", "integrator": row["name"], "ranks": point.ranks}
-        if known or row["error"]:
-            rows.append({**where, "bodies": point.bodies, "error": row["error"], **known})
+        if sent or row["error"]:
+            rows.append({**where, "bodies": point.bodies, "error": row["error"], **sent})
     if cut:
         raise Cut(rows)
     return rows

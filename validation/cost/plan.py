@@ -48,7 +48,7 @@ class Point:
         """Runs that a meter counts."""
         if self.part == "start":
             return 2 * (self.rounds + 1)
-        return (len(self.integrators) + 1) * (self.rounds + (self.ranks > 1))
+        return (len(self.integrators) + 1) * self.rounds or len(self.integrators)
 
     @property
     def inputs(self) -> list[Path]:

@@ -4,7 +4,7 @@ from functools import partial
 
 from ..pages import Column, Figure, Said, Table, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
-from . import figures
+from . import figures, measure
 from .criteria import TITLES, fastest, place
 
 WHERE = (
@@ -13,12 +13,6 @@ WHERE = (
     Column("ranks", "ranks", kind="number"),
 )
 STATUS = Column("status", "status", kind="text", wide=True)
-SENT = {
-    "messages": "messages",
-    "bytes": "bytes",
-    "collectives": "collectives",
-    "collective_bytes": "bytes in these",
-}
 TIMES = (
     Column("modify", "Modify", "µs/step"),
     Column("modify_per_1000", "Modify", "µs/step/1,000 bodies", wide=True),
@@ -28,11 +22,6 @@ TIMES = (
     Column("setup", "setup", "ms"),
     Column("first_setup", "first setup", "ms", wide=True),
     Column("memory", "memory", "MiB/rank"),
-    *(
-        Column(f"{scope}{key}", title, unit, wide=scope != "more_" or "collective_" in key)
-        for key, title in SENT.items()
-        for scope, unit in (("", "/step"), ("fix_", "/step in fixes"), ("more_", "/step more"))
-    ),
 )
 CUT = (
     Column("decomposition", "decomposition", kind="text"),
@@ -40,7 +29,7 @@ CUT = (
     Column("ranks", "ranks", kind="number", form=","),
     Column("bodies", "bodies", kind="number", form=","),
 )
-COUNTS = (*CUT, *(Column(key, key, kind="number", form=",.4g") for key in SENT))
+COUNTS = (*CUT, *(Column(key, key, kind="number", form=",.4g") for key in measure.SENT))
 STARTS = {
     "plain": "LAMMPS with fix nve",
     "ours": "ours",
@@ -59,13 +48,11 @@ NOTES = {
     "It is the second `run 0` of a process; the first one is in the column “first setup”.",
     "memory": "Peak resident memory of the rank with the most, less that of a run whose atoms move "
     "freely. That of ours includes Python's packages.",
-    "messages, bytes": "Sent to other ranks per rank and step: by all of LAMMPS; “in fixes”, as in "
-    "Modify; “more” than a run whose atoms move freely. Counted in 50 steps with re-neighbouring.",
     "start": "A process that reads 1,000 molecules, defines the fix and does one step. The CPU "
     "time is that of all ranks.",
-    "handed to MPI": "Counted with 1,000 molecules of water on each rank, cut into bricks. Counts "
-    "do not depend on the machine. What travels with atoms that change ranks is part of LAMMPS's "
-    "own messages and is not counted.",
+    "handed to MPI": "Counted in 50 steps with re-neighbouring, with 1,000 molecules of water on "
+    "each rank, cut into bricks. Counts do not depend on the machine. What travels with atoms that "
+    "change ranks is part of LAMMPS's own messages and is not counted.",
     "rounds": "Each timing is that of a process of its own, in turns (A B C A B C …).",
 }
 

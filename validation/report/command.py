@@ -12,17 +12,17 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "report",
         run,
-        help="all results on one page, to mail",
-        description="Gather what the other verbs have left into one self-contained HTML page. It "
-        "begins with the answer: how long a step, what it gains, at what error. Results that are "
-        "not in the folder are taken from those committed in validation/results.",
+        help="write all results to one page",
+        description="Write the results of the other verbs to one self-contained HTML page. It "
+        "begins with the answer: which time step, what it gains, and at what error. Results that "
+        "are not in the folder are taken from those committed in validation/results.",
     )
     parser.add_argument(
         "--results",
         type=Path,
         default=Path("results"),
         metavar="DIR",
-        help="folder of the results' folders (default %(default)s)",
+        help="folder with the results (default %(default)s)",
     )
     parser.add_argument(
         "--out", type=Path, metavar="FILE", help="the page (default DIR/report.html)"

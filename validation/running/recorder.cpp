@@ -6,6 +6,7 @@
 #include "input.h"
 #include "lammps.h"
 #include "modify.h"
+#include "platform.h"
 
 #include <algorithm>
 #include <cstdarg>
@@ -147,6 +148,20 @@ int Input::execute_command()
   char line[256];
   while (me == 0 && infile && fgets(line, sizeof line, infile)) rest += line;
   return 1;    // LAMMPS raises an error
+}
+
+// The names in a folder, among which LAMMPS looks for a pattern: the user's, and those of overlays.
+std::vector<std::string> platform::list_directory(const std::string &folder)
+{
+  static const auto list = original<std::vector<std::string>(const std::string &)>(
+      "_ZN9LAMMPS_NS8platform14list_directoryERKNSt7__cxx1112basic_stringIcSt11char_traitsIcESaIcEEE");
+  if (!active) return list(folder);
+  const std::string path = users(folder.c_str());
+  std::set<std::string> found;
+  for (const auto &place : overlays)
+    for (const auto &name : list(place + path)) found.insert(name);
+  for (const auto &name : list(path)) found.insert(name);
+  return {found.begin(), found.end()};
 }
 
 extern "C" {

@@ -15,35 +15,35 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "sample",
         run,
-        help="what averages cost with their error, of thermostats, barostats and other engines",
+        help="measure bias, noise and cost of averages, also with other engines",
         description="Run a scene at constant temperature, or at constant pressure, with this "
         "package's thermostats and barostats, with LAMMPS's, and with those of other engines, at "
-        "0.5 to 14 fs. Hold averages against the limit of small steps that they share, and tell "
-        "what an independent sample costs. From both, draw the total error, of bias and noise, "
-        "against the time that is spent. Ctrl-C keeps each run that is complete, and the same "
-        "command goes on from there. With the same lengths the output folder gathers schemes and "
-        "steps. The same command, started once for each core, shares the runs.",
-        epilog="Other engines run where --only names their schemes. OpenMM: pip install "
+        "0.5 to 14 fs. Compare averages with their common limit of small steps, and measure what "
+        "an independent sample costs. From bias and noise follows the total error as a function of "
+        "CPU time. After Ctrl-C the same command continues. Commands with the same run lengths "
+        "and folder add schemes and steps to it. Several processes with the same command share "
+        "the runs.",
+        epilog="Other engines run only if --only names their schemes. OpenMM: pip install "
         "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
         "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "
         "engine is not installed, 130 after Ctrl-C.",
     )
     scene = command_line.scene_or_script(scenes)
-    text = f"what to simulate (default {DEFAULT}), or a script of yours"
+    text = f"a scene (default {DEFAULT}), or a LAMMPS input script of yours"
     parser.add_argument("scene", nargs="?", type=scene, default=DEFAULT, metavar="SCENE", help=text)
-    command_line.short_or_full(parser, "300 ps of each point: a day of one core for water")
-    text = "length of each point (default 300, --short 20)"
+    command_line.short_or_full(parser, "300 ps per scheme and step: a day of one core for water")
+    text = "length for each scheme and step (default 300, --short 20)"
     parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
-    text = "time steps in fs (default each scheme's own)"
+    text = "time steps in fs (default: those of each scheme)"
     parser.add_argument("--dt", type=command_line.positives, metavar="FS,FS", help=text)
-    text = "schemes, by name; an unknown one lists all"
+    text = "schemes by name; an unknown name lists all"
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
-    text = "independent starts; each tells its own error"
+    text = "independent starts"
     command_line.number(parser, "--starts", 1, "N", text)
-    text = "averages of one scheme in the limit of small steps, from two long steps or more, by "
-    text += "default from a third, two thirds and all of what the forces allow"
+    text = "extrapolate the averages of one scheme to step zero, from two or more long steps (by "
+    text += "default the longest that the forces allow, two thirds and a third of it)"
     parser.add_argument("--to-zero", action="store_true", help=text)
-    text = "folder of another command for the same scene, whose limit of small steps is taken"
+    text = "take the limit of small steps from this folder of another command for the same scene"
     parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
     command_line.silence(parser, 120.0)
     command_line.out(parser, "results/sample-SCENE", short=True)

@@ -18,23 +18,12 @@ RELATIVE = 1.0  # %, of averages that have no bound of their own
 # errors that are not worth more time, whatever a rival's is: see `rivals`
 LEAST_ERRORS = {one.key: RELATIVE for one in OBSERVABLES if one.relative} | BOUNDS
 WITHOUT_BIAS = {"potential": 0.004}  # of hybrid Monte Carlo, which has no error of the step
-UNITS = {
-    "potential": "kcal/mol a molecule",
-    "pressure": "atm",
-    "torque": "%",
-    "density": "%",
-    "temperature": "K",
-    "apart": "K",
-    "deviation": "sd",
-}
+DEVIATION = "slope of the ratio of distributions less the exact one", "sd"
+# that have another name than the bias of their title's mean
 NAMES = {
     "potential": "bias of the mean potential energy",
-    "pressure": "bias of the mean pressure",
-    "torque": "bias of the mean squared torque",
-    "density": "bias of the mean density",
     "temperature": "mean of temp less the thermostat's",
     "apart": "temperature of translation less that of rotation",
-    "deviation": "slope of the ratio of distributions less the exact one",
 }
 WATERS = "water", "pressure"  # scenes of which temperatures are judged
 # of the thermostat's temperature, and K between those of translation and rotation
@@ -89,8 +78,17 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
     numbers = row["biases"] | {"deviation": row["deviation"]}
     for part, key, within in bounds:
         if numbers.get(key):
-            ends: dict = {"low": -within, "high": within, "unit": UNITS[key]}
-            yield Check.of(part, _subject(row), NAMES[key], Estimate.of(numbers[key]), **ends)
+            what, unit = _named(key)
+            ends: dict = {"low": -within, "high": within, "unit": unit}
+            yield Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+
+
+def _named(key: str) -> tuple[str, str]:
+    """What a number that has bounds is, in words, and its unit."""
+    if key not in BY_KEY:
+        return DEVIATION
+    one = BY_KEY[key]
+    return NAMES.get(key, f"bias of the mean {one.title}"), one.unit
 
 
 def _gains(summary: Mapping) -> Iterator[Check]:

@@ -10,7 +10,6 @@ OLDER = {
     "MatubayasiNakahara": f"{INSTALLED}.schemes.matubayasi_nakahara",
     "Gear": f"{INSTALLED}.schemes.gear",
 }  # class: its module, which LAMMPS imports
-OUTSIDE = OLDER | {"Shadowed": f"{INSTALLED}.schemes.shadow"}  # all that are no fix style
 
 
 @dataclass(frozen=True)
@@ -49,16 +48,16 @@ class Integrator:
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
     """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
-    ``scheme`` of `OUTSIDE`."""
+    ``scheme`` of `OLDER`."""
     line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
-    if scheme in OUTSIDE:
+    if scheme in OLDER:
         line = f'fix 1 {{group}} python/move "{target(scheme)} {{group}} {{bodies}}{words}"'
     return Integrator(name, label, (line,))
 
 
 def target(scheme: str) -> str:
     """The class of an integrator as a fix line names it in quotes."""
-    return f"{OUTSIDE.get(scheme, 'fix_nosquish')}.{scheme}"
+    return f"{OLDER.get(scheme, 'fix_nosquish')}.{scheme}"
 
 
 def rigid(style: str) -> Integrator:
@@ -83,8 +82,6 @@ def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
 
 INTEGRATORS = _by_name(
     nosquish(OURS, "fix_nosquish.NVE"),
-    # the order of axes that rigid/nve has in the LAMMPS that this package installs
-    nosquish("nosquish-123", "fix_nosquish.NVE order 123", " order 123"),
     *map(rigid, ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
     constrained("shake", "1e-4"),
     constrained("rattle", "1e-4"),

@@ -283,32 +283,6 @@ def _most_likely_walk(t, x):
     return parts[best, 0] * variance[best], np.sqrt(np.linalg.inv(information)[1, 1])
 
 
-def scatters_apart(
-    first: Sequence[float], second: Sequence[float], freedom: float | None = None
-) -> Estimate:
-    """log10 of the second standard deviation over the first, of as many Gaussian values each.
-
-    Its margin is that of the F distribution, which is symmetric in the logarithm.
-
-    Args:
-        freedom: degrees of freedom of each; None for independent values. See `freedom_of_walk`.
-    """
-    value = np.log10(np.std(second, ddof=1) / np.std(first, ddof=1))
-    freedom = freedom or len(first) - 1
-    error = 1 / np.sqrt(freedom)
-    reach = np.log(special.fdtri(freedom, freedom, (1 + CONFIDENCE) / 2)) / 2
-    student = special.stdtridf((1 + CONFIDENCE) / 2, reach / error)  # keeps this margin
-    return Estimate(float(value), float(error / np.log(10)), float(student))
-
-
-def freedom_of_walk(parts: int) -> float:
-    """Degrees of freedom of the variance of a random walk's means in so many parts: few, for they
-    follow each other.  (sum l)^2 / sum l^2 of the covariance's eigenvalues l about their mean."""
-    centre = np.eye(parts) - 1 / parts
-    covariance = centre @ _walk(parts) @ centre
-    return float(np.trace(covariance) ** 2 / np.sum(covariance**2))
-
-
 def difference(first: Estimate, second: Estimate) -> Estimate:
     """First less second, independent `Estimate`s."""
     return Estimate(first.value - second.value, *combined(first[1:], second[1:]))

@@ -12,32 +12,32 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "stress",
         run,
-        help="what breaks, where: time step, heat, cold, odd bodies, ranks, what users report",
-        description="Run cases that some integrator does not bear with fix_nosquish's schemes and "
-        "LAMMPS's own fixes, each judged by a number against a bound. After a Ctrl-C the same "
-        "command goes on; cases that the output folder has from other times are shown too. The "
-        "same command in several processes at once shares the cases among them.",
-        epilog="Exit status: 0 if ours has no blow-up that a LAMMPS fix survives, 1 if it has, "
-        "130 after Ctrl-C.",
+        help="find out which integrator fails in which extreme case",
+        description="Run cases in which some integrator fails, with the schemes of this package "
+        "and with LAMMPS's own fixes. Each case has one number and a bound. After Ctrl-C the same "
+        "command continues. Cases that are already in the output folder are shown, too. Several "
+        "processes with the same command share the cases.",
+        epilog="Exit status: 1 if this package blows up in a case that a LAMMPS fix survives, else "
+        "0; 130 after Ctrl-C.",
     )
     parser.add_argument(
         "cases",
         nargs="*",
         type=_case,
         metavar="CASE",
-        help="which (default: all); --list names them",
+        help="names of cases (default: all), see --list",
     )
     parser.add_argument(
-        "--list", action="store_true", help="name all cases, with their physics, and end"
+        "--list", action="store_true", help="list all cases with their physics, and exit"
     )
     command_line.short_or_full(
         parser,
-        "one and a half to three hours of one core; start it once for each core to share the cases",
+        "up to three hours of one core; several processes with the same command share the cases",
     )
     command_line.only_of(
         parser,
         _names,
-        "integrators, as the table of --list names them (default: all that a case is run with)",
+        "integrators, as named by --list (default: all that can run the case)",
     )
     command_line.silence(parser, 300.0)
     command_line.out(parser, "results/stress", short=True)

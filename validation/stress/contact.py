@@ -147,7 +147,6 @@ def far_away(stand: Stand, steps: int) -> Number:
     criterion="largest distance from the trajectory of one rank, over how far that one gets when "
     "its start is moved by rounding, 1e-15 σ",
     bars=EXACT,
-    few=molecules.HEAVY,
 )
 def ranks(stand: Stand, steps: int) -> Number:
     """Many a body is parted among ranks: what is added up, is so in another order for each number

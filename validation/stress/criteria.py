@@ -37,26 +37,10 @@ class Criterion:
         return f"{self.side} {self.bound:.3g} {self.unit}".strip()
 
 
-_MASSES = {"dimer-1": 1.0, "dimer-0.1": 0.1, "dimer-0.01": 0.01}  # of hydrogen, amu
 LIBRATION = (
     "rigid water's fastest librations are near 900 cm⁻¹, a period of 37 fs: six steps of it are "
     "6.2 fs; Silveira and Abreu (2019) ran to 6 fs"
 )
-
-
-def _dimer(name, mass):
-    """A dimer's criterion."""
-    bound = round(6.0 * mass**0.5, 2)
-    return Criterion(
-        "≥",
-        bound,
-        "fs",
-        name,
-        "longest stable step, mean over starts",
-        f"water's 6 fs times the root of {mass:g}, the hydrogen's mass in amu: times of the "
-        f"rotation go with it ({LIBRATION})",
-        "as of water-dt",
-    )
 
 
 CRITERIA = {
@@ -71,26 +55,14 @@ CRITERIA = {
         f"reduced units are read as argon's: 1 ns is {NS_OF_REDUCED:g} τ",
         "who samples at constant energy for a ns, and would notice 1 % in the temperature",
     ),
-    "stable, many": Criterion(
+    "stable": Criterion(
         "≤",
         0.02,
         "",
-        "water-dt peptide-dt",
+        "water-dt",
         "change of the energy in a run that counts as stable, over the kinetic energy",
         "1 % in the temperature, as half of the heat is kinetic",
         "who equilibrates for some ps, and would notice 1 % in the temperature",
-        inner=True,
-    ),
-    "stable, few": Criterion(
-        "≤",
-        0.1,
-        "",
-        "dimer-1 dimer-0.1 dimer-0.01",
-        "change of the energy in a run that counts as stable, over the kinetic energy",
-        "the energy of few oscillators swings by (ωΔt)²/4, a quarter at ωΔt = 1; a fifth of the "
-        "run has 10 samples, so its mean is off by a quarter over √10, 8 %; what is unstable "
-        "gains without end and passes any such bound",
-        "a long run that does not break",
         inner=True,
     ),
     "water's step": Criterion(
@@ -102,16 +74,6 @@ CRITERIA = {
         LIBRATION,
         "who runs rigid water at the longest step that others have published",
     ),
-    **{f"{name}'s step": _dimer(name, mass) for name, mass in _MASSES.items()},
-    "peptide's step": Criterion(
-        "≥",
-        3.0,
-        "fs",
-        "peptide-dt",
-        "longest stable step",
-        "the paper's step; six steps of a bond of 1,650 cm⁻¹, a period of 20 fs, are 3.4 fs",
-        "who repeats the paper's runs",
-    ),
     "top's energy": Criterion(
         "≤",
         2.5e-3,
@@ -121,28 +83,6 @@ CRITERIA = {
         "(|ω|Δt)² at 0.05 rad: the error of a scheme of second order, with a coefficient of 1 "
         "(velocity Verlet of an oscillator has 1/4); it does not grow",
         "who expects second order, and no drift",
-    ),
-    "speeds' energy": Criterion(
-        "≤",
-        1.0,
-        "",
-        "turn-per-step",
-        "largest relative change of a free top's energy, over (|ω|Δt)², beside rounding",
-        "as of needles, at each speed, beside twice the rounding of momenta, as the energy is "
-        "their square: where (|ω|Δt)² is less than that, up to 3e-5 rad in 1e6 steps, it is a test "
-        "of rounding",
-        "who expects second order, and nothing lost at small angles",
-        inner=True,
-    ),
-    "turn": Criterion(
-        "≥",
-        0.1,
-        "rad",
-        "turn-per-step",
-        "longest |ω|Δt up to which the energy is as a scheme of second order has it",
-        "rigid TIP3P at 300 K turns about its axis of least moment, 0.6 amu Å², by √(kT/I) = 0.02 "
-        "rad a fs; at 5 fs that is 0.1 rad",
-        "who runs rigid water at 5 fs",
     ),
     "rounding": Criterion(
         "≤",
@@ -162,15 +102,6 @@ CRITERIA = {
         "largest distance of an atom from the exact motion after 1,000 rad",
         "1 − cos φ ≤ 1 %: φ ≤ 0.1415 rad; the longest arm is 0.7071 σ",
         "who would notice 1 % in the correlation of orientations, ⟨u(0)·u(t)⟩",
-    ),
-    "tumbling": Criterion(
-        "≤",
-        1e-2,
-        "",
-        "middle-axis",
-        "relative error of the mean time between two turns over",
-        "(|ω|Δt)² at 0.1 rad, the error of a scheme of second order with a coefficient of 1",
-        "who would notice 1 % in the rate of tumbling",
     ),
     "shape": Criterion(
         "≤",

@@ -19,9 +19,8 @@ LOOKS = {
     "cannot run": ("#f2f2f2", "–"),
 }
 READ = (
-    "Each case's verdict for each integrator: its number, in the table, holds against the bound at "
-    "the left, or does not. ✗ fails, ? cannot tell, ✸ breaks (not finite, atoms lost, crash or "
-    "hang), – cannot be run; empty: not run."
+    "Each row is a case with its bound, each column an integrator. ✗ fails, ? cannot tell, ✸ "
+    "breaks (not finite, atoms lost, crash or hang), – cannot run; blank: not measured."
 )
 
 
@@ -50,5 +49,5 @@ def matrix(cases: Sequence[dict]) -> Figure | None:
     patches = [Patch(facecolor=colour, edgecolor=INK, lw=0.5, label=f"{name} {sign}".strip())
                for name, (colour, sign) in LOOKS.items()]  # fmt: skip
     figure.legend(handles=patches, loc="outside lower left", ncols=len(LOOKS), frameon=False)
-    message(figure, "Which integrator bears what")
+    message(figure, "Extreme cases: which integrator passes")
     return figure

@@ -21,9 +21,8 @@ from ..running.run import Meter, Result
 from ..running.store import Store
 from ..scenes import SCENES, Scene
 from ..scenes.integrators import INTEGRATORS, OURS, SWEPT, Integrator
-from ..statistics import measures
 from ..statistics.check import Check
-from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from ..statistics.estimate import CONFIDENCE, Estimate, combined, margin
 from . import criteria
 from .criteria import Criterion
 
@@ -32,19 +31,16 @@ SURVIVED = {"pass", "fail", "cannot tell"}
 _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 
 # in the order of the table's columns
-# the paper's other schemes, here to be compared with: not made for speed
-SLOW = ("matubayasi-nakahara", "gear")
 _RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
 _HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
 COMPARED = {
     "nosquish": INTEGRATORS["nosquish"],
-    **{name: SWEPT[name.replace(" ", "-")] for name in (*SLOW, *_RIGID, *_HELD)},
+    **{name: SWEPT[name.replace(" ", "-")] for name in (*_RIGID, *_HELD)},
 }
 ALL = tuple(COMPARED)
 # without those that are much like another
-FEW = tuple(name for name in ALL if name not in ("rigid/small", "shake 1e-6", "rattle 1e-8"))
+FEW = "nosquish", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"
 EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
-LESS = " (reference 12 and Gear: a tenth of that)"
 # why a number has the error bar that it has, or none
 LINE = "standard error of the slope of a line, by the noise about it and the largest random walk"
 EXACT = (
@@ -88,23 +84,11 @@ def _largest(parts: Mapping[str, float]) -> float:
     return float(max(value / criteria.CRITERIA[name].bound for name, value in parts.items()))
 
 
-def the_one(numbers: Sequence[Number]) -> Number:
-    """Of a case with one start."""
-    return numbers[0]
-
-
-def mean_of_starts(numbers: Sequence[Number]) -> Number:
-    """Their mean, with the error that their scatter tells and how finely each was looked for."""
-    mean = measures.of_few([number.value for number in numbers])
-    looked = float(np.mean([number.error for number in numbers])), None
-    return Number.of(Estimate(mean.value, *measures.combined(mean[1:], looked)), _notes(numbers))
-
-
-def drift_of_starts(numbers: Sequence[Number]) -> Number:
+def of_starts(numbers: Sequence[Number]) -> Number:
     """|mean| of rates that may have either sign; the errors are those of the lines."""
     parts = ((number.error / len(numbers), number.freedom) for number in numbers)
     mean = abs(np.mean([number.value for number in numbers]))
-    return Number.of(Estimate(mean, *measures.combined(*parts)), _notes(numbers))
+    return Number.of(Estimate(mean, *combined(*parts)), _notes(numbers))
 
 
 def _notes(numbers: Sequence[Number]) -> str:
@@ -131,11 +115,8 @@ class Case:
         bars: what the number's error is, or why there is none.
         measure: the number, of a stand and a length.
         short, full: lengths; what they count is the function's own.
-        compared: names of the integrators that it is run with; and ``few`` with --short.
-        tenth: names of those with a tenth of the length with --full.
-        starts: how many at least and at most, between which a row gets more until its verdict is
-            sure.
-        together: of the starts' numbers, the row's.
+        compared: names of the integrators that it is run with; with --short those of `FEW`.
+        starts: how many at most: a row gets more until its verdict is sure.
         bounds: criteria by name, other than those that name the case.
         part: `EXTREME` or `REPORTED`.
     """
@@ -148,10 +129,7 @@ class Case:
     short: Any
     full: Any
     compared: tuple[str, ...] = ALL
-    few: tuple[str, ...] = FEW
-    tenth: tuple[str, ...] = ()
-    starts: tuple[int, int] = (1, 1)
-    together: Callable[[Sequence[Number]], Number] = the_one
+    starts: int = 1
     bounds: dict[str, Criterion] | None = None
     part: str = EXTREME
 
@@ -179,28 +157,25 @@ class Case:
         found = {name: some.bound for name, some in self.criteria.items() if some.inner}
         return found | {"rounding": criteria.rounding(1)}
 
-    def length(self, full: bool, integrator: str | None = None) -> Any:
-        """Of a full run or of a short one, with an integrator's name."""
-        if not full:
-            return self.short
-        return self.full // 10 if integrator in self.tenth else self.full
+    def length(self, full: bool) -> Any:
+        """Of a full run or of a short one."""
+        return self.full if full else self.short
 
     def integrators(self, full: bool) -> list[str]:
         """Names of the integrators that it is run with."""
-        return [name for name in self.compared if full or name in self.few]
+        return [name for name in self.compared if full or name in FEW]
 
     def number(self, numbers: Sequence[Number]) -> Number:
         """The row's `Number`, of its starts'; of one with parts by the bounds of today."""
-        found = self.together(numbers)
-        return replace(found, value=_largest(found.parts)) if found.parts else found
+        if self.starts > 1:
+            return of_starts(numbers)
+        parts = numbers[0].parts
+        return replace(numbers[0], value=_largest(parts)) if parts else numbers[0]
 
     @property
     def looks(self) -> list[int]:
-        """Numbers of starts at which a row may have enough: the least, doubled again and again, and
-        the most."""
-        least, most = self.starts
-        doubled = (least * 2**k for k in range(most.bit_length()))
-        return [*(number for number in doubled if number < most), most]
+        """Numbers of starts at which a row may have enough: 1, doubled again and again."""
+        return [2**k for k in range(self.starts.bit_length())]
 
     def verdict(self, numbers: Sequence[Number]) -> str:
         """pass, fail, or cannot tell where the interval of the starts' number reaches over the
@@ -304,7 +279,7 @@ class Rows:
     def place(self, case: str, integrator: str) -> tuple[str, str]:
         """A row's name in the store and its origin: code, length and inner bounds."""
         found = self.cases[case]
-        settings = found.length(self.full, integrator), found.inner, self.scenes
+        settings = found.length(self.full), found.inner, self.scenes
         return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
 
     def kept(self, case: str, integrator: str) -> dict | None:
@@ -335,11 +310,10 @@ class Rows:
         return {"full": self.full, "cases": found, "command": command}
 
     def _is_of(self, case: Case, row: dict) -> bool:
-        """Whether a row has this length, these inner bounds, and the least number of starts."""
-        if not (row["ended"] or len(row["numbers"]) >= case.starts[0]):
-            return False
+        """Whether a row has a number or an end, of this length and these inner bounds."""
         same = row["length"], row["inner"]
-        return same == (case.length(self.full, row["integrator"]), case.inner)
+        told = bool(row["ended"] or row["numbers"])
+        return told and same == (case.length(self.full), case.inner)
 
 
 def _plain(case: Case, full: bool) -> dict:
@@ -405,7 +379,7 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
     """Run a case with an integrator, of that name in `COMPARED`; its row, as far as it is known, as
     plain data without verdict, after each start that it did not have yet.  The stand is in the
     case's folder, and gets one there."""
-    case, length = stand.case, stand.case.length(full, name)
+    case, length = stand.case, stand.case.length(full)
     stand.ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
     stand.folder /= run.folder_name(name)
     stand.folder.mkdir(parents=True, exist_ok=True)
@@ -432,7 +406,7 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
 def _enough(case: Case, row: dict) -> bool:
     """Whether a row needs no more starts: at one of the looks its verdict is sure."""
     count = len(row["numbers"])
-    if row["ended"] or count >= case.starts[1]:
+    if row["ended"] or count >= case.starts:
         return True
     return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
 
@@ -450,8 +424,8 @@ def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
         return {"ended": ["blow-up", str(found)]}
     except CannotRun as found:
         return {"ended": ["cannot run", str(found)]}
-    # what a broken trajectory does to its analysis (LinAlgError is a ValueError)
-    except (ValueError, IndexError, ArithmeticError) as found:
+    # what a broken trajectory does to its analysis (in new numpys a LinAlgError is a ValueError)
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as found:
         return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
 
 

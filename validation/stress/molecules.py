@@ -10,26 +10,19 @@ import numpy as np
 
 from ..running import starts as scene_starts
 from ..scenes import FS_PER_PS, SCENES, Scene, smooth_water
-from ..scenes import peptide as paper_peptide
 from ..statistics import measures, motion
 from . import criteria
 from .measure import (
     COMPARED,
     EXACT,
-    LESS,
     LINE,
-    SLOW,
     Case,
     Number,
     Stand,
-    drift_of_starts,
-    mean_of_starts,
     of_parts,
 )
 
-# of the kinetic energy, that a stable run may gain or lose: of few molecules, of very many
-ALLOWED = criteria.CRITERIA["stable, few"].bound
-OF_MANY = criteria.CRITERIA["stable, many"].bound
+ALLOWED = criteria.CRITERIA["stable"].bound  # of the kinetic energy, gained or lost
 GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
 MOST = 4000  # steps that a step limit of many molecules is worth
 UP_TO = f"5 ps, or {MOST:,} steps if that is less"
@@ -41,47 +34,29 @@ GRID = (
     "how finely steps were tried, a quarter of the way from the last good one to the first bad one"
 )
 ONE = f"{GRID}; one start, so what another would give is not in it"
-STARTS = 4, 19  # of a limit, at least and at most
-DRIFTS = 1, 8  # of a drift
-SOME = f"from the scatter of {STARTS[0]} starts or more, as Student's t has it, and {GRID}"
+STARTS = 8  # of a drift, at most
 SAMPLES = 50  # of the energy in a run at one time step
 PAPER_DIMER = 0.3  # fs, of the paper's figure 2a, for hydrogens of 0.1 amu
-FINE = 1.1  # ratio of one time step to the next
 BODIES = 512  # of water
 SMOOTH = smooth_water("water", "TIP3P with a smooth cutoff", "water_512", "512", BODIES)
 DRIFT = "|drift of the energy| over the mean kinetic energy"
-OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": DRIFTS, "together": drift_of_starts}
-OF_STEP = {"starts": STARTS, "together": mean_of_starts, "bars": SOME}
-SPACING = 2000  # steps between the dimer's starts
-# integrators of the costly cases' short form
-HEAVY = ("nosquish", "gear", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4")
-
-
-def limit(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
-    """The time step up to which runs keep their energy: it is never off by `GIVEN_UP` times
-    `ALLOWED` of the kinetic energy, nor differs between the first and the last fifth of the run by
-    more than `ALLOWED` of that.  All are tried in one LAMMPS run, until one breaks it.
-
-    Args:
-        scene: of the stand's start.  dts: time steps, ascending.  time: that each run covers.
-        how: as ``Stand.run`` has it.
-    """
-    change, error = changes(stand, scene, f"start {stand.start + 1}", dts, time, ALLOWED, **how)
-    bad = int(np.argmin(np.append(change < ALLOWED, False)))
-    return _between(dts, bad, error or "energy off")
+OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": STARTS}
 
 
 def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
-    """As `limit`, of many molecules, which cost more: from one start, of up to `MOST` steps, by
-    bisection, and with a step of half the limit after it; if that is bad then the limit is below
-    it."""
+    """The time step up to which runs, of up to `MOST` steps, have a `change` that is allowed: by
+    bisection, and with a step of half the limit after it; if that is bad the limit is below it.
+
+    Args:
+        dts: time steps, ascending.  time: that each run covers.
+        how: as ``Stand.run`` has it.
+    """
 
     def why(k: int) -> str:
         """Why a step is bad; empty if it is good."""
-        label, until = f"{dts[k]:g} fs", min(time, MOST * dts[k])
-        (off,), error = changes(stand, scene, label, dts[k : k + 1], until, OF_MANY, **how)
+        off, error = change(stand, scene, dts[k], min(time, MOST * dts[k]), **how)
         told = error or f"energy off by {off:.2g} of the kinetic energy"
-        return "" if off < OF_MANY else told
+        return "" if off < ALLOWED else told
 
     bad = bisect.bisect_left(range(len(dts)), True, key=lambda k: bool(why(k)))
     half = int(np.searchsorted(dts, dts[max(bad - 1, 0)] / 2, side="right")) - 1
@@ -105,44 +80,26 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
     )
 
 
-def changes(
-    stand: Stand, scene: Scene, label: str, dts: np.ndarray, time: float, allowed: float, **how
-) -> tuple[np.ndarray, str | None]:
+def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[float, str | None]:
     """By how much of the kinetic energy at the start the energy differs between the first and the
-    last fifth of runs, one for each time step, in one LAMMPS run that ends when the energy is off
-    by `GIVEN_UP` times what is allowed.  Infinite where one is not complete; and what ended it."""
-    counts = np.maximum(SAMPLES, np.round(time / dts).astype(int) // SAMPLES * SAMPLES)
-    apart = 2 * int(counts.max())  # between the runs' numbers of steps
-    state = f"id {scene_starts.STATE} modify {scene_starts.EXACT}"
+    last fifth of a run, which ends when it is off by `GIVEN_UP` times what is allowed; infinite
+    where the run is not complete, and what ended it."""
+    every = max(1, round(time / dt) // SAMPLES)
     lines = [
-        f'write_dump all custom "{{folder}}/start" {state}',
         "run 0",
         "variable first equal $(etotal)",
-        f"variable most equal $(ke*{GIVEN_UP * allowed})",
+        f"variable most equal $(ke*{GIVEN_UP * ALLOWED})",
         "variable far equal 1-(abs(etotal-v_first)<v_most)",
+        f"fix far all halt {every} v_far > 0.5 error hard",
     ]
-    for k, (dt, steps) in enumerate(zip(dts, counts), 1):
-        every = steps // SAMPLES
-        begin = -(-k * apart // every) * every
-        lines += [
-            scene_starts.read("{folder}/start", 0),
-            f"reset_timestep {begin}",
-            f"timestep {dt:.6g}",
-            f"thermo {every}",
-            f"fix far all halt {every} v_far > 0.5 error hard",
-            f"run {steps}",
-            "unfix far",
-        ]
-    result, _ = stand.attempt(scene, label, [0], more=lines, dt=dts[0], every=1, **how)
-    found, fifth = np.full(len(dts), np.inf), SAMPLES // 5
-    for k in range(1, len(dts) + 1):
-        mine = result.thermo.get("Step", np.empty(0)) // apart == k
-        total, kinetic = result.thermo["TotEng"][mine], result.thermo["KinEng"][mine]
-        if mine.sum() == SAMPLES + 1 and np.isfinite(total).all():
-            found[k - 1] = abs(total[-fifth:].mean() - total[:fifth].mean()) / kinetic[0]
+    runs, label = [SAMPLES * every], f"{dt:g} fs"
+    result, _ = stand.attempt(scene, label, runs, more=lines, dt=dt, every=every, **how)
+    fifth, total = SAMPLES // 5, result.thermo["TotEng"]
     if "Fix halt" in (result.error or ""):
-        return found, f"energy off by {GIVEN_UP * allowed:g} of the kinetic energy"
-    return found, result.error
+        return np.inf, f"energy off by {GIVEN_UP * ALLOWED:g} of the kinetic energy"
+    if result.error or not np.isfinite(total).all():
+        return np.inf, result.error
+    return abs(total[-fifth:].mean() - total[:fifth].mean()) / result.thermo["KinEng"][0], None
 
 
 def drift(
@@ -162,18 +119,16 @@ def later(
     scene: Scene,
     steps: int,
     dt: float,
-    starts: tuple[int, int],
-    more: Iterable[str] = (),
+    more: Iterable[str],
     **how,
 ) -> tuple[Scene, Path]:
-    """The scene of the stand's start, and the file that it is from: so many steps later, as
-    fix_nosquish.NVE moves it, again so many for each further start; the same for all integrators.
-    The most starts of the case are the second of ``starts``."""
+    """The scene of the stand's start, and the file that it is from: so many steps later, as ours
+    moves it, again so many for each further start; the same for all integrators."""
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
     how = {"by": COMPARED["nosquish"], "dt": dt, "every": steps // 20, "more": more, **how}
-    outer.run(scene, "start", [starts[1] * steps], **how)
+    outer.run(scene, "start", [STARTS * steps], **how)
     return scene_starts.from_dump(scene, state, (stand.start + 1) * steps), state
 
 
@@ -193,62 +148,13 @@ def water(stand: Stand) -> Scene:
     f"{BODIES} TIP3P molecules at 295 K.",
     [0.2 * FS_PER_PS, 0.5],
     [5 * FS_PER_PS, 0.25],
-    criterion=LONGEST.format(OF_MANY, "0.2 ps", UP_TO),
+    criterion=LONGEST.format(ALLOWED, "0.2 ps", UP_TO),
     bars=ONE,
-    few=HEAVY,
 )
 def water_dt(stand: Stand, length: list[float]) -> Number:
     """Of the length the time, and between two steps tried."""
     steps = np.arange(0.5, 12.1, length[1])
     return halved(stand, water(stand), steps, length[0], ranks=stand.ranks)
-
-
-@Case.of(
-    "peptide-dt",
-    "A helix in 1,417 TIP3P molecules, partly rigid, with flexible bonds between the rigid groups.",
-    [0.1 * FS_PER_PS, 1.0],
-    [5 * FS_PER_PS, 0.5],
-    criterion=LONGEST.format(OF_MANY, "0.1 ps", UP_TO),
-    bars=ONE,
-    few=HEAVY,
-)
-def peptide_dt(stand: Stand, length: list[float]) -> Number:
-    """As `water_dt`."""
-    scene, steps = coarse(paper_peptide.scene()), np.arange(0.5, 8.1, length[1])
-    return halved(stand, scene, steps, length[0], ranks=stand.ranks)
-
-
-def dimer_of(mass: float) -> Scene:
-    """The dimer with hydrogens of this mass and the kinetic energy that it has with its own."""
-    scene, oxygen, own = SCENES["dimer"], 15.9994, 0.1
-    text = (scene.folder / "data.dimer").read_text().split("Velocities")[1].split("Bonds")[0]
-    v = np.array([row.split()[1:] for row in text.splitlines() if row.strip()], float)
-    square = (v**2).sum(axis=1).reshape(2, 3).sum(axis=0)
-    before, after = (oxygen * square[0] + m * square[1:].sum() for m in (own, mass))
-    faster = [f"variable v{c} atom v{c}*{np.sqrt(before / after):.17g}" for c in "xyz"]
-    more = f"mass 2 {mass:g}", *faster, "velocity all set v_vx v_vy v_vz"
-    return replace(scene, setup=(*scene.setup, *more))
-
-
-def dimer_dt(mass: float) -> Case:
-    """The case of one mass of hydrogen, amu."""
-    root = np.sqrt(mass)  # all times of the rotation scale with it
-    times = f"{1 * root:.1g} ps", f"{25 * root:.2g} ps"
-
-    @Case.of(
-        f"dimer-{mass:g}",
-        f"The bound water dimer with hydrogens of {mass:g} amu, which turn the faster the lighter "
-        "they are.",
-        1 * FS_PER_PS,
-        25 * FS_PER_PS,
-        criterion=LONGEST.format(ALLOWED, *times) + ", a mean over starts",
-        **OF_STEP,
-    )
-    def measure(stand, time):
-        scene, state = later(stand, dimer_of(mass), SPACING, PAPER_DIMER * root, STARTS)
-        return limit(stand, scene, root * FINE ** np.arange(32), root * time, files=[state])
-
-    return measure
 
 
 def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
@@ -259,7 +165,7 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
     """
     bath, steps = f"{temperature} {temperature} {damping} 4928", round(warm_time / warm_dt)
     more, how = [f"fix heat all langevin {bath}"], {"ranks": stand.ranks}
-    scene, state = later(stand, SMOOTH, steps, warm_dt, DRIFTS, more, **how)
+    scene, state = later(stand, SMOOTH, steps, warm_dt, more, **how)
     how |= {"dt": dt, "files": [state], "note": "{:.3g} K at the start, {:.3g} K at the end"}
     return drift(stand, scene, round(time / dt), 1000 * FS_PER_PS, 5, **how)
 
@@ -269,7 +175,6 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
     f"{BODIES} TIP3P molecules at 1500 K and 1 g/cm³, smooth cutoff, 2 fs.",
     1.6 * FS_PER_PS,
     40 * FS_PER_PS,
-    few=HEAVY,
     **OF_DRIFT,
 )
 def water_hot(stand: Stand, time: float) -> Number:
@@ -282,7 +187,6 @@ def water_hot(stand: Stand, time: float) -> Number:
     f"{BODIES} TIP3P molecules, cooled to 1 K, smooth cutoff, 4 fs.",
     8 * FS_PER_PS,
     100 * FS_PER_PS,
-    few=HEAVY,
     **OF_DRIFT,
 )
 def water_cold(stand: Stand, time: float) -> Number:
@@ -292,13 +196,12 @@ def water_cold(stand: Stand, time: float) -> Number:
 
 @Case.of(
     "long-dimer",
-    f"The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full{LESS}.",
+    "The bound water dimer at 0.3 fs, in empty space: 1e8 body-steps with --full.",
     200_000,
     50_000_000,
     criterion="largest of: change of the mean energy from the first tenth to the last, in parts of "
     "the kinetic energy; relative changes of momenta and of distances; each over its bound",
     bars=EXACT,
-    tenth=SLOW,
 )
 def long_dimer(stand: Stand, steps: int) -> Number:
     """Two molecules that stay bound."""
@@ -328,5 +231,4 @@ def long_dimer(stand: Stand, steps: int) -> Number:
     return of_parts(parts, ", ".join(told))
 
 
-DIMERS = tuple(dimer_dt(mass) for mass in (1.0, 0.1, 0.01))
-CASES = water_dt, *DIMERS, peptide_dt, water_hot, water_cold, long_dimer
+CASES = water_dt, water_hot, water_cold, long_dimer

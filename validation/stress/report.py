@@ -34,8 +34,8 @@ def said(summary: dict) -> Said:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
     return Said(
         "What breaks, where",
-        "Which integrator breaks where: at long steps, in heat and cold, with odd bodies, on many "
-        "ranks, far away, and where users report it?",
+        "Which integrator fails at long steps, in hot or cold systems, with unusual shapes, on "
+        "many ranks, far from the origin, and in the cases that users have reported?",
         _answer(cases),
         lines=lines,
         tables=[

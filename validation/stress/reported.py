@@ -87,7 +87,6 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
                 short=None,
                 full=None,
                 compared=FIXES,
-                few=FIXES,
                 bounds={name: Criterion("≤", most, "", name, number, why, NEED)},
                 part=REPORTED,
             )
