@@ -160,6 +160,15 @@ def test_pressures_that_are_printed(run_lammps, ranks, every):
     np.testing.assert_allclose(rows["Press"], rows["v_p"], rtol=0, atol=1e-9)
 
 
+def test_equal_numbers_in_other_words(run_lammps):
+    """Locks out axes that are refused because 1000 and 1e3 are not the same word."""
+    system = mixture(side=2)
+    words = "x 1 v_p 1000 y 10e-1 1 1e3 couple xy compressibility 1"
+    run_lammps(
+        f"{system.setup}\nvariable p equal 1\n{fix('seed 5', words)}run 0\n", files=system.files
+    )
+
+
 def test_pressure_that_is_no_tensor(refused, run_lammps):
     """Locks out a box whose axes follow a third of the Coulomb energy each, as kspace_style msm
     has it: LAMMPS's barostats refuse that, too."""
