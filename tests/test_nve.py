@@ -264,6 +264,27 @@ def test_periodic_wall(simulate, rows, ranks):
     assert "WARNING: the body" not in ours.log and "1 rigid bodies" in ours.log
 
 
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_body_of_scattered_molecules(simulate, ranks):
+    """Locks out the refusal of a body whose parts lie anywhere in the periodic box, with image
+    flags that are all 0 (LAMMPS's unit tests of fix rigid have such ones)."""
+    system = mixture("solid planar", flags=False)
+    how = dict(
+        words="group 2 some more", before="group some molecule 2 9 14\ngroup more molecule 5 21"
+    )
+    how["before"] += (
+        "\ngroup rest subtract all some more\nfix 3 rest nve\ngroup bodies clear\n"
+        "group bodies union some more"
+    )
+    theirs = simulate(system, RIGID, 20, dt=0.2, **how)
+    ours = simulate(system, LIKE_LAMMPS, 20, dt=0.2, group="bodies", ranks=ranks, **how)
+    assert apart(ours, theirs, system.h) < 1e-9
+    assert (
+        "2 rigid bodies" in ours.log
+        and "WARNING: the body of group more (its first atom is 21) may be cut" in ours.log
+    )
+
+
 # ---- what LAMMPS reports
 
 
