@@ -184,6 +184,15 @@ def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
     assert [file.name for file in tmp_path.glob("state.*")] == ["state.3.restart"]
 
 
+def test_clear_in_a_loop_keeps_the_loops_counter(tmp_path):
+    """Locks out variables that count from the begin in the run that is compared."""
+    loop = "variable i loop 3\nlabel top\nclear\n" + GAS + RIGID
+    text = loop + "variable t equal v_i\nrun 2\nnext i\njump SELF top\n"
+    own = take(written(tmp_path, text), tmp_path / "out", at=3)
+    lines = [one for one in own.scene.setup if one.split()[0] in ("variable", "next")]
+    assert lines.count("variable i loop 3") == 1 and lines.count("next i") == 2
+
+
 @pytest.mark.parametrize(
     "change",
     [
@@ -231,6 +240,12 @@ def test_letters_of_other_encodings_in_comments(tmp_path):
     path = tmp_path / "in.own"
     path.write_bytes("# Wärme\n".encode("latin-1") + (GAS + RIGID + "run 5\n").encode())
     assert take(path, tmp_path / "out").bodies == 1
+
+
+def test_thermo_output_without_a_temperature(tmp_path):
+    """Locks out a script that is refused because its output does not name what the harness asks."""
+    text = GAS + "velocity all create 2.0 5\nthermo_style custom step pe\n" + RIGID + "run 5\n"
+    assert take(written(tmp_path, text), tmp_path / "out").said["temperature"] > 0
 
 
 @pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])
