@@ -175,6 +175,29 @@ def test_commands_behind_a_run_find_atoms_where_it_left_them(staged):
     np.save(known, [bodies, types])
 
 
+def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
+    """Locks out a ramp that begins anew in each part of a run, and coordinates that LAMMPS refuses
+    to read in two dimensions."""
+    flat = GAS.replace("units lj\n", "units lj\ndimension 2\n").replace("6 0 6\n", "6 -0.5 0.5\n")
+    flat = flat.replace("1 1\ncreate", "1 0\ncreate").replace(" 4\n", " 0\n")
+    flat = flat.replace("group b id 3 0\n", "group b id 3 4\n")
+    path = tmp_path / "in.flat"
+    path.write_text(
+        flat + "velocity all create 1 5\nfix plane all enforce2d\nfix 1 a rigid/nve single\n"
+        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n"
+    )
+    own = take(path, tmp_path / "out")
+    how = {"dt": 0.001, "every": 0}
+    job = run.job(own.scene, own.integrators[own.reference], tmp_path / "run", [10, 20], **how)
+    result = run.run(job)
+    assert result.error is None
+    assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
+    ramp = finding.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
+    assert ramp.ramps == ["iso from 1 to 2"]
+    with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
+        system.refuse_ramps(replace(own, found=replace(own.found, state=ramp)))
+
+
 def test_a_failure_of_the_machine_is_no_result(tmp_path):
     """Locks out a full disk that is a run's result for ever."""
     job = run.Job(str(tmp_path), str(tmp_path), [], [1], None)
@@ -194,12 +217,11 @@ def test_a_failure_of_the_machine_is_no_result(tmp_path):
 
 OWN = "fix 1 a rigid/nve single\n"
 HOW = {"group": "a", "bodies": "single"}
-SAID = [  # a script, options, and what the one line says
-    (f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n", {},
-     "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)"),
-    (f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n", {}, "--fix ID"),
-    (f"{GAS}fix 1 all nve\nrun 100000000\n", {}, "run 100000000: 1 (nve on all)"),
-    (f"{GAS}fix 1 all nve\nrun 100000000\n", {}, "--bodies molecule"),
+TWO = f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n"
+SAID = [  # a script, options, and parts of what the one line says
+    (TWO, {}, "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)...--fix ID"),
+    (f"{GAS}fix 1 all nve\nrun 100000000\n", {},
+     "run 100000000: 1 (nve on all)...--bodies molecule"),
     (GAS, {}, "has no run"),
     ("", {}, "has no run"),
     (f"{GAS}jump /nowhere/nothing\n", {}, "failed at 'jump /nowhere/nothing'"),
@@ -234,4 +256,12 @@ SAID = [  # a script, options, and what the one line says
 def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path, text, options, says):
     """Locks out a traceback, a guess, another fix or run in the place of the one that is named, or
     a message that does not say what to do."""
-    assert says in refused(text, tmp_path, **options)
+    message = refused(text, tmp_path, **options)
+    assert all(part in message for part in says.split("..."))
+
+
+def test_one_of_two_fixes(tmp_path):
+    """Locks out the first fix in the place of the one that --fix names."""
+    path = tmp_path / "in.two"
+    path.write_text(TWO)
+    assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
