@@ -67,7 +67,7 @@ displace_atoms all move 0 {0} 0 units box
 """
 
 
-# the momentum along y is that of whatever images
+# images of an atom have one velocity along y
 LATE = "velocity all set NULL 0.5 NULL sum yes units box\nfix late all momentum 7 linear 0 1 0\n"
 
 
