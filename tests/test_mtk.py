@@ -189,13 +189,14 @@ def test_files_before_bodies_move(run_lammps, tmp_path):
 
 
 def test_state_of_another_barostat(run_lammps):
-    """Locks out a piston that goes on along other axes than before."""
+    """Locks out a piston that goes on along other axes than before, with rates that it has not."""
     system = mixture(side=2, spacing=2.9)
     begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
-    run_lammps(f"{begin}{fix('langevin')}run 20\nwrite_restart middle\n", files=system.files)
+    kept = "run 20\nwrite_restart middle\nunfix 1\nwrite_restart stateless\n"
+    run_lammps(f"{begin}{fix('langevin')}{kept}", files=system.files)
     for cell, told in ((CELL, False), (CELL.replace("iso", "x"), True)):
-        words = (
-            f"read_restart middle\n{SMOOTH}{AFTER}timestep 0.004\n{fix('langevin', cell)}run 1\n"
-        )
-        log = run_lammps(words, files=system.files).log
-        assert ("has the state of another thermostat or barostat" in log) == told
+        words = f"{SMOOTH}{AFTER}timestep 0.004\n{fix('langevin', cell)}{thermo('vol', 20)}run 20\n"
+        runs = [run_lammps(f"read_restart {name}\n{words}") for name in ("middle", "stateless")]
+        assert ("has the state of another thermostat or barostat" in runs[0].log) == told
+        volumes = [run.thermo["Volume"][-1] for run in runs]
+        assert (volumes[0] == volumes[1]) == told
