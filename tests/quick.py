@@ -105,7 +105,6 @@ QUICK = {
         test_docs.py::test_tutorial""",
     "the suite itself": """
         test_suite.py::test_imports_what_is_installed[module]
-        test_suite.py::test_editable_install_is_compiled
         test_suite.py::test_quick_tests_are_there""",
 }
 NAMES = {name.strip() for names in QUICK.values() for name in names.strip().split("\n")}

@@ -186,6 +186,20 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     assert about["drift"]["default"] == usual
 
 
+@pytest.mark.parametrize("unit", (1e-10, 1e-8, 1e-4, 1.0))
+def test_g_is_the_same_in_each_unit_of_length(unit):
+    """Locks out a g(r) of zeros, and an error of it that is zero, in units si and cgs, where a
+    volume in single precision is none."""
+    x = np.random.default_rng(1).uniform(0, 20, (40, 60, 3))
+    cells = np.array([20 * np.eye(3)] * len(x))
+    found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
+    r = np.abs(x[:, :, None] - x[:, None])
+    r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
+    edges = 2.0 + 0.5 * np.arange(16)
+    ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
+    np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
+
+
 WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
 
 

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import installed
 import pytest
 import quick
 from conftest import BIN
@@ -89,20 +88,6 @@ def test_imports_what_is_installed(checkout, how):
     )
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
     assert str(package) in done.stdout.split("collected")[0]
-
-
-def test_editable_install_is_compiled(tmp_path):
-    """Locks out a plugin that is tested as it was before its source was changed,
-    where both are in the checkout."""
-    source, made = tmp_path / "code.cpp", tmp_path / "for_own" / "code_plugin.so"
-    source.write_text("")
-    made.parent.mkdir()
-    assert not installed.compiled(tmp_path)
-    made.write_text("")
-    os.utime(source, (1000, 1000))
-    assert installed.compiled(tmp_path)
-    os.utime(made, (999, 999))
-    assert not installed.compiled(tmp_path)
 
 
 def test_quick_tests_are_there(request):
