@@ -1,5 +1,6 @@
 """What tests of user's scripts have in common: how they are taken, and how they are refused."""
 
+import re
 from pathlib import Path
 
 import pytest
@@ -36,3 +37,19 @@ def refused(text, tmp_path, **ask):
     message = str(end.value.code)
     assert "\n" not in message and message.startswith("in.bad: ")
     return message
+
+
+def with_lines(text, told):
+    """A script with what a verb tells of it: lines in the place of the last of the fixes that go,
+    of its timestep, if it says so, and without commands that name these fixes."""
+    kept, lost = text.replace("&\n", "").splitlines(), []
+    (place,) = re.findall(r"In the place of .*", told)
+    for named in re.findall(r"have to go, too: (.*)\.", told):
+        lost += named.split("; ")
+    ids = re.findall(r"fix (\S+) \(", place)
+    fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
+    assert ids and {line.split()[1] for line in fixes} == set(ids)
+    made = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    lost += [line for line in kept if line.startswith("timestep") and "timestep" in place]
+    kept[kept.index(fixes[-1])] = "\n".join(made)
+    return "\n".join(line for line in kept if line not in (*fixes, *lost)) + "\n"

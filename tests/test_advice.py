@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from conftest import read_thermo
 from endings import assert_ended
 
 from fix_nosquish.host.hosts import OtherFix
@@ -269,43 +268,3 @@ def test_advice_of_noise_that_no_energy_tests(run_lammps, tmp_path):
     advice = "leave it out, or use fix_nosquish.NVT with thermostat langevin"
     assert_ended(refused, ["pair style brownian has friction or noise", advice], tmp_path)
     run_lammps(script.format("NVT all custom v_own temp 1 1 1 seed 5"))
-
-
-LATTICE = """
-units lj
-atom_style full
-region b block 0 12 0 12 0 12
-create_box 1 b
-molecule one mol.one
-lattice sc 0.008
-create_atoms 0 box mol one 77
-set atom * charge 0
-mass 1 1
-pair_style zero 2
-pair_coeff * *
-neigh_modify exclude molecule/intra all
-velocity all create 1 31
-velocity all zero linear
-timestep 0.05
-variable dipole atom (id%2)*2-1
-set atom * charge v_dipole
-region half block 0 12 0 12 0 6
-thermo_style custom step temp
-thermo 100
-"""
-PAIR = "two atoms\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
-
-
-def test_advice_of_a_momentum_that_changes(run_lammps):
-    """Locks out a warning whose advice does not serve: with thermostat langevin dipoles in a field
-    of a region have their temperature, which csvr keeps too low."""
-    words = 'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 5e-1 seed 7 {}"\n'
-    script = f"{LATTICE}fix h all efield 0 0 3 region half\n{words}run 2000\nrun 30000\n"
-    warning, advice = "something has changed the bodies' total momentum", "thermostat langevin"
-    csvr, langevin = (
-        run_lammps(script.format(f"thermostat {name}"), files={"mol.one": PAIR})
-        for name in ("csvr", "langevin")
-    )
-    assert warning in csvr.log and advice in csvr.log and warning not in langevin.log
-    rows = read_thermo(langevin.log)
-    assert rows["Temp"][40:].mean() == pytest.approx(1.0, abs=0.1)

@@ -7,14 +7,13 @@ import shlex
 import sys
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
     sys.path.append(str(ROOT))  # after site-packages: the installed fix_nosquish is tested
 
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import __main__ as command
 from validation.compare import report as compare_report
@@ -49,16 +48,6 @@ def assert_accepted(text, least=1):
     assert not wrong, "\n".join(wrong)
 
 
-def test_commands_are_found():
-    """Locks out a search that passes because it finds nothing, and one that takes everything."""
-    text = (
-        "Use `python -m validation compare water`; this: python -m validation compare butter.\n"
-        "<td>python -m validation check milk</td>"
-    )
-    assert commands(text) == ["check milk", "compare butter", "compare water"]
-    assert [bool(refused(words)) for words in commands(text)] == [True, True, False]
-
-
 @pytest.mark.parametrize(
     "asked",
     [
@@ -79,15 +68,6 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
     assert "choose from" in told and asked.split()[1].removeprefix("--") in told
     if asked.split()[0] == "compare":
         assert "dimer, water, peptide" in told
-
-
-def test_names_of_a_scripts_integrators_are_taken_wherever_they_stand():
-    """Locks out labels of a script's table that are refused because no scene has them, and a
-    scene's unknown name that passes for one."""
-    for words in 'my.in --only "shake 1e-4 + nvt"', '--only "shake 1e-4 + nvt" --ranks 1 my.in':
-        assert refused(f"compare {words}") is refused(f"cost {words}") is None
-    assert refused("compare my.in --only rigid/nvt") is None
-    assert refused("compare --only butter --ranks 1 water") and refused("cost --only shake yours")
 
 
 @pytest.mark.parametrize(

@@ -46,17 +46,6 @@ def test_precision_of_kokkos(word):
         assert f"this KOKKOS has {word} precision" in problem
 
 
-def test_what_the_log_says():
-    """Locks out a log without the bytes that cross the bus, or with some where there are none."""
-    assert NONE.copies(1000) == []
-    (gpu,) = GPU.copies(1000)
-    assert "mixed precision" in gpu and "nothing is copied" in gpu
-    (host,) = HOST.copies(1000)
-    assert host == "  KOKKOS on the host: nothing is copied"
-    (card,) = CARD.copies(10**6)
-    assert " 72 MB " in card and "not tried on a card" in card
-
-
 def test_fixes_of_packages():
     """Locks out velocities at the half step, and refusals, for a fix by which LAMMPS's package GPU
     brings its forces: the user has not asked for it."""

@@ -11,14 +11,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import MagicMock
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
-from own_scripts import take
+from own_scripts import take, with_lines
 from scipy.spatial.transform import Rotation
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.__main__ import main
 from validation.check import measure as check
@@ -99,17 +97,6 @@ def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
     assert check._lists(rows).holds is holds
 
 
-def test_check_of_atoms_that_a_fix_holds(tmp_path):
-    """Locks out a check that ends in a traceback where other atoms have no force, so that no step
-    is too long for them."""
-    path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
-                        lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
-    own = take(path, tmp_path / "out")
-    groups, _ = shapes.bodies(own)
-    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
-    assert found[1:] == ["centres", "turning"]
-
-
 def test_check_says_what_its_table_cannot(tmp_path, capsys):
     """Locks out an energy that LAMMPS counts wrongly and that stands beside ours as if ours were a
     thousand times better; three different steps that are all called safe; and a page, or a screen,
@@ -139,17 +126,6 @@ def test_a_start_whose_run_has_no_numbers_fails(taken):
     thermo["Press"] = np.array([1.0, 1.0, 1.0, np.nan, np.nan])
     row = check._row(own, ours, result)
     assert row["error"] == "no number from step 4 on: TotEng" and "change" not in row
-
-
-def test_check_names_the_suffix_that_needs_no_edit(taken):
-    """Locks out a word that LAMMPS takes ours by the suffix, where the script says otherwise."""
-    own = taken("rings")
-    (told,) = check._suffix(own)
-    assert told.endswith("without an edit.") and "fix bodies (rigid/nve/small)" in told
-    said = {**own.said, "commands": ["suffix opt", "suffix off"]}
-    (told,) = check._suffix(replace(own, said=said))
-    assert told.endswith("unless 'suffix off' in it says otherwise.")
-    assert not check._suffix(taken("spce"))
 
 
 # ---- which parts can be rigid
@@ -220,21 +196,6 @@ def test_parts_of_a_kind_get_one_shape():
     np.testing.assert_allclose(apart, apart[:1].repeat(40, axis=0), atol=1e-12)
     exact = np.sort(np.linalg.norm(methyl[[0, 0, 0, 1, 1, 2]] - methyl[[1, 2, 3, 2, 3, 3]], axis=1))
     np.testing.assert_allclose(apart[0], exact, atol=0.02)
-
-
-def with_lines(text, told):
-    """A script with what ``check --rigid`` tells of it: lines in the place of the last of the fixes
-    that go, and without commands that name them."""
-    kept, lost = text.splitlines(), []
-    made = [line.strip() for line in told.splitlines() if line.startswith("    ")]
-    (place,) = re.findall(r"In the place of .*", told)
-    ids = re.findall(r"fix (\S+) \(", place)
-    if named := re.search(r"have to go, too: (.*)\.", told):
-        lost = named[1].split("; ")
-    own = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
-    assert len(own) == len(ids) > 0
-    kept[kept.index(own[-1])] = "\n".join(made)
-    return "\n".join(line for line in kept if line not in (*own, *lost)) + "\n"
 
 
 REST = "group own_rest subtract all own_bodies"
@@ -365,3 +326,14 @@ def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
     assert "64 × rings" in of_rings and "have no force" not in of_rings
     data.write_text(data.read_text().replace("384 bonds", "385 bonds") + "385 1 1 7\n")
     assert "1 bonds between bodies and other atoms have no force" in told(path, 0)
+
+
+def test_check_of_atoms_that_a_fix_holds(tmp_path):
+    """Locks out a check that ends in a traceback where other atoms have no force, so that no step
+    is too long for them."""
+    path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
+                        lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
+    own = take(path, tmp_path / "out")
+    groups, _ = shapes.bodies(own)
+    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
+    assert found[1:] == ["centres", "turning"]

@@ -6,26 +6,21 @@ Statistical checks use fixed random seeds.
 import dataclasses
 import json
 import re
-import subprocess
 import sys
 from collections import Counter
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-from conftest import BIN, Silent, read_thermo
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+from conftest import Silent
 
 from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation
-from validation.running import machine, run
 from validation.sample.scenes import SCENES as SAMPLED
-from validation.scenes import INPUTS, SCENES
-from validation.scenes import peptide as paper_peptide
-from validation.scenes.integrators import INTEGRATORS, PAPER, Integrator
+from validation.scenes import SCENES
+from validation.scenes.integrators import PAPER, Integrator
 from validation.statistics import measures
 from validation.statistics.check import Check
 
@@ -55,27 +50,6 @@ def simulation(integrator="nosquish", name="test", scene="dimer", **more):
     return Simulation(name, name, integrator=PAPER[integrator], **usual | more)
 
 
-def test_what_a_run_starts_from_is_part_of_it(tmp_path, monkeypatch):
-    """Locks out a result of other code, of other input files or of another start that is taken
-    over."""
-    asked, path = bench(tmp_path), simulation(start=("first", 0))
-    dump = asked.runs / "first" / "state.dump"
-    dump.parent.mkdir(parents=True)
-    dump.write_text("one")
-    found = [path.job(asked).origin, simulation("shake").job(asked).origin]
-    assert path.job(asked).origin == found[0]
-    dump.write_text("two")
-    found.append(path.job(asked).origin)
-    monkeypatch.setattr(machine, "package_hash", lambda: "other code")
-    found.append(path.job(asked).origin)
-    assert simulation("shake").job(asked).origin == found[1], "fix shake is no code of ours"
-    monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
-    found.append(path.job(asked).origin)
-    other = dataclasses.replace(SCENES["dimer"], folder=SCENES["water"].folder)
-    found.append(dataclasses.replace(path, scene=other).job(asked).origin)
-    assert len(set(found)) == len(found)
-
-
 @pytest.mark.parametrize("failing, status", [(None, 0), ("gear", 0), ("nosquish", 1), ("shake", 1)])
 def test_a_run_that_failed(tmp_path, monkeypatch, failing, status):
     """Locks out a run that failed and is not told, one that is judged, and Gear's, which is
@@ -92,24 +66,6 @@ def test_a_run_that_failed(tmp_path, monkeypatch, failing, status):
     errors = {row["name"]: row["error"] for row in summary["rows"]}
     assert list(errors) == [*names] and {name for name in errors if errors[name]} <= {failing}
     assert (tmp_path / "paper" / "report.html").exists()
-
-
-def test_an_interruption_keeps_what_there_is(tmp_path, monkeypatch):
-    """Locks out a traceback in place of a report, and a run that is judged and did not end."""
-    real, done = run.run, []
-
-    def interrupted(job, *more):
-        if done:
-            return run.Result("interrupted", {}, [], None, {}, interrupted=True)
-        done.append(job)
-        return real(job, *more)
-
-    monkeypatch.setattr(run, "run", interrupted)
-    some = [simulation(name=name) for name in ("a", "b", "c")]
-    monkeypatch.setattr(paper, "CLAIMS", paper.CLAIMS._replace(plan=lambda _: some))
-    status, summary = claims(tmp_path, "paper")
-    assert status == 130 and summary["interrupted"]
-    assert [row["name"] for row in summary["rows"]] == ["a"] and not summary["failed"]
 
 
 def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
@@ -244,20 +200,6 @@ def dimers(count=16):
 
 
 @pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
-def test_who_is_more_accurate_on_the_dimer(size, holds):
-    """Locks out the ratio turned round, other starts' trajectories that are compared, and the
-    scatter of one ratio for the error of the mean."""
-    found, own = dimers(), np.random.default_rng(4).lognormal(sigma=1.0, size=16)
-    for n, of_both in enumerate(own, 1):
-        parts = {"nosquish": 1.0, "matubayasi-nakahara": size * (1.0 + 0.1 * (-1) ** n)}
-        for name, part in parts.items():
-            found[f"dimer-{name}-{n}"].total = noise(of_both * part, n, level=-9000)
-    one = claim(found, "reference 12 over NO_SQUISH", "average measure")
-    assert one["value"] == pytest.approx(size, rel=0.03) and one["verdict"] == WORD[holds]
-    assert one["error"] == pytest.approx(0.1 * size / np.sqrt(15), rel=0.1)
-
-
-@pytest.mark.parametrize("size, holds", [(1.5, True), (1.0, None), (0.7, False)])
 def test_who_is_more_accurate_in_the_liquid(size, holds):
     """Locks out the ratio turned round, a verdict within the errors, a wander that is left out, a
     claim from a trajectory that ended early, and a length that the claim does not tell."""
@@ -311,67 +253,6 @@ def test_who_is_equal(size, equal):
     uneven = noise(1.0, 3, level=0.0) * np.repeat(np.linspace(0.4, 1.6, 8), 500) - 10000
     found["peptide-nosquish"] = made("a", uneven, "peptide")
     assert claim(found, "equal: sd")["verdict"] == "cannot tell"
-
-
-def test_gear_is_held_against_the_same_starts():
-    """Locks out a ratio of other starts' runs, Gear's first steps taken for its error, a run
-    that ended early left out, and a drift that chance makes."""
-    found = {}
-    for n, size in enumerate((0.01, 0.1, 1.0), 1):
-        found[f"dimer-nosquish-{n}"] = made("a", noise(size, n), dt=1.0)
-        found[f"dimer-gear-{n}"] = made("b", noise(2 * size, 10 + n), dt=1.0)
-        found[f"dimer-gear-{n}"].total[:3] -= 5000.0  # of 10 steps each
-    far = claim(found, "far more accurate")
-    assert far["value"] is None and far["verdict"] == "cannot tell", "over a drift that may be none"
-    for part, word in (0.0, "holds"), (0.05, "holds"), (0.5, "does not hold"):
-        again = {name: dataclasses.replace(one) for name, one in found.items()}
-        for name, one in again.items():
-            one.total = one.total + (10.0 if "gear" in name else 10.0 * part) * one.time
-        far = claim(again, "far more accurate")
-        assert far["value"] == pytest.approx(part, abs=0.01) and far["verdict"] == word
-    gear = made("b", [-9000, -8000, 1e9], "water", integrator="gear")
-    gear.error = "lost atoms"
-    one = claim({"water-gear": gear}, "unstable")
-    assert one["verdict"] == "holds" and "lost atoms" in one["note"]
-    gear = made("b", [-9000, -8999, -9001], "water")
-    assert claim({"water-gear": gear}, "unstable")["verdict"] == "does not hold"
-
-
-def test_plans_are_what_the_paper_has(tmp_path):
-    """Locks out another step or a shorter run than the paper's, two trajectories that write to one
-    folder, and a start that no other run makes."""
-    plan = paper.plan(bench(tmp_path, full=True))
-    named = {one.name: one for one in plan}
-    assert len(named) == len(plan)
-    assert {one.start[0] for one in plan if one.start} == {"dimer-starts"} <= named.keys()
-    last = max(one.start[1] for one in plan if one.start)
-    assert last == named["dimer-starts"].steps == 32 * named["dimer-starts"].state
-    for name, dt, ps in (
-        ("dimer-nosquish-1", 0.3, 300),
-        ("peptide-nosquish", 3.0, 300),
-        ("peptide-shake", 3.0, 300),
-        ("water-nosquish", 3.0, 1000),
-    ):
-        assert named[name].dt == dt and named[name].steps * dt / 1000 >= ps
-    shorter = {one.name: one for one in paper.plan(bench(tmp_path, full=True, time=150.0))}
-    assert shorter["water-nosquish"].steps == 50_000
-
-
-@pytest.mark.timeout(120)
-def test_shake_holds_what_the_rigid_groups_hold(tmp_path):
-    """Locks out constraints of wrong types: LAMMPS's own count of clusters is that of the bodies
-    in the data file."""
-    path = simulation("shake", steps=0, dt=1.0)
-    job = dataclasses.replace(path, scene=paper_peptide.scene()).job(bench(tmp_path))
-    job = dataclasses.replace(job, body_property="molecule")
-    result = run.run(job)
-    assert result.error is None
-    bodies = result.positions.bodies
-    sizes = Counter(Counter(bodies[bodies > 0].tolist()).values())
-    log = next(tmp_path.rglob("log.lammps")).read_text()
-    for words, number in (("size 2", sizes[2]), ("size 4", sizes[4]), ("frozen angles", sizes[3])):
-        line = next(line for line in log.splitlines() if words in line)
-        assert int(line.split()[0]) == number, line
 
 
 # ---- statistics of these
@@ -472,66 +353,6 @@ def test_a_drift_beside_a_spread():
     still, drifting = (beside({2.0: 1.0}, slope=slope)["2 fs"].note for slope in (0.0, 0.5))
     told = r"about its line 0\.2\d* ± \S+, drifts by 0\.(49|5)\d* ± \S+ kcal/mol/ps\)"
     assert "drifts" not in still and re.search(told, drifting)
-
-
-def test_each_number_says_where_it_comes_from():
-    """Locks out numbers that are called printed ones: each and its error are worked out here,
-    from a file of the authors, which table, page and documentation name."""
-    for dt, check in zip(published.PUBLISHED, beside({1.0: 1.0}).values()):
-        told = f"computed here from TotEng in Figures/NVE_{dt:g}fs.csv, {published.SERIES}"
-        assert told in check.source
-    summary = json.loads((RESULTS / "published" / "summary.json").read_text())
-    written = (INPUTS.parent / "docs" / "results" / "water.md").read_text()
-    for text in " ".join(report.said(summary).notes.values()), written:
-        for words in "NVE_1fs.csv", "S1.csv", "github.com/craabreu/rigid_nvt", published.SERIES:
-            assert words in text
-    assert pytest.approx(1 / np.sqrt(2 * 667)) == published.THEIR_ERROR
-    assert f"{published.ENERGIES} energies" in written
-
-
-def test_the_start_is_what_is_said_to_be_matched():
-    """Locks out other water: charges, number, density, molecules that building the file has
-    bent, and the temperature."""
-    text = (published.scene().folder / "data.smooth").read_text()
-    header, rows, *_ = re.split(r"\n\n(?:Atoms # full|Velocities|Bonds)\n\n", text)
-    atoms = np.array([line.split() for line in rows.splitlines()], float)
-    atoms = atoms[np.argsort(atoms[:, 0])]
-    side = float(re.search(r"0 (\S+) xlo xhi", header)[1])
-    x = (atoms[:, 4:7] + side * atoms[:, 7:10]).reshape(-1, 3, 3)
-    charges = atoms[:, 3].reshape(-1, 3)
-    assert x.shape[0] == 903 and np.all(charges == [-0.83, 0.415, 0.415])
-    assert 903 * 18.0154 / 0.602214076 / side**3 == pytest.approx(0.97, rel=1e-9)
-    first, second = x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]
-    lengths = np.linalg.norm([first, second], axis=2)
-    np.testing.assert_allclose(lengths, 0.9572, rtol=0, atol=1e-9)
-    angles = np.degrees(np.arccos(np.sum(first * second, axis=1) / lengths.prod(axis=0)))
-    np.testing.assert_allclose(angles, 104.52, rtol=0, atol=1e-7)
-    assert pytest.approx(306.1, abs=0.1) == published.TEMPERATURE
-
-
-@pytest.mark.timeout(120)
-def test_runs_resume_and_are_at_the_same_energy(tmp_path, monkeypatch):
-    """Locks out time steps that do not start from the same atoms, runs that are done twice, and
-    a scene that does not run by itself, or is another one there."""
-    for name, value in (("BATH", 0.004), ("MEAN", 0.004), ("REST", 0.008)):
-        monkeypatch.setattr(published, name, value)
-    words = "published", "--time", "0.008", "--ranks", "1"
-    claims(tmp_path, *words)
-    asked = bench(tmp_path / "published", time=0.008)
-    _, *every = published.plan(asked)
-    starts = [run.collect(one.job(asked).directory).thermo["TotEng"][0] for one in every]
-    assert len(starts) == 4 and starts == pytest.approx([starts[0]] * 4, rel=1e-9)
-    log = asked.runs / "2-fs" / "log.lammps"
-    before = log.stat().st_mtime_ns
-    claims(tmp_path, *words)
-    assert log.stat().st_mtime_ns == before
-    log = tmp_path / "alone.log"
-    command = [str(BIN / "lmp"), "-in", "in.smooth", "-log", str(log), "-var", "nsteps", "1"]
-    how = {"cwd": published.scene().folder, "capture_output": True, "timeout": 100}
-    assert subprocess.run(command, **how).returncode == 0
-    alone = Simulation("alone", "", published.scene(), INTEGRATORS["nosquish"], 2.0, 0, 1)
-    energy = run.run(alone.job(asked)).thermo["PotEng"][0]
-    assert read_thermo(log.read_text())["PotEng"][0] == pytest.approx(energy, rel=1e-6)
 
 
 SHIFTED = """

@@ -5,27 +5,23 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent, read_thermo
-from own_scripts import GAS, take
+from own_scripts import GAS, take, with_lines
 from test_compare_choice import row
 
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
-from validation import RESULTS, command_line, pages
+from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.compare import case as cases
-from validation.compare import errors, figures, plan, report
+from validation.compare import errors, plan, report
 from validation.experiment import Point
 from validation.own import counted, shapes
-from validation.pages import console
 from validation.running import rounds, run
 from validation.scenes.integrators import Integrator
-from validation.scenes.units import UNITS
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
 
@@ -155,14 +151,6 @@ def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
         assert counted._asked(commands) == asked
 
 
-def test_targets_of_bodies_at_rest_are_refused(tmp_path):
-    """Locks out runs of some minutes that end in a division by zero, for nothing moves."""
-    path = tmp_path / "in.rest"
-    path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
-    with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
-        of(take(path, tmp_path / "out"), {})
-
-
 def energies(own, kept, every):
     """What is made of a series of the energy, with samples so many steps apart."""
     thermo = {"Step": every * np.arange(len(kept)), "Econserve": kept, "TotEng": kept}
@@ -198,23 +186,6 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     assert about["drift"]["default"] == usual
 
 
-@pytest.mark.parametrize("long", [1200.0, 4e4, 1e6, 1e8])
-def test_samples_of_the_energy_are_equally_apart(long):
-    """Locks out samples whose distance depends on the step, on the budget, or differs within a
-    run; and runs that are longer or shorter than was planned."""
-    for frames in 20, 200, 1000:
-        lengths = plan.Lengths(long, frames, cases.SPAN * 2.0)
-        for factor in (0.5, *cases.FACTORS):
-            dt = 2.0 * factor
-            every, runs = lengths.every(dt), lengths.runs(dt)
-            assert all(one % every == 0 for one in runs) and len(set(runs)) == 1
-            if long >= cases.SPAN * 2.0 * frames:
-                assert sum(runs) * dt == pytest.approx(long, rel=0.1)
-                span = cases.SPAN * 2.0 / (every * dt)
-                assert span == pytest.approx(round(span)) and 1 <= round(span) <= 8
-            assert 1 <= len(runs) <= frames
-
-
 @pytest.mark.parametrize("unit", (1e-10, 1e-8, 1e-4, 1.0))
 def test_g_is_the_same_in_each_unit_of_length(unit):
     """Locks out a g(r) of zeros, and an error of it that is zero, in units si and cgs, where a
@@ -227,19 +198,6 @@ def test_g_is_the_same_in_each_unit_of_length(unit):
     edges = 2.0 + 0.5 * np.arange(16)
     ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
     np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
-
-
-def test_each_units_drift_is_told_of_a_time_that_runs_have():
-    """Locks out a drift per 1,000 s, or per 1,000 ns, which no run can tell: all but reduced units
-    have the ns, of their own length."""
-    second = {"fs": 1e-15, "ps": 1e-12, "ns": 1e-9, "µs": 1e-6, "s": 1.0}
-    for style, units in UNITS.items():
-        case = cases.Case("", SimpleNamespace(units=style), {}, "", (), (), 1.0)
-        if style == "lj":
-            assert (case.ns, case.name_of_ns) == (1000.0, "1,000 τ")
-        else:
-            assert case.ns * second[units.time] == pytest.approx(1e-9)
-            assert case.name_of_ns == "ns"
 
 
 WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
@@ -257,25 +215,6 @@ PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts
     "points of ours": ("staged", {}, {}),
     "pressure": ("co2", {}, {}),
 }
-
-
-def with_advice(text, told):
-    """A script with what ``compare`` tells of it."""
-    kept = text.replace("&\n", "").splitlines()
-    lines = [line.strip() for line in told.splitlines() if line.startswith("    ")]
-    (place,) = (line for line in told.splitlines() if line.startswith("In the place of"))
-    assert place.endswith("and of the script's timestep:")
-    ids = re.findall(r"fix (\S+) \(", place)
-    fixes = [
-        n for n, line in enumerate(kept) if line.split()[:1] == ["fix"] and line.split()[1] in ids
-    ]
-    kept[fixes[-1]] = "\n".join(lines)
-    lost = [n for n, line in enumerate(kept) if line.startswith("timestep")] + fixes[:-1]
-    for line in told.splitlines():
-        if line.startswith("These name a fix that goes"):
-            some = line.rstrip(".").partition("have to go, too: ")[2].split("; ")
-            lost += [kept.index(one) for one in some]
-    return "\n".join(line for n, line in enumerate(kept) if n not in lost) + "\n"
 
 
 @pytest.mark.parametrize("which", PRINTED)
@@ -298,18 +237,10 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
         best = row(own.scene.dt, one.name) | dict(zip(keys, case.written(one)))
         told = [best["place"] + ", and of the script's timestep:", *best["lost"]]
         told += [f"    {line}" for line in report._input(best)]
-        done = run_lammps(with_advice(text, "\n".join(told)))
+        done = run_lammps(with_lines(text, "\n".join(told)))
         rows = read_thermo(done.log[done.log.rindex("   Step") :])
         assert rows["Step"][-1] - rows["Step"][0] == 3
         assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
-
-
-def test_lines_make_the_group_that_they_name(taken):
-    """Locks out lines for the script that name a group that it does not have."""
-    own = taken("solute")
-    ours = next(one for one in own.integrators.values() if one.kind == "ours")
-    lines, place, _ = cases.of_script(own).written(ours)
-    assert lines[0] == own.found.setup[0] and "own_bodies" in lines[-1] and "fix" in place
 
 
 def test_integrators_whose_energy_says_nothing(taken):
@@ -390,55 +321,6 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
     assert answer.startswith("No step that was tried is within the targets")
     assert lines[0].startswith("Even with 1 fs there is too much of drift")
     assert lines[1].startswith("The nearest: nosquish, 2 fs")
-
-
-def test_what_runs_do_not_tell_is_said():
-    """Locks out an answer that does not say by what it is, where nobody knows an energy, and one
-    that blames the step for a structure that nothing tells."""
-    lost = row(4.0, "rigid/nvt", t=(0.01, 0.01)) | {"without": ["drift"]}
-    answer, lines = told(summary_of({"drift": 1.0, "t": 1.0}, lost))
-    assert answer.startswith("rigid/nvt with a step of 4 fs")
-    assert lines[:2] == ["For rigid/nvt, drift cannot be measured: nobody counts it.",
-                         "The answer is therefore by t only."]  # fmt: skip
-    answer, lines = told(summary_of({"drift": 1.0}, lost))
-    assert answer.startswith("None of the targets can be measured with these integrators")
-    _, lines = told(summary_of({"t": 1.0, "rdf": 1.0}, row(4.0, t=(0.01, 0.01))))
-    assert any(line.startswith("The error of g(r) is not known") for line in lines)
-
-
-def test_tables_have_each_point(tmp_path, capsys):
-    """Locks out points that are dropped on the way to a file, failed ones first of all, a verdict
-    that is not theirs, and a crash at the end where everything fails."""
-    good, bad = row(1.0, energy=(0.1, 0.01)), row(2.0, energy=(0.5, 0.01))
-    fails = row(3.0, cost=None) | {"failed": "3: exploded"}
-    summary = summary_of({"energy": 0.2}, good, bad, fails)
-    said = report.said(summary)
-    pages.write(said, summary, tmp_path)
-    pages.show(console.console(), said, summary, tmp_path)
-    lines = (tmp_path / "points.csv").read_text().splitlines()
-    assert [line.split(",")[1] for line in lines[1:]] == ["1.0", "2.0", "3.0"]
-    assert [re.search(r"\b(met|not met|fail)\b", line)[1] for line in lines[1:]] == [
-        "met", "not met", "fail"]  # fmt: skip
-    assert (tmp_path / "cost.png").exists()
-    assert "fails with 3: exploded" in capsys.readouterr().out
-    summary = summary_of({"energy": 0.2}, fails) | {"interrupted": True}
-    pages.write(report.said(summary), summary, tmp_path)
-    assert not (tmp_path / "cost.png").exists()
-
-
-def test_figures_mark_failures_and_doubts():
-    """Locks out failures that are drawn as points or not at all, and an error bar that hides that
-    an error may be zero."""
-    rows = [row(dt, cost=[10 / dt, 11 / dt], energy_sd=(dt**2, 0.1)) for dt in (1.0, 2.0, 4.0)]
-    rows[0]["errors"]["energy_sd"] = {"value": 1e-9, "error": 0.01, "freedom": None}
-    rows.append(row(8.0, cost=None) | {"failed": "8: exploded"})
-    top, axis = figures.cost(summary_of({"energy_sd": 1.0}, *rows)).axes
-    crosses = [line for line in top.lines if line.get_marker() == "x"]
-    assert [list(line.get_xdata()) for line in crosses] == [[8.0]]
-    drawn = {tuple(place) for container in axis.containers
-             for place in container.lines[0].get_xydata()}  # fmt: skip
-    expected = [(10.0, 0.0196), (5.0, 4.0), (2.5, 16.0)]
-    assert np.allclose(sorted(drawn), sorted(expected), rtol=1e-3, atol=1e-9)
 
 
 # ---- from end to end
@@ -530,16 +412,6 @@ def test_a_committed_point_is_measured_again(tmp_path, monkeypatch):
     assert abs(apart.value) < apart.margin
 
 
-def test_an_interruption_keeps_what_is_measured(tmp_path, monkeypatch):
-    """Locks out a traceback in place of a summary, and points after the interruption."""
-    steady(monkeypatch)
-    ended = run.Result("interrupted", {}, [], None, {}, interrupted=True)
-    monkeypatch.setattr(run, "once", lambda job, on_step=None, failures=False: ended)
-    assert main(["compare", "dimer", "--out", str(tmp_path)]) == command_line.INTERRUPTED
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["interrupted"] and summary["points"] == []
-
-
 def test_a_plan_keeps_its_budget():
     """Locks out runs that take longer together than they may, and runs too short to fail."""
     here = plan.Machine(1e-3, 2.0, 1000)
@@ -575,3 +447,11 @@ def test_words_that_are_wrong_are_refused(words, said, capsys, tmp_path, monkeyp
     with pytest.raises(SystemExit) as end:
         main(["compare", *words.split()])
     assert end.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_targets_of_bodies_at_rest_are_refused(tmp_path):
+    """Locks out runs of some minutes that end in a division by zero, for nothing moves."""
+    path = tmp_path / "in.rest"
+    path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
+    with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
+        of(take(path, tmp_path / "out"), {})

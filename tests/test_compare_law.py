@@ -1,10 +1,8 @@
 """The error of a mean at a step, from runs with this step and longer ones."""
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import law
 from validation.statistics import measures
@@ -79,37 +77,6 @@ def test_error_bars_cover_near_the_end_of_stability(size):
             one = law.by_law(dt, found, found[0.5], 0.5)
             own.append(abs(one.value - size * pole(dt)) < one.margin)
     assert min(map(np.mean, covered.values())) > 0.92
-
-
-@pytest.mark.parametrize("size", [0.0, 5.0, 10.0, 20.0])
-def test_errors_that_no_step_makes_smaller_are_seen(size):
-    """Locks out an error that is the same at all steps, as a thermostat's or a common start's, and
-    is taken for powers of the step that vanish at short ones."""
-    random, covered = np.random.default_rng(6), {1.0: [], 2.0: [], 3.0: []}
-    for _ in range(300):
-        found = {
-            dt: Estimate(size + 0.02 * dt**2 + random.normal(), 1.0)
-            for dt in (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-        }
-        for dt, own in covered.items():
-            one = law.by_law(dt, found)
-            own.append(abs(one.value - size - 0.02 * dt**2) < one.margin)
-    assert min(map(np.mean, covered.values())) > 0.9
-    unseen = [law.by_law(1.0, {dt: Estimate(1.0, 1.0) for dt in (1.0, 2.0, 3.0, 4.0)})]
-    assert abs(unseen[0].value) < 0.2  # what may be noise is no error of the step
-
-
-def test_error_bars_cover_where_the_error_changes_its_sign():
-    """Locks out higher powers that are taken for small because they cancel the square at the
-    longest step."""
-    random, above = np.random.default_rng(8), []
-    for _ in range(400):
-        means = {dt: dt**2 - dt**4 / 36 + random.normal() for dt in (0.5, 1, 1.5, 2, 3, 4, 6)}
-        found = {dt: Estimate(mean, 1.0) for dt, mean in means.items()}
-        for dt in (1, 2, 3):
-            one = law.by_law(dt, found, found[0.5], 0.5)
-            above.append(dt**2 - dt**4 / 36 > one.value + one.margin)
-    assert np.mean(above) < 0.06
 
 
 def test_a_law_of_what_is_not_finite_or_single():

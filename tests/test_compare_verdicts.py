@@ -4,12 +4,10 @@ out of equilibrium, through all that is made of them."""
 from dataclasses import replace
 from types import SimpleNamespace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from scipy import signal
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.compare import case as cases
 from validation.compare import choice, errors
@@ -191,12 +189,6 @@ def test_margins_of_few_points_cover(number, least):
         found = errors.Pooled.of(starts, True).means
         hits.append(abs(found[points[0]].value) < found[points[0]].margin)
     assert least < np.mean(hits) < 0.98
-
-
-def test_the_temperature_that_may_be_furthest_off_counts():
-    """Locks out a difference that is small and hardly known, beside a larger one that is known."""
-    kinds = [Estimate(0.01, 1e-4), None, Estimate(0.005, 0.02)]
-    assert errors._furthest(kinds).value == 0.005 and errors._furthest([None]) is None
 
 
 def test_the_error_of_g_is_that_from_the_limit():

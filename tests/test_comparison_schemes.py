@@ -5,19 +5,15 @@ The bodies of the first half of this file move in a field U = |x|^2 / 2 - m . (E
 vector fixed in the body: force and torque, coupled, without LAMMPS.
 """
 
-import ast
-import re
 from math import comb, factorial
-from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import ROOT
 from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
 from systems import OURS as NVE
-from systems import apart, mixture, water
+from systems import apart, mixture
 from test_nve import hot_rods
 from test_respa import TWO, smooth
 from test_rotor import (
@@ -25,7 +21,6 @@ from test_rotor import (
     S,
     body_momentum,
     conjugate,
-    exact,
     one_atom_bodies,
     product,
     step_cells,
@@ -66,10 +61,6 @@ def field(x, q):
     """Force and torque in the space frame, (6, n)."""
     m = dipoles(q)
     return np.concatenate([G.T @ m - x, np.cross(m, E[:, None] + G @ x, axis=0)])
-
-
-def no_field(x, q):
-    return np.zeros((6, x.shape[1]))
 
 
 def start(n, seed, speed=1.0):
@@ -261,68 +252,6 @@ def test_gear_equals_its_equations(dt, steps):
 # ---- what theory says of them
 
 
-def test_gears_coefficients():
-    """Locks out coefficients 0 and 1 of another scheme: these follow a polynomial of degree 6 with
-    an error that stays what it is after some steps, in x = t^6 and its velocity as in omega = t^6
-    about an axis."""
-    n, dt, time = 1, 0.1, [0.0]
-
-    def force(x, q):
-        result = np.zeros((6, n))
-        result[0], result[5] = 30 * time[-1] ** 4, 6 * ASYMMETRIC[2] * time[-1] ** 5
-        time.append(time[-1] + dt)
-        return result
-
-    bodies = for_gear(np.zeros((3, n)), np.zeros((3, n)), np.eye(4)[:, :1], np.zeros((4, n)))
-    errors = []
-    for k in range(61):
-        if k:
-            move_gear(bodies, dt, 1, force, starts=k == 1)
-            errors.append(
-                [
-                    bodies.x[0, 0] - (k * dt) ** 6,
-                    bodies.v[0, 0] - 6 * (k * dt) ** 5,
-                    omega(bodies)[2, 0] - (k * dt) ** 6,
-                ]
-            )
-    for error, early in zip(np.transpose(errors), errors[14]):
-        assert abs(early) > 1e-6, "not even an error"
-        np.testing.assert_allclose(error[15:], early, rtol=1e-3)
-
-
-@pytest.mark.parametrize(
-    "move, bodies, order", [(move_mn, make, 2), (move_gear, for_gear, 5)], ids=["MN", "Gear"]
-)
-def test_free_rotor_against_the_exact_one(move, bodies, order):
-    """Locks out a scheme of a lower order than it should have:
-    the error at one time falls with this power of dt."""
-    q, p = tops(1, ASYMMETRIC, 4)
-    still, time, errors = np.zeros((3, 1)), 6.0, []
-    want = np.concatenate(exact(q[:, 0], p[:, 0], ASYMMETRIC, time))
-    for n in 120, 240, 480:
-        got = move(bodies(still, still, q, p), time / n, n, force=no_field)
-        errors.append(np.abs(np.concatenate([got.q, got.p])[:, 0] - want).max())
-    powers = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert errors[0] < 0.05
-    assert (powers > order - 0.1).all() and powers[-1] < order + 1.1, powers
-
-
-@pytest.mark.parametrize("phase, stable", [(0.38, True), (0.44, False)])
-def test_gears_limit_of_stability(phase, stable):
-    """Locks out the predicted omega in the equation of q, with which librations are stable up to
-    0.11 rad a step only, not 0.41."""
-    angle, I3 = 1e-8, ASYMMETRIC[2]
-
-    def spring(x, q):
-        result = np.zeros((6, 1))
-        result[5] = -I3 * 2 * q[3]  # of frequency 1 about z
-        return result
-
-    still, q = np.zeros((3, 1)), np.array([[1.0], [0.0], [0.0], [0.5 * angle]])
-    got = move_gear(for_gear(still, still, q, 0 * q), phase, 400, spring)
-    assert (abs(2 * got.q[3, 0]) < 2 * angle) == stable
-
-
 # ---- in LAMMPS
 
 
@@ -349,15 +278,6 @@ def test_all_kinds_of_bodies(simulate, fix, dimension):
     print("apart:", off)
     assert 1e-9 < off[1] < 1e-3
     assert off[0] / off[1] == pytest.approx(4.0, rel=0.25)
-
-
-@pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
-def test_water(simulate, fix):
-    """Locks out wrong units of force and torque, energy and pressure of another moment, and a
-    scheme that is unstable at a usual time step: the thermodynamics is near NVE's."""
-    theirs, ours = (simulate(water(), one, 40, every=10) for one in (NVE, fix))
-    for name, off in ("Temp", 0.6), ("Press", 40), ("TotEng", 3.0):
-        np.testing.assert_allclose(ours.thermo[name], theirs.thermo[name], rtol=0, atol=off)
 
 
 @pytest.mark.parametrize("fix", [MN, GEAR], ids=["MN", "Gear"])
@@ -395,16 +315,6 @@ def test_gears_derivatives_go_on(simulate):
     assert 1e-9 < apart(anew, whole, system.h) < 1e-3
 
 
-def test_mn_goes_on_and_waits_like_nve(simulate):
-    """Locks out a loop that differs where two half kicks are done in one pass, and levels of
-    run_style respa that kick twice."""
-    system = smooth()
-    whole, same = (simulate(system, MN, 40, every=every) for every in (40, 1))
-    np.testing.assert_array_equal(same.x, whole.x)
-    levels = simulate(system, MN, 40, before="run_style respa 1")
-    assert apart(levels, whole, system.h) < 1e-9
-
-
 @pytest.mark.parametrize(
     "words, before, expected, ranks",
     [
@@ -422,37 +332,3 @@ def test_what_gear_refuses(simulate, words, before, expected, ranks):
     assert run.code != 0 and [
         line for line in run.screen.splitlines() if line.startswith("ERROR") and expected in line
     ]
-
-
-def test_the_log_says_which(simulate):
-    """Locks out a log that calls all of them NO_SQUISH,
-    or names keywords that Gear does not have."""
-    logs = {fix: simulate(mixture("solid"), fix, 0).log for fix in (NVE, MN, GEAR)}
-    assert "by NO_SQUISH, fix_nosquish" in logs[NVE] and "NO_SQUISH" not in logs[MN] + logs[GEAR]
-    assert re.search(
-        "Matubayasi and Nakahara's scheme, fix_nosquish .*: MatubayasiNakahara", logs[MN]
-    )
-    assert re.search("Gear's predictor-corrector, fix_nosquish .*: Gear", logs[GEAR])
-    assert "mrot 1" in logs[MN] and "mrot" not in logs[GEAR]
-
-
-@pytest.mark.parametrize("name", ["Gear", "MatubayasiNakahara"])
-def test_they_are_no_classes_of_the_package(refused, name):
-    """Locks out a fix line of before that ends with an error of Python's."""
-    fix = f'fix 1 all python/move "fix_nosquish.{name} all molecule"'
-    says = f"there is no integrator '{name}' in fix_nosquish: expected one of NVE, NVT,"
-    system = mixture("solid")
-    refused(f"{system.setup}\n{fix}\nrun 1\n", says, system.files)
-
-
-@pytest.mark.parametrize("scheme", [gear, matubayasi_nakahara])
-def test_the_page_says_what_to_import(scheme):
-    """Locks out a scheme that needs more than what an integrator of one's own is told of."""
-    page = (ROOT / "docs" / "extending.md").read_text()
-    for one in ast.walk(ast.parse(Path(scheme.__file__).read_text())):
-        if isinstance(one, ast.ImportFrom) and one.module.startswith("fix_nosquish."):
-            place = one.module.removeprefix("fix_nosquish")
-            row = re.search(rf"(?m)^\| `{re.escape(place)}` \|.*", page)
-            assert row, place
-            names = {name.name for name in one.names if not name.name.isupper()}  # no rows
-            assert names <= set(re.findall(r"`(\w+)`", row[0])), place

@@ -14,8 +14,7 @@ import pytest
 from conftest import ROOT
 
 from fix_nosquish import INTEGRATORS
-from fix_nosquish.run import other_fixes
-from fix_nosquish.run.schedule import SCHEDULE, Phase, When
+from fix_nosquish.run.schedule import When
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -67,20 +66,6 @@ def test_links_lead_to_files(path):
 
 
 # ---- the results
-
-
-def test_numbers_of_results_are_not_typed():
-    """Locks out a measured number that is typed into a page of results, and stays behind."""
-    names = (
-        r"TIP3P|CH3|NH3|1/16|1e-5|1e-8|95 %|1 %|10⁷|\(\d\.\d+\)|NVE_\dfs|S1\.csv|reference 12|"
-        r"J\. Chem\. Phys\. 150, 114110 \(2019\)|0\.3 fs|1,000 molecules|[Ff]igures? \d\w?|"
-        r"step 0|[Bb]elow 1,|667 energies"
-    )  # names, settings and what is a bound; not what was measured
-    for path in (DOCS / "results").glob("*.md"):
-        text = re.sub(r"\{\{.*?\}\}|\{%.*?%\}", "", path.read_text(), flags=re.S)
-        text = re.sub(r"`[^`]*`|\$[^$]*\$|\]\([^)]*\)|" + names, "", text, flags=re.I)
-        found = [line for line in text.splitlines() if re.search(r"\d", line)]
-        assert not found, f"{path.name}: " + "\n".join(found)
 
 
 @pytest.mark.parametrize("function", committed.TABLES, ids=lambda function: function.__name__)
@@ -169,15 +154,6 @@ fix_modify g energy yes
 ONE = "one\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
 
 
-def test_fix_lines_are_found():
-    """Locks out a search for lines that passes because it finds few."""
-    text = (
-        "Say `fix 1 a nosquish/nvt molecule` or\n\n    fix 2 all nosquish/nve &\n      single # x\n"
-    )
-    assert fix_lines(text) == ["fix 1 a nosquish/nvt molecule", "fix 2 all nosquish/nve single "]
-    assert sum(not PATTERN.match(line) for lines in SHOWN.values() for line in lines) > 50
-
-
 @pytest.mark.parametrize("place", [place for place in SHOWN if SHOWN[place]])
 def test_fix_lines_run(run_lammps, place):
     """Locks out a line of a page or of a docstring that the fix refuses, and a pattern of a style
@@ -223,26 +199,6 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
         parts = [part.strip() for part in re.split(variable, message) if part]
         longest = max(parts, key=len)
         assert len(longest) > 10 and longest in source, (message, longest)
-
-
-def test_quoted_symptoms_are_those_of_the_package(source):
-    """Locks out a piece of the log that the page names and the package does not print."""
-    rows = re.findall(r"^\| `([^`]*)`", (DOCS / "troubleshooting.md").read_text(), re.M)
-    assert len(rows) > 10
-    for piece in rows:
-        assert piece.removeprefix("1 ") in source, piece
-
-
-def test_fixes_that_do_not_push_are_named():
-    """Locks out a page by which other fixes push the bodies than those of which the package counts
-    this, as where it names a few that do."""
-    text = (DOCS / "fix-nvt.md").read_text().split("### Degrees of freedom")[1].split("###")[0]
-    named = re.search(r"\| known to conserve the momentum .*\n\|-.*\n((\|.*\n)+)", text)[1]
-    assert set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", named)) == set(other_fixes._CONSERVING)
-    pairs = re.search(r"\*\*Pair styles\*\* (.*)\n", text)[1]
-    styles = other_fixes._NOT_CONSERVING + other_fixes._NOT_WITHOUT_NEWTON
-    named = set(re.findall(r"`([\w/]+?)(?:\.\.\.)?`", pairs))
-    assert named == set(styles)
 
 
 # ---- the tutorial
@@ -399,34 +355,6 @@ def test_rooms_use_those_below_them():
     there = [str(file) for folder in (package, ROOT / "validation") for file in folder.rglob("*.*")]
     for name in re.findall(r"`([\w/]+\.(?:py|h|cpp))`", text):
         assert (ROOT / name).exists() or any(file.endswith(f"/{name}") for file in there), name
-
-
-def test_rooms_of_the_harness_use_those_before_them():
-    """Locks out what the package's test does, in the harness: rooms that need a verb, or each other
-    in a circle."""
-    harness = ROOT / "validation"
-    below = ast.get_docstring(ast.parse((harness / "__init__.py").read_text())).split("A verb is")[
-        0
-    ]
-    rooms = re.findall(r"(?m)^    (\w+)  ", below)
-    assert len(rooms) > 4
-    for floor, room in enumerate(rooms):
-        for file in (harness / room).glob("*.py"):
-            folders = {one for one in rooms_used(file) if (harness / one).is_dir()}
-            assert folders <= set(rooms[: floor + 1]), file
-
-
-def test_step_of_the_page_on_architecture():
-    """Locks out a page on architecture that follows another step than the code does: its hops name
-    files and functions that there are, and its phases are the schedule's."""
-    text = page(DOCS / "architecture.md")
-    named = re.findall(r"`(\w+)`[^`.]*\(`([\w/]+\.(?:py|h|cpp))`\)", text)
-    assert len(named) >= 10
-    for name, place in named:
-        assert re.search(rf"\b{name}\b", (ROOT / "fix_nosquish" / place).read_text()), name
-    begins = [one for _, one in SCHEDULE["begin"] if one.passes == "whole"]
-    assert [(one.phases, one.then) for one in begins] == [((Phase.WAITING,), Phase.HALF)]
-    assert {one.then for _, one in SCHEDULE["end"]} >= {Phase.WAITING}
 
 
 def test_names_of_what_holds_in_a_step():

@@ -151,31 +151,6 @@ def test_domains(simulate, domains):
     )
 
 
-# counts the rows of arrived atoms that are still of use when a run is over
-ROWS = """
-from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.nve import NVE
-
-class Counts(NVE):
-    def post_run(self):
-        super().post_run()
-        rows = self.communicator.total(self.lammps.table[5, 1:2].astype(float))
-        self.host.log(f"ROWS {int(rows[0])}\\n")
-
-__getattr__ = of_fix_line(Counts)
-"""
-
-
-def test_rows_of_arrived_atoms_are_forgotten(simulate):
-    """Locks out memory that grows with each atom that comes from another rank, although its row is
-    of no use once the bodies have it."""
-    system = mixture("solid planar", temperature=8.0)
-    system = system._replace(files=system.files | {"counts.py": ROWS})
-    line = LIKE_LAMMPS.replace("fix_nosquish.NVE", "counts.Counts")
-    run = simulate(system, line, 40, ranks=2, before=EACH_STEP)
-    assert "ROWS 0\n" in run.log
-
-
 @pytest.mark.parametrize("first", [True, False])
 @pytest.mark.parametrize("style, balance", [("brick", "shift xyz 10 1.0"), ("tiled", "rcb")])
 def test_fix_balance(simulate, style, balance, first):
@@ -259,49 +234,6 @@ def test_partitions(run_lammps, tmp_path):
         assert (thermo == alone.thermo).all() and len(thermo) == 5
 
 
-@pytest.mark.parametrize("layout", ["2x1", "2x2"])
-@pytest.mark.parametrize(
-    "words, more, message",
-    [
-        # the second world has no such group
-        ("group 1 rare", "", "there is no group 'rare'"),
-        # a force that becomes infinite, on one rank of one world
-        (
-            "molecule",
-            "variable f equal exp(${rate}*(step>3))-1\nfix 2 one addforce v_f 0 0",
-            "is not finite at step 4",
-        ),
-    ],
-    ids=["fix line", "in a run"],
-)
-def test_error_in_one_world(run_lammps, tmp_path, layout, words, more, message):
-    """Locks out a hang, or silence, where one world ends with an error and the other goes on."""
-    system = mixture("solid planar")
-    world = "variable seed world 4928 1234\nvariable rate world 0 800"
-    setup = f"{system.setup}\ngroup one id 1\nif '${{rate}} == 0' then 'group rare id < 20'"
-    fix = LIKE_LAMMPS.format(group="all", words=words)
-    script = WORLDS.format(world=world, setup=setup, fix=f"{fix}\n{more}").replace(
-        "run 20", "run 1000000"
-    )
-    ranks = {"2x1": 2, "2x2": 4}[layout]
-    run = run_lammps(
-        script,
-        files=system.files,
-        ranks=ranks,
-        options=("-partition", layout),
-        launcher="lmp",
-        check=False,
-        timeout=60,
-    )
-    text = run.screen + "".join((tmp_path / f"screen.{k}").read_text() for k in (0, 1))
-    assert run.code != 0
-    assert (
-        len([line for line in text.splitlines() if line.startswith("ERROR") and message in line])
-        == 1
-    ), text
-    assert text.count("ERROR") == 1, text
-
-
 # ---- few bodies, long bodies, large bodies
 
 
@@ -329,40 +261,6 @@ def test_more_ranks_than_bodies(simulate, others, grid):
         before=f"{pull}\n{EACH_STEP}",
         ranks=int(np.prod(grid)),
     )
-    assert_same(ours, theirs, system.h)
-
-
-def test_body_over_all_ranks(simulate):
-    """Locks out a limit on how many ranks hold a body, and parts of it that drift apart: the frame
-    of a box, of some 200 atoms, on eight ranks, with small bodies and free and bonded atoms in and
-    around it."""
-    rng, h = np.random.default_rng(3), 13.0 * np.eye(3)
-    edge = np.linspace(1.0, 11.0, 18)
-    frame = np.unique(
-        [np.roll([t, a, b], k) for t in edge for a in (1, 11) for b in (1, 11) for k in range(3)],
-        axis=0,
-    )
-    bodies = [("frame", frame + 0.3, 1 + np.arange(len(frame)) % 3)]
-    kinds = itertools.cycle(["solid", "single", "planar", "pair"])
-    for site in itertools.product((0.0, 3.6, 6.2, 8.8), repeat=3):
-        bodies.append(turned(next(kinds), np.add(site, [0, 0, 0.2]), bodies, h, rng))
-    system = assemble(bodies, h, temperature=2.0, setup="processors 2 2 2\nbond_style harmonic")
-    room = "read_data data.bodies extra/bond/types 1 extra/bond/per/atom 1 extra/special/per/atom 2"
-    bonds = (
-        "\nbond_coeff 1 200 1.0\ncreate_bonds many pair pair 1 0.9 1.1\n"
-        "group free union single pair\ngroup rigid subtract all free"
-    )
-    system = system._replace(
-        setup=system.setup.replace("read_data data.bodies", room) + bonds,
-        singles=False,
-        group="rigid",
-    )
-    alone = system._replace(setup=system.setup.replace("processors 2 2 2", ""))
-    theirs = simulate(alone, RIGID + "\nfix 2 free nve", 30)
-    ours = simulate(
-        system, LIKE_LAMMPS + "\nfix 2 free nve", 30, group="rigid", before=EACH_STEP, ranks=8
-    )
-    assert len(frame) > 190 and "33 rigid bodies" in ours.log
     assert_same(ours, theirs, system.h)
 
 

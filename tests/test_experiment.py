@@ -3,11 +3,8 @@
 import multiprocessing
 from pathlib import Path
 
-import pytest
+import needs_extra  # noqa: F401  the extra validation
 from conftest import Silent
-
-for needed in ("pandas", "scipy"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import experiment
 from validation.experiment import Point, Trajectory

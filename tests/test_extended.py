@@ -253,22 +253,6 @@ def test_restarted(run_kind, kind):
     close(again, whole, 1e-10)
 
 
-def test_thermostat(run_kind):
-    """Locks out a thermostat whose energy of rotation is not the one that LAMMPS computes of the
-    particles: of ellipsoids alone these are the same."""
-    start = setup("ellipsoid", alone=True)
-    fix = OURS.format(group="shaped", words="molecule temp 15e-1 15e-1 1e-1 seed 8")
-    columns = (
-        "\nthermo_style custom step pe c_turning f_1[2]\nthermo_modify norm no format float %.16g"
-    )
-    _, table = run_kind(
-        "ellipsoid", fix.replace("NVE", "NVT") + columns + "\nthermo 10\nrun 50", start=start,
-        ranks=2,
-    )  # fmt: skip
-    np.testing.assert_allclose(table["c_turning"], table["f_1[2]"], rtol=1e-10)
-    assert np.ptp(table["c_turning"]) > 0.1
-
-
 @pytest.mark.parametrize("kind, dt", [("ellipsoid", 0.08), ("dipole", 0.03)])
 def test_rejected_trajectory(run_kind, kind, dt):
     """Locks out particles that keep the orientation of a trajectory that was rejected: with their
@@ -337,26 +321,6 @@ run 0
 write_dump all custom end id x y z {what} modify sort id format float %.17g
 """
 ALONG = np.array([1, 0.1, 0.4])
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize(("axis", "degrees"), [("0 0 1", 1), ("1 0.1 0.4", 50), ("0.3 1 0.2", 200)])
-def test_line_of_ellipsoids_turned_between_runs(run_lammps, tmp_path, axis, degrees, ranks):
-    """Locks out ellipsoids in a line that lose what displace_atoms has turned them by about it."""
-    text = LINE.format(
-        style="ellipsoid", made="shape 1.0 0.6 0.3\nset group all density 1.0\n"
-        "set group all quat 0 0.6 0.8 40", axis=axis, degrees=degrees, what=" ".join(
-            f"c_q[{k}]" for k in (1, 2, 3, 4)),
-        columns="compute q all property/atom quatw quati quatj quatk",
-    )  # fmt: skip
-    run = run_lammps(text, ranks=ranks)
-    rows = np.loadtxt(tmp_path / "end", skiprows=9)
-    vector = np.array(axis.split(), float)
-    turned = Rotation.from_rotvec(np.radians(degrees) * vector / np.linalg.norm(vector))
-    start = Rotation.from_rotvec(np.radians(40) * np.array([0, 0.6, 0.8]))
-    ours = Rotation.from_quat(np.roll(rows[:, 4:], -1, axis=1)).as_matrix()
-    close(ours, np.tile((turned * start).as_matrix(), (2, 1, 1)), 1e-12)
-    assert "were turned with their bodies" not in run.log  # LAMMPS has
 
 
 @pytest.mark.parametrize("dipole", [(0.3, 1, 0.5), (2, 0.2, 0.8)], ids=["across", "along"])

@@ -8,16 +8,14 @@ import re
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import LIKE_LAMMPS, RIGID, SMALL, apart, mixture
+from systems import LIKE_LAMMPS, RIGID, SMALL, mixture
 
 from validation.scenes.integrators import target
 
 THERMO = (
     "thermo_style custom step temp pe ke {}\nthermo_modify norm no format float %.16g\nthermo 10\n"
 )
-OURS, THEIRS, LARGE = (
-    fix.format(group="all", words="molecule") for fix in (LIKE_LAMMPS, SMALL, RIGID)
-)
+OURS, THEIRS = (fix.format(group="all", words="molecule") for fix in (LIKE_LAMMPS, SMALL))
 
 
 @pytest.fixture(scope="module")
@@ -47,37 +45,6 @@ def assert_alike(ours, theirs, columns):
         np.testing.assert_allclose(
             ours[one], theirs[other], rtol=1e-9, atol=1e-9 * np.abs(theirs[other]).max()
         )
-
-
-SPREAD = """
-compute       mol all chunk/atom molecule
-compute       com all vcm/chunk mol
-compute       own all chunk/spread/atom mol c_com[*]
-variable      vx atom {0}c_own[1]
-variable      vy atom {0}c_own[2]
-variable      vz atom {0}c_own[3]
-"""
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("motion, what", [("linear", "v{}-"), ("angular", "")])
-def test_velocity_zero(both, ranks, motion, what):
-    """Locks out commands in from-rigid.md that are not ``velocity zero ... rigid``."""
-    lines = SPREAD
-    for axis in "xyz":
-        lines = lines.replace("{0}", what.format(axis), 1)
-    stop = "velocity all set v_vx v_vy v_vz units box"
-    thermo = THERMO.format("f_1[1] f_1[2]")
-    computes = "compute move all ke/rigid 1\ncompute turn all erotate/rigid 1\n"
-    tables = both(
-        f"{OURS}\n{lines}{thermo}run 10\n{stop}\nrun 20",
-        f"{LARGE}\n{computes}{THERMO.format('c_move c_turn')}run 10\n"
-        f"velocity all zero {motion} rigid 1\nrun 20",
-        ranks=ranks,
-    )
-    assert_alike(*tables, ["PotEng", ("f_1[1]", "c_move"), ("f_1[2]", "c_turn")])
-    stopped = tables[0]["f_1[1]" if motion == "linear" else "f_1[2]"]
-    assert stopped[2] < 1e-20 * stopped[1] and stopped[-1] > 1e-3
 
 
 @pytest.mark.parametrize("motion", ["linear", "angular"])
@@ -195,74 +162,6 @@ def test_suffix(both, words, suffix):
     assert_alike(ours, plain, ["PotEng", "KinEng", "Press"])
 
 
-TEMPER = """
-log           log.$w
-variable      T world 1.0 2.0
-velocity      all create $T 4928
-fix           0 all langevin $T $T 1e12 88
-FIX
-thermo_style  custom step temp
-thermo        1
-timestep      1e-7
-run           3
-temper        20 5 $T 0 3847 58728
-run           1
-"""
-
-
-@pytest.mark.parametrize("ranks", [2, 4])
-def test_temper(run_lammps, system, tmp_path, ranks):
-    """Locks out temperatures that are swapped in the log of command temper only: it scales the
-    atoms' velocities, which the bodies take over. Nothing else changes these here."""
-    text = f"variable w world 1 2\n{system.setup}{TEMPER.replace('FIX', OURS)}"
-    run_lammps(
-        text,
-        files=system.files,
-        ranks=ranks,
-        launcher="lmp",
-        options=["-partition", f"2x{ranks // 2}", "-log", "log.both"],
-    )
-    swaps = re.findall(r"^(\d+) (\d) (\d)$", (tmp_path / "log.both").read_text(), flags=re.M)
-    held = {int(step): [int(a), int(b)] for step, a, b in swaps}
-    assert list(held) == [3, 8, 13, 18, 23] and len({str(one) for one in held.values()}) == 2
-    for world in 0, 1:
-        temperature = read_thermo((tmp_path / f"log.{world + 1}").read_text())
-        temperature = dict(zip(temperature["Step"], temperature["Temp"]))
-        start = temperature[0]
-        for step, temperatures in held.items():
-            factor = (1 + temperatures[world]) / (1 + world)
-            # the step after the swap
-            assert abs(temperature[step + 1] / start / factor - 1) < 1e-3
-
-
-def test_temper_refuses_our_thermostat(run_lammps, system):
-    """Locks out NVT whose temperature temper does not set."""
-    words = TEMPER.replace("fix           0 all langevin $T $T 1e12 88", "").replace(
-        "FIX", 'fix 0 all python/move "fix_nosquish.NVT all molecule temp 1 1 1 seed 5"'
-    )
-    run = run_lammps(
-        f"variable w world 1 2\n{system.setup}{words}",
-        files=system.files,
-        ranks=2,
-        launcher="lmp",
-        options=["-partition", "2x1", "-log", "log.both"],
-        check=False,
-    )
-    assert run.code and run.screen.count("Tempering temperature fix is not supported") == 1
-
-
-def test_bodies_of_a_file(both, system, tmp_path):
-    """Locks out a variable of style atomfile that tells no bodies apart."""
-    (tmp_path / "bodies").write_text(
-        f"{len(system.molecule)}\n"
-        + "".join(f"{atom} {body}\n" for atom, body in enumerate(system.molecule, 1))
-    )
-    told = "variable which atomfile bodies\n"
-    ours = OURS.replace("molecule", "custom v_which")
-    end = f"{THERMO.format('')}run 20"
-    assert_alike(*both(f"{told}{ours}\n{end}", f"{LARGE}\n{end}"), ["PotEng", "KinEng"])
-
-
 BALLS = """three balls
 
 3 atoms
@@ -340,20 +239,3 @@ def test_solvent_of_srd(run_lammps, ranks):
         tables[fix] = run.thermo
     assert_alike(*tables.values(), ["PotEng", "KinEng", "f_1", "f_2[1]", "f_2[2]"])
     assert tables[RIGID]["f_2[1]"][-1] > 50  # collisions
-
-
-@pytest.mark.parametrize("kinds", ["solid planar", "pair row", "ammonia", "benzene", "cube"])
-def test_which_bodies_go_as_with_rigid(simulate, kinds):
-    """Locks out the page's word that with order 123 all but linear bodies go as with rigid/nve to
-    rounding: two equal moments leave the axes open, and what each fix takes differs, so that they
-    part by the error of the step, which is of second order."""
-    bodies, far = mixture(kinds), []
-    for dt in 2.0, 1.0:
-        ours, theirs = (
-            simulate(bodies, fix, round(80 / dt), dt=dt) for fix in (LIKE_LAMMPS, RIGID)
-        )
-        far.append(apart(ours, theirs, bodies.h))
-    if kinds == "solid planar":
-        assert max(far) < 1e-9
-    else:
-        assert far[1] > 1e-7 and 3.0 < far[0] / far[1] < 5.5

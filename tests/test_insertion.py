@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from endings import assert_ended
-from test_nvt import DUMP, ends_alike
 
 from validation.scenes.integrators import target
 
@@ -189,14 +188,6 @@ def test_table_and_switches(compared, tmp_path):
     assert [(steps == step).sum() for step in (0, 50, 100, 150)] == [4, 11, 16, 16]
 
 
-def test_thermostat_beside_switches(compared):
-    """Locks out degrees of freedom of the bodies that there were, where forces of one are off."""
-    words = "temp 1 1 1e-1 seed 4928 thermostat csvr force 1 off off off"
-    fix = f'fix 1 mols python/move "fix_nosquish.NVT mols molecule mol bent {words}"'
-    ((thermo, _),) = compared(fix, changes=DEPOSIT, run="run 150", first=MOLECULES.format(4))
-    assert thermo["Atoms"][-1] > thermo["Atoms"][0]
-
-
 # the same, of spheres
 SPHERES = (
     MOLECULE.replace("3 2\n", "3 1\n").replace("2 2\n", "2 1\n")
@@ -329,38 +320,6 @@ def test_template_in_a_later_run(compared, run_lammps, tmp_path):
     assert_same([(one[0], atoms), one], (), tolerance=1e-8)
 
 
-@pytest.mark.parametrize("header", ["", "2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0 0 0 inertia\n"])
-def test_spheres_of_a_template_without_masses(run_lammps, header):
-    """Locks out the crash that LAMMPS's own fix has where neither types nor the template give
-    atoms a mass: spheres have that of density 1, bodies what the template says of them."""
-    spheres = SPHERES[: SPHERES.index("Masses")].replace("3 atoms\n", f"3 atoms\n{header}")
-    script = SCRIPT.format(
-        style="sphere\natom_modify map array", edge=8, first="pair_style zero 1\npair_coeff * *",
-        masses="fix 6 all property/atom mol ghost yes", fix=OURS,
-        changes=f"{DEPOSIT.replace('12 0 8', '1 0 1')}\nfix 4 all addforce 0.1 0 0\n"
-        "variable v equal vcm(all,x)",
-        run="thermo_style custom step v_v\nrun 200",
-    )  # fmt: skip
-    v = run_lammps(script, files={"mol.bent": spheres}).thermo["v_v"]
-    mass = 2.1 if header else 3 * np.pi / 6
-    slope = (v[-1] - v[5]) / (0.002 * 20 * (len(v) - 6))
-    assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
-
-
-@pytest.mark.parametrize("place", ["0 0 0", "0.3 -0.2 0.1"])
-def test_atoms_of_a_template(run_lammps, tmp_path, place):
-    """Locks out single atoms that count as bodies of which a template says more than they tell: a
-    next run would take no velocities over, and a restart file would have one beside it."""
-    one = f"atom\n\n1 atoms\n\nCoords\n\n1 {place}\n\nTypes\n\n1 1\n"
-    script = SCRIPT.format(
-        style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS,
-        run="run 100\nvelocity all set 0.5 0 0\nwrite_restart kept\nrun 10",
-    )  # fmt: skip
-    run = run_lammps(script, files={"mol.bent": one})
-    assert run.thermo["Atoms"][-1] == 12 and "without effect" not in run.log
-    assert not (tmp_path / "kept.rigid").exists()
-
-
 def test_molecule_that_is_no_body(refused):
     """Locks out a molecule of a template whose parts are bodies by themselves."""
     parts = OWN + "\nMolecules\n\n1 1\n2 1\n3 2\n"
@@ -413,49 +372,6 @@ def test_rotors_stay(run_lammps, tmp_path, run, ranks):
     assert ends[0] == ends[1]
 
 
-MIXED = """units lj
-atom_style molecular
-region box block 0 9 0 9 0 9
-create_box 2 box
-mass 1 1.0
-mass 2 0.7
-molecule top mol.top
-molecule bent mol.bent
-create_atoms 0 random 8 4928 box overlap 1.2 maxtry 1000 mol {} 777
-velocity all create 1.0 4711 loop geom
-"""
-LJ = """pair_style lj/smooth/linear 2.5
-pair_coeff * * 0.5 1.0
-neighbor 0.4 bin
-neigh_modify every 1 delay 0 check yes exclude molecule/intra all
-timestep 0.004
-"""
-
-
-@pytest.mark.parametrize("first", ["top", "bent"])
-@pytest.mark.parametrize("fix", ["nve molecule", "nvt molecule temp 1 1 1 seed 5"])
-def test_rotors_stay_after_a_restart(run_lammps, tmp_path, first, fix):
-    """Locks out a rotation that is exact before a restart and split after it, or the other way
-    round, because other bodies have come, or those that decided are gone."""
-    files = {"mol.bent": MOLECULE, "mol.top": AMMONIA}
-    fix, end = f"fix 1 all nosquish/{fix}\n", DUMP.format("end")
-    others = (
-        "create_atoms 0 random 8 4929 box overlap 1.2 maxtry 1000 mol bent 778\n"
-        if first == "top"
-        else "create_atoms 0 random 8 4929 box overlap 1.2 maxtry 1000 mol top 778\n"
-        "group gone molecule 1:8\ndelete_atoms group gone compress no\n"
-    )
-    begin = f"{MIXED.format(first)}{LJ}{fix}run 10\n{others}velocity all create 1 5 loop geom\n"
-    script = f"{begin}run 50\nwrite_restart middle\nrun 100\n{end}"
-    again = f"read_restart middle\n{LJ}{fix}run 100\n{end}"
-    exact = [
-        "rotation of rotors (exact)" in run_lammps(one, files=files).log for one in (script, again)
-    ]
-    assert exact == [first == "top"] * 2
-    runs = [(script, 1), (again, 1), (again, 2)]
-    assert ends_alike(run_lammps, tmp_path, runs, files, 9.0 * np.eye(3)) < 1e-9
-
-
 MOVES = GCMC.format(-2).replace("6 0 0", "0 6 0").replace("rigid 1", "")
 CASES = {
     "no such template": ("NVE mols molecule mol other", DEPOSIT, "no molecule template 'other'"),
@@ -487,3 +403,35 @@ def test_refused(run_lammps, tmp_path, name, ranks):
     )  # fmt: skip
     run = run_lammps(script, files={"mol.bent": MOLECULE}, ranks=ranks, check=False)
     assert_ended(run, [says], tmp_path)
+
+
+@pytest.mark.parametrize("header", ["", "2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0 0 0 inertia\n"])
+def test_spheres_of_a_template_without_masses(run_lammps, header):
+    """Locks out the crash that LAMMPS's own fix has where neither types nor the template give
+    atoms a mass: spheres have that of density 1, bodies what the template says of them."""
+    spheres = SPHERES[: SPHERES.index("Masses")].replace("3 atoms\n", f"3 atoms\n{header}")
+    script = SCRIPT.format(
+        style="sphere\natom_modify map array", edge=8, first="pair_style zero 1\npair_coeff * *",
+        masses="fix 6 all property/atom mol ghost yes", fix=OURS,
+        changes=f"{DEPOSIT.replace('12 0 8', '1 0 1')}\nfix 4 all addforce 0.1 0 0\n"
+        "variable v equal vcm(all,x)",
+        run="thermo_style custom step v_v\nrun 200",
+    )  # fmt: skip
+    v = run_lammps(script, files={"mol.bent": spheres}).thermo["v_v"]
+    mass = 2.1 if header else 3 * np.pi / 6
+    slope = (v[-1] - v[5]) / (0.002 * 20 * (len(v) - 6))
+    assert slope == pytest.approx(0.3 / mass, rel=0.3 if header else 1e-6)
+
+
+@pytest.mark.parametrize("place", ["0 0 0", "0.3 -0.2 0.1"])
+def test_atoms_of_a_template(run_lammps, tmp_path, place):
+    """Locks out single atoms that count as bodies of which a template says more than they tell: a
+    next run would take no velocities over, and a restart file would have one beside it."""
+    one = f"atom\n\n1 atoms\n\nCoords\n\n1 {place}\n\nTypes\n\n1 1\n"
+    script = SCRIPT.format(
+        style="molecular", edge=8, masses=MASSES, first="", changes=DEPOSIT, fix=OURS,
+        run="run 100\nvelocity all set 0.5 0 0\nwrite_restart kept\nrun 10",
+    )  # fmt: skip
+    run = run_lammps(script, files={"mol.bent": one})
+    assert run.thermo["Atoms"][-1] == 12 and "without effect" not in run.log
+    assert not (tmp_path / "kept.rigid").exists()

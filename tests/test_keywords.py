@@ -210,28 +210,25 @@ def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
 
 
 def test_groups_with_other_bits(run_lammps, tmp_path):
-    """Locks out bodies that are lost because their groups were deleted and made anew."""
+    """Locks out bodies that are lost because their groups were deleted and made anew, and "claimed
+    by two fixes" of atoms that are not, because a fix still knew the other's group by its old
+    bit."""
     system, ends = mixture(side=2, spacing=2.9), []
-    groups = "group a molecule 1\ngroup b molecule 2\n"
-    others = "group a delete\ngroup b delete\ngroup c molecule 3\ngroup d molecule 4\n"
-    line = 'fix 1 all python/move "fix_nosquish.NVE all group 2 a b reinit no"\n'
-    for between in "", others + groups:
-        script = f"{system.setup}\n{groups}{line}timestep 0.004\nrun 20\n{between}run 20\n"
+    group, line = (
+        "group {0} molecule {1}\n",
+        'fix {1} all python/move "fix_nosquish.NVE {0} reinit no"\n',
+    )
+    groups = [group.format(*which) for which in ("a1", "b2", "c3")]
+    fixes = line.format("all group 2 a b", 1) + line.format("c molecule", 2)
+    others = "group a delete\ngroup b delete\ngroup c delete\n" + "".join(reversed(groups))
+    for between in "", others:
+        script = (
+            f"{system.setup}\n{''.join(groups)}{fixes}timestep 0.004\nrun 20\n{between}run 20\n"
+        )
         script += "write_dump all custom end id x y z modify sort id format float %.17g\n"
         run_lammps(script, files=system.files)
         ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
     np.testing.assert_array_equal(*ends)
-
-
-def test_groups_of_two_fixes_with_other_bits(run_lammps):
-    """Locks out "claimed by two fixes" of atoms that are not: groups were deleted and made anew in
-    the other order, and a fix still knew the other's by its old bit."""
-    system = mixture(side=2, spacing=2.9)
-    fixes = [f'fix {k} all python/move "fix_nosquish.NVE {k} molecule"\n' for k in "ab"]
-    groups = ["group a molecule 1\n", "group b molecule 2\n"]
-    script = f"{system.setup}\n{''.join(groups + fixes)}timestep 0.004\nrun 2\n"
-    script += f"group a delete\ngroup b delete\n{groups[1]}{groups[0]}run 2\n"
-    run_lammps(script, files=system.files)
 
 
 BETWEEN = {
@@ -387,23 +384,6 @@ def test_infile(simulate, style, ranks):
     assert apart(simulate(system, RIGID, 50, **{**how, "words": style}), theirs, system.h) > 0.01
 
 
-def test_infile_with_what_is_there_anyway(simulate):
-    """Locks out a sign or factor that two codes could share: the file says what the bodies are
-    without it. Its name has a point, so it is a variable's text."""
-    system = mixture("solid planar")
-    rows = rows_of(system, simulate(system, "", 0))
-    system = with_file(system, text_of(rows), "bodies.of.test")
-    ours = simulate(
-        system,
-        OURS,
-        50,
-        words="molecule infile v_name",
-        before="variable name string bodies.of.test",
-        ranks=2,
-    )
-    assert_same(ours, simulate(system, OURS, 50), system)
-
-
 def test_infile_of_some_bodies(simulate):
     """Locks out bodies that are not in the file and lose their own mass, shape or velocity."""
     system = mixture("solid planar")
@@ -502,8 +482,7 @@ def read_rows(path):
 
 def test_restart(simulate, run_lammps, tmp_path):
     """Locks out a restart that loses what an infile said: NAME.rigid beside the restart file is
-    what fix rigid/nve writes there, and read as infile it continues the trajectory; a fix without
-    infile writes no such file."""
+    what fix rigid/nve writes there; a fix without infile writes no such file."""
     system = mixture("solid planar")
     rows = unlike_its_atoms(rows_of(system, simulate(system, "", 0)))
     system = with_file(system, text_of(rows))
@@ -520,25 +499,6 @@ def test_restart(simulate, run_lammps, tmp_path):
     np.testing.assert_allclose(
         of_ours[:, :17], of_rigid[:, :17], rtol=0, atol=1e-9 * np.abs(of_rigid).max()
     )
-    words = LIKE_LAMMPS.format(group="all", words="molecule infile v_file")
-    run_lammps(
-        "\n".join(
-            [
-                "atom_modify map array",
-                "read_restart state",
-                "neigh_modify every 1 delay 0 check yes exclude molecule/intra all",
-                "variable file string state.rigid",
-                words,
-                f"timestep {system.dt:.17g}",
-                "run 30",
-                "write_dump all custom end id x y z vx vy vz modify sort id format float %.16g",
-                "",
-            ]
-        )
-    )
-    again = np.loadtxt(tmp_path / "end", skiprows=9)
-    np.testing.assert_allclose(again[:, 4:], ours.v, rtol=0, atol=1e-9 * np.abs(ours.v).max())
-    assert apart(ours._replace(x=again[:, 1:4]), ours, system.h) < 1e-9 * np.abs(ours.x).max()
     (tmp_path / "state.rigid").unlink()
     simulate(system, OURS, 1, after="write_restart state")
     assert not (tmp_path / "state.rigid").exists()
@@ -695,25 +655,6 @@ def test_minimisation_of_grains(run_lammps, tmp_path):
     )
 
 
-def test_spin_at_the_start(run_clumps):
-    """Locks out omegas of the start that do not count in a body's angular momentum."""
-    still, spinning = clumps(velocity=0.0), clumps(velocity=0.0)
-    fix = "set group all omega 0.3 -0.7 1.1\n" + LIKE_LAMMPS.format(group="all", words="molecule")
-    theirs, _ = run_clumps(
-        spinning,
-        fix.replace(
-            LIKE_LAMMPS.format(group="all", words="molecule"),
-            RIGID.format(group="all", words="molecule"),
-        ),
-        0,
-    )
-    ours, _ = run_clumps(spinning, fix, 0, ranks=2)
-    close(ours, theirs, 1e-12)
-    assert np.abs(ours[:, 6:]).max() > 0.05
-    none, _ = run_clumps(still, LIKE_LAMMPS.format(group="all", words="molecule"), 0)
-    assert not none[:, 6:].any()
-
-
 def test_pressure_of_spheres(run_clumps):
     """Locks out a wrong constraint virial of spheres: the six components differ from
     rigid/nve/small's in proportion to dt."""
@@ -761,12 +702,6 @@ def test_spheres_as_points(run_lammps):
     log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
     assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 flexible atoms" in log
     assert f"{20 * 6 + 21 * 6} left to the bodies" in log
-    bodies = "group bodies id 1 2\ngroup loose subtract all bodies\nset group bodies diameter 0\n"
-    script = f"{clumps(points=False)[0]}\n{bodies}"
-    fix = fix.replace("bodies molecule", "bodies group 1 bodies")
-    log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
-    assert "1 linear" in log
-    assert "rotation of rotors" in log.split("passes left out")[0]  # of the points
 
 
 def test_particles_that_do_not_spin(run_lammps):
@@ -797,21 +732,6 @@ def test_sphere_in_a_group(run_clumps):
     )
     ours, _ = run_clumps((script, data), mine, ranks=2)
     close(ours, theirs, 1e-8)
-
-
-def test_infile_of_some_bodies_and_a_thermostat(simulate):
-    """Locks out bodies that are not in the infile and yet ignore a thermostat at the end of the
-    step because others are, and bodies of the infile that take its velocities over."""
-    system = mixture("solid planar")
-    system = with_file(system, text_of(rows_of(system, simulate(system, RIGID, 0))[:1]))
-    how = dict(
-        words="molecule infile bodies", before="fix 5 all temp/rescale 1 30.0 30.0 0.0 1.0", ranks=2
-    )
-    before = simulate(system, LIKE_LAMMPS, 0, **how)
-    taken = simulate(system, LIKE_LAMMPS, 1, **how, after="unfix 5\nrun 1 pre no")
-    faster = np.linalg.norm(taken.v, axis=1) / np.linalg.norm(before.v, axis=1)
-    assert (faster[system.molecule > 1] > 1.5).all() and (faster[system.molecule == 1] < 1.2).all()
-    assert taken.log.count("not those of the infile") == 1
 
 
 def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
@@ -862,6 +782,27 @@ fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
     np.testing.assert_allclose(then, end, rtol=0, atol=1e-9 * np.abs(end).max())
 
 
+def test_velocities_set_between_runs_that_go_on(run_lammps):
+    """Locks out silence where velocities that a script sets have no effect, because the bodies go
+    on, and that they have one where a fix might have set them."""
+    system, parts, expected = mixture("solid planar"), [], []
+    # which never acts, and is not to be taken for who has set them
+    late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"
+    for (reinit, how), between, other in itertools.product(
+        [("no", ""), ("yes", ""), ("yes", "pre no"), ("no", "pre no")],
+        ["velocity all scale 3.0", ""],
+        ["", late],
+    ):
+        fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
+        parts += [f"clear\nprint PART\n{system.setup}\n{fix}\n{other}"]
+        parts += [f"run 5\n{between}\nrun 5 {how}\nrun 5 {how}\n"]
+        expected.append(int(bool(between) and (reinit, how) != ("yes", "")))
+    log = run_lammps("\n".join(parts), files=system.files).log
+    _, *logs = re.split(r"^PART\n", log, flags=re.M)
+    told = [log.count("without effect, because the bodies go on") for log in logs]
+    assert told == expected and "by fix late" not in log
+
+
 def test_infile_of_other_bodies(run_lammps, simulate):
     """Locks out silence where a fix gets the file of another one, whose bodies have the same IDs
     and are elsewhere, lighter or heavier; and a warning of bodies whose own masses are just
@@ -883,24 +824,3 @@ def test_infile_of_other_bodies(run_lammps, simulate):
         said[name] = run_lammps(script + "\n", files=files, ranks=2).log
     assert "WARNING: the infile has the centres of 3 bodies far from their atoms" in said["other"]
     assert "far from their atoms" not in said["own"]
-
-
-def test_velocities_set_between_runs_that_go_on(run_lammps):
-    """Locks out silence where velocities that a script sets have no effect, because the bodies go
-    on, and that they have one where a fix might have set them."""
-    system, parts, expected = mixture("solid planar"), [], []
-    # which never acts, and is not to be taken for who has set them
-    late = "fix late all temp/rescale 5 1.0 1.0 1000.0 1.0"
-    for (reinit, how), between, other in itertools.product(
-        [("no", ""), ("yes", ""), ("yes", "pre no"), ("no", "pre no")],
-        ["velocity all scale 3.0", ""],
-        ["", late],
-    ):
-        fix = LIKE_LAMMPS.format(group="all", words=f"molecule reinit {reinit}")
-        parts += [f"clear\nprint PART\n{system.setup}\n{fix}\n{other}"]
-        parts += [f"run 5\n{between}\nrun 5 {how}\nrun 5 {how}\n"]
-        expected.append(int(bool(between) and (reinit, how) != ("yes", "")))
-    log = run_lammps("\n".join(parts), files=system.files).log
-    _, *logs = re.split(r"^PART\n", log, flags=re.M)
-    told = [log.count("without effect, because the bodies go on") for log in logs]
-    assert told == expected and "by fix late" not in log

@@ -6,10 +6,8 @@
 import json
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import RESULTS
 from validation.__main__ import main

@@ -119,19 +119,6 @@ def test_advice_has_the_form_in_use(run_lammps, what, form):
     assert says.format(**named) in said
 
 
-def test_log(run_lammps, tmp_path):
-    """Locks out styles that LAMMPS does not list, a line of the log for each of them, and a run
-    that leaves the paper out of LAMMPS's citations."""
-    system = mixture("solid planar")
-    text = "info styles fix\n" + run_of(system, "nve", "native")
-    run = run_lammps(text, files=system.files, launcher="lmp", options=["-cite", "cited"])
-    assert run.screen.count("plugin") <= 2
-    listed = run.screen.split("Fix styles")[1].split("Reading")[0].split()
-    assert {f"nosquish/{name}" for name in STYLES} <= set(listed)
-    assert "10.1063/1.1473654" in (tmp_path / "cited").read_text()
-    assert "Rigid bodies by NO_SQUISH" in run.log and ": nosquish/nve molecule" in run.log
-
-
 def test_each_style_has_its_class():
     """Locks out a style of the plugin without a class, or with another one."""
     for name in STYLES:

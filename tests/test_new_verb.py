@@ -5,10 +5,8 @@ import shutil
 import subprocess
 import sys
 
-import pytest
+import needs_extra  # noqa: F401  the extra validation
 from conftest import ROOT
-
-pytest.importorskip("rich", reason="the extra 'validation' is not installed")
 
 
 def test_the_verb_of_the_page_runs(tmp_path):

@@ -184,26 +184,6 @@ def test_pressure_that_is_no_tensor(refused, run_lammps):
     run_lammps(f"{setup}{fits}run 1\n", files=system.files)
 
 
-def test_continued_with_a_mesh(run_lammps, tmp_path):
-    """Locks out the promise that a run in parts is one run, where LAMMPS chooses another mesh for
-    the box of the second part, and a remedy that does not help: see docs/troubleshooting.md."""
-    system = charged(mixture(side=3, spacing=2.9))
-    setup = re.sub("pair_style .*", "pair_style lj/cut/coul/long 2.5", system.setup)
-    setup += "\nset group all charge 0.3\nset atom 1*42 charge -0.3\nkspace_style pppm 1e-4\n"
-    line = fix("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
-    jumps, ends = {}, {}
-    for mesh in "", "kspace_modify mesh 24 24 24 gewald 1.2\n":
-        for runs in "run 80\n", "run 40\nrun 40\n":
-            script = f"{setup}{mesh}timestep 0.002\n{line}{runs}{DUMP.format('end')}"
-            rows = run_lammps(script, files=system.files).thermo
-            ends[mesh, runs] = np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:6]
-        border = rows["Econserve"][rows["Step"] == 40]
-        jumps[bool(mesh)] = abs(np.diff(border)[0])
-        apart = np.abs(ends[mesh, "run 80\n"] - ends[mesh, runs]).max()
-        assert apart < 1e-9 if mesh else apart > 1e-7
-    assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
-
-
 @pytest.mark.parametrize(
     "pressure, ratio, style", [("1e-3", 8, "python/move"), ("9e-1", 0.125, "nosquish/npt")]
 )
@@ -247,3 +227,23 @@ def test_how_often_the_box_changes(run_lammps):
     short = fix("seed 5", "iso 1 1 2e-3 compressibility 1")
     done = run_lammps(f"{system.setup}\ntimestep 2e-4\n{short}run 0\n", files=system.files)
     assert "changes 10 times in PDAMP" in done.log and "a PDAMP of at least 0.004" in done.log
+
+
+def test_continued_with_a_mesh(run_lammps, tmp_path):
+    """Locks out the promise that a run in parts is one run, where LAMMPS chooses another mesh for
+    the box of the second part, and a remedy that does not help: see docs/troubleshooting.md."""
+    system = charged(mixture(side=3, spacing=2.9))
+    setup = re.sub("pair_style .*", "pair_style lj/cut/coul/long 2.5", system.setup)
+    setup += "\nset group all charge 0.3\nset atom 1*42 charge -0.3\nkspace_style pppm 1e-4\n"
+    line = fix("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
+    jumps, ends = {}, {}
+    for mesh in "", "kspace_modify mesh 24 24 24 gewald 1.2\n":
+        for runs in "run 80\n", "run 40\nrun 40\n":
+            script = f"{setup}{mesh}timestep 0.002\n{line}{runs}{DUMP.format('end')}"
+            rows = run_lammps(script, files=system.files).thermo
+            ends[mesh, runs] = np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:6]
+        border = rows["Econserve"][rows["Step"] == 40]
+        jumps[bool(mesh)] = abs(np.diff(border)[0])
+        apart = np.abs(ends[mesh, "run 80\n"] - ends[mesh, runs]).max()
+        assert apart < 1e-9 if mesh else apart > 1e-7
+    assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps

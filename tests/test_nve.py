@@ -227,18 +227,6 @@ def test_wide_body_with_wrong_flags(simulate, ranks):
     assert len(said) == 1 and said[0].startswith(
         "WARNING: the body of molecule 1 (its first atom is 1) may be cut by a periodic face"
     ), said
-    numbers = [
-        float(x)
-        for x in re.search(
-            r"(\S+) box lengths wide along x, with a gap of (\S+) inside and of (\S+) outside",
-            said[0],
-        ).groups()
-    ]
-    # the rod goes from 6.0 to 13.0 in a box of 10, in steps of 7/11
-    x = np.sort((6.0 + 7.0 / 11 * np.arange(12)) % 10.0)
-    np.testing.assert_allclose(
-        numbers, [np.ptp(x) / 10, np.diff(x).max() / 10, 1 - np.ptp(x) / 10], atol=0.03
-    )
     assert "WARNING" not in simulate(wide(True), OURS, 50, dt=0.05).log
 
 
@@ -381,27 +369,20 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
 
     P V = (sum of M V^2 + atomic virial - sum of f (r - R)) / 3, where M, R and V are of a molecule.
     """
-    system, found, mvv2p = water(), {}, UNITS["real"].mvv2e * 68568.415
-    fixes = {"ours": OURS} | ({"theirs": RIGID} if ranks == 1 else {})
-    for (name, fix), dt in itertools.product(fixes.items(), (1.0, 0.01)):
-        script = STEP_0.format(fix=fix.format(group="bodies", words="molecule"), dt=dt)
+    system, mvv2p = water(), UNITS["real"].mvv2e * 68568.415
+    for dt in 1.0, 0.01:
+        script = STEP_0.format(fix=OURS.format(group="bodies", words="molecule"), dt=dt)
         thermo = run_lammps(f"{system.setup}\n{script}", files=system.files, ranks=ranks).thermo[0]
         _, molecule, mass, *columns = np.loadtxt(tmp_path / "forces", skiprows=9).T
         x, v, f = np.array(columns).reshape(3, 3, -1)
         molecule = molecule.astype(int) - 1
-        of_body, total = (
-            np.bincount(molecule, mass),
-            np.array([[np.bincount(molecule, mass * c) for c in of] for of in (x, v)]),
-        )
+        of_body = np.bincount(molecule, mass)
+        total = np.array([[np.bincount(molecule, mass * c) for c in of] for of in (x, v)])
         centre, velocity = total / of_body
         kinetic = mvv2p * (of_body * velocity**2).sum() / (3 * thermo["Volume"])
         inside = 68568.415 * (f * (x - centre[:, molecule])).sum() / (3 * thermo["Volume"])
         terms = np.array([kinetic, thermo["c_atomic"], -inside])
-        found[name, dt] = (thermo["Press"] - terms.sum()) / np.abs(terms).max()
-    assert abs(found["ours", 1.0]) < 1e-12 and abs(found["ours", 0.01]) < 1e-12, found
-    assert ranks > 1 or abs(found["theirs", 0.01]) > 10 * abs(found["theirs", 1.0]) > 0.1, (
-        "rigid/nve no longer has the impulse: say so in docs/fix.md"
-    )
+        assert abs(thermo["Press"] - terms.sum()) < 1e-12 * np.abs(terms).max(), dt
 
 
 @pytest.mark.parametrize("tilt, ranks", [(0.0, 1), (0.3, 2)])
@@ -419,16 +400,6 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
     np.testing.assert_allclose(
         table, table[:1].repeat(7, axis=0), rtol=0, atol=1e-9 * np.abs(table).max()
     )
-
-
-def test_energy_of_water(simulate):
-    """Locks out a worse conservation of energy than rigid/nve/small's at 2 fs: in 0.2 ps, in which
-    the two still move alike; after that chance makes more of a difference than the bound allows."""
-    sd = [
-        simulate(water(), fix, 100, dt=2, every=2, ranks=2).thermo["TotEng"].std()
-        for fix in (OURS, SMALL)
-    ]
-    assert sd[0] == pytest.approx(sd[1], rel=0.05)
 
 
 # ---- migration

@@ -194,13 +194,17 @@ def test_in_the_plane(run_lammps, tmp_path):
         assert stats.kstest(numbers, "norm").pvalue > 1e-3
 
 
-def test_friction_of_langevin(run_lammps, tmp_path):
-    """Locks out a friction that is not 1 / TDAMP, or another one for rotation: momenta are
-    forgotten as exp(-t / TDAMP)."""
+@pytest.mark.parametrize("style", ["", "run_style respa 2 4 pair 2\n"], ids=["verlet", "respa"])
+def test_friction_of_langevin(run_lammps, tmp_path, style):
+    """Locks out a friction that is not 1 / TDAMP, that of the outer step of run_style respa, or
+    another one for rotation: momenta are forgotten as exp(-t / TDAMP).  And draws that repeat
+    within a step: free bodies have the temperature."""
     system = gas()
-    words = fix(THERMOSTATS["langevin"], "2 2 2e-2")
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
-    run_lammps(script + DUMP.format("second"), files=system.files)
+    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
+    script = f"{system.setup}\n{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}"
+    rows = run_lammps(f"{script}run 5\n{DUMP.format('second')}", files=system.files).thermo
+    for column, axes in ("f_1[3]", 3), ("f_1[4]", 2):
+        assert rows[column][1] == pytest.approx(2, rel=5 * sqrt(2 / (axes * 216)))
     one, two = motion(tmp_path / "first"), motion(tmp_path / "second")
     for before, after in zip(one[1:3], two[1:3]):
         kept = (before * after).sum() / (before**2).sum()
@@ -524,20 +528,6 @@ def test_ramp(run_lammps):
         assert abs(found / goal - 1) < 5 * sqrt(2 / degrees) + 0.02, (step, found)
 
 
-def test_respa(run_lammps, tmp_path):
-    """Locks out draws that repeat within a step of run_style respa, or a friction of the outer
-    step: free bodies have the temperature, and momenta are forgotten as without it."""
-    system, style = gas(), "run_style respa 2 4 pair 2\n"
-    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
-    script = f"{system.setup}\n{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}"
-    rows = run_lammps(f"{script}run 5\n{DUMP.format('second')}", files=system.files).thermo
-    assert rows["f_1[3]"][1] == pytest.approx(2, rel=5 * sqrt(2 / (3 * 216)))
-    assert rows["f_1[4]"][1] == pytest.approx(2, rel=5 * sqrt(2 / (2 * 216)))
-    (_, one, *_), (_, two, *_) = motion(tmp_path / "first"), motion(tmp_path / "second")
-    spread = sqrt((1 - exp(-1.0)) / (one**2).sum() ** 2 * (one**4).sum())
-    assert abs((one * two).sum() / (one**2).sum() - exp(-0.5)) < 4 * spread
-
-
 # ------------------------------------------------------------------ components that are off
 
 
@@ -565,12 +555,11 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
         "velocity all create 2 7 loop geom rot yes\n"
         f"timestep 0.002\n{fix(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n"
     )
-    rows = run_lammps(script, files=system.files).thermo[20:]
-    first = run_lammps(script.replace("run 1500", "run 0"), files=system.files).thermo
-    kept = first["f_1[2]"][0] / 2  # about: the part of those that cannot turn
+    rows = run_lammps(script, files=system.files).thermo
+    kept = rows["f_1[2]"][0] / 2  # about: the part of those that cannot turn
     goal = 0.5 * 2.0 * (216 * 3 + 108 * 3)
     total = rows["f_1[1]"] + rows["f_1[2]"] - kept
-    assert total.mean() == pytest.approx(goal, rel=0.05)
+    assert total[20:].mean() == pytest.approx(goal, rel=0.05)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -702,16 +691,6 @@ def test_forces_in_the_table(run_lammps, tmp_path, name, ranks):
     np.testing.assert_allclose(*tables, rtol=1e-9, atol=1e-9)
 
 
-def test_points_are_no_rows(run_lammps):
-    """Locks out points among the bodies of the fix's array, and of its table."""
-    system = mixture(side=3, spacing=2.9)
-    words = with_points(THERMOSTATS["langevin"] + " output 5 bodies_csv")
-    script = f"{system.setup}\n{words}timestep 0.002\nrun 0\nprint 'rows $(f_1[22][1]) end'\n"
-    done = run_lammps(script + "print 'none $(f_1[23][1])'\n", files=system.files, check=False)
-    assert re.search(r"^rows [-0-9.e]+ end", done.screen, re.MULTILINE)
-    assert "out-of-range" in done.screen
-
-
 DIPOLES = """
 units lj
 atom_style full
@@ -763,20 +742,22 @@ PUSHES = {
 }  # fmt: skip
 
 
+def assert_degrees(run_lammps, scripts, expected, **how):
+    """Of each script the log says so many degrees of freedom, and why."""
+    said = COUNTED.findall(run_lammps("".join(scripts), **how).log)
+    for (degrees, why), (number, words) in zip(expected, said, strict=True):
+        assert int(number) == degrees and why in words, (why, number, words)
+
+
 @pytest.mark.parametrize("place", ["before", "behind"])
 def test_what_changes_the_total_momentum(run_lammps, place):
     """Locks out a momentum that is counted out though a fix may change it, whatever its name, and
     one that is counted though all that acts is known to leave it alone."""
-    scripts = []
+    scripts, ours = [], fix(THERMOSTATS["csvr"], "1 1 5e-1")
     for line, *_ in PUSHES.values():
-        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1")
         both = (line + "\n", ours) if place == "before" else (ours, line + "\n")
         scripts.append("clear" + DIPOLES + "variable goal internal 1\n" + "".join(both) + "run 0\n")
-    run = run_lammps("".join(scripts), files={"m": ONE})
-    said = COUNTED.findall(run.log)
-    assert len(said) == len(PUSHES)
-    for (name, (_, degrees, why)), (number, words) in zip(PUSHES.items(), said):
-        assert int(number) == degrees and why in words, (name, number, words)
+    assert_degrees(run_lammps, scripts, [push[1:] for push in PUSHES.values()], files={"m": ONE})
 
 
 SPHERES = """
@@ -806,18 +787,14 @@ PAIRS = {
 def test_pair_styles_that_change_the_total_momentum(run_lammps):
     """Locks out a momentum that is counted out though a pair style has friction or noise of each
     particle by itself, alone or in a hybrid style, or of pairs that are computed twice."""
-    scripts = []
+    scripts, ours = [], fix(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
     for pair in PAIRS:
         newton, rest = pair.split("\n", 1)
-        ours = fix(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
         scripts.append(
             f"clear\n{newton}{SPHERES}{rest}\nvelocity all create 1 9\n"
             f"variable own atom id\ntimestep 0.001\n{ours}run 0\n"
         )
-    said = COUNTED.findall(run_lammps("".join(scripts)).log)
-    assert len(said) == len(PAIRS)
-    for (pair, (degrees, why)), (number, words) in zip(PAIRS.items(), said):
-        assert int(number) == degrees and why in words, (pair, number, words)
+    assert_degrees(run_lammps, scripts, PAIRS.values())
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

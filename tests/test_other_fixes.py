@@ -323,34 +323,6 @@ def test_velocities_changed_by_fixes(run_all, ranks):
             )
 
 
-def test_momentum_stays_removed(run_all):
-    """Locks out atoms whose momentum fix momentum removes for one step only,
-    until the bodies set it again."""
-    system = mixture("solid planar")
-    momenta = [f"variable {name} equal {name[0]}cm(all,{name[1]})" for name in ("vx", "vy", "vz")]
-    momenta += [f"variable {name} equal angmom(all,{name[1]})" for name in ("lx", "ly", "lz")]
-    spin = "variable w atom 0.1*y\nvelocity all set v_w 0.3 -0.2 sum yes"
-    columns = "v_vx v_vy v_vz v_lx v_ly v_lz"
-    # without forces between bodies angular momentum is conserved, too
-    free = "\n".join(["pair_style zero 2.5\npair_coeff * *", spin, *momenta])
-    fixes = "fix 5 all momentum 10 linear 1 1 1 angular"
-    results = run_all(
-        system,
-        {
-            fix: lines(system, fix, free, "RIGID", fixes, "run 19", columns=columns, every=1)
-            for fix in (RIGID, OURS)
-        },
-    )
-    table = {
-        fix: np.stack([results[fix].thermo[c] for c in columns.split()], axis=1) for fix in results
-    }
-    mass = system.mass.sum()
-    for fix in table:
-        assert (np.abs(table[fix][:10]) > 1e-3 * np.array([1, 1, 1, mass, mass, mass])).all()
-    assert np.abs(table[OURS][10:]).max() < 1e-10
-    assert np.abs(table[RIGID][11:, :3]).min() > 1e-3
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_thermostats_at_the_end_of_a_step(run_all, ranks):
     """Locks out thermostats that do not act on bodies, as on LAMMPS's rigid fixes, and a
@@ -382,42 +354,6 @@ def test_thermostats_at_the_end_of_a_step(run_all, ranks):
         ratio = result.thermo["f_1"] / temp
         off += [name] if np.abs(ratio / ratio[0] - 1).max() > 1e-9 else []
     assert not off, f"f_1 is of another time than temp with {off}"
-
-
-def test_log_of_changed_velocities(run_all):
-    """Locks out a log without the line, or with one for each step, or one that names no fix, or
-    fixes that only look, and the line where no fix has changed anything."""
-    system = mixture("solid planar pair")
-    table = "fix 7 all ave/time 2 3 6 c_thermo_temp\nfix 8 all print 4 'now' screen no"
-    cases = {
-        "momentum": (f"fix drag all momentum 5 linear 1 1 1\n{DRIFTING}", 1),
-        "two": (
-            f"fix drag all momentum 5 linear 1 1 1\nfix heat all temp/rescale 5 3 3 0 1\n{table}",
-            1,
-        ),
-        "looking": (table, 0),
-        "within the window": ("fix heat all temp/rescale 5 1 1 100 1", 0),
-        "others": ("group few molecule 1\nfix drag few momentum 5 linear 1 1 1", 1),
-        "none": ("", 0),
-    }
-    results = run_all(
-        system,
-        {
-            name: lines(system, OURS, more, "RIGID", "run 20", "run 20")
-            for name, (more, _) in cases.items()
-        },
-    )
-    for name, (more, count) in cases.items():
-        said = [line for line in results[name].log.splitlines() if line.startswith(TOOK)]
-        assert len(said) == 2 * count, (name, said)
-        for fix in re.findall(r"fix (\w+) ", more) if count else ():
-            assert (fix in re.search(r"by fix (.*?)\)", said[0])[1].split()) == (
-                fix not in ("7", "8")
-            ), said
-    for name in "looking", "within the window":
-        assert np.array_equal(results[name].x, results["none"].x) and np.array_equal(
-            results[name].v, results["none"].v
-        ), name
 
 
 @pytest.mark.parametrize("how", ["run 10\nrun 10", "run 10\nrun 10 pre no"])
@@ -485,32 +421,6 @@ def test_values_at_the_end_of_a_step_that_was_looked_into(run_all, style):
         np.testing.assert_allclose(
             read.thermo[name], plain.thermo[name], rtol=1e-12, atol=1e-13, err_msg=name
         )
-
-
-def test_observers_see_the_same(run_all):
-    """Locks out a temperature that is read before and after another fix changes velocities, and is
-    then the old one in both, an f_ID before the first forces that ends the run, and a thermostat
-    that is said to be a fix that only looks."""
-    system = mixture("solid planar pair row single")
-    fix = OURS.format(group="all", words="molecule")
-    thermostat = "fix 5 all temp/rescale 5 3.0 3.0 0.0 1.0"
-    early = "variable t equal f_1\nfix 7 all ave/time 1 1 1 v_t file early"
-    plain = f"{fix}\n{thermostat}\n{COLUMNS.format('f_1', 5, system.dt)}\nrun 20"
-    runs = run_all(system, {"plain": plain, "observed": f"{early}\n{plain}"})
-    np.testing.assert_allclose(
-        runs["observed"].thermo["f_1"], runs["plain"].thermo["f_1"], rtol=1e-12
-    )
-    assert re.search(TOOK + r" \d+ \(by fix 5\)", runs["observed"].log)
-
-
-def test_two_fixes_of_ours_do_not_watch_each_other(run_all):
-    """Locks out passes that one of our fixes makes only because of another one."""
-    system = mixture("solid planar")
-    groups = "group one molecule 1:9\ngroup two subtract all one"
-    one, two = (OURS.format(group=group, words="molecule") for group in ("one", "two"))
-    script = f"{groups}\n{one}\n{two.replace('fix 1', 'fix 2')}\nrun 5"
-    log = run_all(system, {"": script})[""].log
-    assert log.count("no reader of velocities at the half step") == 2 and "may change" not in log
 
 
 def test_values_read_before_a_step_begins(simulate):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from endings import SECONDS, assert_ended
 from scipy.spatial.transform import Rotation
-from systems import LIKE_LAMMPS, OURS, RIGID, SMALL, mixture
+from systems import LIKE_LAMMPS, OURS, RIGID, mixture
 
 GENERAL = [
     "step",
@@ -208,16 +208,6 @@ def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
     np.testing.assert_allclose(*centre, rtol=0, atol=1e-9 * np.abs(centre[0]).max())
 
 
-def test_frame_of_linear_bodies(simulate, tmp_path):
-    """Locks out a quaternion of linear bodies that depends on rounding errors,
-    about the axis on which the atoms are."""
-    system, q = mixture("row", tilt=0.3), []
-    for n in 1, 2:
-        simulate(system, OURS, 0, words="molecule output 10 v_table", before=FILE, ranks=n)
-        q.append(of(read(tmp_path / "bodies.csv"), "q0", "q1", "q2", "q3"))
-    np.testing.assert_allclose(q[1], q[0], rtol=0, atol=1e-8)
-
-
 def test_steps_of_several_runs(simulate, tmp_path):
     """Locks out steps that are no multiples of N, a step that stands in the file twice where one
     run ends and the next begins, a second run that empties the file, and a file without a point in
@@ -247,20 +237,6 @@ def test_order_of_rows(simulate, tmp_path):
     np.testing.assert_array_equal(
         table["natoms"][:27], [(system.molecule == m).sum() for m in range(27, 0, -1)]
     )
-
-
-def test_pandas(simulate, tmp_path):
-    """Locks out a file that pandas reads as text or with unnamed columns."""
-    pandas = pytest.importorskip("pandas")
-    simulate(mixture(), OURS, 10, words="molecule output 10 v_table", before=FILE)
-    table = pandas.read_csv(tmp_path / "bodies.csv")
-    assert [name.split(" (")[0] for name in table.columns] == NAMES and table.shape == (
-        54,
-        len(NAMES),
-    )
-    whole = {name for name, kind in table.dtypes.items() if kind.kind == "i"}
-    assert whole == {"step", "body", "natoms", "ix", "iy", "iz"}
-    assert all(kind.kind in "if" for kind in table.dtypes) and not table.isna().any().any()
 
 
 # mass, length, time, velocity, unit of angle's time, force, torque: LAMMPS's own words for each
@@ -449,66 +425,14 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
             and rows["body"].dtype == rows["image"].dtype == np.int64
         )
         np.testing.assert_array_equal(np.sort(rows["body"]), np.arange(1, 28))
-        rows, same = (
-            np.sort(rows, order="body"),
-            table[table["step"] == (0 if name == "start" else 20)],
-        )
+        rows = np.sort(rows, order="body")
+        same = table[table["step"] == (0 if name == "start" else 20)]
         plain = np.column_stack([rows[field] for field in fields.split()])
-        image = [NAMES.index(c) for c in ("x", "y", "z", "ix", "iy", "iz")]
-        # write_restart may have put the atoms into the box, and the angle about the axis of a
-        # linear body is arbitrary
-        if name == "later":
-            image += [NAMES.index(c) for c in ("q0", "q1", "q2", "q3")]
-            np.testing.assert_allclose(
-                rows["x"] + rows["image"] @ system.h.T,
-                of(same, "x", "y", "z") + of(same, "ix", "iy", "iz") @ system.h.T,
-                atol=1e-12,
-            )
-            plain, both = (
-                np.delete(plain, image, axis=1),
-                np.delete(of(same, *NAMES), image, axis=1),
-            )
-            np.testing.assert_allclose(plain, both, rtol=0, atol=1e-12 * np.abs(both).max())
+        if name == "later":  # write_restart may have put the atoms into the box
+            centre = of(same, "x", "y", "z") + of(same, "ix", "iy", "iz") @ system.h.T
+            close(rows["x"] + rows["image"] @ system.h.T, centre, 1e-12)
         else:
             np.testing.assert_array_equal(plain, of(same, *NAMES))
-
-
-WATCH = """
-import numpy as np
-import fix_nosquish
-class Watch:
-    def __init__(self, ptr):
-        self.ptr = ptr
-        self.seen = []
-    def initial_integrate(self, vflag):
-        pass
-    def final_integrate(self):
-        table = fix_nosquish.body_table(self.ptr, "1")
-        self.seen.append(np.sort(table, order="body"))
-        np.save("seen", np.array(self.seen))
-"""
-
-
-def test_table_in_a_run(simulate, tmp_path):
-    """Locks out a table that is there only between runs, or of an earlier step: another fix
-    python/move asks for it each step."""
-    (tmp_path / "watch.py").write_text(WATCH)
-    system = mixture("solid planar pair")
-    before = FILE + "\ngroup none empty"
-    fix = OURS + '\nfix 2 none python/move "watch.Watch"'
-    simulate(system, fix, 4, words="molecule output 1 v_table", before=before)
-    table, seen = read(tmp_path / "bodies.csv"), np.load(tmp_path / "seen.npy")
-    assert seen.shape == (4, 27)
-    for name, parts in (
-        ("x", ("x", "y", "z")),
-        ("v", ("vx", "vy", "vz")),
-        ("force", ("fx", "fy", "fz")),
-        ("q", ("q0", "q1", "q2", "q3")),
-    ):
-        np.testing.assert_array_equal(
-            seen[name].reshape(108, -1), of(table[27:], *parts), err_msg=name
-        )
-    np.testing.assert_array_equal(seen["step"].ravel(), table["step"][27:])
 
 
 # ---- f_ID
@@ -588,66 +512,6 @@ def test_vector(simulate):
             degrees * boltz * ours.thermo[f"f_1[{temperature}]"],
             rtol=1e-6,
         )
-
-
-def test_vector_in_the_plane(simulate):
-    """Locks out three rotations or translations per body in two dimensions,
-    in f_ID and in its vector."""
-    system = mixture("planar pair row", side=5, dimension=2)
-    how = dict(before="fix 9 all enforce2d", every=10)
-    t = simulate(
-        system,
-        LIKE_LAMMPS,
-        20,
-        columns="f_1 " + " ".join(f"f_1[{k}]" for k in range(1, 5)),
-        ranks=2,
-        **how,
-    ).thermo
-    np.testing.assert_allclose(
-        t["f_1"] * 75, t["Temp"] * 73, rtol=1e-10
-    )  # compute temp takes off two for the momentum
-    np.testing.assert_allclose(
-        [2 * t["f_1[1]"], 2 * t["f_1[2]"]], [50 * t["f_1[3]"], 25 * t["f_1[4]"]], rtol=1e-10
-    )
-    np.testing.assert_allclose(t["f_1"] * 75, 2 * (t["f_1[1]"] + t["f_1[2]"]), rtol=1e-10)
-    flat = mixture("planar", side=5, dimension=2)
-    theirs, ours = (
-        simulate(flat, fix, 20, columns="f_1", **how).thermo for fix in (RIGID, LIKE_LAMMPS)
-    )
-    np.testing.assert_allclose(ours["f_1"], theirs["f_1"], rtol=1e-9)
-
-
-def test_averages_in_time(simulate, tmp_path):
-    """Locks out an array that fix ave/time refuses,
-    or a value that is of another step where only fixes ask for it."""
-    system = mixture("solid planar")
-    average = (
-        "\nfix 8 all ave/time 5 1 5 f_1[*] mode vector file averages format ' %.17g'\n"
-        "fix 7 all ave/time 5 1 5 f_1 f_1[1] f_1[4] file scalars format ' %.17g'"
-    )
-    simulate(
-        system,
-        OURS + average,
-        20,
-        words="molecule output 5 v_table",
-        before=FILE,
-        ranks=2,
-        every=20,
-    )
-    table = read(tmp_path / "bodies.csv")
-    lines = [
-        line.split() for line in (tmp_path / "averages").read_text().splitlines() if line[0] != "#"
-    ]
-    rows = np.array([line[1:] for line in lines if len(line) == 16], float)
-    names = "x", "y", "z", "vx", "vy", "vz", "fx", "fy", "fz", "tqx", "tqy", "tqz", "ix", "iy", "iz"
-    np.testing.assert_allclose(rows, of(table, *names), rtol=1e-14)
-    scalars = np.loadtxt(tmp_path / "scalars")
-    assert len(scalars) == 5
-    energy = [
-        0.5 * (rows["mass"] * (of(rows, "vx", "vy", "vz") ** 2).sum(axis=1)).sum()
-        for rows in np.split(table, 5)
-    ]
-    np.testing.assert_allclose(scalars[:, 2], energy, rtol=1e-12)
 
 
 # ---- virial of each atom
@@ -738,24 +602,6 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     np.testing.assert_allclose(-now[:, 18:], virial, rtol=0, atol=bound)
     assert np.abs(virial[:, 3] - virial[:, 6]).max() > 1
     assert np.abs(virial).max() > 1
-
-
-def test_heat_flux(simulate):
-    """Locks out a stress of atoms that is symmetric, with which compute heat/flux is wrong: it is
-    that of rigid/small, which takes the virial about another point of a body and of two half
-    steps."""
-    parts = "ke/atom", "pe/atom", "centroid/stress/atom NULL virial"
-    computes = "\n".join(f"compute c{k} all {part}" for k, part in enumerate(parts))
-    before = f"{computes}\ncompute j all heat/flux c0 c1 c2"
-    columns = " ".join(f"c_j[{k}]" for k in range(1, 7))
-    ours, theirs = (
-        simulate(mixture(), fix, 2, dt=1e-3, every=1, before=before, columns=columns).thermo
-        for fix in (OURS, SMALL)
-    )
-    ours, theirs = (
-        np.array([table[f"c_j[{k}]"][2] for k in range(1, 7)]) for table in (ours, theirs)
-    )
-    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-3 * np.abs(theirs).max())
 
 
 def test_two_fixes_and_one_file(run_lammps, tmp_path):

@@ -12,7 +12,6 @@ import subprocess
 import sys
 import weakref
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,8 +24,6 @@ import fix_nosquish
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.own_fix import OwnFix
 from fix_nosquish.ranks.communicator import ALONE
-from fix_nosquish.run import registry
-from fix_nosquish.run.integrator import Integrator
 from validation.scenes.data_file import data_file
 
 LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
@@ -177,22 +174,6 @@ def test_runs_in_a_row(run_water, ranks):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_bodies_keep_their_shape(run_water, ranks):
-    """Locks out molecules that shrink with the box between two runs, where this LAMMPS takes
-    nothing along with its atoms."""
-    runs = "run 20\nchange_box all x scale 0.98 y scale 0.97 remap\nrun 10"
-    plugin = run_water(OURS, runs, launcher="lmp")[1]
-    ours = run_water(OURS, runs, ranks=ranks)[1]
-    np.testing.assert_allclose(
-        ours, plugin, rtol=0, atol=1e-6
-    )  # the two versions' PPPM differs in a box that has changed
-    molecules = ours.reshape(-1, 3, 3)
-    np.testing.assert_allclose(
-        np.linalg.norm(molecules[:, 0] - molecules[:, 1], axis=1), 0.9572, rtol=0, atol=1e-12
-    )
-
-
-@pytest.mark.parametrize("ranks", [1, 2])
 def test_respa(simulate, ranks):
     """Locks out indices of before a re-neighbouring,
     of which this LAMMPS gives no news between the levels."""
@@ -202,44 +183,6 @@ def test_respa(simulate, ranks):
     own = simulate(system, NVE, 100, dt=4, before=hot, after="# own", launcher=debian(ranks))
     assert apart(own, plugin, system.h) < 1e-8
     np.testing.assert_allclose(own.v, plugin.v, rtol=0, atol=1e-8 * np.abs(plugin.v).max())
-
-
-def test_table_of_bodies(simulate, tmp_path):
-    """Locks out rows with another step's state, where this LAMMPS tells nothing before its first
-    step, and an empty file under run_style respa."""
-    system, tables = mixture("solid planar"), []
-    for launcher in "lmp", debian(1):
-        simulate(
-            system,
-            NVE,
-            4,
-            words="molecule output 2 table",
-            after=f"# {launcher[0]}",
-            launcher=launcher,
-        )
-        tables.append(np.loadtxt(tmp_path / "table", delimiter=",", skiprows=1))
-    plugin, own = tables
-    np.testing.assert_array_equal(np.unique(own[:, 0]), [2, 4])
-    np.testing.assert_allclose(own[:, 1:17], plugin[plugin[:, 0] > 0][:, 1:17], rtol=0, atol=1e-9)
-    run = simulate(
-        system,
-        NVE,
-        4,
-        words="molecule output 2 table",
-        before="run_style respa 2 4 pair 2",
-        launcher=debian(1),
-        check=False,
-    )
-    assert run.code and "needs the plugin's fix python/move" in run.screen
-
-
-def test_fix_redefined(run_water):
-    """Locks out a virial asked of an integrator that unfix has taken away."""
-    lines = advised(run_water(OURS, "run 0")[0])
-    again = f"run 10\nunfix 1\n{OURS}\nrun 10\nunfix 1\nrun 1\n{OURS}\nrun 10"
-    thermo = run_water(f"{OURS}\n{lines}", again)[0].thermo
-    plugin = run_water(OURS, again, launcher="lmp")[0].thermo
-    np.testing.assert_allclose(thermo["Pxx"][:4], plugin["Pxx"][:4], rtol=1e-4)
 
 
 # the message comes with Python's traceback
@@ -337,23 +280,6 @@ def test_what_needs_the_plugin(run_lammps, fix, says, ranks):
     done = run_lammps(SCRIPT.format(fix=fix, runs="run 10"), files={"data.ice": ice()}, **how)
     said = [line for line in done.screen.splitlines() if says in line]
     assert done.code and len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
-
-
-def test_bodies_of_one_of_several_fixes(monkeypatch):
-    """Locks out the bodies of another fix: this LAMMPS does not tell which of two has an ID."""
-
-    def one():
-        return SimpleNamespace(
-            lammps=SimpleNamespace(handle=lammps), host=SimpleNamespace(fix_id=None), number=0
-        )
-
-    lammps = 4096
-    first = one()
-    monkeypatch.setattr(registry, "_all", [first])
-    assert Integrator.of_fix(lammps, "2") is first
-    monkeypatch.setattr(registry, "_all", [first, one()])
-    with pytest.raises(RunError, match="which of several fixes has the ID 2"):
-        Integrator.of_fix(lammps, "2")
 
 
 def test_a_failed_fix_goes_away(capfd):

@@ -5,13 +5,11 @@ import subprocess
 import sys
 from dataclasses import replace
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from own_scripts import take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.own import shapes, shifted
 from validation.running import run
@@ -94,35 +92,40 @@ def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_
     assert spreads[1] < 0.1 * spreads[0]
 
 
-def test_pair_energies_that_cannot_be_shifted(taken):
+STYLE, AXIS = "pair_style lj/cut 2.5", (("x", "1", "1", "1000"),)
+OTHER = "pair_style lj/cut/coul/cut 3.0"
+TAIL = STYLE, "pair_modify tail yes mix arithmetic", "pair_style lj/cut 3.0"
+MOVE = "fix m a python/move 'fix_nosquish.{} a molecule temp 1.0 steps 8 seed 4'"
+SHIFTS = [  # commands, other fixes, the pressure that is kept, and whether the energy is shifted
+    ([STYLE], [], (), True),
+    ([STYLE], [], AXIS, True),
+    ([], [], (), False),
+    (["pair_style none"], [], (), False),
+    (["pair_style zero 3.0"], [], (), False),
+    ([STYLE, "pair_modify mix sixthpower shift yes"], [], (), False),
+    ([STYLE, "pair_modify shift yes", OTHER], [], (), True),
+    # LAMMPS keeps what was said of a style that is set again
+    ([STYLE, "pair_modify shift yes", "pair_style lj/cut 3.0"], [], (), False),
+    (TAIL, [], (), True),
+    (TAIL, [], AXIS, False),
+    (TAIL, ["fix p b nph iso 1 1 1000"], (), False),
+    (["read_restart r", STYLE], [], (), True),
+    (["read_restart r", STYLE], [], AXIS, False),
+    ([STYLE], ["fix g gas gcmc 100 0 5 0 29494 1.0 -0.5 0.1 mol ice"], (), False),
+    ([STYLE], ["fix g gas press/berendsen iso 1 1 1000"], (), False),
+    ([STYLE], [MOVE.format("HMC")], (), False),
+    ([STYLE], [MOVE.format("NVT")], (), True),
+]
+
+
+@pytest.mark.parametrize(("commands", "fixes", "press", "shifts"), SHIFTS)
+def test_pair_energies_that_cannot_be_shifted(taken, commands, fixes, press, shifts):
     """Locks out a shift that LAMMPS refuses, one that is there already, one that takes the tail
     from a barostat's pressure, one that changes what fix gcmc accepts, and one of no use, where
     nobody counts what a fix gives."""
     own = taken("clusters")
-
-    def added(*commands, fixes=(), press=()):
-        said = {"commands": commands, "fixes": dict(enumerate(fixes))}
-        state = replace(own.found.state, press=press)
-        one = replace(own, said=said, found=replace(own.found, state=state))
-        made = shifted.shifted(one, tell=lambda note: None)
-        return made.scene.then[len(own.scene.then) :]
-
-    style, axis = "pair_style lj/cut 2.5", (("x", "1", "1", "1000"),)
-    line = ("pair_modify shift yes tail no",)
-    assert added(style) == added(style, press=axis) == line
-    assert added() == added("pair_style none") == added("pair_style zero 3.0") == ()
-    assert added(style, "pair_modify mix sixthpower shift yes") == ()
-    other = "pair_style lj/cut/coul/cut 3.0"
-    assert added(style, "pair_modify shift yes", other) == line
-    # LAMMPS keeps what was said of a style that is set again
-    assert added(style, "pair_modify shift yes", "pair_style lj/cut 3.0") == ()
-    tail = style, "pair_modify tail yes mix arithmetic", "pair_style lj/cut 3.0"
-    assert added(*tail) == line
-    assert added(*tail, press=axis) == added(*tail, fixes=["fix p b nph iso 1 1 1000"]) == ()
-    assert added("read_restart r", style) == line
-    assert added("read_restart r", style, press=axis) == ()
-    for fix in ("gcmc 100 0 5 0 29494 1.0 -0.5 0.1 mol ice", "press/berendsen iso 1 1 1000"):
-        assert added(style, fixes=[f"fix g gas {fix}"]) == ()
-    move = "fix m a python/move 'fix_nosquish.{} a molecule temp 1.0 steps 8 seed 4'"
-    assert added(style, fixes=[move.format("HMC")]) == ()
-    assert added(style, fixes=[move.format("NVT")]) == line
+    said = {"commands": commands, "fixes": dict(enumerate(fixes))}
+    found = replace(own.found, state=replace(own.found.state, press=press))
+    made = shifted.shifted(replace(own, said=said, found=found), tell=lambda note: None)
+    added = made.scene.then[len(own.scene.then) :]
+    assert added == ("pair_modify shift yes tail no",) * shifts

@@ -6,12 +6,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-import scripts
 from own_scripts import GAS, refused, take
-
-pytest.importorskip("mdtraj", reason="the validation extra is not installed")
 
 from validation.own import system
 from validation.running import run, starts
@@ -163,22 +161,13 @@ def test_what_the_script_writes_is_what_it_reads(tmp_path):
     assert "'read_dump traj.dump 5 x y z'" in message and "left out: dump 1 all" in message
 
 
-def test_the_environment_and_wildcards_are_looked_at_again(tmp_path, monkeypatch):
+def test_the_environment_is_looked_at_again(tmp_path, monkeypatch):
     """Locks out an old reading in the place of a new one."""
     text = GAS + RIGID + "variable t getenv STEP_OF_TEST\ntimestep $t\nrun 5\n"
     path = written(tmp_path, text)
     for value in "0.001", "0.002":
         monkeypatch.setenv("STEP_OF_TEST", value)
         assert take(path, tmp_path / "out").scene.dt == float(value)
-    lmp = str(Path(sys.executable).with_name("lmp"))
-    other = tmp_path / "other"
-    text = "read_restart run.*.restart\npair_style zero 2.0\npair_coeff * *\n"
-    path = written(other, text + RIGID + "run 5\n")
-    for step in 0, 7:
-        made = f"{GAS}reset_timestep {step}\nwrite_restart run.*.restart\n"
-        command = [lmp, "-in", str(written(tmp_path, made, "in.write")), "-log", "none"]
-        subprocess.run(command, cwd=other, check=True, stdout=subprocess.DEVNULL)
-        assert take(path, other / "out").said["step"] == step
 
 
 def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
@@ -234,25 +223,6 @@ def test_fixes_that_change_the_step_are_left_out(tmp_path):
     assert not result.error and result.thermo["Time"][-1] == pytest.approx(0.002)
 
 
-def test_options_that_name_nothing_are_refused_with_what_there_is(tmp_path):
-    """Locks out another fix or run in the place of the one that is named, and tracebacks."""
-    text = GAS + "fix 1 a nve\nrun 5\n"
-    how = {"group": "a", "bodies": "single"}
-    assert "there is no fix 9 at that run; it has 1 (nve" in refused(
-        text, tmp_path, fix=("9",), **how
-    )
-    assert "no run of the script has fix 9" in refused(
-        GAS + RIGID + "run 5\n", tmp_path, fix=("9",)
-    )
-    assert "the script has 1 such runs" in refused(GAS + RIGID + "run 5\n", tmp_path, at=3)
-    message = refused(text, tmp_path, group="waters", bodies="molecule")
-    assert "no group waters at its run; it has all, a, b" in message
-    for words in "molecules", "custom", "custom x", "group", "group 2 a", "group 1 none":
-        assert f"--bodies {words}: molecule" in refused(text, tmp_path, group="a", bodies=words)
-    message = refused(GAS + 'if "1 == 1" "run 5"\n', tmp_path)
-    assert 'failed at \'if "1 == 1" "run 5"\'' in message
-
-
 def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     """Locks out rows that fail for a line of the script's output, where nobody says so."""
     text = GAS + RIGID + "compute k a ke/rigid 1\nthermo_style custom step pe f_1\n"
@@ -276,28 +246,6 @@ def test_thermo_output_without_a_temperature(tmp_path):
     """Locks out a script that is refused because its output does not name what the harness asks."""
     text = GAS + "velocity all create 2.0 5\nthermo_style custom step pe\n" + RIGID + "run 5\n"
     assert take(written(tmp_path, text), tmp_path / "out").said["temperature"] > 0
-
-
-def test_labels_of_types_in_shake(tmp_path):
-    """Locks out a traceback for words of shake that are no numbers."""
-    path = scripts.spce(tmp_path, number=2)
-    labels = "labelmap bond 1 OW-HW\nlabelmap angle 1 HW-OW-HW\n"
-    text = path.read_text()
-    at = text.index("\n", text.index("read_data")) + 1
-    text = (text[:at] + labels + text[at:]).replace(" b 1 a 1", " b OW-HW a HW-OW-HW")
-    assert "b OW-HW" in text
-    path.write_text(text)
-    own = take(path, tmp_path / "out")
-    assert own.bodies == 8 and own.scene.constraints == "b OW-HW a HW-OW-HW"
-
-
-def test_others_begin_where_ours_cannot(tmp_path):
-    """Locks out a command that is refused as a whole, because one integrator cannot begin."""
-    both = "fix hold all shake 1e-6 100 0 b 1 a 1\nfix move all nve\n"
-    fix = f"{both}fix p all press/berendsen iso 1 1 1000"
-    path = scripts.spce(tmp_path, number=2, fix=fix)
-    take(path, tmp_path / "out")
-    assert (tmp_path / "out" / "script" / "bodies.dump").exists()
 
 
 @pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])

@@ -2,18 +2,15 @@
 the scripts that `scripts` writes.
 """
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
-from own_scripts import GAS, refused, take
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
+from own_scripts import GAS, take
 
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
-from validation.scenes.integrators import Integrator
 
 
 def test_atoms_with_molecule_id_0_are_a_body():
@@ -40,16 +37,6 @@ def test_atoms_with_molecule_id_0_are_a_body():
     )
 
 
-def test_another_fix_that_keeps_the_temperature_is_named(taken):
-    """Locks out a thermostat beside the bodies' fix that is not seen: "Ensemble: NVE", alone."""
-    lines = " ".join(taken("rings").notes)
-    assert (
-        "compared at constant energy (NVE). The temperature is kept by fix heat (langevin)" in lines
-    )
-    assert "Ensemble: NVE" not in lines
-    assert any(one.startswith("Ensemble: NVT (temp ") for one in taken("spce").notes)
-
-
 def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
     water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""
@@ -60,16 +47,6 @@ def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     assert (own.found.body[-4:] == 0).all()
     rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
-
-
-def test_flexible_water_is_made_rigid_by_options(tmp_path):
-    """Locks out a script without rigid fix that --group and --bodies do not make rigid."""
-    path = scripts.spce(tmp_path, fix="group w type 1 2\nfix move all nve", number=3)
-    assert "no run of the script has a fix" in refused(
-        path.read_text().replace("parts/", f"{tmp_path}/parts/"), tmp_path
-    )
-    own = take(path, tmp_path / "own", group="w", bodies="molecule")
-    assert own.bodies == 27 and own.reference == "nosquish"
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -87,17 +64,6 @@ def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
     assert own.found.body.tolist() == [2, 2, 1, 1]
     rows, _ = check._starts(own, tmp_path / "out", ranks, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
-
-
-def test_shapes_of_known_bodies(tmp_path):
-    """Locks out a moment, a size or a number of degrees of freedom that is not the body's own."""
-    own = take(scripts.co2(tmp_path), tmp_path / "out")
-    (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
-    assert (kind.number, kind.atoms, kind.shape, kind.freedom) == (125, 3, "linear", 5)
-    assert kind.size == pytest.approx(2.32, rel=1e-9)
-    assert kind.moments[0] == pytest.approx(2 * 15.999 * 1.16**2, rel=1e-9)
-    kt = 0.0019872067 * 250 / 2390.0573615334906
-    assert kind.angle == pytest.approx(2 * np.sqrt(kt / kind.moments[0]), rel=1e-6)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -140,6 +106,13 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         )
 
 
+HELD = {  # two molecules of two atoms, whose bonds shake holds
+    "mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
+    "molecule": np.array([1, 1, 2, 2]), "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
+    "held_bonds": np.ones(2, bool),
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("lines", "name"),
     [
@@ -170,12 +143,8 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     """Locks out two rows of one trajectory, of which one takes another integrator's place: its
     fixes say the same as ours in other words, in another order, or with another seed."""
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
-    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
-             "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
-             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, atoms)
+    found = finding.find(said, HELD)
     assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
     those, reference, _ = schemes.schemes(found, "lj")
     assert reference == those[0].name == name
@@ -189,12 +158,8 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     of ours or shake in a box whose angles stay."""
     line = f"npt temp 1 1 2 {tilts}"
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
-    atoms = {"mask": np.ones(4, int), "type": np.ones(4, int), "mass": np.ones(4),
-             "molecule": np.array([1, 1, 2, 2]),
-             "bonds": np.array([[1, 1, 2], [1, 3, 4]]),
-             "held_bonds": np.ones(2, bool)}  # fmt: skip
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, atoms)
+    found = finding.find(said, HELD)
     assert found.state.ensemble == "npt" and found.state.tilts
     those, reference, notes = schemes.schemes(found, "real")
     assert reference == "shake"
@@ -203,21 +168,6 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     assert sum("angles of a box" in one for one in notes) == 1
     plain = finding.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
     assert not plain.tilts
-
-
-def test_kinds_of_fixes():
-    """Locks out a fix that is taken for another kind."""
-    known = {
-        "fix 1 all rigid/nvt/small molecule temp 1 1 1": "rigid",
-        "fix 1 all rigid/small/omp molecule": "rigid",
-        'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 1"': "ours",
-        "fix 1 all python/move other.Class": None,
-        "fix 1 all shake 1e-4 20 0 b 1": "constraints",
-        "fix 1 all npt temp 1 1 1 iso 1 1 1": "plain",
-        "fix 1 all langevin 1 1 1 3": None,
-    }
-    assert {line: finding.kind_of(line) for line in known} == known
-    assert isinstance(Integrator("a", "a", ()), Integrator)
 
 
 def test_native_styles_are_ours():

@@ -4,17 +4,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
 from own_scripts import take
 
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
 from validation.check import measure as check
-from validation.own.script import computed
 from validation.running import lammps_log, run
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
@@ -101,20 +98,3 @@ def test_temperature_and_pressure_are_the_scripts(which, tmp_path):
         assert row["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5), row["label"]
     assert own.integrators[rows[0]["name"]].kind == "rigid"  # the script's own
     assert rows[0]["pressure"] == pytest.approx(theirs["Press"][0], rel=1e-4)
-
-
-def test_what_thermo_modify_says_of_a_replaced_fix(tmp_path):
-    """Locks out rows that fail for a compute which only the script's own fix makes, and settings
-    that a later command of the script has taken back, or not."""
-    path = scripts.co2(tmp_path)
-    more = "compute t all temp\ncompute_modify 1_temp extra/dof 5\n"
-    more += "thermo_modify temp t press 1_press lost warn\n"
-    path.write_text(path.read_text().replace("timestep", f"{more}timestep"))
-    own = take(path, tmp_path / "out")
-    assert own.scene.output == ("thermo_modify temp t", "thermo_modify lost warn")
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
-    assert any("thermo_modify press 1_press" in one for one in own.notes)
-    assert any("compute_modify 1_temp extra/dof 5" in one for one in own.notes)
-    lines = "thermo_modify temp a lost ignore", "thermo_style one", "thermo_modify press b"
-    assert computed([*lines, "thermo_modify temp c flush yes"]) == {"press": "b", "temp": "c"}

@@ -4,25 +4,21 @@ Held against LAMMPS itself, which runs the same script as it is.
 """
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
 from conftest import Silent
 from own_scripts import GAS, refused, take
 
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system
-from validation.running import machine, recorder, run, startup
-from validation.running.store import Store
+from validation.running import machine, run
 
 
 def test_words_are_lammpss(tmp_path):
@@ -85,55 +81,6 @@ run 1
         last = [one for one in own.scene.setup if one.startswith("variable text")][-1]
         assert last.split()[-1] == told[0]
         assert own.scene.dt == float(told[1]) / 1000
-
-
-def test_scripts_are_read_with_the_package_that_is_installed():
-    """Locks out the checkout's fix_nosquish in its place, which is not what users' runs have, and
-    compiles its loops anew."""
-    code = (
-        f"import runpy; runpy.run_path({str(system.READER)!r}, run_name='reader')\n"
-        "import fix_nosquish; print(fix_nosquish.__file__)"
-    )
-    how = {"capture_output": True, "text": True, "timeout": 100, "check": True, "cwd": "/"}
-    preloaded = {**os.environ, **recorder.environment("/a/b/overlay")}
-    done = subprocess.run([sys.executable, "-c", code], env=preloaded, **how)
-    assert Path(done.stdout.split()[-1]).resolve().parent == startup.package().resolve()
-
-
-def test_what_fixes_write_stays_beside_each_run(tmp_path):
-    """Locks out a fix of the script's that is lost, and what fixes write in the user's folder."""
-    own = take(scripts.clusters(tmp_path), tmp_path / "out")
-    lines = [*own.scene.setup, *own.scene.then]
-    assert any("wall/lj93" in line for line in lines) and "fix_modify wall energy yes" in lines
-    assert any("means.txt" in line for line in lines)
-    run.run(run.job(own.scene, own.integrators[own.reference], tmp_path / "out" / "a", [100],
-                    dt=own.scene.dt, every=0))  # fmt: skip
-    (made,) = (tmp_path / "out" / "a").rglob("means.txt")
-    assert made.stat().st_size > 0 and not (tmp_path / "means.txt").exists()
-
-
-def test_a_script_is_read_anew_only_if_it_changed(tmp_path):
-    """Locks out a stale reading, and one that is done again for nothing, which would begin all runs
-    from another state."""
-    path = scripts.rings(tmp_path)
-    (tmp_path / "notes").write_text("of no command")
-    first = take(path, tmp_path / "out")
-    ask, folder = first.ask, tmp_path / "out" / "script"
-    assert system._known(ask, folder, 1)
-    (tmp_path / "notes").write_text("changed")
-    state = folder / "state.restart"
-    stamp = state.stat().st_mtime_ns
-    take(path, tmp_path / "out")
-    assert state.stat().st_mtime_ns == stamp
-    for name in "known.json", "read.json":  # cut short
-        (folder / name).write_text((folder / name).read_text()[:-9])
-        assert system._known(ask, folder, 1) is None
-        take(path, tmp_path / "out")
-        assert system._known(ask, folder, 1)
-    data = tmp_path / "rings.data"
-    data.write_text(data.read_text().replace("13.019", "14.5"))
-    again = take(path, tmp_path / "out")
-    assert again.atoms["mass"][0] == 14.5
 
 
 def test_runs_follow_from_all_files_of_the_script(tmp_path):
@@ -228,33 +175,6 @@ def test_commands_behind_a_run_find_atoms_where_it_left_them(staged):
     np.save(known, [bodies, types])
 
 
-def test_a_later_run_of_what_shake_holds(tmp_path, monkeypatch):
-    """Locks out the state of rigid velocities at a step where nobody finds it; one that is half
-    written, or that two processes write at once."""
-    path = scripts.spce(tmp_path, lines="run 5", number=3)
-    seen, once = [], run.run
-
-    def watched(job, *more):
-        with Store(tmp_path / "out").locked("script", wait=False) as free:
-            seen.append(free)
-        if len(seen) == 1:
-            Path(job.directory).mkdir(exist_ok=True)
-            (Path(job.directory) / "state.dump").write_text("half")
-            raise KeyboardInterrupt
-        return once(job, *more)
-
-    monkeypatch.setattr(system.run, "run", watched)
-    with pytest.raises(KeyboardInterrupt):
-        take(path, tmp_path / "out", at=2)
-    own = take(path, tmp_path / "out", at=2)
-    monkeypatch.undo()
-    assert seen == [False] * 3 and own.said["step"] == 5
-    shake = own.integrators["shake"]
-    how = {"dt": own.scene.dt, "every": 1}
-    result = run.run(run.job(own.scene, shake, tmp_path / "shake", [2], **how))
-    assert result.error is None and result.thermo["Step"].tolist() == [0, 1, 2]
-
-
 def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
     """Locks out a ramp that begins anew in each part of a run, and coordinates that LAMMPS refuses
     to read in two dimensions."""
@@ -295,46 +215,53 @@ def test_a_failure_of_the_machine_is_no_result(tmp_path):
         assert run.is_there(job, failures=True) is result, text
 
 
-def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path):
-    """Locks out a traceback, a guess, or a message that does not say what to do."""
-    two = GAS + "fix 1 a rigid/nve single\nfix 2 b rigid/nve single\nrun 1\n"
-    message = refused(two, tmp_path)
-    assert "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)" in message
-    assert "--fix ID" in message
+OWN = "fix 1 a rigid/nve single\n"
+HOW = {"group": "a", "bodies": "single"}
+TWO = f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n"
+SAID = [  # a script, options, and parts of what the one line says
+    (TWO, {}, "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)...--fix ID"),
+    (f"{GAS}fix 1 all nve\nrun 100000000\n", {},
+     "run 100000000: 1 (nve on all)...--bodies molecule"),
+    (GAS, {}, "has no run"),
+    ("", {}, "has no run"),
+    (f"{GAS}jump /nowhere/nothing\n", {}, "failed at 'jump /nowhere/nothing'"),
+    (f"{GAS}jump SELF there\n", {}, "Label wasn't found"),
+    ("jump SELF\n", {}, "a loop of the script have no end"),
+    *(
+        (f"{GAS}{line}\nrun 1\n", {}, f"the script failed at '{line}': ERROR")
+        for line in (
+            "fix 1 all rigid/nve molecule", "fix 1 all", "fix 1 all python/move",
+            'fix 1 all python/move "fix_nosquish.NVE all"',
+        )
+    ),
+    (f"{GAS.replace('pair_coeff * *', '')}{OWN}run 1\n", {}, "coeffs are not set"),
+    ("jump /dev/stdin\n", {}, "has no run"),
+    ("include in.bad\n", {}, "failed at 'include in.bad'"),
+    (f"{GAS}quit\n{OWN}run 5\n", {}, "has no run"),
+    (f"{GAS}fix 1 a nve\nrun 5\n", {"fix": ("9",), **HOW},
+     "there is no fix 9 at that run; it has 1 (nve"),
+    (f"{GAS}{OWN}run 5\n", {"fix": ("9",)}, "no run of the script has fix 9"),
+    (f"{GAS}{OWN}run 5\n", {"at": 3}, "the script has 1 such runs"),
+    (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"group": "waters"},
+     "no group waters at its run; it has all, a, b"),
+    *(
+        (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"bodies": words}, f"--bodies {words}: molecule")
+        for words in ("molecules", "custom", "custom x", "group", "group 2 a", "group 1 none")
+    ),
+    (f"{GAS}if \"1 == 1\" \"run 5\"\n", {}, "failed at 'if \"1 == 1\" \"run 5\"'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "options", "says"), SAID)
+def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path, text, options, says):
+    """Locks out a traceback, a guess, another fix or run in the place of the one that is named, or
+    a message that does not say what to do."""
+    message = refused(text, tmp_path, **options)
+    assert all(part in message for part in says.split("..."))
+
+
+def test_one_of_two_fixes(tmp_path):
+    """Locks out the first fix in the place of the one that --fix names."""
     path = tmp_path / "in.two"
-    path.write_text(two)
+    path.write_text(TWO)
     assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
-    message = refused(GAS + "fix 1 all nve\nrun 100000000\n", tmp_path)
-    assert "run 100000000: 1 (nve on all)" in message and "--bodies molecule" in message
-    assert "has no run" in refused(GAS, tmp_path) and "has no run" in refused("", tmp_path)
-    message = refused(GAS + "jump /nowhere/nothing\n", tmp_path)
-    assert "failed at 'jump /nowhere/nothing'" in message
-    assert "Label wasn't found" in refused(GAS + "jump SELF there\n", tmp_path)
-    message = refused("jump SELF\n", tmp_path)
-    assert "a loop of the script have no end" in message
-    wrong = GAS + "fix 1 all rigid/nve molecule\nrun 1\n"
-    assert "the script failed at 'fix 1 all rigid/nve molecule'" in refused(wrong, tmp_path)
-    for words in (
-        "fix 1 all",
-        "fix 1 all python/move",
-        'fix 1 all python/move "fix_nosquish.NVE all"',
-    ):
-        said = refused(f"{GAS}{words}\nrun 1\n", tmp_path)
-        assert f"the script failed at '{words}': ERROR" in said  # LAMMPS's own
-    late = GAS.replace("pair_coeff * *\n", "") + "fix 1 a rigid/nve single\nrun 1\n"
-    assert "coeffs are not set" in refused(late, tmp_path)
-    with pytest.raises(SystemExit, match="there is no script"):
-        take("nothing", tmp_path)
-    assert "has no run" in refused("jump /dev/stdin\n", tmp_path)
-    assert "failed at 'include in.bad'" in refused("include in.bad\n", tmp_path)
-    assert "has no run" in refused(GAS + "quit\nfix 1 a rigid/nve single\nrun 5\n", tmp_path)
-    with_gap = GAS + "group one id 2\ndelete_atoms group one compress no\n"
-    message = refused(with_gap + "fix 1 b rigid/nve single\nrun 1\n", tmp_path)
-    assert "atom IDs are not 1 to 3 at 'run 1' (the largest is 4)" in message
-    bare = "".join(line for line in GAS.splitlines(True) if line.split()[0] != "create_atoms")
-    bare = bare.replace("id 1 2", "empty").replace("id 3 4", "empty")
-    message = refused(bare + "fix 1 all nve\nrun 1\n", tmp_path, group="all", bodies="molecule")
-    assert "there are no atoms at 'run 1'" in message
-    (tmp_path / "in.bad").write_bytes(b"\xff\xfe\0")
-    with pytest.raises(SystemExit, match=r"in\.bad: "):
-        take(tmp_path / "in.bad", tmp_path / "out")

@@ -3,11 +3,9 @@
 import json
 import re
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
 import scripts
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation import command_line
 from validation.__main__ import main
@@ -29,14 +27,6 @@ def test_an_integrator_that_is_none_is_refused(capsys):
     with pytest.raises(SystemExit, match="2"):
         command_line.chosen_of(known, ["rigid/nve"])
     assert capsys.readouterr().err.endswith('choose from a ("a 1e-4 + b"), c\n')
-
-
-def test_a_word_too_many_is_answered_with_the_verbs_usage(capsys):
-    """Locks out steps with blanks between them, that are answered with how all verbs are used."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["sample", "water", "--dt", "4", "6", "--short", "8"])
-    told = capsys.readouterr().err
-    assert "unrecognized arguments" in told and "--dt FS,FS" in told
 
 
 @pytest.mark.parametrize("verb", ["cost", "check"])
@@ -62,15 +52,6 @@ def test_cost_of_a_script(tmp_path, capsys):
     assert main(["cost", path, "--short", "--out", str(out), *words]) == 0
     (point,) = json.loads((out / "summary.json").read_text())["points"]
     assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
-
-
-def test_ranks_are_started_by_the_launcher(monkeypatch):
-    """Locks out a cluster's launcher that is not used."""
-    monkeypatch.setattr(run, "_launch", None)
-    run.launch_by("srun -n {ranks} --exact")
-    assert run.launcher(4) == ["srun", "-n", "4", "--exact"]
-    run.launch_by(None)
-    assert run.launcher(4)[1:] == ["-np", "4"]
 
 
 @pytest.mark.parametrize(
@@ -130,9 +111,6 @@ def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-SCENES_ONLY = "claims report cost sample stress"
-
-
 @pytest.mark.parametrize(
     "words",
     [
@@ -150,27 +128,3 @@ def test_without_a_checkout_each_verb_says_that_there_are_no_scenes(words, tmp_p
     with pytest.raises(SystemExit, match="built-in scenes come with a checkout"):
         main(words.split())
     assert not [*tmp_path.iterdir()]
-
-
-def test_a_word_that_is_no_script_gets_no_empty_list(capsys):
-    """Locks out `choose from` with nothing behind it, of verbs that have no scenes."""
-    with pytest.raises(SystemExit, match="2"):
-        main(["check", "water"])
-    assert "there is no input script water\n" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("compare water --group all", "--group is for a script"),
-        ("sample water -var a 1", "-var is for a script"),
-        ("cost water --run 2", "--run is for a script"),
-    ],
-)
-def test_words_of_a_script_for_a_scene(words, said, tmp_path, monkeypatch, capsys):
-    """Locks out words that are taken for a scene, or for a script, and do nothing there."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "in.own").write_text("units lj\n")
-    with pytest.raises(SystemExit) as end:
-        main(words.split())
-    assert end.value.code == 2 and said in capsys.readouterr().err

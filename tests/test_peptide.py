@@ -14,7 +14,6 @@ from conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 
-from validation.scenes import SCENES
 
 FOLDER = ROOT / "inputs" / "peptide"
 ELEMENTS = {1: "H", 12: "C", 14: "N", 16: "O"}
@@ -90,27 +89,6 @@ def test_energies_are_gromacs(tmp_path):
         assert ours[name] == pytest.approx(value, rel=1e-7), name
 
 
-@pytest.mark.parametrize("name", ["water", "peptide"])
-def test_mesh_is_as_fine_as_a_scene_says(name):
-    """Locks out a scene on another mesh than its input's, and a variant of the mesh that has no
-    effect: the accuracy that LAMMPS itself estimates."""
-    scenes = {"1e-5": SCENES[name]} | {
-        accuracy: SCENES[name].on_mesh(accuracy) for accuracy in ("1e-4", "1e-6")
-    }
-    for wanted, scene in scenes.items():
-        done = subprocess.run(
-            [str(BIN / "lmp"), "-log", "none"],
-            cwd=scene.folder,
-            input="\n".join([*scene.setup, "run 0", ""]),
-            capture_output=True,
-            text=True,
-            timeout=100,
-        )
-        assert done.returncode == 0, done.stdout
-        found = float(re.search(r"estimated relative force accuracy = (\S+)", done.stdout)[1])
-        assert 0.5 < found / float(wanted) < 1.5
-
-
 def test_bodies_are_the_residues_groups(data, atoms, names):
     """Locks out a group that is not rigid, is missing an atom, or has one too many (a CO, two
     neighbours in one)."""
@@ -139,52 +117,3 @@ def test_bodies_are_the_residues_groups(data, atoms, names):
     }
     carbonyls = [atom.index for atom in names.atoms if atom.name in ("C", "O")]
     assert len(carbonyls) > 30 and not body[carbonyls].any()
-
-
-def test_bodies_have_the_force_fields_geometry(data, atoms):
-    """Locks out bodies that are frozen in a strained shape, or that the file's digits leave a
-    little different from each other."""
-    elements, body, x, _ = atoms
-    length = {kind: float(r0) for kind, _, r0 in data["Bond Coeffs"]}
-    inside = [
-        (length[kind], int(i) - 1, int(j) - 1)
-        for _, kind, i, j in data["Bonds"]
-        if body[int(i) - 1] == body[int(j) - 1] > 0
-    ]
-    assert len(inside) == (elements == "H").sum()
-    r0, i, j = (np.array(column) for column in zip(*inside))
-    np.testing.assert_allclose(np.linalg.norm(x[i] - x[j], axis=1), r0, rtol=0, atol=1e-10)
-
-    angle = {kind: float(degrees) for kind, _, degrees, *_ in data["Angle Coeffs"]}
-    rows = [(angle[row[1]], *(int(word) - 1 for word in row[2:])) for row in data["Angles"]]
-    inside = [row for row in rows if body[row[1]] == body[row[2]] == body[row[3]] > 0]
-    hydrogens = np.bincount(body[body > 0])[1:] - 1
-    assert len(inside) == (hydrogens * (hydrogens - 1) // 2).sum()
-    theta, i, j, k = (np.array(column) for column in zip(*inside))
-    a, b = x[i] - x[j], x[k] - x[j]
-    found = np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1)))
-    np.testing.assert_allclose(found, theta, rtol=0, atol=1e-8)
-
-
-def test_start_is_a_helix_in_water_at_300_K(data, atoms, names):
-    """Locks out a start that is frayed, too dense or too thin, charged, adrift, or of another
-    temperature."""
-    _, body, x, box = atoms
-    peptide = mdtraj.Trajectory(x[: names.n_atoms] / 10, names)
-    assert "".join(residue.code for residue in names.residues) == "WEAQAREALAKEAARA"
-    assert (mdtraj.compute_dssp(peptide)[0] == "H").sum() >= 13  # of 16: DSSP never has the ends
-
-    mass = {kind: float(mass) for kind, mass in data["Masses"]}
-    rows = sorted(data["Atoms"], key=lambda row: int(row[0]))
-    m = np.array([mass[row[2]] for row in rows])
-    v = np.array(sorted(data["Velocities"], key=lambda row: int(row[0])), float)[:, 1:]
-    assert sum(float(row[3]) for row in rows) == pytest.approx(0, abs=1e-6)
-    assert np.abs(m @ v).max() < 1e-6 * np.abs(m[:, None] * v).sum()
-    # 1.35 g/cm^3 is a protein's usual density
-    water, rest = (part.sum() / 0.602214076 for part in (m[names.n_atoms :], m[: names.n_atoms]))
-    assert water / (box.prod() - rest / 1.35) == pytest.approx(1.0, abs=0.02)
-
-    sizes = np.bincount(body)
-    freedoms = 3 * sizes[0] + 5 * (sizes[1:] == 2).sum() + 6 * (sizes[1:] > 2).sum() - 3
-    twice_kinetic = 48.88821291**2 * (m[:, None] * v**2).sum()
-    assert twice_kinetic / (freedoms * 0.0019872067) == pytest.approx(300, abs=0.01)

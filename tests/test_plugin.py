@@ -107,15 +107,6 @@ def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
         np.testing.assert_allclose(ours[name], nve[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
-def test_time_step_may_change(run_lammps):
-    """Locks out a reset_dt that does not reach the class:
-    the second run would keep the old step."""
-    tail = "timestep 0.002\nrun 20\n"
-    ours = run_lammps(melt("mover.NVE", 20) + tail, files={"mover.py": MOVER}).thermo
-    nve = run_lammps(MELT.format(fix="fix 1 all nve", steps=20) + tail).thermo
-    np.testing.assert_allclose(ours["PotEng"], nve["PotEng"], rtol=1e-10)
-
-
 def test_script_from_standard_input(tmp_path, run_lammps):
     """Locks out python -m fix_nosquish that needs -in, where lmp does not."""
     (tmp_path / "mover.py").write_text(MOVER)
@@ -129,18 +120,6 @@ def test_script_from_standard_input(tmp_path, run_lammps):
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Loop time" in done.stdout
-
-
-def test_class_text_reaches_module_getattr(run_lammps):
-    """Locks out splitting the quoted text anywhere but at its last point."""
-    module = MOVER + (
-        "asked = []\n"
-        "def __getattr__(name):\n"
-        "    if name.startswith('__'):\n        raise AttributeError(name)\n"
-        "    print('ASKED', repr(name), flush=True)\n    return NVE\n"
-    )
-    run = run_lammps(melt("mover.Some words i_here", 0), files={"mover.py": module})
-    assert run.screen.count("ASKED 'Some words i_here'") == 1
 
 
 # ---- the end of a run
@@ -225,19 +204,6 @@ def test_mistake_on_all_ranks_is_one_message(run_mover):
     run = run_mover("Bad", more, ranks=2, check=False, timeout=60)
     assert_stopped(run, "AttributeError: 'Bad' object has no attribute 'nothing'")
     assert "MPI_Abort" not in run.screen
-
-
-def test_run_error_on_one_rank(run_mover):
-    """Locks out a RunError that is taken for one of all ranks."""
-    more = RANK + (
-        "from fix_nosquish.errors import RunError\n"
-        "class Bad(NVE):\n    def final_integrate(self):\n"
-        "        super().final_integrate()\n"
-        "        if rank == 1:\n            raise RunError('body 7 broke')\n"
-    )
-    run = run_mover("Bad", more, ranks=2, check=False, timeout=60)
-    assert_stopped(run, "body 7 broke", proc=1)
-    assert "Traceback" not in run.screen
 
 
 @pytest.mark.parametrize(
@@ -369,16 +335,6 @@ def test_host(run_lammps):
         ]
 
 
-def test_post_neighbor(run_mover):
-    """Locks out index tables that miss a re-neighbouring: at set-up, and every fifth step here."""
-    more = (
-        "class Counting(NVE):\n    host, n = None, 0\n"
-        "    def post_neighbor(self):\n        self.n += 1\n"
-        "        self.host.log(f'LIST {self.n}\\n')\n"
-    )
-    assert run_mover("Counting", more, steps=20).log.count("LIST") == 1 + 4
-
-
 def tagged(log, tag):
     """The lines of a log that start with a word, without it."""
     return [
@@ -474,57 +430,6 @@ def test_follows_atoms(run_lammps, ranks):
     assert (counts[[0, 1, -1], 0] > 0).all() == (ranks > 1) and (counts[:, 1] > 0).all()
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_respa(run_lammps, ranks):
-    """Locks out respa hooks that are called at the wrong level or moment, and an end_of_step that
-    misses the total force, is not called on each step, or costs a Verlet run a call."""
-    more = COUNTING + (
-        "class Levels(Counting):\n"
-        "    def kick(self, ilevel):\n"
-        "        x, v, a = self.views()\n"
-        "        v += 0.5 * self.dt * (0.5, 1.0)[ilevel] * a\n"
-        "    def initial_integrate_respa(self, vflag, ilevel, iloop):\n"
-        "        self.kick(ilevel)\n"
-        "        if ilevel == 0:\n"
-        "            x, v, a = self.views()\n            x += 0.5 * self.dt * v\n"
-        "    def final_integrate_respa(self, ilevel, iloop):\n        self.kick(ilevel)\n"
-        "    def end_of_step(self):\n"
-        "        n, f = self.lmp.extract_global('nlocal'), self.lmp.numpy.extract_atom('f')\n"
-        "        square = self.world.allreduce((f[:n] ** 2).sum())\n"
-        "        self.host.log(f'END {self.step} {square:.10g}\\n')\n"
-    )
-    respa = "run_style respa 2 2 inner 1 1.2 1.4 outer 2\ntimestep"
-    squares = (
-        "compute ff all reduce sumsq fx fy fz\nvariable ff equal c_ff[1]+c_ff[2]+c_ff[3]\n"
-        "thermo_style  custom step v_ff "
-    )
-    script = MELT.replace("timestep", respa).replace("thermo_style  custom step ", squares)
-    fix = 'fix 1 all python/move "mover.Levels"'
-    files = {"mover.py": MOVER + more}
-    nve = run_lammps(script.format(fix="fix 1 all nve", steps=20), ranks=ranks).thermo
-    ours = run_lammps(script.format(fix=fix, steps=20), files=files, ranks=ranks)
-    for name in "PotEng", "Temp", "v_ff":
-        np.testing.assert_allclose(ours.thermo[name], nve[name], rtol=1e-9, err_msg=name)
-    ends = np.array([line.split() for line in tagged(ours.log, "END")], float)
-    np.testing.assert_array_equal(ends[:, 0], np.arange(1, 21))
-    np.testing.assert_allclose(ends[9::10, 1], nve["v_ff"][1:], rtol=1e-8)
-    verlet = run_lammps(melt("mover.Levels", 5), files=files, ranks=ranks)
-    assert not tagged(verlet.log, "END")
-
-
-def test_post_run(run_lammps):
-    """Locks out a post_run that comes before the last step's output,
-    or for some runs or ranks only."""
-    more = COUNTING + (
-        "class Last(Counting):\n"
-        "    def post_run(self):\n        self.host.log(f'LAST {self.step} {self.count()}\\n')\n"
-    )
-    script = melt("mover.Last", 5) + "run 3\nrun 2 post no\n"
-    log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=2).log
-    assert tagged(log, "LAST") == ["5 256", "8 256", "10 256"]
-    assert read_thermo(log[: log.index("LAST")])["Step"][-1] == 5
-
-
 VALUES = (
     COUNTING
     + """
@@ -604,55 +509,6 @@ def test_array_that_grows(run_lammps, name, column):
     np.testing.assert_array_equal(
         thermo[column], 0 if name == "Growing" else thermo["f_1[1][1]"] + 1
     )
-
-
-@pytest.mark.parametrize(
-    "name, columns, text",
-    [
-        ("Values", "f_1[3]", "out-of-range"),
-        ("Values", "f_1[3][1]", "out-of-range"),
-        ("Values", "f_1[1][4]", "out-of-range"),
-        ("Counting", "f_1", "not compute a scalar"),
-        ("Counting", "f_1[1]", "not compute a vector"),
-        ("Counting", "f_1[1][1]", "not compute an array"),
-        ("Bad", "f_1[2]", "ZeroDivisionError"),
-        ("Worse", "f_1[1]", "no attribute 'vector_extensive'"),
-    ],
-)
-def test_values_that_are_not_there(run_lammps, name, columns, text):
-    """Locks out values announced that the class has not,
-    and a failing method whose column is a zero."""
-    more = (
-        "class Bad(Values):\n    def compute_vector(self, i):\n        return 1 / 0\n"
-        "class Worse(Counting):\n    def compute_vector(self, i):\n        return 1.0\n"
-    )
-    script = with_columns(melt(f"mover.{name}", 0), columns)
-    ranks = 2 if name == "Bad" else 1
-    run = run_lammps(
-        script, files={"mover.py": MOVER + VALUES + more}, ranks=ranks, check=False, timeout=60
-    )
-    assert_stopped(run, text)
-
-
-def test_restart_file(run_lammps):
-    """Locks out a restart file of the fix that is written on one rank only, before LAMMPS's own,
-    under another name, or by a class that does not want one."""
-    more = COUNTING + (
-        "import os\n"
-        "class Writer(Counting):\n"
-        "    restart_file = True\n"
-        "    def write_restart_file(self, name):\n"
-        "        there = os.path.exists(name)\n"
-        "        self.host.log(f'FILE {self.step} {name} {self.count()} {there}\\n')\n"
-        "class Silent(Writer):\n    restart_file = False\n"
-    )
-    script = (
-        melt("mover.Writer", 20).replace("run  ", "restart 10 a.*\nrun  ")
-        + "write_restart b.*.end\n"
-    )
-    log = run_lammps(script, files={"mover.py": MOVER + more}, ranks=2).log
-    assert tagged(log, "FILE") == ["10 a.10 256 True", "20 a.20 256 True", "20 b.20.end 256 True"]
-    assert not tagged(run_lammps(script.replace("Writer", "Silent"), ranks=2).log, "FILE")
 
 
 # Atoms without forces, all in one half of the box at first, fly into the other half and back.

@@ -9,11 +9,8 @@ import re
 import shutil
 import subprocess
 
+import needs_extra  # noqa: F401  the extra validation
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib", "mdtraj", "pandas"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
 from conftest import ROOT
 from matplotlib.figure import Figure as Drawing
 from rich.console import Console
@@ -192,25 +189,6 @@ def test_releases(tmp_path, monkeypatch):
     assert rows == [{"scene": "Cost", "number": "Modify", "0.1": "1", "0.2": "2"}]
 
 
-def test_own_results_before_committed_ones_and_broken_ones_told(tmp_path, monkeypatch, capsys):
-    """Locks out committed numbers in place of the user's own, and a crash where a file is cut short
-    or is of no verb, which takes the other parts with it."""
-    monkeypatch.setattr(report, "RESULTS", tmp_path / "committed")
-    whole = (COMMITTED / "cost-start" / "summary.json").read_text()
-    for name, text in {
-        "committed/cost-start": "{}",
-        "own/cost-start": whole.replace("AMD EPYC", "Abacus"),
-        "own/cut": whole[:999],
-        "own/odd": whole.replace("validation cost", "validation butter"),
-    }.items():
-        (tmp_path / name).mkdir(parents=True)
-        (tmp_path / name / "summary.json").write_text(text)
-    assert command.main(["report", "--results", str(tmp_path / "own")]) == 0
-    page, told = (tmp_path / "own" / "report.html").read_text(), capsys.readouterr().out
-    assert page.count('<section id="') == 1 and "Abacus" in page and "No results of" in page
-    assert "cut/summary.json: JSONDecodeError" in told and "odd/summary.json: Module" in told
-
-
 # ------------------------------------------------------------- in a browser
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -285,3 +263,22 @@ def test_page_in_a_browser(tmp_path):
         "ours, 4 fs: error of U/N 0.0010 ± 0.0020 kcal/mol a molecule, 1 s of CPU time per ps"
         in marks
     )
+
+
+def test_own_results_before_committed_ones_and_broken_ones_told(tmp_path, monkeypatch, capsys):
+    """Locks out committed numbers in place of the user's own, and a crash where a file is cut short
+    or is of no verb, which takes the other parts with it."""
+    monkeypatch.setattr(report, "RESULTS", tmp_path / "committed")
+    whole = (COMMITTED / "cost-start" / "summary.json").read_text()
+    for name, text in {
+        "committed/cost-start": "{}",
+        "own/cost-start": whole.replace("AMD EPYC", "Abacus"),
+        "own/cut": whole[:999],
+        "own/odd": whole.replace("validation cost", "validation butter"),
+    }.items():
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "summary.json").write_text(text)
+    assert command.main(["report", "--results", str(tmp_path / "own")]) == 0
+    page, told = (tmp_path / "own" / "report.html").read_text(), capsys.readouterr().out
+    assert page.count('<section id="') == 1 and "Abacus" in page and "No results of" in page
+    assert "cut/summary.json: JSONDecodeError" in told and "odd/summary.json: Module" in told

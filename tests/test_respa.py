@@ -80,26 +80,6 @@ def test_equal_steps_are_verlet(simulate, style, ranks):
     )
 
 
-@pytest.mark.parametrize(
-    "style",
-    [
-        "run_style respa 2 4 pair 2",
-        "run_style respa/omp 2 4 pair 2",
-        "run_style respa 3 2 2 pair 3",
-    ],
-)
-def test_levels_without_force_are_inner_rotor_steps(simulate, style):
-    """Locks out a kick of an inner level with the outer level's force (as rigid/nve's first one
-    is): without forces of their own, four inner steps are one step of Verlet with mrot 4."""
-    system = smooth()
-    if "/omp" in style:
-        system = system._replace(setup=f"package omp 2\n{system.setup}")
-    verlet = simulate(system, OURS, 30, dt=4, words="molecule mrot 4")
-    assert_same(simulate(system, OURS, 30, dt=4, before=style), verlet, system.h)
-    other = simulate(system, OURS, 30, dt=4)
-    assert apart(other, verlet, system.h) > 1e-6
-
-
 @pytest.mark.parametrize("style", [TWO, THREE], ids=["two levels", "three levels"])
 def test_second_order(simulate, style):
     """Locks out a splitting that converges to another trajectory than Verlet's small steps, or with
@@ -138,33 +118,6 @@ def test_among_flexible_chains(simulate):
     energy = [run.thermo["TotEng"].std() for run in runs]
     assert error[0] / error[2] == pytest.approx(16, rel=0.3) and error[2] < 1e-4
     assert energy[0] / energy[2] == pytest.approx(16, rel=0.4)
-
-
-@pytest.mark.parametrize("style", [TWO, THREE], ids=["two levels", "three levels"])
-def test_time_reversal(simulate, style):
-    """Locks out levels that are kicked in an order that is not symmetric: with all velocities
-    turned round, the bodies go back to where they came from."""
-    system = smooth()
-    start = simulate(system, OURS, 0)
-    back = "\n".join(
-        [*(f"variable u{c} atom -v{c}" for c in "xyz"), "velocity all set v_ux v_uy v_uz", "run 40"]
-    )
-    end = simulate(system, OURS, 40, dt=4, before=style, after=back)
-    assert apart(simulate(system, OURS, 40, dt=4, before=style), start, system.h) > 0.1
-    assert apart(end, start, system.h) < 1e-9
-    np.testing.assert_allclose(end.v, -start.v, rtol=0, atol=1e-9)
-
-
-def test_four_ranks(simulate):
-    """Locks out a level's force gathered before or after atoms have gone to another rank."""
-    system = smooth()
-    hot = dict(before=TWO + "\nvelocity all scale 5", dt=4, every=20)
-    one = simulate(system, OURS, 60, **hot)
-    ours = simulate(system, OURS, 60, ranks=4, **hot)
-    assert_same(ours, one, system.h, 1e-7)
-    np.testing.assert_allclose(
-        tensor(ours), tensor(one), rtol=0, atol=1e-6 * np.abs(tensor(one)).max()
-    )
 
 
 LIFT = "fix lift type1 addforce 1.0 0.5 -0.7\nfix_modify lift respa 1 virial yes"
@@ -295,3 +248,18 @@ def test_time_step_that_changes(simulate):
     verlet = simulate(system, OURS, 40, before=reset)
     ours = simulate(system, OURS, 40, before=f"{reset}\nrun_style respa 2 1 pair 1")
     assert_same(ours, verlet, system.h)
+
+
+@pytest.mark.parametrize("style", [TWO, THREE], ids=["two levels", "three levels"])
+def test_time_reversal(simulate, style):
+    """Locks out levels that are kicked in an order that is not symmetric: with all velocities
+    turned round, the bodies go back to where they came from."""
+    system = smooth()
+    start = simulate(system, OURS, 0)
+    back = "\n".join(
+        [*(f"variable u{c} atom -v{c}" for c in "xyz"), "velocity all set v_ux v_uy v_uz", "run 40"]
+    )
+    end = simulate(system, OURS, 40, dt=4, before=style, after=back)
+    assert apart(simulate(system, OURS, 40, dt=4, before=style), start, system.h) > 0.1
+    assert apart(end, start, system.h) < 1e-9
+    np.testing.assert_allclose(end.v, -start.v, rtol=0, atol=1e-9)

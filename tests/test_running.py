@@ -9,11 +9,9 @@ import threading
 import time
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
-
-for needed in ("rich", "jinja2", "matplotlib"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
 
 from validation.running import lammps_log, run
 from validation.scenes import Scene
@@ -145,19 +143,6 @@ def running(word):
     return found
 
 
-@pytest.fixture
-def unfinished(tmp_path, monkeypatch):
-    """A job whose ranks sleep, and what ends its processes in the end; SIGTERM is a Ctrl-C."""
-    worker = tmp_path / "worker.py"
-    worker.write_text("import time\ntime.sleep(100)\n")
-    monkeypatch.setattr(run, "WORKER", worker)
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
-    yield run.Job(str(tmp_path / "run"), ".", [], [], None, ranks=2)
-    signal.signal(signal.SIGTERM, before)
-    for one in running(str(worker)):
-        os.kill(one, signal.SIGKILL)
-
-
 @pytest.mark.timeout(60)
 def test_ranks_end_with_a_harness_that_is_killed():
     """Locks out ranks that go on when the harness was killed: another process that shares its runs
@@ -176,52 +161,6 @@ def test_ranks_end_with_a_harness_that_is_killed():
     while running("time.sleep(50)"):
         assert time.monotonic() < until, f"process {begun} is left"
         time.sleep(0.1)
-
-
-@pytest.mark.timeout(60)
-@pytest.mark.parametrize("moment", ["begin", "end", "behind", "again"])
-def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, moment):
-    """Locks out ranks that go on for ever: a signal came while their mpirun was being started, or
-    a second one while they were being ended. And one that is lost, as it came when a run's
-    processes had just ended: the verb would go on with the next run. And one that comes again soon
-    after, which ends the verb as it writes what it has."""
-    popen, kill = subprocess.Popen, os.killpg
-
-    def stop():
-        os.kill(os.getpid(), signal.SIGTERM)
-
-    def begins(*words, **more):
-        process = popen(*words, **more)
-        if moment == "begin":
-            stop()
-        return process
-
-    def ends(*one):
-        stop()
-        kill(*one)
-        if moment == "again":
-            threading.Timer(0.3, stop).start()
-
-    def watch(*_):
-        time.sleep(1)  # until there are ranks
-        if moment == "end":
-            stop()
-        return False
-
-    monkeypatch.setattr(subprocess, "Popen", begins)
-    monkeypatch.setattr(os, "killpg", ends)
-    monkeypatch.setattr(run, "watch", watch)
-    try:
-        result = run.run(unfinished)
-        time.sleep(0.5 * (moment == "again"))  # at its report
-    except KeyboardInterrupt:  # it would end pytest
-        pytest.fail("the signal has passed through")
-    assert result.interrupted and result.error == run.INTERRUPTED
-    until = time.monotonic() + 10
-    while running(str(run.WORKER)):
-        assert time.monotonic() < until, "processes are left"
-        time.sleep(0.1)
-    assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
 
 
 @pytest.mark.timeout(120)
@@ -279,17 +218,6 @@ def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
     assert marker not in left, "a rank outlived its run"
 
 
-def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
-    """Locks out a run given up because it and the harness were stopped for longer than a hung run
-    may be silent."""
-    process = subprocess.Popen(["sleep", "1.5"])
-    sleep = time.sleep
-    monkeypatch.setattr(
-        run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
-    )  # as if stopped between two looks
-    assert not run.watch(process, tmp_path / "log", 1.0, print)
-
-
 @pytest.mark.timeout(60)
 def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     """Locks out a rank killed by the system that takes the comparison with it."""
@@ -313,3 +241,73 @@ def test_help_is_instant():
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert "--ranks" in done.stdout
+
+
+@pytest.fixture
+def unfinished(tmp_path, monkeypatch):
+    """A job whose ranks sleep, and what ends its processes in the end; SIGTERM is a Ctrl-C."""
+    worker = tmp_path / "worker.py"
+    worker.write_text("import time\ntime.sleep(100)\n")
+    monkeypatch.setattr(run, "WORKER", worker)
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    yield run.Job(str(tmp_path / "run"), ".", [], [], None, ranks=2)
+    signal.signal(signal.SIGTERM, before)
+    for one in running(str(worker)):
+        os.kill(one, signal.SIGKILL)
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("moment", ["begin", "end", "behind", "again"])
+def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, moment):
+    """Locks out ranks that go on for ever: a signal came while their mpirun was being started, or
+    a second one while they were being ended. And one that is lost, as it came when a run's
+    processes had just ended: the verb would go on with the next run. And one that comes again soon
+    after, which ends the verb as it writes what it has."""
+    popen, kill = subprocess.Popen, os.killpg
+
+    def stop():
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    def begins(*words, **more):
+        process = popen(*words, **more)
+        if moment == "begin":
+            stop()
+        return process
+
+    def ends(*one):
+        stop()
+        kill(*one)
+        if moment == "again":
+            threading.Timer(0.3, stop).start()
+
+    def watch(*_):
+        time.sleep(1)  # until there are ranks
+        if moment == "end":
+            stop()
+        return False
+
+    monkeypatch.setattr(subprocess, "Popen", begins)
+    monkeypatch.setattr(os, "killpg", ends)
+    monkeypatch.setattr(run, "watch", watch)
+    try:
+        result = run.run(unfinished)
+        time.sleep(0.5 * (moment == "again"))  # at its report
+    except KeyboardInterrupt:  # it would end pytest
+        pytest.fail("the signal has passed through")
+    assert result.interrupted and result.error == run.INTERRUPTED
+    until = time.monotonic() + 10
+    while running(str(run.WORKER)):
+        assert time.monotonic() < until, "processes are left"
+        time.sleep(0.1)
+    assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
+
+
+def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
+    """Locks out a run given up because it and the harness were stopped for longer than a hung run
+    may be silent."""
+    process = subprocess.Popen(["sleep", "1.5"])
+    sleep = time.sleep
+    monkeypatch.setattr(
+        run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
+    )  # as if stopped between two looks
+    assert not run.watch(process, tmp_path / "log", 1.0, print)

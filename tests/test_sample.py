@@ -1,14 +1,11 @@
 """What averages cost with their error: the verb's plan, numbers, verdicts and runs."""
 
-import gzip
 import json
 import re
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import BIN, read_thermo
 
 from validation import __main__
 from validation.experiment import Point
@@ -84,19 +81,6 @@ def test_what_runs(name, tmp_path):
         assert plan.points(["nh"], [3.0]) == [Point("nh", 3.0)]
 
 
-def test_points_at_two_states():
-    """Locks out a second state without the first one, or one that is held against another."""
-    plan = planned("pressure")
-    pressed, first = Point("npt-csvr-400atm", 6.0), Point("npt-csvr", 6.0)
-    assert plan.points(["npt-csvr-400atm"], [6.0]) == [first, pressed]
-    for scheme in plan.schemes.values():
-        if scheme.first:
-            other = plan.schemes[scheme.first]
-            assert (other.temperature, other.pressure, other.first) == (298.0, 1.0, "")
-            assert (scheme.temperature, scheme.pressure) in {(308.0, 1.0), (298.0, 400.0)}
-            assert scheme.held == other.held
-
-
 def test_lengths():
     """Locks out a settled part that is sampled, and samples at other times with other steps."""
     assert Lengths(300.0).runs(6.0) == [1667, 50000] and Lengths(2.0).runs(4.0) == [50, 500]
@@ -106,32 +90,6 @@ def test_lengths():
     assert Lengths(300.0).every(2.0, schemes.Scheme("x", "x", (), refined=True)) == 1
     total = runs_of(planned(), None, 20.0, 2).steps([Point("csvr", 4.0)])
     assert total == 2 * (10000 + 500 + 5000)
-
-
-def test_turns_of_the_peptide():
-    """Locks out a temperature of rotation of other degrees of freedom: counted in the data file."""
-    plan = planned("peptide")
-    with gzip.open(plan.scene.folder / "data.peptide.gz", "rt") as file:
-        atoms = file.read().split("\nAtoms", 1)[1].split("\n\n", 2)[1]
-    sizes = np.bincount([int(line.split()[1]) for line in atoms.splitlines()])[1:]
-    assert plan.turning == 2 * np.sum(sizes == 2) + 3 * np.sum(sizes > 2) and min(sizes) == 2
-
-
-@pytest.mark.parametrize("liquid, room", [(scenes.BENZENE, 2.48), (scenes.CARBON_DIOXIDE, 1.16)])
-def test_liquids(liquid, room):
-    """Locks out another density, molecules that overlap, and shapes of another size."""
-    lines = liquid.data().splitlines()
-    atoms = lines.index("Atoms # full") + 2
-    number = liquid.molecules * len(liquid.types)
-    x = np.array([line.split()[1:] for line in lines[atoms : atoms + number]], float)
-    box = np.array([float(line.split()[1]) for line in lines if line.endswith("hi")])
-    mass = np.array(liquid.mass)[x[:, 1].astype(int) - 1].sum()
-    assert mass / box.prod() / 0.602214076 == pytest.approx(liquid.density)
-    assert abs(x[:, 2].sum()) < 1e-9
-    far = x[:, None, 3:6] - x[:, 3:6]
-    far = np.linalg.norm(far - np.rint(far / box) * box, axis=2)
-    same = x[:, :1] == x[:, 0]
-    assert far[~same].min() > 2.5 and far[same].max() == pytest.approx(2 * room, abs=0.01)
 
 
 def test_seeds_of_a_scripts_own_integrators():
@@ -410,17 +368,6 @@ def test_what_is_not_judged():
 # ---- runs
 
 
-def test_a_start_has_no_longer_step_than_the_script(tmp_path):
-    """Locks out a start that breaks, of a script whose step is a short one."""
-    plan = planned()
-    for dt, steps in ((0.5, 40), (4.0, 10)):
-        some = runs_of(replace(plan, scene=replace(plan.scene, dt=dt)), tmp_path, 0.02)
-        job = some.start(1)
-        assert f"timestep {min(dt, 2.0)}" in job.commands and job.runs == [steps]
-        begun = some.job(Point("langevin-5", 1.0), 1).commands
-        assert any(f'state.dump" {steps} x' in line for line in begun)
-
-
 def test_time_that_others_had_is_no_cost(tmp_path, monkeypatch):
     """Locks out the time of a core that other processes had, and a step's time for a ps's."""
     assert plans.cost(8000.0, 50.0, 4.0) == pytest.approx(1.0)
@@ -454,39 +401,53 @@ def test_what_settles_is_left_out(tmp_path, monkeypatch):
     assert found.errors == {Point("nh", 8.0): "energy is not finite"}
 
 
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """The words of a command before its schemes, its folder, and the summary that it has left."""
+    folder = tmp_path_factory.mktemp("measured")
+    words = ["sample", "water", "--ps", "0.05", "--out", str(folder), "--only"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(plans, "ROUNDS", 1)
+        patch.setattr(plans, "SECONDS", 0.02)
+        status = __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "2"])
+        assert status == 0
+        yield words, folder, json.loads((folder / "summary.json").read_text())
+
+
 @pytest.mark.timeout(300)
-def test_the_verb_runs(tmp_path, monkeypatch):
-    """Locks out a verb that fails, runs that are done twice, a folder that forgets what an earlier
-    command has left, a Ctrl-C that loses it, and a start that takes all others with it."""
-    monkeypatch.setattr(plans, "ROUNDS", 1)
-    monkeypatch.setattr(plans, "SECONDS", 0.02)
-    words = ["sample", "water", "--ps", "0.05", "--out", str(tmp_path), "--only"]
-    assert __main__.main([*words, "langevin-20", "shake+langevin", "hmc", "--dt", "2"]) == 0
-    files = {path.name for path in tmp_path.iterdir()}
-    assert {"summary.json", "table.csv", "report.html", "precision.png"} <= files
-    summary = json.loads((tmp_path / "summary.json").read_text())
+def test_the_verb_runs(measured):
+    """Locks out a verb that fails, a number in other units, runs that are done twice, and samples
+    that cost a timed run its time."""
+    _, folder, summary = measured
+    assert {"table.csv", "report.html", "precision.png"} <= {path.name for path in folder.iterdir()}
     assert len(summary["rows"]) == 3 and not summary["checks"]
     for row in summary["rows"]:
         assert row["error"] is None and -10 < row["means"]["potential"]["value"] < -9
         assert 30 < row["means"]["torque"]["value"] < 60 and row["cost"]["median"] > 0
         assert 200 < row["means"]["rotation"]["value"] < 400
         assert set(row["biases"]) == set(row["means"])
-    logs = list(tmp_path.rglob("log.lammps"))
+    logs = list(folder.rglob("log.lammps"))
     timed = [path for path in logs if plans.TIMED in path.parts]
     # a run from each point and the start; points in turn, without samples
     assert len(logs) - len(timed) == 3 + 1 and len(timed) == 3
     for path in timed:
         text = path.read_text()
         assert "c_dipole" not in text and "\nthermo 0" in text
-    for path in [one for one in timed if "hmc" in str(one)]:
-        steps = re.findall(r"\nrun (\d+)", path.read_text())
-        assert all(int(one) % schemes.HYBRID == 0 for one in steps)
-    done = {path: path.stat().st_mtime_ns for path in logs}
+        if "hmc" in str(path):
+            steps = map(int, re.findall(r"\nrun (\d+)", text))
+            assert not any(number % schemes.HYBRID for number in steps)
 
-    once, lost, stops = run.once, [], ["nh"]
+
+@pytest.mark.timeout(300)
+def test_a_folder_keeps_what_there_is(measured, tmp_path, monkeypatch):
+    """Locks out a folder that forgets what an earlier command has left, a Ctrl-C that loses it, and
+    a start that takes all others with it."""
+    words, folder, summary = measured
+    once, lost = run.once, []
+    done = {path: path.stat().st_mtime_ns for path in folder.rglob("log.lammps")}
 
     def other(job, *rest, **more):
-        if any(name in job.directory.rpartition("/")[2] for name in stops):
+        if "nh" in job.directory.rpartition("/")[2]:
             return run.Result("interrupted", {}, [], None, {}, interrupted=True)
         if any(f"start-{number}/start" in job.directory for number in lost):
             return run.Result("no sign of life", {}, [], None, {})
@@ -494,45 +455,19 @@ def test_the_verb_runs(tmp_path, monkeypatch):
 
     monkeypatch.setattr(run, "once", other)
     assert __main__.main([*words, "nh", "--dt", "2"]) == 130
-    again = json.loads((tmp_path / "summary.json").read_text())
+    again = json.loads((folder / "summary.json").read_text())
     assert again["interrupted"] and again["rows"] == summary["rows"]
-    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("log.lammps")} == done
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("log.lammps")} == done
     twice, lost[:] = [*words, "langevin-20", "--dt", "2", "--starts", "2"], [2]
     assert __main__.main(twice) == 0
-    rows = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    rows = json.loads((folder / "summary.json").read_text())["rows"]
     assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 3
     told = "No average has start 2, which failed: no sign of life."
-    assert told in (tmp_path / "report.html").read_text()
+    assert told in (folder / "report.html").read_text()
     lost.append(1)
-    assert __main__.main([*twice, "--out", str(tmp_path / "none")]) == 1
-    (row,) = json.loads((tmp_path / "none" / "summary.json").read_text())["rows"]
+    assert __main__.main([*twice, "--out", str(tmp_path)]) == 1
+    (row,) = json.loads((tmp_path / "summary.json").read_text())["rows"]
     assert row["error"] == "all starts failed, start 1: no sign of life"
-
-
-@pytest.mark.timeout(200)
-def test_runs_at_constant_pressure(tmp_path, monkeypatch):
-    """Locks out barostats that fail, a density in other units, and runs of another length that
-    throw the shorter ones away: both stay in the folder, and the first command finds its own."""
-    monkeypatch.setattr(plans, "ROUNDS", 1)
-    monkeypatch.setattr(plans, "SECONDS", 0.02)
-
-    def do(time, *names):
-        words = ["sample", "pressure", "--ps", time, "--dt", "4", "--only", *names]
-        assert __main__.main([*words, "--out", str(tmp_path)]) == 0
-        summary = json.loads((tmp_path / "summary.json").read_text())
-        assert summary["settings"]["time"] == float(time)
-        logs = (tmp_path / "runs").glob(f"{time}-ps/start-1/*/log.lammps")
-        return summary["rows"], {path: path.stat().st_mtime_ns for path in logs}
-
-    rows, short = do("0.05", "npt-langevin-400atm", "rigid/npt/small")
-    assert [row["scheme"] for row in rows][:2] == ["npt-langevin", "npt-langevin-400atm"]
-    for row in rows:
-        assert row["error"] is None and 0.9 < row["means"]["density"]["value"] < 1.1
-        assert {"compressibility", "pressure", "temperature", "apart"} < row["means"].keys()
-        assert "pressure" in row["biases"] and "density" not in row["biases"]  # without a limit
-    longer, _ = do("0.07", "rigid/npt/small")
-    again, same = do("0.05", "rigid/npt/small")
-    assert same == short and len(longer) == 1 and again == rows
 
 
 def test_translation_is_that_of_the_centres(tmp_path):
@@ -548,14 +483,3 @@ def test_translation_is_that_of_the_centres(tmp_path):
     found = result.thermo
     np.testing.assert_allclose(found["v_moves"], found["f_1[1]"], rtol=1e-6)
     np.testing.assert_allclose(found["KinEng"] - found["v_moves"], found["f_1[2]"], rtol=1e-6)
-
-
-def test_the_scene_runs_by_itself(tmp_path):
-    """Locks out an input script that is another scene than the verb's."""
-    log, plan = tmp_path / "alone.log", planned()
-    words = [str(BIN / "lmp"), "-in", "in.512", "-log", str(log), "-var", "nsteps", "1"]
-    done = subprocess.run(words, cwd=plan.scene.folder, capture_output=True, text=True, timeout=100)
-    assert done.returncode == 0, done.stdout
-    job = run.job(plan.scene, plan.starter.seeded(1), tmp_path / "scene", [0], dt=4.0, every=1)
-    energy = read_thermo(log.read_text())["PotEng"][0]
-    assert energy == pytest.approx(run.run(job).thermo["PotEng"][0], rel=1e-6)

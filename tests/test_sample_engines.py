@@ -6,17 +6,15 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
+import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 from conftest import BIN
 
-for needed in ("rich", "matplotlib", "pandas", "jinja2", "physical_validation", "mdtraj"):
-    pytest.importorskip(needed, reason="the extra 'validation' is not installed")
-
 from validation.__main__ import main
 from validation.running import run
 from validation.sample import engine, measure, scenes, with_gromacs, with_openmm
-from validation.sample.engine import BAR, KJ, Course, Shift, of_scene
+from validation.sample.engine import BAR, KJ, Course, of_scene
 
 SCENE = scenes.SCENES["water"](Path()).scene
 WATER = of_scene(SCENE)
@@ -88,17 +86,6 @@ def test_gromacs_has_the_forces_that_are_told():
     assert (first.step, second.step) == (0, 24)
     assert first.potential == pytest.approx(by_hand(WATER), rel=2e-5)
     assert second.pressure == pytest.approx(484.449218750 / 1.01325)
-
-
-def test_shifted_terms_end():
-    """Locks out a term whose energy, force or slope of the force jumps, at either end."""
-    for one in (Shift(1, 0.0, 8.5), Shift(6, 7.0, 8.5), Shift(12, 7.0, 8.5)):
-        a, b, c = one.coefficients
-        p, rc, wide = one.power, one.outer, one.outer - one.inner
-        assert rc**-p - a / 3 * wide**3 - b / 4 * wide**4 - c == pytest.approx(0, abs=1e-12)
-        assert p * rc ** (-p - 1) + a * wide**2 + b * wide**3 == pytest.approx(0, abs=1e-12)
-        slope = -p * (p + 1) * rc ** (-p - 2) + 2 * a * wide + 3 * b * wide**2
-        assert slope == pytest.approx(0, abs=1e-12)
 
 
 def test_gromacs_inputs():
@@ -178,23 +165,6 @@ def test_how_gromacs_ends(gromacs, mdrun):
         assert table["Press"][1] == pytest.approx(484.44921875 * BAR)
         assert table["Volume"][0] == pytest.approx(WATER.box.prod())
         assert result.timings[-1].steps == 24
-
-
-def test_an_engines_run_resumes(gromacs):
-    """Locks out a run that is done again, and one that is taken over of another version or of other
-    inputs."""
-    job = gromacs()
-    assert run.once(job).error is None
-    again = gromacs("sys.exit(1)")
-    assert again.origin == job.origin and run.once(again).error is None
-    path = Path(job.directory).parent / "bin" / "gmx"
-    path.write_text(path.read_text().replace("2022.5", "2023.1"))
-    assert (
-        "status 1"
-        in run.once(with_gromacs.ENGINE.job(COURSE, WATER, Path(job.directory), 9.0)).error
-    )
-    other = with_gromacs.ENGINE.job(replace(COURSE, seed=8), WATER, Path(job.directory), 9.0)
-    assert not run.is_there(other, failures=True)
 
 
 def test_an_engine_that_is_not_there(monkeypatch, tmp_path):

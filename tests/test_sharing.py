@@ -65,24 +65,6 @@ def check_combine(world):
                 assert len({copy[body] for copy in copies if body in copy}) == holds[k].any()
 
 
-def check_next_step(world):
-    """Sharers.combine does the same with the next step's parts,
-    with other arrays and numbers of rows in between."""
-    from fix_nosquish.ranks.sharing import Sharers
-
-    holds = np.random.default_rng(3).random((9, world.size)) < 0.7
-    mine = np.flatnonzero(holds[:, world.rank])
-    sharers = Sharers(world).find(len(mine), np.arange(len(mine)), mine, mine % world.size)
-    load = np.empty((6, len(mine)))
-    for step in range(3):
-        for array in load, np.empty((2, len(mine))), load:
-            array[:] = 10.0**step * (world.rank + 1) + np.arange(len(array))[:, None]
-            sharers.combine(array)
-            ranks = holds[mine] @ (np.arange(world.size) + 1.0)
-            want = 10.0**step * ranks + np.arange(len(array))[:, None] * holds[mine].sum(axis=1)
-            assert np.array_equal(array, want)
-
-
 def check_deliver(world):
     """exchange brings every array to its rank,
     when ranks are at different rounds of it, too."""
@@ -120,29 +102,6 @@ def check_look_up(world):
         assert look_up(world, keys[mine], values[mine, None], ask).tolist() == [
             [known.get(key, -1)] for key in ask.tolist()
         ]
-
-
-def check_rows(world):
-    """look_up gives each atom's new rank the row of its old one, for atoms in any order."""
-    from fix_nosquish.ranks.lookup import gone, look_up
-
-    for rng, *_ in scenes(world.size):
-        n = int(rng.choice([0, 3, 300]))
-        old, new = rng.integers(0, world.size, (2, n))
-        place = np.empty(n, int)  # of each atom in the list of its old rank
-        for r in range(world.size):
-            place[old == r] = rng.permutation(np.count_nonzero(old == r))
-        rows = rng.normal(size=(n, 4))
-        there = rows[old == world.rank][np.argsort(place[old == world.rank])]
-        left = np.flatnonzero((old == world.rank) & (new != world.rank))
-        lost = place[left]
-        gained = np.random.default_rng(world.rank).permutation(
-            np.flatnonzero((new == world.rank) & (old != world.rank))
-        )
-        told = look_up(world, left, there[lost].view(np.int64), gained)
-        assert np.array_equal(told.view(float), rows[gained])
-        origins = old[gained] << 32 | place[gained]
-        assert not len(gone(world, lost, origins))
 
 
 def check_atoms_lost(world):

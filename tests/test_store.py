@@ -3,7 +3,6 @@
 import json
 import shutil
 import subprocess
-import threading
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -103,23 +102,6 @@ def test_interrupted(tmp_path):
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
 
 
-def test_processes_share(tmp_path):
-    """Locks out work that two processes do, and work that none does."""
-    first, second = Store(tmp_path), Store(tmp_path)
-    mine = first.shared(["one", "two"])
-    assert next(mine) == "one"
-    theirs = second.shared(["one", "two"])
-    assert next(theirs) == "two"
-    left = []
-    waiting = threading.Thread(target=lambda: left.extend(theirs))
-    waiting.start()
-    waiting.join(0.2)
-    assert left == []  # "one" is waited for, until the first is done with it
-    mine.close()
-    waiting.join(20)
-    assert left == ["one"]
-
-
 def test_file_is_whole(tmp_path, monkeypatch):
     """Locks out a file that an interruption leaves in half."""
     whole.write(tmp_path / "one.json", {"value": 1})
@@ -159,20 +141,6 @@ def test_a_damaged_file_of_a_run_has_it_done_again(tmp_path, capsys, file, damag
     assert said.startswith(f"{path} is damaged (") and said.endswith("is done again")
     assert (run.collect(path.parent).error is None) is (file == "job.json")
     assert run.once(job).error is None and run.is_there(job)
-
-
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_a_damaged_record_is_made_again(tmp_path, capsys, damage):
-    """Locks out a traceback where a record was cut short."""
-    make, calls = counted({"value": 1.5})
-    kept = Store(tmp_path)
-    kept.once("one", "origin", make)
-    (path,) = tmp_path.glob("*.json")
-    path.write_text(DAMAGES[damage](path.read_text()))
-    good = damage == "an unknown field"
-    assert kept.once("one", "origin", make) == {"value": 1.5}
-    assert len(calls) == (1 if good else 2)
-    assert len(capsys.readouterr().err.splitlines()) == (not good)
 
 
 def test_positions_that_were_not_written_to_their_end(tmp_path, monkeypatch):

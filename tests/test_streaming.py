@@ -67,14 +67,23 @@ displace_atoms all move 0 {0} 0 units box
 """
 
 
+# images of an atom have one velocity along y
+LATE = "velocity all set NULL 0.5 NULL sum yes units box\nfix late all momentum 7 linear 0 1 0\n"
+
+
 @pytest.mark.parametrize("ranks", [1, 2, 4])
-@pytest.mark.parametrize("rate, steps", [(0.5, 100), (3.0, 300)], ids=["one box", "flips"])
-def test_free_bodies_know_no_face(flow, ranks, rate, steps):
-    """Locks out bodies that a face cuts or that cross it, and do not move as elsewhere: where the
-    faces are is a matter of choice.  So is where a run ends."""
+@pytest.mark.parametrize(
+    "rate, steps, late",
+    [(0.5, 100, ""), (3.0, 300, ""), (0.5, 100, LATE)],
+    ids=["one box", "flips", "another fix changes velocities"],
+)
+def test_free_bodies_know_no_face(flow, ranks, rate, steps, late):
+    """Locks out bodies that a face cuts or that cross it, and do not move as elsewhere, or take
+    over the velocities of images from another fix: where the faces are is a matter of choice.  So
+    is where a run ends."""
     system = mixture("solid planar pair single", side=3, spacing=2.2, tilt=0.1)
     move, how = 0.4 * system.h[1, 1], {"rate": rate, "steps": steps}
-    before = "pair_style zero 2.5\npair_coeff * *\n"
+    before = f"pair_style zero 2.5\npair_coeff * *\n{late}"
     x, v, here = flow(system, OURS, before=before, **how)
     before += MOVED.format(move, rate)
     y, w, there = flow(system, OURS, before=before, ranks=ranks, runs=2, **how)

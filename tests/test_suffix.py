@@ -334,35 +334,6 @@ def test_hmc_of_lammps(on):
     assert run.code and "does not point to fix rigid/small" in run.screen
 
 
-@pytest.mark.parametrize("command", ["displace_atoms one move 0.01 0 0", "delete_atoms group one"])
-def test_no_false_warning(on, command):
-    """Locks out LAMMPS's warning that a change of atoms in rigid bodies has no effect: here it has
-    one, as the next run makes the bodies anew."""
-    text = run_of("rigid/nve", after=f"group one id 1\n{command}\nrun 0\n")
-    found = [on(text, options).log for options in ((), ON)]
-    warned = ["rigid bod" in "".join(re.findall("WARNING.*", log)) for log in found]
-    assert warned == [True, False]
-
-
-SUFFIXES = {  # lines before the fix: whether ours takes its place
-    "": True,
-    "suffix off": False,
-    "suffix off\nsuffix on": True,
-    "suffix omp": False,
-    "suffix hybrid nosquish omp": True,
-    "suffix hybrid omp nosquish": False,
-    "suffix opt": False,
-    "suffix opt\nsuffix nosquish": True,
-}
-
-
-@pytest.mark.parametrize("lines", SUFFIXES)
-def test_other_suffixes(on, lines):
-    """Locks out a word of the page that LAMMPS takes ours where it does not."""
-    text = run_of("rigid/nve", before=lines)
-    assert ("takes the place of" in on(text).log) == SUFFIXES[lines]
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_infile_of_custom(on, tmp_path, ranks):
     """Locks out an infile whose bodies are taken by their values, where fix rigid with style custom
@@ -389,14 +360,6 @@ def test_infile_of_custom(on, tmp_path, ranks):
         lines = [line.split() for line in (tmp_path / "left.rigid").read_text().splitlines()]
         written.append(sorted(int(words[0]) for words in lines if len(words) == 20))
     assert speeds == [0.5, 0.5] and written[0] == written[1] == list(range(1, 28))
-
-
-def test_two_fixes_of_one_atom(on):
-    """Locks out a message on two fixes that says the same of both."""
-    other = "fix 2 solid rigid molecule\nthermo_style custom"
-    run = on(run_of("rigid/nve").replace("thermo_style custom", other, 1), check=False)
-    names = '"fix 1 bodies rigid/nve molecule" and "fix 2 solid rigid molecule"'
-    assert run.code and f"is claimed by two fixes: {names}" in run.screen
 
 
 BAD = {

@@ -7,7 +7,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import installed
 import pytest
 import quick
 from conftest import BIN
@@ -44,7 +43,6 @@ def test_engine():
 def test_known():
     assert False
 """
-MODULE = 'import pytest\n\npytest.importorskip("no_such_module")\n'
 
 
 @pytest.fixture
@@ -93,6 +91,22 @@ def test_imports_what_is_installed(checkout, how):
     assert str(package) in done.stdout.split("collected")[0]
 
 
+def test_quick_tests_are_there(request):
+    """Locks out a subject that has lost its quick tests,
+    because one of them has another name now."""
+    if any("::" in word for word in request.config.args):
+        return  # not all tests of a file were looked for
+    there = {path.name for path in request.config.files_there}
+    gone = {name for name in request.config.not_there if name.partition("::")[0] in there}
+    gone |= {
+        name for name in quick.NAMES if not (ROOT / "tests" / name.partition("::")[0]).exists()
+    }
+    assert not gone
+
+
+MODULE = 'import pytest\n\npytest.importorskip("no_such_module")\n'
+
+
 def test_refuses_another_package(checkout):
     """Locks out a suite that silently tests another package than the checkout's."""
     changed = checkout / "fix_nosquish" / "integrators" / "nve.py"
@@ -103,20 +117,6 @@ def test_refuses_another_package(checkout):
         done.stdout
     )
     assert "not the same: integrators/nve.py. Install it first: pip install ." in done.stdout
-
-
-def test_editable_install_is_compiled(tmp_path):
-    """Locks out a plugin that is tested as it was before its source was changed,
-    where both are in the checkout."""
-    source, made = tmp_path / "code.cpp", tmp_path / "for_own" / "code_plugin.so"
-    source.write_text("")
-    made.parent.mkdir()
-    assert not installed.compiled(tmp_path)
-    made.write_text("")
-    os.utime(source, (1000, 1000))
-    assert installed.compiled(tmp_path)
-    os.utime(made, (999, 999))
-    assert not installed.compiled(tmp_path)
 
 
 @pytest.mark.parametrize("options", [[], ["--nothing-missing"], ["--nothing-missing", "-n", "1"]])
@@ -131,16 +131,3 @@ def test_nothing_missing(checkout, options):
     assert (
         sorted(told) == expected and "no engine" in done.stdout and "no_such_module" in done.stdout
     ), done.stdout
-
-
-def test_quick_tests_are_there(request):
-    """Locks out a subject that has lost its quick tests,
-    because one of them has another name now."""
-    if any("::" in word for word in request.config.args):
-        return  # not all tests of a file were looked for
-    there = {path.name for path in request.config.files_there}
-    gone = {name for name in request.config.not_there if name.partition("::")[0] in there}
-    gone |= {
-        name for name in quick.NAMES if not (ROOT / "tests" / name.partition("::")[0]).exists()
-    }
-    assert not gone

@@ -93,26 +93,6 @@ def test_shapes_of_a_box(run_lammps, words):
         assert stats.kstest(tilts, "norm").pvalue > 1e-3, (name, tilts.mean(), tilts.var())
 
 
-@pytest.mark.parametrize("name", ["mtk langevin", "crescale langevin"])
-def test_shapes_of_a_gas(run_lammps, name):
-    """Locks out a tilt that brings volume, and flips that disturb: a box of free bodies, with the
-    same factor for all axes, has the gamma distribution of volumes, and any tilt, alike.
-
-    (With factors for each axis, too, nothing would hold the shape, and the box become a needle.)
-    """
-    system = mixture(side=2, tilt=0.3)
-    iso = "iso 12e-2 12e-2 2e-1 xy 0 0 2e-1 xz 0 0 2e-1 yz 0 0 2e-1 every 5"
-    words = FIXES[name].replace(CELL, iso) + thermo("vol lx ly xy xz yz", 400)
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 80000\n"
-    rows = run_lammps(script, files=system.files, timeout=400).thermo[5:]
-    shape = (8 + 1, 0, 2.0 / 0.12)
-    assert stats.kstest(rows["Volume"], "gamma", shape).pvalue > 1e-3, rows["Volume"].mean()
-    for tilt, edge in ("Xy", "Lx"), ("Xz", "Lx"), ("Yz", "Ly"):
-        part = rows[tilt] / rows[edge]
-        assert np.abs(part).max() < 0.7  # it flips where lists are built
-        assert stats.kstest(part % 1.0, "uniform").pvalue > 1e-3, tilt
-
-
 def test_shapes_in_two_dimensions(run_lammps):
     """Locks out tilts with z in two dimensions, and a tilt that does not change there."""
     system = mixture("planar pair row single", side=3, dimension=2, tilt=0.2)

@@ -47,17 +47,6 @@ def potential(x):
     return energy.sum(axis=(1, 2))
 
 
-def test_bound():
-    """Locks out a dimer that can part, for which its total energy must be negative, or that
-    drifts."""
-    words = [line.split() for line in FILES["data.dimer"].splitlines()]
-    x = np.array([row[4:] for row in words if len(row) == 7], float)
-    v = [row[1:] for row in words[words.index(["Velocities"]) :] if len(row) == 4]
-    v, mass = np.array(v[:6], float), np.tile(MASS, 2)
-    assert np.abs(mass @ v).max() < 1e-12
-    assert potential(x[None])[0] + MVV2E / 2 * (mass[:, None] * v**2).sum() < 0
-
-
 def test_no_pair_is_left_out(run_lammps, tmp_path):
     """Locks out a cutoff, a neighbour list or a box that the dimer outgrows: the potential energy
     against the sum over all pairs."""
