@@ -44,7 +44,7 @@ def test_what_runs(name, tmp_path):
     names = [trajectory.name for trajectory in some.trajectories(points)]
     assert len(set(names)) == len(names) == 2 * (1 + len(points))
     assert set(plan.known) <= set(points) and len(set(points)) == len(points)
-    others = {"rigid/nvt/small"} | {
+    others = {"rigid/nvt/small", "rigid+hmc"} | {
         one
         for one, scheme in plan.schemes.items()
         if scheme.first or scheme.refined or one.endswith("-step")

@@ -236,7 +236,7 @@ ELSEWHERE = {
     **dict.fromkeys(("scalexy", "scaleyz", "scalexz"), "leave it out"),
     **dict.fromkeys(
         ("bodyforces", "energy", "virial", "respa", "dynamic/dof", "external"),
-        "it is a word of fix_modify, behind this fix",
+        "give it by fix_modify, after this fix",
     ),
 }
 RIGID_WORDS = """langevin reinit temp iso aniso x y z couple tparam pchain dilate force torque
