@@ -15,7 +15,6 @@ from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F1, F2, F, I, loop
 from fix_nosquish.motion import block, rotor
 
-TIP3P = np.array([1.7704, 1.1538, 0.6166])  # g/mol A^2, the largest first; their proportions matter
 ASYMMETRIC = np.array([3.0, 1.7, 0.8])
 
 # The matrices P_k of eq. 2.18, and S(q) of eq. 2.14 whose columns are (q, P_1 q, P_2 q, P_3 q).
@@ -251,3 +250,26 @@ def test_linear_rotor_is_exact():
     turn = np.concatenate([[np.cos(half)], np.sin(half) * L / np.where(size > 0, size, 1)])
     np.testing.assert_allclose(turned, product(turn, q), atol=1e-14)
     np.testing.assert_allclose(kicked, product(turn, p), atol=3e-14)
+
+
+def test_many_steps():
+    """Locks out a norm of q, or a momentum along q, that creeps away; angular momentum that is not
+    conserved in space; and an energy that drifts, as in integrators that are not symplectic."""
+    n, dt, bunch, bunches = 4, 0.1, 1000, 300
+    q, p = tops(n, ASYMMETRIC, 7)
+    L, start, size = space_momentum(q, p), energy(q, p, ASYMMETRIC), np.linalg.norm(p, axis=0)
+    energies = []
+    for _ in range(bunches):
+        q, p = advance(q, p, ASYMMETRIC, bunch * dt, mrot=bunch)  # inner steps are steps
+        assert np.abs(np.linalg.norm(q, axis=0) - 1).max() < 1e-12
+        assert (np.abs(body_momentum(q, p)[0]) / size).max() < 1e-10
+        energies.append(energy(q, p, ASYMMETRIC) / start - 1)
+    np.testing.assert_allclose(space_momentum(q, p), L, rtol=0, atol=1e-10 * size.max())
+    energies = np.array(energies)
+    assert 1e-6 < np.abs(energies).max() < 0.02  # bounded, by the error of a step of this length
+    halves = energies.reshape(2, 10, bunches // 20, n).mean(
+        axis=2
+    )  # ten nearly independent blocks each
+    shift = halves[1].mean(axis=0) - halves[0].mean(axis=0)
+    error = np.sqrt(halves.var(axis=1, ddof=1).sum(axis=0) / 10)
+    assert (np.abs(shift) < 5 * error + 1e-11).all(), (shift, error)

@@ -375,9 +375,9 @@ def factors():
     body = []
     for name in sorted(path.name for path in RESULTS.glob("sample-*-refined")):
         found = summary(name)
+        points = {(row["label"], row["dt"]): row for row in found["rows"]}
         ours = rivals.best(found["rows"])
         for key, goal in found["goals"].items():
-            points = {(row["label"], row["dt"]): row for row in found["rows"]}
             theirs = points[goal["label"], goal["dt"]]
             cost = theirs["cost"]["median"] / ours["cost"]["median"]
             noise = theirs["noise"][key]["value"] / ours["noise"][key]["value"] / cost
