@@ -423,12 +423,11 @@ def main() -> None:
         if not isinstance(failure, Failure):
             traceback.print_exc()
         text = f"{failure}" or type(failure).__name__
-        if WORLD.rank == 0 or WORLD.size > 1:
-            try:
-                with open(path.parent / "error.txt", "x") as file:
-                    file.write(text)
-            except FileExistsError:
-                pass
+        error = path.parent / "error.txt"
+        if not error.exists():  # the first rank's is kept; whole, since another may end this one
+            part = error.with_suffix(f".{WORLD.rank}")
+            part.write_text(text)
+            part.replace(error)
         sys.stderr.flush()
         WORLD.Abort(1)
 

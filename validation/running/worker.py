@@ -168,8 +168,11 @@ def main() -> None:
                 "them: give another folder by --out"
             )
         try:
-            with open(path.parent / "error.txt", "x") as file:  # the first rank's is kept
-                file.write(f"{failure}" or type(failure).__name__)
+            error = path.parent / "error.txt"
+            if not error.exists():  # the first rank's is kept; whole, since another may end this one
+                part = error.with_suffix(f".{MPI.COMM_WORLD.rank}")
+                part.write_text(f"{failure}" or type(failure).__name__)
+                part.replace(error)
         finally:
             sys.stderr.flush()
             MPI.COMM_WORLD.Abort(1)
