@@ -19,6 +19,7 @@ OPTIONS = [
     "-k on t 1 -sf kk",
     "-k on t 2 -sf kk -pk kokkos neigh half",
     "-k on t 1 -sf kk -pk kokkos newton off neigh full comm device sort device",
+    "-k on t 1 -sf kk -pk kokkos comm host",
 ]
 START = f"""
 units         real
@@ -55,11 +56,14 @@ FIXES = {
     "langevin": f"fix 1 all {NVT} seed 5",
     "csvr": f"fix 1 all {NVT} seed 5 thermostat csvr",
     "nh": f"fix 1 all {NVT} thermostat nh",
+    "separate": f"fix 1 all {NVT} seed 5 thermostat csvr separate yes",
     "npt": f"fix 1 all nosquish/npt molecule {CELL} iso 1 1 200",
+    "mtk": f"fix 1 all nosquish/npt molecule {CELL} iso 1 1 200 barostat mtk",
     "nph": "fix 1 all nosquish/nph molecule aniso 1 1 200",
     "tri": f"fix 1 all nosquish/npt molecule {CELL} tri 1 1 100",
     "hmc": "fix 1 all nosquish/hmc molecule temp 400 steps 5 seed 5",
     "fire": "fix 1 all nosquish/fire molecule force 1e-4 torque 1e-4",
+    "respa": "run_style respa 2 2 pair 1 kspace 2\nfix 1 all nosquish/nve molecule",
     "suffix": "suffix hybrid kk nosquish\nfix 1 all rigid/nve molecule",
     "restart": f"fix 1 all {NVT} thermostat nh{END}{AGAIN}fix 1 all {NVT} thermostat nh",
     "shake": f"{SHAKE}nosquish/nve molecule",
@@ -68,7 +72,7 @@ FIXES = {
 }
 
 if "g" in GIVEN:  # refused on a card
-    del FIXES["tri"], FIXES["hmc"]
+    del FIXES["tri"], FIXES["hmc"], FIXES["respa"]
 
 
 @pytest.fixture(scope="module")
@@ -77,9 +81,13 @@ def done():
     return {}
 
 
-@pytest.mark.parametrize("options", [" ".join(GIVEN)] if GIVEN else OPTIONS)
-@pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("fix", FIXES)
+FIRST, *OTHERS = [" ".join(GIVEN)] if GIVEN else OPTIONS
+CASES = [(fix, ranks, FIRST) for fix in FIXES for ranks in (1, 2)]
+CASES += [(fix, 4, FIRST) for fix in ("nve", "npt", "shake")]
+CASES += [(fix, 2, options) for fix in ("nve", "npt", "shake") for options in OTHERS]
+
+
+@pytest.mark.parametrize("fix, ranks, options", CASES)
 def test_moves_as_without(run_lammps, tmp_path, done, fix, ranks, options):
     """Locks out forces and atoms that KOKKOS has elsewhere, or in another order, than the fix."""
     large, tilted = TILTS if fix in ("tri", "deform") else ("", "")
