@@ -15,7 +15,7 @@ from validation.sample import criteria, measure, scenes, schemes
 from validation.sample import plan as plans
 from validation.sample.observables import BY_KEY, of_momentum
 from validation.sample.plan import DIPOLE, Lengths, Runs
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, margin
 
 KT = 0.0019872067 * 298.0  # kcal/mol
 N, SAMPLES, VOLUME = 512, 40000, 15360.0
@@ -310,12 +310,17 @@ def checks(
         "ours": True,
         "error": None,
         "dt": dt,
+        "starts": 2,
+        "cost": {"median": 7.2},
     }
     row |= {"faster": {"potential": dict(zip(("value", "low", "high"), gain))}}
     row["deviation"] = deviation and Estimate(deviation, error).plain()
     row["biases"] = {key: Estimate(value, error).plain() for key, value in numbers.items()}
-    summary = {"scene": scene, "temperature": 298.0, "settings": {"time": time}, "others": {}}
-    summary |= {"known": [{"dt": 2.0}], "rows": [row]}
+    lengths = {"time": time, "settle": 5.0}
+    summary = {"scene": scene, "temperature": 298.0, "settings": lengths, "others": {}}
+    short = row | {"scheme": "short", "dt": 2.0, "starts": 1, "cost": {"median": 14.4}}
+    summary |= {"known": [{"dt": 2.0}], "rows": [row, short | {"faster": {}}]}
+    summary |= {"limits": {key: {"points": [["short", 2.0, 1.0]]} for key in numbers}}
     summary |= {"goals": {"potential": {"label": "rigid", "dt": 2.0}}}
     return {check.part: check for check in criteria.checks(summary)}
 
@@ -348,6 +353,14 @@ def test_bounds(key, part, scheme, dt, most):
             assert made[part].holds is holds and made[part].value == value
             unsure = checks(scheme=scheme, dt=dt, error=0.02 * most, **{key: value})
             assert unsure[part].holds is None
+
+
+def test_hours_that_would_tell():
+    """Locks out hours of the point alone, where its limit needs them, too, and of a verdict that is
+    known: an interval three times too wide takes eight times the 0.2 core-hours of both more."""
+    error = 3 * 12.5 / margin(1.0)
+    assert checks(pressure=12.5, error=error)["bias"].note == "1.6 core-hours more would tell"
+    assert not checks(pressure=12.5)["bias"].note
 
 
 def test_what_is_not_judged():

@@ -5,8 +5,9 @@ smaller one, and a cost that was set as a goal.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
-from ..statistics.check import Check
+from ..statistics.check import VERDICTS, Check
 from ..statistics.estimate import Estimate
 from . import rivals
 from .observables import BY_KEY, OBSERVABLES
@@ -80,7 +81,8 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
         if numbers.get(key):
             what, unit = _named(key)
             ends: dict = {"low": -within, "high": within, "unit": unit}
-            yield Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+            check = Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+            yield _with_hours(check, summary, key, [row])
 
 
 def _named(key: str) -> tuple[str, str]:
@@ -98,7 +100,26 @@ def _gains(summary: Mapping) -> Iterator[Check]:
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
         found = rivals.estimate(gain, FASTER)
-        yield Check.of("cost", _subject(best), what, found, low=FASTER)
+        check = Check.of("cost", _subject(best), what, found, low=FASTER)
+        known = goal["label"], goal["dt"]
+        rows = [row for row in summary["rows"] if row is best or (row["label"], row["dt"]) == known]
+        yield _with_hours(check, summary, key, rows)
+
+
+def _with_hours(check: Check, summary: Mapping, key: str, rows: list[dict]) -> Check:
+    """A check that cannot be told has the core-hours that would tell it, if the number stayed: of
+    these rows, and of the points of their limit."""
+    if check.value is None or check.verdict != VERDICTS[2]:
+        return check
+    limit = {(scheme, dt) for scheme, dt, _ in summary["limits"].get(key, {}).get("points", ())}
+    some = [row for row in summary["rows"] if row in rows or (row["scheme"], row["dt"]) in limit]
+    if not all(row["cost"] for row in some):
+        return check
+    lasts = summary["settings"]["settle"] + summary["settings"]["time"]
+    hours = sum(row["starts"] * row["cost"]["median"] for row in some) * lasts / 3600
+    gap = min(abs(check.value - end) for end in (check.low, check.high) if end is not None)
+    more = hours * ((check.margin / gap) ** 2 - 1)
+    return replace(check, note=f"{more:.2g} core-hours more would tell")
 
 
 def _subject(row: Mapping) -> str:
