@@ -299,9 +299,10 @@ def checks(
     time=20.0,
     gain=(4.1, 4.05, 4.2),
     error=1e-6,
+    limit=None,
     **numbers,
 ):
-    """The checks of one point, by part."""
+    """The checks of one point, by part; the limit is that of a shorter step, if none is given."""
     deviation = numbers.pop("deviation", None)
     row = {
         "scheme": scheme,
@@ -320,7 +321,8 @@ def checks(
     summary = {"scene": scene, "temperature": 298.0, "settings": lengths, "others": {}}
     short = row | {"scheme": "short", "dt": 2.0, "starts": 1, "cost": {"median": 14.4}}
     summary |= {"known": [{"dt": 2.0}], "rows": [row, short | {"faster": {}}]}
-    summary |= {"limits": {key: {"points": [["short", 2.0, 1.0]]} for key in numbers}}
+    limit = limit or {"points": [["short", 2.0, 1.0]]}
+    summary |= {"limits": dict.fromkeys(numbers, limit)}
     summary |= {"goals": {"potential": {"label": "rigid", "dt": 2.0}}}
     return {check.part: check for check in criteria.checks(summary)}
 
@@ -361,6 +363,12 @@ def test_hours_that_would_tell():
     error = 3 * 12.5 / margin(1.0)
     assert checks(pressure=12.5, error=error)["bias"].note == "1.6 core-hours more would tell"
     assert not checks(pressure=12.5)["bias"].note
+    known = {"points": [["known", 0.0, 1.0]], "value": 50.0, "error": 6.0 / margin(1.0)}
+    needed = 0.1 * ((37.5**2 - 6**2) / (12.5**2 - 6**2) - 1)  # the limit's error stays
+    note = checks(pressure=12.5, error=error, limit=known)["bias"].note
+    assert note == f"{needed:.2g} core-hours more would tell"
+    note = checks(torque=0.8, error=0.2, limit=known)["bias"].note  # 12 % of 50
+    assert note == "the limit of small steps would have to be known better"
 
 
 def test_what_is_not_judged():
