@@ -23,11 +23,12 @@ class Cards(NamedTuple):
     kokkos: str = ""
     number: int = 0
 
-    def problem(self, *, energy: bool, flips: bool, counts: bool) -> str:
+    def problem(self, *, energy: bool, flips: bool, levels: bool, counts: bool) -> str:
         """Why a run would be wrong; empty if it is not.
 
         Args:
             energy, flips: `needs_energy` and `flips` of the integrator.
+            levels: whether the run has those of run_style respa.
             counts: that of its host.
         """
         if self.gpu and counts:
@@ -44,6 +45,7 @@ class Cards(NamedTuple):
         within_a_step = {
             "hybrid Monte Carlo has forces computed anew": energy,
             "tilts that change send atoms to other ranks": flips,
+            "run_style respa has the forces of each level computed": levels,
         }
         what = next((what for what, asked in within_a_step.items() if asked), "")
         if self.number and what:
