@@ -138,7 +138,6 @@ def init(integrator: "Integrator") -> None:
     integrator.cards = cards.find(integrator)
     wrong = integrator.cards.problem(
         energy=integrator.needs_energy,
-        flips=integrator.flips,
         levels=bool(integrator.respa_dt),
         counts=bool(host.counts),
     )
