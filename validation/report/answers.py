@@ -16,7 +16,7 @@ COLUMNS = (
     Column("scheme", "ours", kind="text"),
     Column("dt", "step", "fs", "number"),
     Column("average", "average", kind="text"),
-    Column("error", "error to reach", kind="number"),
+    Column("error", "error to reach", kind="number", form=".3g"),
     Column("unit", "", kind="text"),
     Column("bias", "bias", "the same", "estimate"),
     Column("rival", "best rival", kind="text"),
