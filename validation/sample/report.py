@@ -45,7 +45,7 @@ WORKS = tuple(
 )
 GOALS = (
     Column("title", "average", kind="text"),
-    Column("error", "E", kind="number"),
+    Column("error", "E", kind="number", form=".3g"),
     Column("unit", "unit", kind="text"),
     Column("label", "best rival", kind="text"),
     Column("dt", "its step", "fs", "number"),
@@ -92,6 +92,8 @@ NOTES = {
     f"bias² + variance = 2 E², with the {SURE} interval. The best rival is the one that takes the "
     "least. 0: the bias alone is significantly above E, or too large to reach it. ∞: that of the "
     "rival may be.",
+    "core-hours": "How much longer the point and the points of its limit would have to run for a "
+    "verdict, if the number stayed where it is.",
     "clock": "Of another engine the time of the whole run by the clock, on a core that others may "
     "have used, too. It compares nothing.",
 }
