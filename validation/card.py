@@ -334,12 +334,12 @@ def _apart(values: np.ndarray, wanted: np.ndarray) -> float:
     return float((np.abs(values - wanted) / np.where(size > 0.0, size, 1.0)).max())
 
 
-# what a kernel reads and writes: bytes for each body, and for each of its atoms
+# what a kernel reads and writes (its PTX says so): bytes for each body, and for each of its atoms
 BYTES = {
     "gather": (8 * (4 + 6) + 4, 8 * (3 + 3) + 4),
     "place": (8 * 7 + 4, 8 * (3 + 3) + 4),
     "kick_and_rotate": (8 * (24 + 14), 0),
-    "thermalise": (8 * (20 + 15), 0),
+    "thermalise": (8 * (17 + 12), 0),
 }
 SIZES = 1, 10**4, 10**5, 10**6  # the first shows what a launch takes
 
