@@ -52,7 +52,6 @@ from fix_nosquish.motion.block import (
     put,
     take,
     take_names,
-    three,
     write,
 )
 from fix_nosquish.motion.frames import quaternion_momentum
@@ -65,114 +64,94 @@ NUMBER, COUNT, BATH = np.dtype(np.float64), np.dtype(np.int64), Bath.dtype
 NO_FORCE = (0.0,) * 6
 THREADS = 128  # in a block of CUDA's
 ROUNDING = 1e-12
-HEAT = 1.0  # that bodies have been given before
-KERNELS: dict[str, Any] = {}  # functions whose arguments are annotated as those of a loop
 
-
-def kernel(function: Any) -> Any:
-    """Decorator of a kernel."""
-    KERNELS[function.__name__] = function
-    return function
+# ---------------------------------------------------------------- what is done with a body
 
 
 @inlined
-def layout_of(k, state, kinds, first, index, displace, lane, limits):
-    """The layout of body k alone, for what moves rows between `state` and the thread's lane: its
-    atoms have no rounds."""
-    limits[0, 0], limits[1, 0] = k, k + 1
-    return Layout(state, kinds, limits, first, index, displace, lane)
+def gather(layout, k, atoms, dt, parameters, mask, given):
+    """Sum force and torque over its atoms."""
+    take(layout, 0, Q, Q + 4, Q)
+    rotation_matrices(layout.block)
+    write(layout.block, FORCE, 0, NO_FORCE)
+    for j in range(layout.rounds[k], layout.rounds[k + 1]):
+        force = atoms[layout.index[j]]
+        write(layout.block, ATOM, 0, (force[0], force[1], force[2]))
+        add_forces(layout.block, j, j + 1, layout.displace)
+    put(layout, 0, FORCE, TORQUE + 3, FORCE)
 
 
-@kernel
-def gather(state: F2, kinds: Kinds, first: I1, index: I1, displace: F2, atom_f: F2):
-    """Sum force and torque over the atoms of each body."""
-    k = cuda.grid(1)
-    if k < state.shape[1]:
-        lane, limits = cuda.local.array(SHAPE, NUMBER), cuda.local.array(LIMITS, COUNT)
-        layout = layout_of(k, state, kinds[0], first, index, displace, lane, limits)
-        take(layout, 0, Q, Q + 4, Q)
-        rotation_matrices(lane)
-        write(lane, FORCE, 0, NO_FORCE)
-        for j in range(first[k], first[k + 1]):
-            force = atom_f[index[j]]
-            write(lane, ATOM, 0, (force[0], force[1], force[2]))
-            add_forces(lane, j, j + 1, displace)
-        put(layout, 0, FORCE, TORQUE + 3, FORCE)
-
-
-@kernel
-def place(state: F2, kinds: Kinds, first: I1, index: I1, displace: F2, atom_x: F2):
-    """Place the atoms of each body, in the body's periodic image."""
-    k = cuda.grid(1)
-    if k < state.shape[1]:
-        lane, limits = cuda.local.array(SHAPE, NUMBER), cuda.local.array(LIMITS, COUNT)
-        layout = layout_of(k, state, kinds[0], first, index, displace, lane, limits)
-        take(layout, 0, X, Q + 4, X)
-        rotation_matrices(lane)
-        for j in range(first[k], first[k + 1]):
-            apply_matrices(lane, X, j, j + 1, displace)
-            x, y, z = three(lane, ATOM, 0)
-            i = index[j]
-            atom_x[i, 0], atom_x[i, 1], atom_x[i, 2] = x, y, z
-
-
-def operation(name: str, does: Any, named: bool) -> None:
-    """Make the kernel that does one thing with all bodies, as `step.make_pass` makes a loop."""
-
-    def go(
-        state: F2, kinds: Kinds, first: I1, index: I1, displace: F2,
-        dt: F, parameters: Bath, mask: F2, given: F1,
-    ):  # fmt: skip
-        # parameters are the thread's own, as is the energy that it gives to the body
-        k = cuda.grid(1)
-        if k < state.shape[1]:
-            lane, limits = cuda.local.array(SHAPE, NUMBER), cuda.local.array(LIMITS, COUNT)
-            layout = layout_of(k, state, kinds[0], first, index, displace, lane, limits)
-            own = cuda.local.array(1, BATH)
-            own[0] = parameters[0]
-            own[0].heat = 0.0
-            take(layout, 0, MASS, TORQUE + 3, MASS)
-            if named:
-                take_names(layout, 0, 0, mask)
-            does(lane, kind_of(layout, k), dt, own[0])
-            put(layout, 0, X, P + 4, X)
-            if named:
-                given[k] = own[0].heat
-
-    go.__name__ = name
-    kernel(go)
+@inlined
+def place(layout, k, atoms, dt, parameters, mask, given):
+    """Place its atoms, in its own periodic image."""
+    take(layout, 0, X, Q + 4, X)
+    rotation_matrices(layout.block)
+    for j in range(layout.rounds[k], layout.rounds[k + 1]):
+        apply_matrices(layout.block, X, j, j + 1, layout.displace)
+        for c in range(3):
+            atoms[layout.index[j], c] = layout.block[ATOM + c, 0]
 
 
 move = NVE.operations["A"].does
 
 
 @inlined
-def kick_and_move(block, kind, dt, parameters):
-    """What a step of NVE does before it places atoms."""
-    kick(block, kind, 0.5 * dt, parameters)
-    move(block, kind, dt, parameters)
+def kick_and_rotate(layout, k, atoms, dt, parameters, mask, given):
+    """Do what a step of NVE does before it places atoms."""
+    take(layout, 0, MASS, TORQUE + 3, MASS)
+    kick(layout.block, kind_of(layout, k), 0.5 * dt, parameters)
+    move(layout.block, kind_of(layout, k), dt, parameters)
+    put(layout, 0, X, P + 4, X)
 
 
-operation("kick_and_rotate", kick_and_move, named=False)
-operation("thermalise", thermalise, named=True)
+@inlined
+def damp(layout, k, atoms, dt, parameters, mask, given):
+    """Do what Langevin's thermostat does, and note the energy that it gives to the body."""
+    take(layout, 0, MASS, P + 4, MASS)
+    take_names(layout, 0, 0, mask)
+    thermalise(layout.block, kind_of(layout, k), dt, parameters)
+    put(layout, 0, X, P + 4, X)
+    given[k] = parameters.heat
+
+
+DOES = {
+    "gather": gather, "kick_and_rotate": kick_and_rotate, "thermalise": damp, "place": place,
+}  # fmt: skip
+
+
+def kernel(does: Any) -> Any:
+    """The function of a kernel that does something with each body, a thread one; not compiled.
+
+    The layout that it makes is that of one block, with one body, for what moves rows between the
+    `state` and the block. In place of rounds it has `first`: of each body its first atom.
+    """
+
+    def go(
+        state: F2, kinds: Kinds, first: I1, index: I1, displace: F2, atoms: F2,
+        dt: F, parameters: Bath, mask: F2, given: F1,
+    ):  # fmt: skip
+        k = cuda.grid(1)
+        if k < state.shape[1]:
+            lane, limits = cuda.local.array(SHAPE, NUMBER), cuda.local.array(LIMITS, COUNT)
+            limits[0, 0], limits[1, 0] = k, k + 1
+            layout = Layout(state, kinds[0], limits, first, index, displace, lane)
+            own = cuda.local.array(1, BATH)  # all threads would add to the heat of one record
+            own[0] = parameters[0]
+            own[0].heat = 0.0
+            does(layout, k, atoms, dt, own[0], mask, given)
+
+    return go
+
 
 # ---------------------------------------------------------------- from functions to a card's code
 
 
-@inlined
-def smaller(a, b):
-    return b if b < a else a
-
-
-@inlined
-def larger(a, b):
-    return b if b > a else a
-
-
 # by names, what stands in for functions: for some numba asks what card there is; math's root of a
 # negative number is an error in Python, and not a number on a card
-INSTEAD = {"min": smaller, "max": larger}
-INSTEAD |= {"sqrt": np.sqrt} if config.ENABLE_CUDASIM else {"int": np.int64}
+INSTEAD = {
+    "min": inlined(lambda a, b: b if b < a else a),
+    "max": inlined(lambda a, b: b if b > a else a),
+} | ({"sqrt": np.sqrt} if config.ENABLE_CUDASIM else {"int": np.int64})
 
 
 def for_one_body(function: Any) -> Any:
@@ -201,25 +180,24 @@ def device_function(function: Any) -> Any:
 
 @cache
 def compiled(name: str) -> Any:
-    return cuda.jit(for_one_body(KERNELS[name]))
+    return cuda.jit(for_one_body(kernel(DOES[name])))
 
 
 def bind(name: str, arrays: dict[str, Any]) -> Callable[[], Any]:
     """What launches a kernel on the arrays and numbers that have its arguments' names."""
-    arguments = [arrays[argument] for argument in annotations(KERNELS[name])]
+    arguments = [arrays[argument] for argument in annotations(kernel(DOES[name]))]
     cuda_blocks = -(-arrays["state"].shape[1] // THREADS)
     return partial(compiled(name)[cuda_blocks, THREADS], *arguments)
 
 
 def ptx(name: str, capability: tuple[int, int]) -> str:
     """A kernel in PTX: each argument that is an array is seven numbers or more, as numba has it."""
-    signature = []
-    for kind in annotations(KERNELS[name]).values():
+    function, signature = kernel(DOES[name]), []
+    for kind in annotations(function).values():
         what = from_dtype(kind.dtype)
         array = kind.dimensions or kind.dtype.names
         signature.append(types.Array(what, kind.dimensions or 1, "C") if array else what)
-    code, _ = cuda.compile_ptx(for_one_body(KERNELS[name]), tuple(signature), cc=capability)
-    return code
+    return cuda.compile_ptx(for_one_body(function), tuple(signature), cc=capability)[0]
 
 
 # ---------------------------------------------------------------- bodies
@@ -274,10 +252,10 @@ def on_card(bodies: Bodies) -> dict[str, np.ndarray]:
     }
 
 
-def bath(mrot: int) -> Any:
-    """Parameters of a step."""
+def bath(mrot: int, heat: float = 0.0) -> Any:
+    """Parameters of a step; heat is what bodies have been given before."""
     random = {"step": 2**33 + 5, "draw": 1, "key_0": 7, "key_1": 22}
-    return Bath(ftm2v=0.4, mrot=mrot, rate=0.3, kt=1.3, heat=HEAT, **random)
+    return Bath(ftm2v=0.4, mrot=mrot, rate=0.3, kt=1.3, heat=heat, **random)
 
 
 # ---------------------------------------------------------------- against the host, and the clock
@@ -287,51 +265,40 @@ def check() -> dict[str, float]:
     """The largest difference of each kernel from the host's loops, for all kinds of bodies.
 
     Each begins with the host's arrays of before. A difference is relative to the largest number of
-    its row of the state, or of the atoms' positions or forces.
+    its row of the state, of the atoms' positions, or of the heat.
     """
-    worst = dict.fromkeys(KERNELS, 0.0)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of power series where they do not serve
-        for bodies in bodies_of_all_kinds():
-            for mrot in EXACT, 1, 3:
-                for name, difference in _differences(bodies, mrot):
-                    worst[name] = max(worst[name], difference)
+    warnings.simplefilter("ignore")  # of power series where they do not serve
+    worst = dict.fromkeys(DOES, 0.0)
+    for bodies in bodies_of_all_kinds():
+        for mrot in EXACT, 1, 3:
+            for name, values, wanted in _pairs(bodies, mrot):
+                size = np.abs(wanted).max(axis=-1, keepdims=True)
+                apart = np.abs(values - wanted) / np.where(size > 0.0, size, 1.0)
+                worst[name] = max(worst[name], float(apart.max()))
     return worst
 
 
-def _differences(bodies: Bodies, mrot: int) -> Iterator[tuple[str, float]]:
-    """Of each kernel its name and how far it is from the host."""
-    random, dt = np.random.default_rng(2), 0.2
-    n = len(bodies.index)
-    atoms = {"atom_x": np.zeros((n, 3)), "atom_f": random.normal(size=(n, 3))}
-    lane = {"block": aligned((SHAPE[0], block.LANES))}
-    parameters = bath(mrot)
-    host = bodies.cells | atoms | lane | {"dt": dt, "parameters": parameters}
+def _pairs(bodies: Bodies, mrot: int) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Of each kernel its name, and what it and the host make of the same."""
+    n, dt, heat = len(bodies.index), 0.2, 1.0
+    forces, places = np.random.default_rng(2).normal(size=(n, 3)), np.zeros((n, 3))
+    parameters, mask = bath(mrot, heat), bodies.cells["mask"].array
+    host = bodies.cells | {"block": aligned((SHAPE[0], block.LANES)), "dt": dt}
+    host |= {"atom_x": places, "atom_f": forces, "parameters": parameters}
     steps = {
         "gather": gather_on_host.bind_to(host, all_bodies=1),
         "thermalise": draw_momenta.bind_to(host),
         "kick_and_rotate": NVE.advance.bind_to(host, gathers=0, ends=0, begins=1, part=block.ALL),
+        "place": lambda: None,  # it was done by the last one
     }
-    mask = bodies.cells["mask"].array
-    numbers = {"dt": dt, "mask": mask, "given": np.zeros(len(bodies))}
+    card = {"dt": dt, "mask": mask, "given": np.zeros(len(bodies)), "atoms": forces}
     for name, step in steps.items():
-        card = on_card(bodies) | {key: value.copy() for key, value in atoms.items()} | numbers
-        card["parameters"] = np.array([parameters], Bath.dtype)
+        card |= on_card(bodies) | {"parameters": np.array([parameters], Bath.dtype)}
         step()
         bind(name, card)()
-        yield name, _apart(card["state"], bodies.state)
-        if name == "thermalise":
-            given = card["given"].sum(keepdims=True)
-            yield name, _apart(given, np.array([parameters.heat - HEAT]))
-    card = on_card(bodies) | {"atom_x": np.zeros((n, 3))}
-    bind("place", card)()
-    yield "place", _apart(card["atom_x"].T, atoms["atom_x"].T)
-
-
-def _apart(values: np.ndarray, wanted: np.ndarray) -> float:
-    """The largest difference of two arrays, relative to the largest number of its row."""
-    size = np.abs(wanted).max(axis=-1, keepdims=True)
-    return float((np.abs(values - wanted) / np.where(size > 0.0, size, 1.0)).max())
+        yield name, card["state"], bodies.state
+    yield "place", card["atoms"].T, places.T
+    yield "thermalise", card["given"].sum(keepdims=True), np.array([parameters.heat - heat])
 
 
 # what a kernel reads and writes (its PTX says so): bytes for each body, and for each of its atoms
@@ -363,8 +330,7 @@ def clock() -> list[dict[str, Any]]:
     rows = []
     for n in SIZES:
         bodies = make_bodies(np.full(n, 3), np.tile([[1.8], [1.2], [0.6]], n))
-        zeros = np.zeros((3 * n, 3))
-        host = {"atom_x": zeros, "atom_f": zeros, "mask": np.ones((6, 1)), "given": np.zeros(n)}
+        host = {"atoms": np.zeros((3 * n, 3)), "mask": np.ones((6, 1)), "given": np.zeros(n)}
         host |= on_card(bodies) | {"parameters": np.array([bath(1)], Bath.dtype)}
         arrays = {name: cuda.to_device(array) for name, array in host.items()} | {"dt": 1e-3}
         for name, (each, atom) in BYTES.items():
@@ -386,7 +352,7 @@ def main() -> None:
     if arguments.ptx:
         arguments.ptx.mkdir(parents=True, exist_ok=True)
         major, minor = map(int, arguments.capability.split("."))
-        for name in KERNELS:
+        for name in DOES:
             (arguments.ptx / f"{name}.ptx").write_text(ptx(name, (major, minor)))
         return
     said: dict[str, Any] = {"difference": check()}
