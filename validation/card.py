@@ -1,7 +1,7 @@
 """The passes of a step as kernels for a graphics card: a first step, which no fix uses.
 
-    python -m validation.card               checks them against the host's loops, and times them
-    python -m validation.card --ptx FOLDER  writes them in PTX, for which no card is needed
+    python -m validation.card                   checks them against the host's loops, times them
+    python -m validation.card --ptx FOLDER 9.0  writes them in PTX, for which no card is needed
 
 The first prints JSON. With `NUMBA_ENABLE_CUDASIM=1` numba simulates a card, and nothing is timed.
 
@@ -344,17 +344,16 @@ def clock() -> list[dict[str, Any]]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m validation.card", description=__doc__)
-    parser.add_argument("--ptx", metavar="FOLDER", type=Path, help="write PTX there instead")
     parser.add_argument(
-        "--capability", metavar="X.Y", default="8.0", help="of the card that PTX is for"
+        "--ptx", nargs=2, metavar=("FOLDER", "X.Y"), help="write PTX for cards of this capability"
     )
-    arguments = parser.parse_args()
-    if arguments.ptx:
-        arguments.ptx.mkdir(parents=True, exist_ok=True)
-        major, minor = map(int, arguments.capability.split("."))
+    if asked := parser.parse_args().ptx:
+        major, minor = map(int, asked[1].split("."))
         for name in DOES:
-            (arguments.ptx / f"{name}.ptx").write_text(ptx(name, (major, minor)))
+            Path(asked[0], f"{name}.ptx").write_text(ptx(name, (major, minor)))
         return
+    if not cuda.is_available():
+        parser.error("numba finds no card; with NUMBA_ENABLE_CUDASIM=1 it simulates one")
     said: dict[str, Any] = {"difference": check()}
     if not config.ENABLE_CUDASIM:
         said |= {"card": fsdecode(cuda.get_current_device().name), "times": clock()}
