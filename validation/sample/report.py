@@ -45,7 +45,7 @@ WORKS = tuple(
 )
 GOALS = (
     Column("title", "average", kind="text"),
-    Column("error", "E", kind="number"),
+    Column("error", "E", kind="number", form=".3g"),
     Column("unit", "unit", kind="text"),
     Column("label", "best rival", kind="text"),
     Column("dt", "its step", "fs", "number"),
