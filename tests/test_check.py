@@ -4,6 +4,7 @@ What it prints for rigid parts is put into the script, which LAMMPS then runs.
 """
 
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,6 +16,7 @@ import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
+from conftest import ROOT
 from own_scripts import take, with_lines
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +24,7 @@ from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import parts
 from validation.own import shapes
-from validation.running import lammps_log, whole
+from validation.running import lammps_log, run, whole
 from validation.statistics import measures
 
 
@@ -297,6 +299,30 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     own = take(place / "in.changed", tmp_path / "again")
     (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
+
+
+def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys):
+    """Locks out printed lines that lose fix cmap or its terms of a script as CHARMM-GUI writes it,
+    where this fix begins before the box is made, and a harness that cannot begin such a script."""
+    shutil.copytree(ROOT / "inputs" / "recipes" / "peptide", tmp_path, dirs_exist_ok=True)
+    builder = [sys.executable, "build_cmap.py", ROOT / "inputs"]
+    subprocess.run(builder, cwd=tmp_path, check=True)
+    script = tmp_path / "in.shake"
+    words = ["--rigid", "water", "XH", "--out", str(tmp_path / "out")]
+    assert main(["check", str(script), *words]) == 0
+    told = capsys.readouterr().out
+    assert "1,417 × water, 76 × XH" in told
+    (tmp_path / "in.rigid").write_text(with_lines(script.read_text(), told))
+    shown = script.read_text().replace("econserve", "econserve f_cmap")
+    shown = shown.replace("run             ${steps}", "run 0")
+    before, after = (run_lammps(text).thermo[0] for text in (shown, with_lines(shown, told)))
+    for name in "PotEng", "f_cmap":
+        assert after[name] == pytest.approx(before[name], rel=1e-8)
+    assert before["f_cmap"] < -5
+    own = take(tmp_path / "in.rigid", tmp_path / "again")
+    place, yours = tmp_path / "yours", own.integrators[own.reference]
+    begun = run.run(run.job(own.scene, yours, place, [0], dt=own.scene.dt, every=1))
+    assert begun.thermo["PotEng"][0] == pytest.approx(before["PotEng"], abs=1e-3)
 
 
 def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
