@@ -36,6 +36,11 @@ def forces_within(own, out):
 
 # ---- is the script sound
 
+MESH = (
+    "variable q atom 0.2*(id%2)-0.1\nset group all charge v_q\npair_style lj/cut/coul/long 8.0\n"
+    "pair_coeff * * 0.11 3.75\nkspace_style pppm 1e-3\n"
+)
+
 
 @pytest.mark.parametrize(
     ("words", "pairs"),
@@ -47,6 +52,9 @@ def forces_within(own, out):
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n", 0),
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n"
          "neigh_modify exclude none\n", 15),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}", 0),
+        (f"special_bonds lj/coul 0 0 1\n{MESH}", 3),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}neigh_modify exclude molecule/intra all\n", 0),
         ("special_bonds lj/coul 1 1 1\ngroup some id 1:3\n"
          "neigh_modify exclude molecule/intra some\n", 12),
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude type 1 1\n", 0),
@@ -54,7 +62,8 @@ def forces_within(own, out):
 )  # fmt: skip
 def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
     """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, exclusions that are
-    none, and silence where forces are computed; of a ring of six atoms, as combinatorics has it."""
+    none (also beside a mesh, where LAMMPS lists them), and silence where forces are computed; of a
+    ring of six atoms, as combinatorics has it."""
     path = scripts.rings(tmp_path)
     path.write_text(path.read_text().replace("special_bonds lj/coul 0 0 0\n", words))
     value, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
