@@ -227,7 +227,7 @@ def _lines(answer: Answer) -> Iterator[str]:
         yield from _nearest(answer)
         return
     yield from _beside(answer, choice.best)
-    yield f"{choice.best['place']}, and of the script's timestep:"
+    yield f"{choice.best['place']}, and the script's timestep:"
     yield from (f"    {line}" for line in _input(choice.best))
     yield from choice.best["lost"]
 
