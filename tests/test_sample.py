@@ -15,7 +15,7 @@ from validation.sample import criteria, measure, scenes, schemes
 from validation.sample import plan as plans
 from validation.sample.observables import BY_KEY, of_momentum
 from validation.sample.plan import DIPOLE, Lengths, Runs
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import Estimate, margin
 
 KT = 0.0019872067 * 298.0  # kcal/mol
 N, SAMPLES, VOLUME = 512, 40000, 15360.0
@@ -299,9 +299,10 @@ def checks(
     time=20.0,
     gain=(4.1, 4.05, 4.2),
     error=1e-6,
+    limit=None,
     **numbers,
 ):
-    """The checks of one point, by part."""
+    """The checks of one point, by part; the limit is that of a shorter step, if none is given."""
     deviation = numbers.pop("deviation", None)
     row = {
         "scheme": scheme,
@@ -310,12 +311,18 @@ def checks(
         "ours": True,
         "error": None,
         "dt": dt,
+        "starts": 2,
+        "cost": {"median": 7.2},
     }
     row |= {"faster": {"potential": dict(zip(("value", "low", "high"), gain))}}
     row["deviation"] = deviation and Estimate(deviation, error).plain()
     row["biases"] = {key: Estimate(value, error).plain() for key, value in numbers.items()}
-    summary = {"scene": scene, "temperature": 298.0, "settings": {"time": time}, "others": {}}
-    summary |= {"known": [{"dt": 2.0}], "rows": [row]}
+    lengths = {"time": time, "settle": 5.0}
+    summary = {"scene": scene, "temperature": 298.0, "settings": lengths, "others": {}}
+    short = row | {"scheme": "short", "dt": 2.0, "starts": 1, "cost": {"median": 14.4}}
+    summary |= {"known": [{"dt": 2.0}], "rows": [row, short | {"faster": {}}]}
+    limit = limit or {"points": [["short", 2.0, 1.0]]}
+    summary |= {"limits": dict.fromkeys(numbers, limit)}
     summary |= {"goals": {"potential": {"label": "rigid", "dt": 2.0}}}
     return {check.part: check for check in criteria.checks(summary)}
 
@@ -348,6 +355,20 @@ def test_bounds(key, part, scheme, dt, most):
             assert made[part].holds is holds and made[part].value == value
             unsure = checks(scheme=scheme, dt=dt, error=0.02 * most, **{key: value})
             assert unsure[part].holds is None
+
+
+def test_hours_that_would_tell():
+    """Locks out hours of the point alone, where its limit needs them, too, and of a verdict that is
+    known: an interval three times too wide takes eight times the 0.2 core-hours of both more."""
+    error = 3 * 12.5 / margin(1.0)
+    assert checks(pressure=12.5, error=error)["bias"].note == "1.6 core-hours more would tell"
+    assert not checks(pressure=12.5)["bias"].note
+    known = {"points": [["known", 0.0, 1.0]], "value": 50.0, "error": 6.0 / margin(1.0)}
+    needed = 0.1 * ((37.5**2 - 6**2) / (12.5**2 - 6**2) - 1)  # the limit's error stays
+    note = checks(pressure=12.5, error=error, limit=known)["bias"].note
+    assert note == f"{needed:.2g} core-hours more would tell"
+    note = checks(torque=0.8, error=0.2, limit=known)["bias"].note  # 12 % of 50
+    assert note == "the limit of small steps would have to be known better"
 
 
 def test_what_is_not_judged():

@@ -258,13 +258,17 @@ def table(folder, title, *keys):
     return styled(pages.markdown(found, keys))
 
 
-def checks(folder, *titles):
-    """What is held against bounds, of the parts whose titles begin so; none: of all."""
+def checks(folder, *titles, more=()):
+    """What is held against bounds, of the parts whose titles begin so; none: of all.
+
+    Args:
+        more: keys of further columns.
+    """
     found = said(folder)
     wanted = [title for title in found.parts.values() if title.startswith(titles or "")]
     parts = [one for one in found.all_tables if one.title in wanted]
     rows = [row for part in parts for row in part.rows]
-    keys = "subject", "what", "value", "bound", "verdict"
+    keys = "subject", "what", "value", "bound", "verdict", *more
     return styled(pages.markdown(replace(parts[0], rows=rows), keys))
 
 

@@ -424,7 +424,7 @@ def main() -> None:
             traceback.print_exc()
         text = f"{failure}" or type(failure).__name__
         error = path.parent / "error.txt"
-        if not error.exists():  # the first rank's is kept; whole, since another may end this one
+        if not error.exists():  # the first one is kept, and whole if another rank ends this one
             part = error.with_suffix(f".{WORLD.rank}")
             part.write_text(text)
             part.replace(error)

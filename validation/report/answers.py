@@ -46,19 +46,14 @@ def table(summaries: Iterable[Mapping]) -> Table:
 
 
 def _ordered(summaries):
-    """The longest summary of each scene, in the order of `SCENES`."""
-    longest: dict[str, Mapping] = {}
+    """Of each scene the summary whose best point is the best of all, in the order of `SCENES`."""
+    best: dict[str, Mapping] = {}
     for summary in filter(is_sample, summaries):
-        other = longest.get(summary["scene"])
-        if other is None or _sampled(summary) >= _sampled(other):
-            longest[summary["scene"]] = summary
-    known = longest.values()
+        other = best.get(summary["scene"])
+        if other is None or rivals.reach(summary["rows"]) > rivals.reach(other["rows"]):
+            best[summary["scene"]] = summary
+    known = best.values()
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
-
-
-def _sampled(summary):
-    """ps of each point, of all starts."""
-    return summary["settings"]["time"] * summary["settings"]["starts"]
 
 
 def _name(summary):

@@ -169,7 +169,7 @@ def main() -> None:
             )
         try:
             error = path.parent / "error.txt"
-            if not error.exists():  # the first rank's is kept, whole: another may end this one
+            if not error.exists():  # the first one is kept, and whole if another rank ends this one
                 part = error.with_suffix(f".{MPI.COMM_WORLD.rank}")
                 part.write_text(f"{failure}" or type(failure).__name__)
                 part.replace(error)

@@ -4,9 +4,10 @@ They were set before the data: the errors that users accept today at 2 fs, of hy
 smaller one, and a cost that was set as a goal.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
-from ..statistics.check import Check
+from ..statistics.check import VERDICTS, Check
 from ..statistics.estimate import Estimate
 from . import rivals
 from .observables import BY_KEY, OBSERVABLES
@@ -80,7 +81,8 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
         if numbers.get(key):
             what, unit = _named(key)
             ends: dict = {"low": -within, "high": within, "unit": unit}
-            yield Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+            check = Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+            yield _with_hours(check, summary, key, [row])
 
 
 def _named(key: str) -> tuple[str, str]:
@@ -98,7 +100,33 @@ def _gains(summary: Mapping) -> Iterator[Check]:
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
         found = rivals.estimate(gain, FASTER)
-        yield Check.of("cost", _subject(best), what, found, low=FASTER)
+        check = Check.of("cost", _subject(best), what, found, low=FASTER)
+        known = goal["label"], goal["dt"]
+        rows = [row for row in summary["rows"] if row is best or (row["label"], row["dt"]) == known]
+        yield _with_hours(check, summary, key, rows)
+
+
+def _with_hours(check: Check, summary: Mapping, key: str, rows: Sequence[Mapping]) -> Check:
+    """A check that cannot be told has the core-hours that would tell it, if the number stayed: of
+    these rows, and of the points of their limit, unless another command has found that one."""
+    if check.value is None or check.verdict != VERDICTS[2]:
+        return check
+    limit, known = summary["limits"].get(key, {"points": []}), 0.0
+    points = {(scheme, dt) for scheme, dt, _ in limit["points"]}
+    some = [row for row in summary["rows"] if (row["scheme"], row["dt"]) in points]
+    if len(some) < len(points):
+        some, known = [], Estimate.of(limit).margin
+        known *= 100 / limit["value"] if BY_KEY[key].relative else 1.0
+    some += [row for row in rows if row not in some]
+    if (known and check.part == "cost") or not all(row["cost"] for row in some):
+        return check
+    gap = min(abs(check.value - end) for end in (check.low, check.high) if end is not None)
+    if gap <= known:
+        return replace(check, note="the limit of small steps would have to be known better")
+    lasts = summary["settings"]["settle"] + summary["settings"]["time"]
+    hours = sum(row["starts"] * row["cost"]["median"] for row in some) * lasts / 3600
+    hours *= (check.margin**2 - known**2) / (gap**2 - known**2) - 1
+    return replace(check, note=f"{float(f'{hours:.2g}'):,g} core-hours more would tell")
 
 
 def _subject(row: Mapping) -> str:

@@ -50,6 +50,12 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
     return max(ours, key=_smallest, default=None)
 
 
+def reach(rows: Sequence[Mapping]) -> float:
+    """The smallest gain of the best point; 0 without one."""
+    found = best(rows)
+    return _smallest(found) if found else 0.0
+
+
 def _smallest(row: Mapping) -> float:
     return min(map(_value, row["faster"].values()))  # infinite: the rival never does
 
