@@ -257,7 +257,7 @@ def _ensemble(found, said, atoms):
     if found.state.temp:
         name += f" ({state_words(found.state).strip()})"
     if found.state.temp or not baths:
-        return f"Ensemble: {name}. All else of the script stays."
+        return f"Ensemble: {name}. Everything else in the script stays."
     keeps = "pressure and enthalpy" if found.state.press else "energy"
     told = " and ".join(f"fix {fix_id} ({style})" for fix_id, style in baths.items())
     return (
