@@ -200,12 +200,12 @@ def _forces_within(
     ]
     kspace = [words for words in map(texts, own.said["commands"]) if words[0] == "kspace_style"]
     if kspace and kspace[-1][1] != "none":
-        far = 2.01 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
+        size = 2 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
         more += [
             "group own_others subtract all own_sample",
             "neigh_modify exclude group own_others all",  # a long list else
             "kspace_style none",
-            f"pair_style zero {far:g}",
+            f"pair_style zero {1.01 * size or 1.0:g}",
             "pair_coeff * *",
         ]
     result = run.once(
