@@ -182,7 +182,8 @@ def test_each_rotation_to_four_ulp(axis, small):
     L[axis] = 2 * moment * angle / dt * rng.choice([-1, 1], n)
     p = 2.0 * product(q, L)
     turned, kicked = q.copy(), p.copy()
-    rotate_once(axis, turned, kicked, moment, dt, small)
+    named = {"axis": axis, "q": turned, "p": kicked, "moment": moment, "dt": dt, "small": small}
+    rotate_once.bind_to(named)()
 
     permuted = P[axis] @ q
     zeta = dt * (
