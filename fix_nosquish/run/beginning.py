@@ -137,7 +137,9 @@ def init(integrator: "Integrator") -> None:
     integrator.take_time_step()
     integrator.cards = cards.find(integrator)
     wrong = integrator.cards.problem(
-        energy=integrator.needs_energy, flips=integrator.flips, counts=bool(host.counts)
+        energy=integrator.needs_energy,
+        levels=bool(integrator.respa_dt),
+        counts=bool(host.counts),
     )
     refuse(wrong, wrong)
     _open_table(integrator)

@@ -23,11 +23,12 @@ class Cards(NamedTuple):
     kokkos: str = ""
     number: int = 0
 
-    def problem(self, *, energy: bool, flips: bool, counts: bool) -> str:
+    def problem(self, *, energy: bool, levels: bool, counts: bool) -> str:
         """Why a run would be wrong; empty if it is not.
 
         Args:
-            energy, flips: `needs_energy` and `flips` of the integrator.
+            energy: `needs_energy` of the integrator.
+            levels: whether the run has those of run_style respa.
             counts: that of its host.
         """
         if self.gpu and counts:
@@ -36,20 +37,23 @@ class Cards(NamedTuple):
                 "forces here that the pressure must not count, and nothing tells the two apart: "
                 "use pair styles without the suffix gpu, or leave that fix out"
             )
+        if self.gpu and levels:
+            return (
+                "with run_style respa the package GPU begins a run with the forces of pairs in the "
+                "outermost level, whichever they belong to: use pair styles without the suffix gpu"
+            )
         if self.kokkos not in ("", "double"):
             return (
                 f"this KOKKOS has {self.kokkos} precision, and rounds the positions that this fix "
                 "gives atoms: use one that was built with KOKKOS_PREC=double"
             )
-        within_a_step = {
-            "hybrid Monte Carlo has forces computed anew": energy,
-            "tilts that change send atoms to other ranks": flips,
-        }
-        what = next((what for what, asked in within_a_step.items() if asked), "")
-        if self.number and what:
+        if self.number and (energy or levels):
+            what = "hybrid Monte Carlo has forces computed anew within a step"
+            if levels:
+                what = "run_style respa has forces computed by levels"
             return (
-                f"{what} within a step, where KOKKOS does not bring all arrays to the card and "
-                "back: start LAMMPS without -k on, or use a KOKKOS that was built for the host only"
+                f"{what}, and KOKKOS then leaves them on the card: start LAMMPS without -k on, or "
+                "use a KOKKOS that was built for the host only"
             )
         return ""
 
