@@ -43,7 +43,7 @@ def with_lines(text, told):
     """A script with what a verb tells of it: lines in the place of the last of the fixes that go,
     of its timestep, if it says so, and without commands that name these fixes."""
     kept, lost = text.replace("&\n", "").splitlines(), []
-    (place,) = re.findall(r"In the place of .*", told)
+    (place,) = re.findall(r"These lines.* replace .*", told)
     for named in re.findall(r"have to go, too: (.*)\.", told):
         lost += named.split("; ")
     ids = re.findall(r"fix (\S+) \(", place)

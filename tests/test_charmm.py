@@ -6,6 +6,9 @@ by the error of the step.  The body styles run one after the other in one proces
 fails may fail those after it too.
 """
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from conftest import ROOT
@@ -138,6 +141,35 @@ def test_virial_of_bonded_bodies(run_lammps, ranks):
     rows = run_lammps(f"{text}run 10\nrun 0\n", **how).thermo
     assert np.abs(rows["Volume"][-1] / rows["Volume"][0] - 1) > 1e-3
     assert rows["E_long"][-1] == pytest.approx(rows["E_long"][-2], rel=1e-9)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_cross_terms(run_lammps, tmp_path, ranks):
+    """Locks out bodies that miss the forces of fix cmap, whose atoms are in bodies and beside them,
+    and a barostat that leaves out its virial: motion is that of rigid/nve, and the virial that of
+    compute pressure."""
+    builder = ROOT / "inputs" / "recipes" / "peptide" / "build_cmap.py"
+    subprocess.run([sys.executable, builder, ROOT / "inputs"], cwd=tmp_path, check=True)
+
+    def crossed(text):
+        lines = "fix cmap all cmap charmm22.cmap\nfix_modify cmap energy yes\n"
+        lines += "read_data data.cmap fix cmap crossterm CMAP"
+        return text.replace(f"read_data {FOLDER}/data.peptide.gz", lines)
+
+    theirs, ours = (
+        run_lammps(
+            crossed(script(fix, ("molecule",), DT, STEPS)).replace("fmax", "fmax f_cmap"),
+            ranks=number,
+        ).thermo
+        for fix, number in ((RIGID, 1), (LIKE_LAMMPS, ranks))
+    )
+    for name in "Temp", "TotEng", "f_cmap":
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-10)
+    assert theirs["f_cmap"][0] < -5 and np.ptp(theirs["f_cmap"]) > 0.1
+    text = crossed(f"{SETUP}group rest subtract all rigid\nfix 2 rest nve\ntimestep 0.25\n{FORCES}")
+    text += 'fix 1 rigid python/move "mine.Tells rigid molecule iso 1 5000 5 every 1 dilate all"\n'
+    told = run_lammps(f"{text}run 10\n", files={"mine.py": TELLS}, ranks=ranks)
+    assert_lammps_virial(told)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -4,6 +4,7 @@ What it prints for rigid parts is put into the script, which LAMMPS then runs.
 """
 
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,6 +16,7 @@ import needs_extra  # noqa: F401  the extra validation
 import numpy as np
 import pytest
 import scripts
+from conftest import ROOT
 from own_scripts import take, with_lines
 from scipy.spatial.transform import Rotation
 
@@ -22,7 +24,7 @@ from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import parts
 from validation.own import shapes
-from validation.running import lammps_log, whole
+from validation.running import lammps_log, run, whole
 from validation.statistics import measures
 
 
@@ -33,6 +35,11 @@ def forces_within(own, out):
 
 
 # ---- is the script sound
+
+MESH = (
+    "variable q atom 0.2*(id%2)-0.1\nset group all charge v_q\npair_style lj/cut/coul/long 8.0\n"
+    "pair_coeff * * 0.11 3.75\nkspace_style pppm 1e-3\n"
+)
 
 
 @pytest.mark.parametrize(
@@ -45,6 +52,9 @@ def forces_within(own, out):
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n", 0),
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n"
          "neigh_modify exclude none\n", 15),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}", 0),
+        (f"special_bonds lj/coul 0 0 1\n{MESH}", 3),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}neigh_modify exclude molecule/intra all\n", 0),
         ("special_bonds lj/coul 1 1 1\ngroup some id 1:3\n"
          "neigh_modify exclude molecule/intra some\n", 12),
         ("special_bonds lj/coul 1 1 1\nneigh_modify exclude type 1 1\n", 0),
@@ -52,7 +62,8 @@ def forces_within(own, out):
 )  # fmt: skip
 def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
     """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, exclusions that are
-    none, and silence where forces are computed; of a ring of six atoms, as combinatorics has it."""
+    none (also beside a mesh, where LAMMPS lists them), and silence where forces are computed; of a
+    ring of six atoms, as combinatorics has it."""
     path = scripts.rings(tmp_path)
     path.write_text(path.read_text().replace("special_bonds lj/coul 0 0 0\n", words))
     value, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
@@ -297,6 +308,30 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     own = take(place / "in.changed", tmp_path / "again")
     (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
+
+
+def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys):
+    """Locks out printed lines that lose fix cmap or its terms of a script as CHARMM-GUI writes it,
+    where this fix begins before the box is made, and a harness that cannot begin such a script."""
+    shutil.copytree(ROOT / "inputs" / "recipes" / "peptide", tmp_path, dirs_exist_ok=True)
+    builder = [sys.executable, "build_cmap.py", ROOT / "inputs"]
+    subprocess.run(builder, cwd=tmp_path, check=True)
+    script = tmp_path / "in.shake"
+    words = ["--rigid", "water", "XH", "--out", str(tmp_path / "out")]
+    assert main(["check", str(script), *words]) == 0
+    told = capsys.readouterr().out
+    assert "1,417 × water, 76 × XH" in told
+    (tmp_path / "in.rigid").write_text(with_lines(script.read_text(), told))
+    shown = script.read_text().replace("econserve", "econserve f_cmap")
+    shown = shown.replace("run             ${steps}", "run 0")
+    before, after = (run_lammps(text).thermo[0] for text in (shown, with_lines(shown, told)))
+    for name in "PotEng", "f_cmap":
+        assert after[name] == pytest.approx(before[name], rel=1e-8)
+    assert before["f_cmap"] < -5
+    own = take(tmp_path / "in.rigid", tmp_path / "again")
+    place, yours = tmp_path / "yours", own.integrators[own.reference]
+    begun = run.run(run.job(own.scene, yours, place, [0], dt=own.scene.dt, every=1))
+    assert begun.thermo["PotEng"][0] == pytest.approx(before["PotEng"], abs=1e-3)
 
 
 def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):

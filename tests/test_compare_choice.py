@@ -27,7 +27,7 @@ def row(dt, name="nosquish", cost=(1.0,), **errors):
         **{"is_reference": False, "asked": True, "alone": False, "cpu": None, "without": []},
         **{
             "cost": None if cost is None else measures.spread(cost),
-            "place": "In the place of fix 1 (nve)",
+            "place": "These lines replace fix 1 (nve)",
         },
         **{"errors": told, "signed": told, "by_itself": told, "lost": [], "command": ""},
     }

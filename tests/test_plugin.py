@@ -673,6 +673,7 @@ def test_mpirun_of_another_mpi(run_lammps):
     for rank in "01":
         launcher = [*start, f"PMIX_RANK={rank}", f"OMPI_COMM_WORLD_RANK={rank}", *LAUNCHERS["lmp"]]
         said.append(run_lammps("info system", launcher=launcher, check=False).screen)
-    assert f"needs its own: {BIN / 'mpirun'}" in said[0] and "Open MPI's mpirun" in said[0]
+    cure = f"Use the mpirun of the Python package mpich, {BIN / 'mpirun'}"
+    assert cure in said[0] and "Open MPI's mpirun" in said[0]
     assert "fix_nosquish: " not in said[1]
     assert "fix_nosquish: " not in run_lammps("info system", ranks=2, launcher="lmp").screen

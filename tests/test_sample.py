@@ -490,7 +490,7 @@ def test_a_folder_keeps_what_there_is(measured, tmp_path, monkeypatch):
     assert __main__.main(twice) == 0
     rows = json.loads((folder / "summary.json").read_text())["rows"]
     assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 3
-    told = "No average has start 2, which failed: no sign of life."
+    told = "Start 2 failed and is left out of all averages: no sign of life."
     assert told in (folder / "report.html").read_text()
     lost.append(1)
     assert __main__.main([*twice, "--out", str(tmp_path)]) == 1

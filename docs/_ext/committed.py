@@ -346,18 +346,18 @@ def own_scripts():
     for found in known.values():
         unit = "τ" if found["units"] == "lj" else "fs"
         best = found["advised"]
-        name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "no step for sure"
+        name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "none for sure"
         own = f"{plain(found['dt'])}{NBSP}{unit}"
         title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
         line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
         longer = (found.get("confirmed") or {"points": []})["points"]
         line += [_confirmed(row, found["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
-        lines.append(line)
-    head = ["script", "its step", "budget, minutes", "advised", "minutes that would tell, about"]
+        lines.append([*line, found["versions"]["package"]])
+    head = ["script", "its step", "budget, minutes", "advised", "minutes that would decide, about"]
     if confirms:
-        head += ["ten times as long", "1.5 times that step"]
-    return markdown(head, lines)
+        head += ["a run ten times as long", "one with 1.5 times that step"]
+    return markdown([*head, "package"], lines)
 
 
 def step_zero():
@@ -433,7 +433,8 @@ def _made(found):
     versions = found["versions"]
     return (
         f"`{found['command']}`, {found['date'][:10]}, on {found['machine']['cpu']}. "
-        f"LAMMPS {versions['lammps']}, package {versions['package']}."
+        f"LAMMPS {versions['lammps']}, fix_nosquish {versions['fix_nosquish']} "
+        f"(checksum {versions['package']})."
     )
 
 

@@ -327,7 +327,7 @@ class Bodies:
                 f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
                 f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
                 "bodies, and change positions between runs only, with 'run N pre yes' after it, "
-                "and not with reinit no or infile, which keep the bodies of the last run"
+                "and without reinit no or infile, which keep the bodies of the last run"
             ),
         )
 

@@ -211,9 +211,9 @@ def _beside_lines(
         lambda k: (
             f"{members.membership.name(members.ids[members.body[k]])} has its mass in a line, and "
             f"atom {members.tag[k]} (mass {members.atom_mass[k]:g}) is {off[k]:.3g} away from it: "
-            "the body has no moment of inertia about this line (less than 1e-7 of the largest "
-            "one), so torques about it would be lost. Give atoms beside the line a larger mass, or "
-            "move them onto it; those that feel no force can be left out of the group"
+            "without a moment of inertia about the line, its torque would be lost. Give the atom a "
+            "larger mass, move it onto the line, or, if it feels no force, leave it out of the "
+            "group"
         ),
     )
     dipole = np.zeros_like(kept.r) if members.particles is None else members.particles.dipole.T

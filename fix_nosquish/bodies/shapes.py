@@ -224,9 +224,9 @@ def _say(
     if part > most:
         raise RunError(
             f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
-            f"the body's shape has it, {part:.2g} times its size. Bodies that a periodic face cuts "
-            "are torn when the boundary changes, or the box without 'remap'; IDs must stay as they "
-            "are. If the new shape is meant, unfix this fix and define it again",
+            f"the body's shape has it, {part:.2g} times its size. Keep the atoms' IDs and the "
+            "boundary, and change the box with 'remap'; or, if the new shape is meant, unfix this "
+            "fix and define it again",
             everywhere=True,
         )
     count = members.communicator.count(which.sum())

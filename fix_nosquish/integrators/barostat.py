@@ -107,16 +107,15 @@ class Barostat(Part):
         if found == OUT_OF_BOUNDS:
             every = self.ensemble.box_every
             rare = (
-                f"Give keyword every 1: the box changes in one of {every} steps now. Without "
-                "this keyword a longer PDAMP does not help, because the box then changes more "
-                "rarely. If it is not enough, give a longer PDAMP, too"
+                f"give keyword every 1 (the box changes in one of {every} steps now), and a longer "
+                "PDAMP as well if that is not enough"
             )
             return (
                 f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
                 f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
                 "the one asked for, or PDAMP is too short. "
-                f"{'Give a longer PDAMP' if every == 1 else rare}, or bring the system near "
-                "this pressure at constant volume first"
+                "Bring the system near this pressure at constant volume first, or "
+                f"{'give a longer PDAMP' if every == 1 else rare}"
             )
         return ""
 
@@ -217,11 +216,11 @@ class Barostat(Part):
         others = [fix.id for fix in looked_at if not fix.virial_in_press]
         if counted and others:
             raise RunError(
-                f"fixes {counted[0]} and {others[0]} both change forces on atoms of bodies, or "
-                "that shake holds, or that stay where they are when the box changes, and the "
-                "virial counts those of the first one only. If the second one is a thermostat, "
-                "take another one that changes velocities, such as fix nosquish/npt for bodies "
-                "and fix nvt or temp/csvr for other atoms; else leave one of them out",
+                f"fixes {counted[0]} and {others[0]} both change forces on atoms that are in "
+                "bodies, that shake constrains or that do not move with the box, and the virial "
+                "counts those of the first one only. Leave one of them out, or, if the second one "
+                "is a thermostat, take one that changes velocities: fix nosquish/npt for bodies, "
+                "fix nvt or temp/csvr for other atoms",
                 everywhere=True,
             )
         self.host.counts = bool(others)

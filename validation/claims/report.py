@@ -36,7 +36,7 @@ def _answer(claims: Claims, summary: dict) -> str:
             parts[check["verdict"]].append(claims.parts[check["part"]])
     held, lost, unknown = parts.values()
     told = f"{len(held)} of {len(held + lost + unknown)} {claims.noun} hold"
-    for words, some in ("do not", lost), ("cannot be told", unknown):
+    for words, some in ("do not", lost), ("are undecided", unknown):
         where = ", ".join(f"{part} ({some.count(part)})" for part in dict.fromkeys(some))
         told += f"; {len(some)} {words}: {where}" if some else ""
     return f"{told}."

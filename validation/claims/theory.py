@@ -289,15 +289,16 @@ def judge(found: Found, bench: Bench) -> dict:
 
 CLAIMS = Claims(
     "Whether the theory holds",
-    "Does NO_SQUISH keep what section II of the paper proves of it?",
-    "numbers that the paper's theory bounds",
+    "Does NO_SQUISH have the properties that section II of the paper proves?",
+    "numbers with a bound from the paper's theory",
     PARTS,
     plan,
     judge,
     notes={
-        "Forward and back": "Two water molecules of inputs/water_dimer at their own time step: N "
-        "steps, all velocities reversed, N steps of a new run. Fixes that keep a state of their "
-        "own make it anew of the atoms then, which costs a rounding error: that after one step.",
+        "Forward and back": "Two water molecules of inputs/water_dimer at their usual time step: N "
+        "steps, then all velocities are reversed, then N steps of a new run. A fix with a state of "
+        "its own makes it anew from the atoms there, which costs a rounding error. The number for "
+        "one step shows it.",
         "Symplectic": "A step of two bodies that attract each other, from a start that is moved in "
         "each of the 24 directions of their phase space. Derivatives are central differences in "
         "LAMMPS, extrapolated twice, which resolve 1e-8. Both sides of (2.42) are compared on "

@@ -148,7 +148,7 @@ class Case:
         said of commands that they cannot have beside them."""
         lines = integrator.commands(self.scene)
         if self.own is None:
-            return lines, "In the place of what moves the atoms", []
+            return lines, "These lines replace what moves the atoms", []
         found = self.own.found
         gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
         lost = schemes.naming(gone, self.own.said["commands"], lines)

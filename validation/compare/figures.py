@@ -20,10 +20,11 @@ MAIN = "energy_sd", "energy", "drift"  # the first of these that there is
 SHOWN = (integrators.OURS, "rigid/nve", "rigid", "shake-1e-8", "gear")
 MORE = (PURPLE, "P"), (SKY, "X"), (RED, "v"), (INK, "D")
 READ = (
-    f"Left and down is better. Whiskers: the error's {SURE} interval, and the run time from the "
-    "least of its repeats to their median. A pale point with an arrow is what an error is at most, "
-    "where it cannot be told from zero. Numbers are steps of ours. Above: the lines' names, and "
-    "which steps run; a cross is a step that fails."
+    f"Further left and further down is better. Vertical bars: {SURE} interval of the error. "
+    "Horizontal bars: run time, from the shortest repetition to the median. A pale point with an "
+    "arrow is an upper bound, where the error is not significantly different from zero. Numbers "
+    "are our time steps. The upper part names the lines, and shows which steps run; a cross is a "
+    "step that fails."
 )
 
 

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from ..pages import Column, Figure, Said, Table, ranks_of
+from ..pages import Column, Figure, Said, Table, digits, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from . import figures
@@ -227,7 +227,7 @@ def _lines(answer: Answer) -> Iterator[str]:
         yield from _nearest(answer)
         return
     yield from _beside(answer, choice.best)
-    yield f"{choice.best['place']}, and of the script's timestep:"
+    yield f"{choice.best['place']}, and the script's timestep:"
     yield from (f"    {line}" for line in _input(choice.best))
     yield from choice.best["lost"]
 
@@ -295,7 +295,7 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
 
 def _cost(point: Measured) -> str:
     """The least time: what else the machine does makes the others longer."""
-    return f"{point['cost']['min']:.3g}" if point["cost"] else "–"
+    return digits(point["cost"]["min"]) if point["cost"] else "–"
 
 
 def _tables(answer: Answer) -> list[Table]:

@@ -232,11 +232,11 @@ def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
 
 
 def place(gone: Mapping[str, str]) -> str:
-    """Where lines stand that take the place of fixes, by ID."""
+    """What lines replace, and where they stand: of fixes, by ID."""
     fixes = [f"fix {fix_id} ({style_of(line)})" for fix_id, line in gone.items()]
     if len(fixes) < 2:
-        return f"In the place of {(fixes or ['what moves its atoms'])[0]}"
-    return f"In the place of the last of {' and '.join(fixes)}, which all go"
+        return f"These lines replace {(fixes or ['what moves its atoms'])[0]}"
+    return f"These lines, at the place of the last one, replace {' and '.join(fixes)}"
 
 
 def naming(gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]) -> list[str]:
@@ -257,7 +257,7 @@ def _ensemble(found, said, atoms):
     if found.state.temp:
         name += f" ({state_words(found.state).strip()})"
     if found.state.temp or not baths:
-        return f"Ensemble: {name}. All else of the script stays."
+        return f"Ensemble: {name}. Everything else in the script stays."
     keeps = "pressure and enthalpy" if found.state.press else "energy"
     told = " and ".join(f"fix {fix_id} ({style})" for fix_id, style in baths.items())
     return (

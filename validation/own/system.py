@@ -323,7 +323,8 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
             continue
         if word == "group" and rest[1:2] != ["dynamic"]:  # the state has it
             continue
-        early = number < box and word != "fix"  # whose values of atoms the state has
+        # a fix that begins before the box, as cmap does, finds its values of atoms in the state
+        early = number < box and word not in ("fix", "fix_modify")
         (before if early else behind).append((number, line))
     return before + behind
 

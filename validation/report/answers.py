@@ -1,5 +1,5 @@
 """The answer to the reader's question, from the summaries of `sample`: for each scene the point of
-ours that is best beside the rivals, and how much less time its averages take to the same error."""
+ours that is best beside the rivals, and its speed-up at the same error of each average."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -16,21 +16,21 @@ COLUMNS = (
     Column("scheme", "ours", kind="text"),
     Column("dt", "step", "fs", "number"),
     Column("average", "average", kind="text"),
-    Column("error", "error to reach", kind="number", form=".3g"),
-    Column("unit", "", kind="text"),
-    Column("bias", "bias", "the same", "estimate"),
+    Column("goal", "error to reach", kind="number", form=".3g"),
+    Column("bias", "bias", kind="estimate"),
+    Column("unit", "unit", kind="text"),
     Column("rival", "best rival", kind="text"),
     Column("rival dt", "its step", "fs", "number"),
-    Column("gain", "CPU time", "times less", "interval"),
+    Column("gain", "speed-up", "95 % CI", "interval"),
     Column("command", "command", kind="code"),
 )
 NOTE = (
-    "The error to reach is the largest bias that the best rival, at its best step, may have: the "
-    "upper end of its 95 % interval, and at least a bound that was set before the data. Compared "
-    "is the CPU time after which bias² + variance is twice its square, with its 95 % interval. Of "
-    "each average the best rival is the one that takes the least. Ours is one point for all "
-    "averages of a scene: that whose smallest gain is the largest. 0: the bias is too large, or "
-    "may be."
+    "The speed-up is the CPU time of the best rival divided by ours, until bias² + variance is "
+    "twice the square of the error to reach. This error is the upper end of the 95 % interval of "
+    "the rival's bias, and at least a bound that was set before the data were taken. For each "
+    "average, the best rival is the one of LAMMPS's fixes, at its best step, that takes the least "
+    "time. Ours is one scheme and step for all averages of a liquid: the one whose smallest "
+    "speed-up is the largest. 0 means that our bias is too large, or may be."
 )
 
 
@@ -42,7 +42,7 @@ def is_sample(summary: Mapping) -> bool:
 def table(summaries: Iterable[Mapping]) -> Table:
     """A row for each average of each scene."""
     rows = [row for summary in _ordered(summaries) for row in _answers(summary)]
-    return Table("How much less time, to the same error", COLUMNS, rows, note=NOTE)
+    return Table("Speed-up at the same error", COLUMNS, rows, note=NOTE)
 
 
 def _ordered(summaries):
@@ -71,7 +71,7 @@ def _answers(summary):
             "scheme": best["label"],
             "dt": best["dt"],
             "average": BY_KEY[key].title,
-            "error": goal["error"],
+            "goal": goal["error"],
             "unit": BY_KEY[key].unit,
             "bias": best["biases"][key],
             "rival": goal["label"],
@@ -86,26 +86,26 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
     """What the page begins with: one for each scene."""
     told: dict[tuple, list[str]] = {}
     for row in rows:
-        gain = f"{row['average']} {times_less(row['gain'])}"
+        gain = f"{row['average']} {speed_up(row['gain'])}"
         told.setdefault((row["scene"], row["scheme"], row["dt"]), []).append(gain)
     return [
-        f"{scene[0].upper()}{scene[1:]}: {scheme} at {dt:g} fs. CPU time to the same error, beside "
-        f"the best rival at its best step: {', '.join(gains)}."
+        f"{scene[0].upper()}{scene[1:]}: {scheme} at {dt:g} fs. Speed-up at the same error, over "
+        f"the best of LAMMPS's fixes at its best step: {', '.join(gains)}."
         for (scene, scheme, dt), gains in told.items()
     ]
 
 
-def times_less(gain: Mapping) -> str:
-    """How much less time ours takes, with its interval."""
+def speed_up(gain: Mapping) -> str:
+    """The rival's time divided by ours, with its interval."""
     value, low, high = (digits(gain[name], 2) for name in ("value", "low", "high"))
-    return f"{value} times less (95 % CI {low}–{high})"
+    return f"{value} (95 % CI {low}–{high})"
 
 
 def defeats(rows: Sequence[Mapping]) -> list[str]:
-    """Where ours is not known to need less time than the best rival."""
+    """Where ours is not significantly faster than the best rival."""
     return [
-        f"{row['scene']}, {row['average']}: beside {row['rival']} at {row['rival dt']:g} fs, "
-        f"{times_less(row['gain'])}"
+        f"{row['scene']}, {row['average']}: speed-up {speed_up(row['gain'])} over {row['rival']} "
+        f"at {row['rival dt']:g} fs"
         for row in rows
         if row["gain"]["low"] is not None and row["gain"]["low"] <= 1
     ]
@@ -118,7 +118,7 @@ def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
         scene, average = row["scene"], row["average"]
         found[scene, "step, fs"] = f"{row['dt']:g}"
         found[scene, f"bias of {average}, {row['unit']}"] = Estimate.of(row["bias"]).text()
-        found[scene, f"CPU time to the same error of {average}"] = times_less(row["gain"])
+        found[scene, f"speed-up at the same error of {average}"] = speed_up(row["gain"])
         found[scene, "CPU time of a ps, s"] = f"{row['cost']['median']:.3g}"
     return found
 

@@ -14,7 +14,7 @@ from ..pages import Column, Said, Section, Table
 from ..pages.rendering import page
 from . import answers
 
-TITLE = "Rigid bodies in LAMMPS: how long a step, what it gains, at what error"
+TITLE = "Rigid bodies in LAMMPS: time step, speed-up and error"
 ORDER = "sample", "compare", "stress", "cost", "claims", "check"  # of the verbs' sections
 RELEASES = RESULTS / "releases.csv"
 BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  # of any file
@@ -86,7 +86,12 @@ def releases() -> Table:
         with open(RELEASES, newline="") as file:
             rows = list(csv.DictReader(file))
     columns = [Column(name, name, kind="text") for name in (rows[0] if rows else ())]
-    return Table("Release by release", columns, rows, note="Each row is to stay, or get better.")
+    return Table(
+        "Release by release",
+        columns,
+        rows,
+        note="No release should make one of these numbers worse.",
+    )
 
 
 def release(name: str, sections: Sequence[Section]) -> None:

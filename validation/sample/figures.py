@@ -21,9 +21,9 @@ TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
 
 
 def precision(summary: Mapping) -> Figure | None:
-    """Total error of averages, of bias and noise, against the time that one core spends. Of each
-    scheme the best step at each time, in fs at the marks. The error of a bias counts as bias: it is
-    what these runs cannot exclude. Dashed: the bounds."""
+    """Total error of averages, from bias and noise, against CPU time. Each line is a scheme, with
+    its best step at each time; numbers at the marks are steps in fs. The error of a bias counts as
+    bias, because these runs cannot exclude it. Dashed: the bounds."""
 
     def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
         numbers = ((row["biases"][key], row["noise"][key]) for row in rows)
@@ -38,19 +38,19 @@ def precision(summary: Mapping) -> Figure | None:
         return TIMES[-1], line[-1]
 
     def scale(axis: Axes, key: str) -> None:
-        axis.set(xscale="log", yscale="log", xlabel="time of one core (s)")
+        axis.set(xscale="log", yscale="log", xlabel="CPU time (s)")
         axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(NullFormatter())
 
-    said = "CPU time to the same error of U/N, beside {rival}:\n{gain}"
+    said = "speed-up at the same error of U/N, over {rival}:\n{gain}"
     return _panels(summary, "noise", "total error", said, draw, scale)
 
 
 def bias(summary: Mapping) -> Figure | None:
-    """Distance of averages from the limit of small steps, against the step. Whiskers: 95 %
-    intervals, the limit's error and its correlation with the point included. Dashed: the bounds.
-    The axis is linear up to 4 times a bound, and logarithmic beyond."""
+    """Distance of averages from the limit of small steps, against the time step. Bars: 95 %
+    intervals, which include the error of the limit. Dashed: the bounds. The axis is linear up to 4
+    times a bound, and logarithmic beyond."""
 
     def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
         steps, values = (
@@ -98,7 +98,7 @@ def _panels(
         scale(axis, key)
         axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
     for row in answers.table([summary]).rows[:1]:  # of the energy
-        words = {"gain": answers.times_less(row["gain"])}
+        words = {"gain": answers.speed_up(row["gain"])}
         words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
         words |= {"bias": Estimate.of(row["bias"]).text()}
         message(figure, f"{row['scene']}, {row['dt']:g} fs: {said.format(**words)}")

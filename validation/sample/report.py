@@ -45,7 +45,7 @@ WORKS = tuple(
 )
 GOALS = (
     Column("title", "average", kind="text"),
-    Column("error", "E", kind="number", form=".3g"),
+    Column("goal", "E", kind="number", form=".3g"),
     Column("unit", "unit", kind="text"),
     Column("label", "best rival", kind="text"),
     Column("dt", "its step", "fs", "number"),
@@ -56,46 +56,46 @@ TO_ERROR = "How many times less time than the best rival"
 FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
 ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")
 NOTES = {
-    "biases": "Means less their limit. The limit's error counts, and so does that a point may be a "
-    "part of it. U(h) = U₀ + a h² is fitted to all points with short steps of the schemes that "
-    "sample the same distribution, with one U₀ and a factor a of each scheme, and a term in h⁴ "
-    "where a scheme has four steps or more. rigid/nvt/small is held against it, but is no part of "
-    "it: it counts three degrees of freedom of the total momentum, so its limit is another. "
-    "OpenMM has the scene's forces, so its points are held against LAMMPS's limit. GROMACS has no "
-    "Coulomb forces that end so: it runs with a reaction field, and has its own limit.",
+    "biases": "The mean minus the limit of small steps. The interval includes the error of the "
+    "limit, and its correlation with the point. For the limit, U(h) = U₀ + a h² is fitted to all "
+    "points with short steps of the schemes that sample the same distribution. U₀ is common to "
+    "all, a differs from scheme to scheme, and a scheme with four steps or more has a term in h⁴, "
+    "too. rigid/nvt/small is compared with this limit but not part of the fit, because it counts "
+    "three degrees of freedom of the total momentum and so has another limit. OpenMM has the "
+    "scene's forces, so its points are compared with LAMMPS's limit. GROMACS does not support this "
+    "Coulomb cutoff: it runs with a reaction field, and has its own limit.",
     "U/N": "Potential energy of a molecule.",
-    "pressure": "At constant volume with what a total momentum that is kept at zero takes off; at "
-    "constant pressure that of the barostat is the limit.",
-    "heat capacity": "Of configurations: var(U) / (kT)², in per cent of the limit.",
+    "pressure": "At constant volume corrected for a total momentum that is kept at zero. At "
+    "constant pressure the limit is the pressure of the barostat.",
+    "heat capacity": "The configurational part, var(U) / (kT)², in per cent of the limit.",
     "squared torque": "Mean squared torque of the forces on a molecule about its centre, in per "
-    "cent of the limit: how sharply libration is sampled.",
-    "dipole fluctuation": "⟨M²⟩ / (3 ε₀ V kT) of the whole's dipole M, in per cent of the limit: "
-    "what a dielectric constant is made of.",
+    "cent of the limit. It measures how well librations are sampled.",
+    "dipole fluctuation": "⟨M²⟩ / (3 ε₀ V kT) of the total dipole M, in per cent of the limit. The "
+    "dielectric constant follows from it.",
     "temp, T_trans, T_rot": "LAMMPS's temp, and the temperatures of the molecules' centres and of "
-    "their rotation, less the thermostat's. temp counts three degrees of freedom less than "
-    "Langevin's thermostats move.",
+    "their rotation, minus that of the thermostat. temp counts three degrees of freedom less than "
+    "a Langevin thermostat moves.",
     "K": "How far mean and width of the bodies' kinetic energy are from the canonical "
-    "distribution, in standard deviations, by physical_validation; the larger one counts. A bias "
-    "that is there grows in these units with the length of the run.",
+    "distribution, in standard deviations, by physical_validation; the larger one counts. A true "
+    "bias grows in these units with the length of the run.",
     "density, κ of V's sd": "Mean density, and the compressibility var(V) / (kT ⟨V⟩).",
     "two states": "How far the slope of the logarithm of the ratio of two distributions is from "
     "the exact one, in standard deviations, by physical_validation: of enthalpies at two "
     "temperatures, of volumes at two pressures. The first state is that of the scheme with the "
     "same name, at the same step.",
-    "2τ, cost": "Time of one independent sample, and the time that one core had for a ps, without "
-    "output, all points in turn.",
-    "sample of the slowest": "Cost times the largest of these 2τ: time of one core for an "
-    "independent sample.",
-    "E": "The error that an average is to reach: the upper end of the 95 % interval of the bias of "
-    "the rival, of LAMMPS, that has the smallest one, and at least the bound.",
-    "times less": "How many times less time of one core a point takes than the best rival until "
-    f"bias² + variance = 2 E², with the {SURE} interval. The best rival is the one that takes the "
-    "least. 0: the bias alone is significantly above E, or too large to reach it. ∞: that of the "
-    "rival may be.",
-    "core-hours": "How much longer the point and the points of its limit would have to run for a "
-    "verdict, if the number stayed where it is.",
-    "clock": "Of another engine the time of the whole run by the clock, on a core that others may "
-    "have used, too. It compares nothing.",
+    "2τ, cost": "Simulated time per independent sample, and CPU time per ps without output. All "
+    "points were timed in turn.",
+    "sample of the slowest": "Cost times the largest of these 2τ: CPU time per independent sample "
+    "of the slowest average.",
+    "E": "The error to reach: the upper end of the 95 % interval of the bias of the best of "
+    "LAMMPS's fixes, and at least the bound.",
+    "times less": "CPU time of the best rival divided by that of the point, until bias² + variance "
+    f"= 2 E², with the {SURE} interval. The best rival is the one of LAMMPS's fixes that takes the "
+    "least time. 0 means that the bias alone is above E, or may be; ∞ that the rival's may be.",
+    "core-hours": "CPU time that the point and those of its limit would need in addition for a "
+    "verdict, if the number did not change.",
+    "clock": "Wall time of the whole run of another engine, on a core that may have had other "
+    "work. Do not compare engines by it.",
 }
 
 
@@ -104,13 +104,17 @@ def said(summary: dict) -> Said:
     rows, settings = [_flat(row) for row in summary["rows"]], summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
-    length = f"{settings['time']:g} ps of each point from {starts}, after {settings['settle']:g} ps"
+    each = "each of " if settings["starts"] > 1 else ""
+    length = (
+        f"Each point: {settings['time']:g} ps from {each}{starts}, after {settings['settle']:g} ps "
+        "of equilibration."
+    )
     drawn = figures.precision, figures.bias
     return Said(
         f"What averages cost: {summary['title']}",
-        "Which error do averages have with which scheme and step, and what does it cost?",
+        "How large is the error of an average with each scheme and step, and what does it cost?",
         answer,
-        lines=[f"{length} that are left out.", *_limits(summary), *_lost(summary)],
+        lines=[length, *_limits(summary), *_lost(summary)],
         tables=[table for table in _tables(summary, rows) if table.rows],
         figures=[Figure(one.__name__, partial(one, summary), _caption(one)) for one in drawn],
         checks=summary["checks"],
@@ -150,12 +154,13 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     ends = [one for one in ENDS if any(row.get(one.key) for row in rows)]
     yield Table("", (*POINT, *every, *ends), rows, "table")
     goals = [
-        {"title": BY_KEY[key].title, "unit": BY_KEY[key].unit} | goal
+        goal
+        | {"title": BY_KEY[key].title, "unit": BY_KEY[key].unit, "goal": goal["error"], "error": ""}
         for key, goal in summary["goals"].items()
     ]
     yield Table("Errors to reach, and the best rival", GOALS, goals)
     lines = {row["label"]: row for row in rows}
-    told = Column("lines", "what it is told", kind="code")
+    told = Column("lines", "input lines", kind="code")
     yield Table("Input of each scheme", (POINT[0], told), [*lines.values()], long=True)
 
 
@@ -163,14 +168,14 @@ def _verdicts(summary: Mapping) -> str:
     """How many numbers are within their bounds."""
     if summary["settings"]["time"] < LEAST:
         return (
-            f"Nothing is held against bounds, for points of less than {LEAST:g} ps do not tell "
-            "their own errors."
+            f"Nothing is compared with bounds, because the errors of runs shorter than {LEAST:g} "
+            "ps cannot be estimated."
         )
     verdicts = [check["verdict"] for check in summary["checks"]]
     held, lost, unknown = (verdicts.count(one) for one in VERDICTS)
     return (
-        f"Of {len(verdicts)} numbers {held} are within their bounds, {lost} are not, and of "
-        f"{unknown} these runs cannot tell."
+        f"{len(verdicts)} numbers have bounds: {held} within, {lost} outside, {unknown} undecided "
+        "in runs of this length."
     )
 
 
@@ -183,7 +188,8 @@ def _limits(summary: Mapping) -> list[str]:
         for key, limit in own.items()
     ]
     return told or [
-        "No limit of small steps: it takes a scheme with two short steps, or one without error."
+        "There is no limit of small steps: it needs a scheme with two short steps, or one "
+        "without a time step error."
     ]
 
 
@@ -200,6 +206,8 @@ def _limit(name: str, limit: Mapping) -> str:
 
 
 def _lost(summary: Mapping) -> list[str]:
-    """Why starts are in no average; a former summary does not tell."""
+    """Why starts are left out of the averages; a former summary does not tell."""
     failed = summary.get("lost", {}).items()
-    return [f"No average has start {number}, which failed: {why}." for number, why in failed]
+    return [
+        f"Start {number} failed and is left out of all averages: {why}." for number, why in failed
+    ]

@@ -145,7 +145,7 @@ def said(summary: Mapping) -> Said:
         f"Averages at step zero: {summary['title']}",
         "What are averages in the limit of small steps?",
         " ".join(_answer(key, one) for key, one in zero.items()) or "No run tells an average.",
-        lines=[f"{label}, {length}, after {settings['settle']:g} ps that are left out."]
+        lines=[f"{label}, {length}, after {settings['settle']:g} ps of equilibration."]
         + [_more(key, one) for key, one in zero.items() if not one["why"] and one["wide"]],
         tables=[_table(zero)] if zero else [],
         figures=[

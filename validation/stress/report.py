@@ -15,7 +15,7 @@ from .measure import ALL, EXTREME, REPORTED, Case, worse
 
 TABLES = {
     EXTREME: "Extreme cases",
-    REPORTED: "What users report as broken, in Lennard-Jones units: small is good",
+    REPORTED: "Problems that users have reported, in Lennard-Jones units: smaller is better",
 }
 KEYS = (
     *("case", "integrator", "label", "value", "margin", "error is", "unit", "bound"),
@@ -28,7 +28,7 @@ def said(summary: dict) -> Said:
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
-    lines = [f"{what}: {', '.join(names) or 'nowhere'}." for what, names in worse(cases).items()]
+    lines = [f"{what}: {', '.join(names) or 'none'}." for what, names in worse(cases).items()]
     waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
     if waiting:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
@@ -84,9 +84,12 @@ def _answer(cases: Iterable[dict]) -> str:
     theirs = [label for label in ran if kinds[label] != "ours"]
     best = max(theirs, key=lambda label: passed[label] / ran[label], default=None)
     ours = next((row["label"] for row in rows if row["integrator"] == OURS), None)
-    told = [f"{label} {passed[label]} of {ran[label]}" for label in (ours, best) if label]
-    most = ", the largest share of LAMMPS's fixes" * (best is not None)
-    return f"Passed, of the cases that a fix can run: {', '.join(told)}{most}."
+    told = []
+    if ours:
+        told.append(f"{ours} passes {passed[ours]} of the {ran[ours]} cases that it can run.")
+    if best:
+        told.append(f"The best of LAMMPS's fixes, {best}, passes {passed[best]} of {ran[best]}.")
+    return " ".join(told)
 
 
 def _labels(cases: Iterable[dict]) -> dict[str, str]:
@@ -144,7 +147,7 @@ def _bounds() -> Table:
         for some in CRITERIA.values()
     ]
     return Table.of(
-        "Bounds: each is derived from physics or from a user's need, apart from any result",
+        "Bounds, each derived from physics or from what users need, not from results",
         head,
         rows,
         long=True,
