@@ -122,7 +122,9 @@ before = dict(os.environ)
 import loops
 result = np.empty(3)
 sides = np.array([[3.0, 4.0, 0.0], [5.0, 12.0, 0.0]])
-loops.lengths(sides, np.array([1, 0, 1], np.int32), 2.0, result)
+loops.lengths.bind_to(
+    dict(x=sides, index=np.array([1, 0, 1], np.int32), scale=2.0, result=result)
+)()
 assert "numba" not in sys.modules and dict(os.environ) == before
 print(json.dumps([result.tolist(), bool(made)]))
 """
@@ -141,7 +143,7 @@ import loops
 world = Communicator(MPI.COMM_WORLD.py2f())
 (case,) = sys.argv[1:]
 if case == "early" and world.rank == 1:
-    loops.total(np.arange(3), 0)
+    loops.total.bind_to({{}}, numbers=np.arange(3), start=0)
 if case == "processors" and world.rank == 1:
     machine_code.level = lambda: 0
 if case == "processors":
@@ -152,7 +154,11 @@ if case == "failure":
     own.compile_all = fail
 try:
     machine_code.load(world, "loops")
-    said = [int(loops.total(np.arange(10), world.rank)), bool(made), loops.total.level]
+    said = [
+        int(loops.total.bind_to({{}}, numbers=np.arange(10), start=world.rank)()),
+        bool(made),
+        loops.total.level,
+    ]
 except RunError as error:
     said = [error.everywhere, str(error)]
 said = MPI.COMM_WORLD.gather(said)
@@ -256,11 +262,6 @@ def test_cells(loops):
     table[1, 0] += 16
     table[1, 1] = 3
     assert cells["x"].array.tolist() == [2.0, 3.0, 4.0]
-    with pytest.raises(
-        TypeError,
-        match=r"numbers must be a C-contiguous int64 array of 1 dimensions, not a .*float64",
-    ):
-        loops.total(cells["x"], 0)
 
 
 def test_a_loop_computes_what_python_computes(loops):
@@ -269,7 +270,7 @@ def test_a_loop_computes_what_python_computes(loops):
     rng = np.random.default_rng(1)
     x, index = rng.normal(size=(50, 3)), rng.permutation(50).astype(np.int32)
     compiled_result, result = np.empty(50), np.empty(50)
-    assert loops.lengths(x, index, 2.5, compiled_result) == 0
+    assert loops.lengths.bind_to({}, x=x, index=index, scale=2.5, result=compiled_result)() == 0
     loops.lengths.__wrapped__(x, index, 2.5, result)
     np.testing.assert_array_equal(compiled_result, result)
     np.testing.assert_allclose(
@@ -278,16 +279,18 @@ def test_a_loop_computes_what_python_computes(loops):
         rtol=1e-14,
         atol=1e-15,
     )
-    assert loops.total(np.arange(2**40, 2**40 + 10), -7) == 10 * 2**40 + 45 - 7
+    large = np.arange(2**40, 2**40 + 10)
+    assert loops.total.bind_to({}, numbers=large, start=-7)() == large.sum() - 7
 
 
 def test_only_contracted_functions_round_once(loops):
     """Locks out: fused multiply-adds in functions that did not ask for them,
     or none in those that did."""
-    a, result = 1.0 + 2.0**-30, np.empty(1)
-    loops.rounded_twice(a, a, -(1.0 + 2.0**-29), result)
+    result = np.empty(1)
+    named = {"a": 1.0 + 2.0**-30, "b": 1.0 + 2.0**-30, "c": -(1.0 + 2.0**-29), "result": result}
+    loops.rounded_twice.bind_to(named)()
     assert result == 0.0
-    loops.rounded_once(a, a, -(1.0 + 2.0**-29), result)
+    loops.rounded_once.bind_to(named)()
     assert result == (2.0**-60 if llvm.get_host_cpu_features().get("fma", True) else 0.0)
 
 
@@ -312,32 +315,46 @@ X, INDEX, RESULT = np.ones((4, 3)), np.arange(4, dtype=np.int32), np.ones(4)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
+    ("name", "arguments", "message"),
     [
         (
+            "lengths",
             (X.astype(np.float32), INDEX, 1.0, RESULT),
             "loops.lengths: x must be a C-contiguous float64 array .* not a float32 array",
         ),
-        ((X.astype(">f8"), INDEX, 1.0, RESULT), "x must be"),
-        ((X.T.copy().T, INDEX, 1.0, RESULT), "x must be a C-contiguous .* not contiguous"),
-        ((X[:, :2], INDEX, 1.0, RESULT), "x must be"),
-        ((X[0], INDEX, 1.0, RESULT), "x must be a .* of 2 dimensions, not a .* of 1 dimensions"),
-        ((X.tolist(), INDEX, 1.0, RESULT), "x must be a .* array of 2 dimensions, not a list"),
-        ((X, np.arange(4), 1.0, RESULT), "index must be a C-contiguous int32 .* not a int64"),
-        ((X, INDEX, "1", RESULT), "scale must be a float64, not a str"),
-        ((X, INDEX, 1.0), "loops.lengths takes 4 arguments, not 3"),
+        ("lengths", (X.astype(">f8"), INDEX, 1.0, RESULT), "x must be"),
+        (
+            "lengths",
+            (X.T.copy().T, INDEX, 1.0, RESULT),
+            "x must be a C-contiguous .* not contiguous",
+        ),
+        ("lengths", (X[:, :2], INDEX, 1.0, RESULT), "x must be"),
+        (
+            "lengths",
+            (X[0], INDEX, 1.0, RESULT),
+            "x must be a .* of 2 dimensions, not a .* of 1 dimensions",
+        ),
+        (
+            "lengths",
+            (X.tolist(), INDEX, 1.0, RESULT),
+            "x must be a .* array of 2 dimensions, not a list",
+        ),
+        (
+            "lengths",
+            (X, np.arange(4), 1.0, RESULT),
+            "index must be a C-contiguous int32 .* not a int64",
+        ),
+        ("lengths", (X, INDEX, "1", RESULT), "scale must be a float64, not a str"),
+        ("total", (compiled.Cell(compiled.F1, X[0]), 0), "numbers must be .* not a .*float64"),
+        ("total", (np.arange(3), 1.5), "start must be a int64, not a float"),
     ],
 )
-def test_wrong_arguments(loops, arguments, message):
-    """Locks out: machine code that reads memory as what it is not."""
+def test_wrong_arguments(loops, name, arguments, message):
+    """Locks out: machine code that reads memory as what it is not, and a float that is cut to an
+    integer."""
+    wrong = getattr(loops, name)
     with pytest.raises(TypeError, match=message):
-        loops.lengths(*arguments)
-
-
-def test_wrong_scalars(loops):
-    """Locks out: a float that is cut to an integer."""
-    with pytest.raises(TypeError, match="start must be a int64, not a float"):
-        loops.total(np.arange(3), 1.5)
+        wrong.bind_to(dict(zip(wrong.kinds, arguments, strict=True)))
 
 
 def test_missing_arguments(loops):
@@ -363,7 +380,7 @@ def test_a_loop_that_needs_python_is_refused(written, loops, name):
     """Locks out: machine code that calls what a process without numba does not have."""
     bad = getattr(__import__(name), name)
     with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
-        bad(np.ones(3))
+        bad.bind_to({}, x=np.ones(3))
 
 
 LOUD = """
@@ -397,7 +414,8 @@ import json
 import numpy as np
 import loud
 result = np.empty(2)
-said = [loud.scale((np.array([1.0, 2.0]), 3), result), result.tolist()]
+x = np.array([1.0, 2.0])
+said = [loud.scale.bind_to({}, x=x, factor=3, result=result)(), result.tolist()]
 try:
     loud.inner()
 except TypeError as error:
@@ -440,11 +458,12 @@ import growing
 
 memory = Memory("memory", growing.Rows)
 memory.put("numbers", [1.0, 2.0])
-assert growing.grow(memory.table, 800) and memory.cells["numbers"].array.tolist() == [1.0, 2.0]
+assert growing.grow.bind_to({}, memory=memory.table, size=800)()
+assert memory.cells["numbers"].array.tolist() == [1.0, 2.0]
 none = ctypes.CFUNCTYPE(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t)(lambda *_: None)
 if MPI.COMM_WORLD.rank == 1:
     memory.table[0, 0] = ctypes.cast(none, ctypes.c_void_p).value
-    growing.grow(memory.table, 8000)
+    growing.grow.bind_to({}, memory=memory.table, size=8000)()
 MPI.COMM_WORLD.Barrier()
 print("went on")
 """
@@ -472,7 +491,7 @@ if sys.argv[1:] == ["changed"]:
 else:
     loops = importlib.reload(loops)
 try:
-    print(json.dumps(int(loops.total(np.arange(10), 1))))
+    print(json.dumps(int(loops.total.bind_to({}, numbers=np.arange(10), start=1)())))
 except Exception as error:
     print(json.dumps(str(error)))
 """
@@ -501,7 +520,7 @@ def total():
     for one in LOOPS["loops"]:
         one.machine_code = one.level = None
     gc.collect()
-    return int(loops.total(np.arange(10), 1))
+    return int(loops.total.bind_to({}, numbers=np.arange(10), start=1)())
 
 print([total(), total(), total()])
 """

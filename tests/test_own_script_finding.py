@@ -69,7 +69,8 @@ def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_noise_is_no_stiff_force(ranks, tmp_path):
     """Locks out a step that `check` calls too long for the noise of a thermostat, which is no
-    spring: it adds twice the step over the damping time to the square of frequency x step."""
+    spring: it adds twice the step over the damping time to the square of frequency x step. And
+    a thermostat beside the bodies' fix that is not seen."""
     path, found = scripts.rings(tmp_path), []
     text = path.read_text()
     for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
@@ -79,6 +80,7 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
     quiet, noisy = found
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
+    assert "The temperature is kept by fix heat (langevin)" in " ".join(own.notes)
 
 
 def test_a_fix_of_ours_acts_on_the_group_of_its_class():

@@ -182,7 +182,9 @@ def test_each_rotation_to_four_ulp(axis, small):
     L[axis] = 2 * moment * angle / dt * rng.choice([-1, 1], n)
     p = 2.0 * product(q, L)
     turned, kicked = q.copy(), p.copy()
-    rotate_once(axis, turned, kicked, moment, dt, small)
+    rotate_once.bind_to(
+        {"axis": axis, "q": turned, "p": kicked, "moment": moment, "dt": dt, "small": small}
+    )()
 
     permuted = P[axis] @ q
     zeta = dt * (

@@ -33,6 +33,13 @@ def runs_of(plan, folder, time=1.0, starts=1):
 # ---- the plan
 
 
+def test_a_start_has_no_longer_step_than_the_script(tmp_path):
+    """Locks out a start that breaks, of a script whose step is a short one."""
+    scene = replace(planned().scene, dt=0.5)
+    start = runs_of(replace(planned(), scene=scene), tmp_path, 0.02).start(1)
+    assert "timestep 0.5" in start.commands
+
+
 @pytest.mark.parametrize("name", scenes.SCENES)
 def test_what_runs(name, tmp_path):
     """Locks out a scheme at another state than the one that its numbers count on, words that LAMMPS

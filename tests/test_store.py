@@ -102,6 +102,14 @@ def test_interrupted(tmp_path):
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
 
 
+def test_processes_share(tmp_path):
+    """Locks out work that two processes do, and one that waits for another while there is more."""
+    with Store(tmp_path).locked("one"):
+        names = Store(tmp_path).shared(["one", "two"])
+        assert next(names) == "two"
+    assert [*names] == ["one"]
+
+
 def test_file_is_whole(tmp_path, monkeypatch):
     """Locks out a file that an interruption leaves in half."""
     whole.write(tmp_path / "one.json", {"value": 1})

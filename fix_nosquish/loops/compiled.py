@@ -38,7 +38,7 @@ import operator
 from collections.abc import Mapping
 from functools import partial, update_wrapper
 from types import NoneType, SimpleNamespace
-from typing import Any, NamedTuple, get_type_hints
+from typing import Any, NamedTuple, cast, get_type_hints
 
 import numpy as np
 
@@ -252,7 +252,7 @@ def annotations(of):
 
 
 class Loop:
-    """A loop that is compiled: call it, or bind it to arguments that stay the same.
+    """A loop that is compiled; it runs when its arguments are bound, by `bind_to`.
 
     `loop` is the decorator that makes one of a function: see the head of this file.
 
@@ -262,7 +262,7 @@ class Loop:
     """
 
     def __init__(self, function, owner=None):
-        update_wrapper(self, function)
+        update_wrapper(cast(Any, self), function)
         module, within = owner or (function.__module__, "")
         own_name = function.__name__ if owner else function.__qualname__
         name = f"{within}.{own_name}" if within else own_name
@@ -291,22 +291,6 @@ class Loop:
         self.machine_code, self.level = ctypes.CFUNCTYPE(ctypes.c_int64)(address), level
         self.machine_code.address, self.machine_code.owner = address, owner
 
-    def __call__(self, *values):
-        """Run the loop on values, cells or bundles of such; returns its integer, or 0.
-
-        Raises:
-            TypeError: for an argument that is not of its kind.
-            RuntimeError, OSError: if the loop cannot be compiled or loaded.
-        """
-        if len(values) != len(self.parameters):
-            raise TypeError(
-                f"{self.name} takes {len(self.parameters)} arguments, not {len(values)}"
-            )
-        flat: list[Any] = []
-        for what, value in zip(self.parameters.values(), values, strict=True):
-            flat += [value] if isinstance(what, Kind) else value
-        return self._bind(flat)()
-
     def bind_to(self, named, **more):
         """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary.
 
@@ -315,6 +299,7 @@ class Loop:
             and returns the loop's integer, or 0.
         Raises:
             TypeError: for an argument that has no name there, or is not of its kind.
+            RuntimeError, OSError: if the loop cannot be compiled or loaded.
         """
         named = {**named, **more}
         missing = [name for name in self.kinds if name not in named]
@@ -323,11 +308,9 @@ class Loop:
                 f"{self.name} takes {' and '.join(missing)}, of which there is no cell: an "
                 f"integrator gives its own by the method own_cells, besides {', '.join(named)}"
             )
-        return self._bind([named[name] for name in self.kinds])
-
-    def _bind(self, values):
         used = []
-        for (name, kind), value in zip(self.kinds.items(), values, strict=True):
+        for name, kind in self.kinds.items():
+            value = named[name]
             try:
                 used.append(value if isinstance(value, Cell) else Cell(kind, value))
                 if not (used[-1].kind == kind or kind.fits(used[-1].kind.dtype)):
