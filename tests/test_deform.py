@@ -53,8 +53,12 @@ def test_as_with_fix_rigid(simulate, name, ranks):
 @pytest.mark.parametrize(
     "words, change, says",
     [
-        ("NVE all molecule", "all deform 1 x erate 0.3 remap none", "with its remap x or v"),
-        ("NVE all molecule", "all deform 1 xy erate 0.01 remap none", "with its remap x or v"),
+        ("NVE all molecule", "all deform 1 x erate 0.3 remap none", "fix deform with remap x or v"),
+        (
+            "NVE all molecule",
+            "all deform 1 xy erate 0.01 remap none",
+            "fix deform with remap x or v",
+        ),
         ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
         ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
         (

@@ -35,6 +35,7 @@ APART = {
     "npt-langevin": {4.0: 1.5, 6.0: 4.0},
 }
 STATES = 2.0  # standard deviations: a right scheme is within them in 19 of 20 cases
+MOST = 20  # times as long: beyond, the number itself is too uncertain to say how long
 FASTER = 4.0  # times less than the best rival's, the time to the same error
 TITLES = {
     "bias": "Averages within the bounds",
@@ -123,10 +124,13 @@ def _with_hours(check: Check, summary: Mapping, key: str, rows: Sequence[Mapping
     gap = min(abs(check.value - end) for end in (check.low, check.high) if end is not None)
     if gap <= known:
         return replace(check, note="the limit of small steps would have to be known better")
+    longer = (check.margin**2 - known**2) / (gap**2 - known**2)
+    if longer > MOST:
+        return replace(check, note=f"too near to its bound: over {MOST} times as long would tell")
     lasts = summary["settings"]["settle"] + summary["settings"]["time"]
     hours = sum(row["starts"] * row["cost"]["median"] for row in some) * lasts / 3600
-    hours *= (check.margin**2 - known**2) / (gap**2 - known**2) - 1
-    return replace(check, note=f"{float(f'{hours:.2g}'):,g} core-hours more would tell")
+    more = float(f"{hours * (longer - 1):.2g}")
+    return replace(check, note=f"{more:g} core-hours more would tell")
 
 
 def _subject(row: Mapping) -> str:
