@@ -28,6 +28,7 @@ from validation.report import answers, report  # noqa: E402
 from validation.sample import rivals, to_zero  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
+from validation.statistics.measures import difference  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
@@ -392,24 +393,35 @@ def factors():
 
 
 RECIPE = RESULTS / "peptide-recipe.json"  # of inputs/recipes/peptide/compare.py
-LONG = 5 * (10 + 100) / 1000  # ns, that it runs by default with each integrator
 
 
 def beside_shake():
-    """Speed of the peptide with rigid groups, beside fix shake."""
+    """Averages and speed of the peptide with rigid groups, beside fix shake."""
     rows = json.loads(RECIPE.read_text())["rows"]
-    parts = ("ns/day of one core", "speed"), ("relative to the first", "times")
-    body = [
-        [title, *(spread(row[key]["min"], row[key]["max"]) for row in rows)] for title, key in parts
-    ]
+    body = [[title, *(estimate(row["means"][title]) for row in rows)] for title in rows[0]["means"]]
+    for title, key in ("ns/day of one core", "speed"), ("relative to the first", "times"):
+        body.append([title, *(spread(row[key]["min"], row[key]["max"]) for row in rows)])
     return markdown(["", *(row["label"] for row in rows)], body)
 
 
-def shake_hours():
-    """Core-hours of the whole comparison, and how the speeds were measured; two sentences."""
+def shake_made():
+    """Which averages of `beside_shake` differ from those of its first column by more than their
+    errors, and how they were measured."""
     found = json.loads(RECIPE.read_text())
-    hours = sum(24 * LONG / row["speed"]["median"] for row in found["rows"])
-    return f"By these speeds it takes {hours:.0f} core-hours. Made by {_made(found)}"
+    (first, *others), told = found["rows"], []
+    for row in others:
+        far = [
+            title.partition(",")[0]
+            for title, mean in row["means"].items()
+            for apart in [difference(Estimate.of(mean), Estimate.of(first["means"][title]))]
+            if abs(apart.value) > apart.margin
+        ]
+        told.append(f"With {row['label']}: {', '.join(far) or 'none'}.")
+    length = f"{found['starts']} starts of {found['time']:g} ps, after {found['warm']:g} ps"
+    return (
+        f"Averages that differ significantly from those of {first['label']}: {' '.join(told)}\n\n"
+        f"The runs are {length} that are left out. Made by {_made(found)}"
+    )
 
 
 def estimate(found):
@@ -462,7 +474,7 @@ def render(text):
     names = {
         function.__name__: function
         for function in (
-            *(*TABLES, made, shake_hours, scene, holding, checks, said, summary),
+            *(*TABLES, made, shake_made, scene, holding, checks, said, summary),
             *(extreme_passed, significant, table),
         )
     }
