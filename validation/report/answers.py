@@ -47,13 +47,15 @@ def table(summaries: Iterable[Mapping]) -> Table:
 
 def _ordered(summaries):
     """Of each scene the summary whose best point is the best of all, in the order of `SCENES`."""
-    best: dict[str, Mapping] = {}
-    for summary in filter(is_sample, summaries):
-        other = best.get(summary["scene"])
-        if other is None or rivals.reach(summary["rows"]) > rivals.reach(other["rows"]):
-            best[summary["scene"]] = summary
-    known = best.values()
+    ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.smallest(_best(found)))
+    known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
+
+
+def _best(summary):
+    found = rivals.best(summary["rows"])
+    assert found is not None  # see `is_sample`
+    return found
 
 
 def _name(summary):
@@ -62,8 +64,7 @@ def _name(summary):
 
 def _answers(summary):
     """The rows of a scene."""
-    best = rivals.best(summary["rows"])
-    assert best is not None  # see `is_sample`
+    best = _best(summary)
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
         yield {
@@ -130,7 +131,7 @@ def figure(summaries: Iterable[Mapping]) -> dict:
     """
     found: dict = {}
     for summary in _ordered(summaries):
-        best = rivals.best(summary["rows"])
+        best = _best(summary)
         for key, bound in BOUNDS.items():
             points = [
                 {

@@ -47,16 +47,11 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
     intervals.
     """
     ours = [row for row in rows if row["ours"] and row["faster"]]
-    return max(ours, key=_smallest, default=None)
+    return max(ours, key=smallest, default=None)
 
 
-def reach(rows: Sequence[Mapping]) -> float:
-    """The smallest gain of the best point; 0 without one."""
-    found = best(rows)
-    return _smallest(found) if found else 0.0
-
-
-def _smallest(row: Mapping) -> float:
+def smallest(row: Mapping) -> float:
+    """The smallest gain of a point."""
     return min(map(_value, row["faster"].values()))  # infinite: the rival never does
 
 
