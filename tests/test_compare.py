@@ -17,7 +17,7 @@ from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.compare import case as cases
-from validation.compare import errors, plan, report
+from validation.compare import errors, lists, plan, report
 from validation.experiment import Point
 from validation.own import counted, shapes
 from validation.running import rounds, run
@@ -426,6 +426,35 @@ def test_a_plan_keeps_its_budget():
     case = replace(case, integrators={"a": None, "b": None})
     assert plan.points(case, case.usual, (3.0,)) == ([Point("a", 3.0)], Point("a", 1.5))
     assert plan.points(case, ["b"], None) == ([Point("b", 1.0), Point("b", 2.0)], Point("a", 1.0))
+
+
+def test_lists_of_neighbours_are_timed_as_they_are_advised(tmp_path, monkeypatch):
+    """Locks out advice that its runs did not have, bins of another size than a third of the longest
+    distance in a list, and what one slow round makes of it."""
+    monkeypatch.setattr(lists, "STARTUP", 0.0)
+    case = cases.of_script(take(scripts.spce(tmp_path), tmp_path / "out"))
+    settings = plan.Settings(tmp_path / "out", 0.02)
+    found = lists.measure(case, Point("nosquish", 4.0), settings, Silent())
+    wider, smaller, both = (one["lines"] for one in found)
+    logs = tmp_path / "out" / "runs" / "lists"
+    text = (logs / run.folder_name(" and ".join(both)) / "log.lammps").read_text()
+    longest, size = (
+        [float(one) for one in re.findall(rf"{what} = ([\d.]+)", text)]
+        for what in ("list distance cutoff", "binsize")
+    )
+    usual = (logs / "as-it-is" / "log.lammps").read_text()
+    cutoff = float(re.search(r"list distance cutoff = ([\d.]+)", usual).group(1)) - 2.0
+    assert both == wider + smaller and longest[-1] == pytest.approx(cutoff + 3.0)
+    assert size[-1] == pytest.approx((cutoff + 2.0) / 3, rel=1e-2)
+    assert all(len(one["ratio"]["values"]) == lists.ROUNDS for one in found)
+    assert lists.measure(case, Point("nosquish", 4.0), replace(settings, minutes=0), Silent()) == []
+
+    def told(*values):
+        return [*lists.said([{"lines": smaller, "ratio": measures.spread(values)}])]
+
+    assert told(0.9, 0.8, 0.95)[0].startswith("With these lines too a step takes 10 % (5 to 20)")
+    assert told(0.9, 0.8, 0.95)[1:] == [f"    {smaller[0]}"]
+    assert told(0.9, 0.8, 1.01) == [told(1.2)[0]] and "Neither" in told(1.2)[0]
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from ..running.store import Store
 from ..scenes.integrators import OURS
 from ..statistics import measures
 from ..statistics.estimate import Estimate, margin
-from . import errors, plan
+from . import errors, lists, plan
 from .case import MEANS, Case, about
 from .choice import Measured, Targets, choose, least, level_of_each, passes, size
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
@@ -105,7 +105,7 @@ def prepare(
         here = Machine(**store.once("plan", origin, lambda: make()._asdict()))
     part = FIRST if len(points) >= CHOICE else 1.0
     runs = [Point(case.reference, case.scene.dt), *STARTS * [held, *points]]
-    time = plan.time_of(runs, here, part * 60 * settings.minutes)
+    time = plan.time_of(runs, here, part * settings.for_points)
     lengths = plan.lengths(case, [held, *points], here, time)
     return Prepared(case, settings, targets, points, held, here, lengths)
 
@@ -128,7 +128,25 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
             where = [(one["integrator"], one["dt"]) for one in rows].index(best.point)
             rows[where] = row or rows[where]
     summary["points"] = rows
+    summary["lists"] = [] if summary["interrupted"] else _lists(prepared, summary, meter)
     return summary
+
+
+def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
+    """See `lists.measure`, of the point that is advised."""
+    asked = [one for one in summary["points"] if one["asked"]]
+    best = choose(asked, prepared.targets, prepared.level).best
+    if best is None:
+        return []
+    case, settings, store = prepared.case, prepared.settings, _store(prepared.settings)
+    point = Point(best["integrator"], best["dt"])
+    make = partial(lists.measure, case, point, settings, meter)
+    origin = store.origin(case.scene, point, settings.minutes, settings.ranks)
+    try:
+        return store.once("lists", origin, lambda: {"found": make()})["found"]
+    except KeyboardInterrupt:
+        summary["interrupted"] = True
+        return []
 
 
 def _summary(prepared: Prepared) -> dict:
@@ -313,7 +331,7 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
     means = {name: most for name, most in targets.items() if name in MEANS}
     again = not passes(row, means) and point != held
     some = [point, *([held] if again else [])]
-    seconds = (1 - FIRST) * 60 * prepared.settings.minutes
+    seconds = (1 - FIRST) * prepared.settings.for_points
     long = plan.time_of(some, prepared.here, seconds)
     counts = long - max(SETTLES * long, short)
     return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))

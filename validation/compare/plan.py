@@ -21,6 +21,7 @@ SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
 STARTUP = 3.0  # s until a run's first step, about, of few atoms
+LISTS = 0.15  # of the time for everything, at most, goes to neighbour lists
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
 SHORT, LONG = "short", "longer"  # folders of runs
 
@@ -39,6 +40,16 @@ class Settings:
     minutes: float
     ranks: int = 1
     silence: float = 120.0
+
+    @property
+    def for_points(self) -> float:
+        """s for the points' runs."""
+        return (1 - LISTS) * 60 * self.minutes
+
+    @property
+    def for_lists(self) -> float:
+        """s for `lists`."""
+        return LISTS * 60 * self.minutes
 
 
 class Machine(NamedTuple):

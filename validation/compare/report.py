@@ -7,7 +7,7 @@ from functools import partial
 from ..pages import Column, Figure, Said, Table, digits, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from . import figures
+from . import figures, lists
 from .choice import Choice, Measured, able, bound, choose, least, meets, near_failure, nearest
 
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
@@ -230,6 +230,7 @@ def _lines(answer: Answer) -> Iterator[str]:
     yield f"{choice.best['place']}, and the script's timestep:"
     yield from (f"    {line}" for line in _input(choice.best))
     yield from choice.best["lost"]
+    yield from lists.said(answer.summary.get("lists", ()))
 
 
 def _input(best: Measured) -> list[str]:
