@@ -11,7 +11,7 @@ from validation import __main__
 from validation.experiment import Point
 from validation.running import rounds, run
 from validation.running.lammps_log import Loop
-from validation.sample import criteria, measure, scenes, schemes
+from validation.sample import criteria, measure, observables, scenes, schemes
 from validation.sample import plan as plans
 from validation.sample.observables import BY_KEY, of_momentum
 from validation.sample.plan import DIPOLE, Lengths, Runs
@@ -391,6 +391,20 @@ def test_what_is_not_judged():
         ((None, 4.5, None), None),
     ):
         assert checks(gain=gain, potential=0.0)["cost"].holds is holds
+
+
+def test_a_bias_of_the_energy_as_a_temperature():
+    """Locks out a heat capacity in another unit, or without its error: harmonic oscillators have
+    kT/2 of energy each."""
+    oscillators, k, more = 6, KT / 298.0, 1.5
+    bias = {"value": oscillators / 2 * k * more, "error": 0.2 * k * more, "freedom": None}
+    limits = {"capacity": {"value": oscillators / 2, "error": 0.1, "freedom": None}}
+    found = observables.warmer({"potential": bias}, limits)
+    rng = np.random.default_rng(3)
+    drawn = rng.normal(bias["value"], bias["error"], 100000) / rng.normal(3.0, 0.1, 100000) / k
+    assert found.value == pytest.approx(more, rel=1e-6)
+    assert found.error == pytest.approx(drawn.std(), rel=0.03)
+    assert observables.warmer({}, limits) is observables.warmer({"potential": bias}, {}) is None
 
 
 # ---- runs

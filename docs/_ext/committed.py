@@ -26,13 +26,19 @@ from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import answers, report  # noqa: E402
 from validation.sample import rivals, to_zero  # noqa: E402
-from validation.sample.observables import BY_KEY  # noqa: E402
+from validation.sample.observables import BY_KEY, warmer  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 from validation.statistics.measures import difference  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
 OURS = "fix_nosquish.NVE"
+# of each fix of the README's table the scheme at constant temperature, and a step
+WARM = {
+    OURS: ("langevin-20-equal-6", 12.0),
+    "rigid/nve/small": ("rigid/nvt/small", 4.0),
+    "shake 1e-4 + nve": ("shake+langevin", 4.0),
+}
 NOTHING = "–"
 NBSP = "\N{NO-BREAK SPACE}"
 PM = f"{NBSP}±{NBSP}"
@@ -524,8 +530,18 @@ def readme_table():
     def broke(case):
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
+    def warm(fix):
+        scheme, dt = WARM.get(fix, ("", 0.0))
+        for found in map(summary, ("sample-water", "sample-water-refined")):
+            for row in found["rows"]:
+                if (row["scheme"], row["dt"]) == (scheme, dt):
+                    one = warmer(row["biases"], found["limits"])
+                    return f"{margin(one.value, one.margin)} at {dt:g}{NBSP}fs"
+        return ""
+
     lines = {
         "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
+        "512 waters at 298 K with a thermostat: configurations are too warm by, K": warm,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
         f"{len(extreme)} extreme cases: passed, failed": judged,

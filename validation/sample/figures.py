@@ -12,10 +12,11 @@ from ..report import answers
 from ..statistics.estimate import Estimate
 from ..statistics.precision import Worth
 from .criteria import BOUNDS
-from .observables import BY_KEY
+from .observables import BY_KEY, warmer
 
 # of these, and of the best of the others
 STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P")
+HOT = 20.0  # K
 LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
 
@@ -70,6 +71,30 @@ def bias(summary: Mapping) -> Figure | None:
 
     said = "U/N is off by {bias} kcal/mol"
     return _panels(summary, "biases", "bias", said, draw, scale)
+
+
+def temperature(summary: Mapping) -> Figure | None:
+    """How much warmer than at the thermostat's temperature a run without an error of the step would
+    be with the same mean potential energy. Bars: 95 % intervals. Steps that are off by more than
+    the axis shows are left out."""
+    figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
+    lines = _lines([row for row in summary["rows"] if row["biases"]], summary["known"])
+    ends = []
+    for rows, (colour, marker) in zip(lines, STYLES):
+        found = [(row["dt"], warmer(row["biases"], summary["limits"])) for row in rows]
+        some = [(dt, one) for dt, one in found if one and abs(one.value) < HOT]
+        if some:
+            steps, values = zip(*some)
+            middle, margins = [one.value for one in values], [one.margin for one in values]
+            how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
+            axis.errorbar(steps, middle, margins, color=colour, **how)
+            ends.append((steps[-1], middle[-1], rows[0]["label"], colour))
+    if not ends:
+        return None
+    axis.axhline(0, color=INK, lw=0.8)
+    axis.set(xlabel="time step (fs)", ylabel="configurations are too warm by (K)")
+    label_ends(axis, ends)
+    return figure
 
 
 def _panels(

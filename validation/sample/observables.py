@@ -10,6 +10,7 @@ import numpy as np
 
 from ..scenes.units import BOLTZMANN, COULOMB
 from ..statistics import measures, refined
+from ..statistics.estimate import Estimate, combined
 from .plan import DIPOLE, KINETIC, MOTIONS, MOVES, SHADOW, TORQUE, Plan
 from .schemes import Scheme
 
@@ -190,3 +191,23 @@ OBSERVABLES = (
 )  # fmt: skip
 BY_KEY = {observable.key: observable for observable in OBSERVABLES}
 CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable.moves]
+
+
+def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Estimate | None:
+    """How much warmer a run without an error of the step would be with the same U/N, K.
+
+    The bias of U/N over the heat capacity of configurations; its error has those of both.
+
+    Args:
+        biases, limits: by the observable's key, as plain data.
+
+    Returns:
+        None without both: at constant pressure, and where there is no limit.
+    """
+    if "potential" not in biases or "capacity" not in limits:
+        return None
+    bias, capacity = Estimate.of(biases["potential"]), Estimate.of(limits["capacity"])
+    found = bias.times(1 / (BOLTZMANN * capacity.value))
+    slope = found.value * capacity.error / capacity.value
+    parts = (found.error, found.freedom), (slope, capacity.freedom)
+    return Estimate(found.value, *combined(*parts))

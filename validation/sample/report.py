@@ -10,7 +10,7 @@ from ..statistics.estimate import SURE, Estimate
 from . import figures
 from .criteria import TITLES
 from .measure import NESTED
-from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES
+from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, warmer
 from .plan import LEAST
 
 POINT = (
@@ -23,6 +23,7 @@ BIASES = (
         Column(f"biases {one.key}", one.title, one.unit, "estimate", wide=one.moves)
         for one in OBSERVABLES
     ),
+    Column("warmer", "T of U/N", "K", "estimate"),
     Column("rdf", "g(r)", "rms", "estimate"),  # of committed results
 )
 MEANS = (
@@ -65,6 +66,8 @@ NOTES = {
     "scene's forces, so its points are compared with LAMMPS's limit. GROMACS does not support this "
     "Coulomb cutoff: it runs with a reaction field, and has its own limit.",
     "U/N": "Potential energy of a molecule.",
+    "T of U/N": "How much warmer a run without an error of the step would be with this U/N: its "
+    "bias over the heat capacity.",
     "pressure": "At constant volume corrected for a total momentum that is kept at zero. At "
     "constant pressure the limit is the pressure of the barostat.",
     "heat capacity": "The configurational part, var(U) / (kT)², in per cent of the limit.",
@@ -101,7 +104,8 @@ NOTES = {
 
 def said(summary: dict) -> Said:
     """Averages of one scene, and what they cost."""
-    rows, settings = [_flat(row) for row in summary["rows"]], summary["settings"]
+    rows = [_flat(row) | _as_temperature(row, summary["limits"]) for row in summary["rows"]]
+    settings = summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
     each = "each of " if settings["starts"] > 1 else ""
@@ -109,7 +113,7 @@ def said(summary: dict) -> Said:
         f"Each point: {settings['time']:g} ps from {each}{starts}, after {settings['settle']:g} ps "
         "of equilibration."
     )
-    drawn = figures.precision, figures.bias
+    drawn = figures.precision, figures.bias, figures.temperature
     return Said(
         f"What averages cost: {summary['title']}",
         "How large is the error of an average with each scheme and step, and what does it cost?",
@@ -134,6 +138,11 @@ def _flat(row: dict) -> dict:
     """A row whose numbers of each observable stand beside the others."""
     more = {f"{name} {key}": one for name in NESTED for key, one in row.get(name, {}).items()}
     return row | more | {"status": row["error"] or "ok"}
+
+
+def _as_temperature(row: dict, limits: Mapping) -> dict:
+    found = warmer(row.get("biases", {}), limits)
+    return {"warmer": found.plain()} if found else {}
 
 
 def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
