@@ -20,7 +20,7 @@ from validation.compare import case as cases
 from validation.compare import errors, lists, plan, report
 from validation.experiment import Point
 from validation.own import counted, shapes
-from validation.running import rounds, run
+from validation.running import lammps_log, rounds, run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
@@ -429,32 +429,68 @@ def test_a_plan_keeps_its_budget():
 
 
 def test_lists_of_neighbours_are_timed_as_they_are_advised(tmp_path, monkeypatch):
-    """Locks out advice that its runs did not have, bins of another size than a third of the longest
-    distance in a list, and what one slow round makes of it."""
-    monkeypatch.setattr(lists, "STARTUP", 0.0)
+    """Locks out advice that its runs did not have, a skin that is narrower than the script's, bins
+    of another size than a third of the neighbour cutoff, and a budget without time for it."""
+    monkeypatch.setattr(plan, "STARTUP", 0.0)
     case = cases.of_script(take(scripts.spce(tmp_path), tmp_path / "out"))
-    settings = plan.Settings(tmp_path / "out", 0.02)
-    found = lists.measure(case, Point("nosquish", 4.0), settings, Silent())
+    wide = replace(case.scene, setup=(*case.scene.setup, "neighbor 2.4 bin"))
+    settings = plan.Settings(tmp_path / "out", 0.1)
+    point = Point("nosquish", 4.0)
+    found = lists.measure(replace(case, scene=wide), point, settings, 0.0, Silent())
     wider, smaller, both = (one["lines"] for one in found)
     logs = tmp_path / "out" / "runs" / "lists"
-    text = (logs / run.folder_name(" and ".join(both)) / "log.lammps").read_text()
-    longest, size = (
-        [float(one) for one in re.findall(rf"{what} = ([\d.]+)", text)]
-        for what in ("list distance cutoff", "binsize")
+    usual, other = (
+        (logs / run.folder_name(name) / "log.lammps").read_text()
+        for name in (lists.AS_IT_IS, " and ".join(both))
     )
-    usual = (logs / "as-it-is" / "log.lammps").read_text()
-    cutoff = float(re.search(r"list distance cutoff = ([\d.]+)", usual).group(1)) - 2.0
-    assert both == wider + smaller and longest[-1] == pytest.approx(cutoff + 3.0)
-    assert size[-1] == pytest.approx((cutoff + 2.0) / 3, rel=1e-2)
-    assert all(len(one["ratio"]["values"]) == lists.ROUNDS for one in found)
-    assert lists.measure(case, Point("nosquish", 4.0), replace(settings, minutes=0), Silent()) == []
+    size = float(re.findall(r"binsize = ([\d.]+), bins", other)[-1])
+    before, after = (lammps_log.lists(text) for text in (usual, other))
+    assert (before.skin, after.skin) == (2.4, pytest.approx(3.6)) and after.sized > before.sized
+    assert after.cutoff - after.skin == pytest.approx(before.cutoff - before.skin)
+    assert both == wider + smaller and size == pytest.approx(before.cutoff / 3, rel=1e-2)
+    assert all(len(one["ratio"]["values"]) == plan.ROUNDS for one in found)
+    for minutes, startup in (0.0, 0.0), (0.1, 9.0):  # none for lists; too little of it
+        short = replace(settings, minutes=minutes)
+        assert lists.measure(case, point, short, startup, Silent()) == []
 
-    def told(*values):
-        return [*lists.said([{"lines": smaller, "ratio": measures.spread(values)}])]
 
-    assert told(0.9, 0.8, 0.95)[0].startswith("With these lines too a step takes 10 % (5 to 20)")
-    assert told(0.9, 0.8, 0.95)[1:] == [f"    {smaller[0]}"]
-    assert told(0.9, 0.8, 1.01) == [told(1.2)[0]] and "Neither" in told(1.2)[0]
+@pytest.mark.parametrize("minutes", [0.5, 5.9, 6.1, 60.0])
+def test_all_of_a_budget_goes_somewhere(minutes):
+    """Locks out time that is kept for lists which are not timed."""
+    settings = plan.Settings(None, minutes)
+    assert settings.for_points + settings.for_lists == pytest.approx(60 * minutes)
+    assert (settings.for_lists > 0) == (minutes > 6)
+
+
+@pytest.mark.parametrize(
+    ("lines", "others"),
+    [
+        ("neighbor 1.0 bin", 3),
+        ("neighbor ${skin} bin\nneighbor 0.5 bin\nneighbor 4 multi", 0),
+        ("neighbor 0.5 nsq", 0),
+        ("neigh_modify every 1 binsize 3.0 delay 0", 0),
+        ("units lj", 3),
+        ("units micro", 0),
+    ],
+)
+def test_whose_lists_are_left_as_they_are(lines, others):
+    """Locks out a change of the style, of bins that were chosen, and a skin that is not known."""
+    text = f"units real\n{lines}\n  master list distance cutoff = 10.5\n"
+    assert len(lists._others(lammps_log.lists(text))) == others
+    assert lists._others(lammps_log.lists(lines)) == {}
+
+
+def test_what_is_said_of_lists():
+    """Locks out advice that one slow round makes, or one where a faster setting has no doubt."""
+
+    def told(*ratios):
+        found = [{"lines": [f"line {k}"], "ratio": measures.spread(one)}
+                 for k, one in enumerate(ratios)]  # fmt: skip
+        return [*lists.said(found)]
+
+    assert told() == [] and "not faster" in told((0.9, 0.8, 0.99))[0]
+    assert "by 10 % (5 to 20 %" in told((0.9, 0.8, 0.95))[0]
+    assert told((0.7, 0.7, 1.1), (0.95, 0.9, 0.97))[1:] == ["    line 1"]
 
 
 @pytest.mark.parametrize(

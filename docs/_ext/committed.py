@@ -33,11 +33,13 @@ from validation.statistics.measures import difference  # noqa: E402
 RESULTS = ROOT / "validation" / "results"
 BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
 OURS = "fix_nosquish.NVE"
-# of each fix of the README's table the scheme at constant temperature, and a step
+# schemes and steps of water whose error as a temperature the README has, as it names them
 WARM = {
-    OURS: ("langevin-20-equal-6", 12.0),
-    "rigid/nve/small": ("rigid/nvt/small", 4.0),
-    "shake 1e-4 + nve": ("shake+langevin", 4.0),
+    ("shake+langevin", 4.0): "shake + `langevin`",
+    ("rigid+langevin", 4.0): "`rigid/nve/small` + `langevin`",
+    ("rigid/nvt/small", 4.0): "`rigid/nvt/small`",
+    ("langevin-20", 8.0): "`nosquish/nvt`",
+    ("langevin-20-equal-6", 12.0): "`nosquish/nvt` with `moments equal 6`",
 }
 NOTHING = "–"
 NBSP = "\N{NO-BREAK SPACE}"
@@ -530,18 +532,8 @@ def readme_table():
     def broke(case):
         return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
 
-    def warm(fix):
-        scheme, dt = WARM.get(fix, ("", 0.0))
-        for found in map(summary, ("sample-water", "sample-water-refined")):
-            for row in found["rows"]:
-                if (row["scheme"], row["dt"]) == (scheme, dt):
-                    one = warmer(row["biases"], found["limits"])
-                    return f"{margin(one.value, one.margin)} at {dt:g}{NBSP}fs"
-        return ""
-
     lines = {
         "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
-        "512 waters at 298 K with a thermostat: configurations are too warm by, K": warm,
         "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
         "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
         f"{len(extreme)} extreme cases: passed, failed": judged,
@@ -571,7 +563,20 @@ def readme_sampling():
         "At constant temperature: CPU time to the same error of an average with the best of "
         "LAMMPS's fixes at its best step, divided by ours."
     )
-    return f"{head}\n\n{markdown(['liquid', 'ours', *titles], body)}"
+    return f"{head}\n\n{markdown(['liquid', 'ours', *titles], body)}\n\n{_readme_warm()}"
+
+
+def _readme_warm():
+    """The error of water's mean energy as a temperature, a sentence."""
+    found = {}
+    for one in map(summary, ("sample-water-refined", "sample-water")):
+        for row in one["rows"]:
+            if error := warmer(row["biases"], one["limits"]):
+                found[row["scheme"], row["dt"]] = margin(error.value, error.margin)
+    told = (
+        f"{found[point]}{NBSP}K for {label} at {point[1]:g} fs" for point, label in WARM.items()
+    )
+    return f"The error of the mean energy of water as a temperature: {', '.join(told)}."
 
 
 def _gain(ratio):

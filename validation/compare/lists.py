@@ -1,33 +1,36 @@
-"""Neighbour lists for the step that is advised: long steps build them more often than short ones,
-so a wider skin or smaller bins may take less time."""
+"""Neighbour lists at the advised step: with long steps they are rebuilt every few steps, so a wider
+skin or smaller bins may take less time."""
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 
 from ..experiment import Point
-from ..running import rounds, run
-from ..statistics.measures import Spread
+from ..running import lammps_log, rounds, run
 from .case import Case
-from .plan import STARTUP, Settings
+from .plan import OTHER_LISTS, ROUNDS, Settings
 
-SKINS = {"real": 3.0, "metal": 3.0, "lj": 0.45, "electron": 3.0}  # 1.5 times LAMMPS's defaults
-BINS = 2 / 3  # of the size that LAMMPS takes, which is half of the longest distance in a list
-ROUNDS = 3
+WIDER = 1.5  # times the script's skin; a narrower one could miss pairs
+BINS = 1 / 3  # of the neighbour cutoff; LAMMPS takes a half
+SAVES = 0.98  # of the time at most, in each round: less could be the timings' noise
+LATEST = 2  # times the planned time; if steps take longer than was planned, nothing is timed
 AS_IT_IS = "as it is"
-_BINSIZE = re.compile(r"^ *binsize = ([^,\s]+), bins", re.M)
 
 
-def measure(case: Case, point: Point, settings: Settings, meter: run.Meter) -> list[dict]:
+def measure(
+    case: Case, point: Point, settings: Settings, startup: float, meter: run.Meter
+) -> list[dict]:
     """Time other lists in turn with those of the script.
+
+    Args:
+        startup: s until a run's first step.
 
     Returns:
         of each ``lines``, what they add to the script, and ``ratio``, the `Spread` of their time
-        per step over that of the script's lists. None if the time does not suffice, if LAMMPS
-        makes no bins, or if a run fails.
+        per step over that of the script's lists. Only settings that ran in all rounds; none if the
+        time does not suffice.
 
     Raises:
+        RuntimeError: the script's own lists fail.
         KeyboardInterrupt: after a Ctrl-C.
     """
     folder = settings.out / "runs" / "lists"
@@ -40,9 +43,7 @@ def measure(case: Case, point: Point, settings: Settings, meter: run.Meter) -> l
             dt=point.dt, every=0, **how,
         )  # fmt: skip
 
-    usual = SKINS.get(case.scene.units)
-    seconds = settings.for_lists / ROUNDS / (1 + len(_others(1.0, 1.0))) - STARTUP
-    if usual is None or seconds <= 0:
+    if not settings.for_lists:
         return []
     meter.begin("neighbour lists", 1)
     step = rounds.calibrate(lambda runs: job(AS_IT_IS, (), runs))
@@ -50,42 +51,52 @@ def measure(case: Case, point: Point, settings: Settings, meter: run.Meter) -> l
     if not isinstance(step, float):
         if step.interrupted:
             raise KeyboardInterrupt
+        raise RuntimeError(step.error)
+    lines = {AS_IT_IS: ()} | _others(run.collect(folder / run.folder_name(AS_IT_IS)).lists)
+    each = settings.for_lists / ROUNDS / (1 + OTHER_LISTS)
+    runs = rounds.lengths(step, max(each - startup, 0.0) / rounds.SEGMENTS).runs
+    if startup + step * sum(runs) > LATEST * each:
         return []
-    size = _binsize(folder / run.folder_name(AS_IT_IS))
-    lines = {AS_IT_IS: ()} | (_others(usual, size) if size else {})
-    runs = rounds.lengths(step, seconds / rounds.SEGMENTS).runs
     labels = {name: f"neighbour lists, {name}" for name in lines}
-    found, _, cut = rounds.in_turn(
+    found, errors, cut = rounds.in_turn(
         labels, lambda name, number: job(name, lines[name], runs), ROUNDS, meter
     )
     if cut:
         raise KeyboardInterrupt
+    if AS_IT_IS in errors:
+        raise RuntimeError(errors[AS_IT_IS])
     timed = found.pop(AS_IT_IS)
-    ratios = {name: rounds.ratio(own, timed, "loop") for name, own in found.items()}
-    return [{"lines": [*lines[name]], "ratio": one} for name, one in ratios.items() if one]
+    ratios = {name: rounds.ratio(found[name], timed, "loop") for name in found.keys() - errors}
+    return [{"lines": [*lines[name]], "ratio": ratios[name]} for name in lines if name in ratios]
 
 
-def _others(skin: float, size: float) -> dict[str, tuple[str, ...]]:
-    wider, smaller = f"neighbor {skin:g} bin", f"neigh_modify binsize {BINS * size:.3g}"
+def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
+    """A wider skin, smaller bins, and both; where LAMMPS puts atoms into bins, and the script does
+    not say how large they are."""
+    if lists is None or lists.style != "bin" or lists.sized:
+        return {}
+    wider = f"neighbor {WIDER * lists.skin:g} bin"
+    smaller = f"neigh_modify binsize {BINS * lists.cutoff:.3g}"
     both = wider, smaller
     return {wider: (wider,), smaller: (smaller,), " and ".join(both): both}
 
 
-def _binsize(folder: Path) -> float | None:
-    """The size of bins that LAMMPS told in a run's log."""
-    told = _BINSIZE.findall((folder / "log.lammps").read_text())
-    return float(told[-1]) if told else None
-
-
 def said(found: Sequence[Mapping]) -> Iterator[str]:
-    """What is advised: the fastest lists, if they were faster than the script's in all rounds."""
-    best = min(found, key=lambda one: one["ratio"]["median"], default=None)
-    if best is None:
+    """What is advised: the fastest lists of those that were faster than the script's in all
+    rounds."""
+    if not found:
         return
-    ratio: Spread = best["ratio"]
-    if ratio["max"] >= 1:
-        yield "Neither a wider skin nor smaller bins of neighbour lists save time."
+    good = [one for one in found if one["ratio"]["max"] < SAVES]
+    if not good:
+        yield (
+            "Neighbour lists with a wider skin or smaller bins were not faster than yours in all "
+            f"of {ROUNDS} rounds."
+        )
         return
-    less, least, most = (100 * (1 - ratio[key]) for key in ("median", "max", "min"))
-    yield f"With these lines too a step takes {less:.0f} % ({least:.0f} to {most:.0f}) less time:"
+    best = min(good, key=lambda one: one["ratio"]["median"])
+    less, least, most = (100 * (1 - best["ratio"][key]) for key in ("median", "max", "min"))
+    yield (
+        f"These neighbour lists reduce the time per step by {less:.0f} % ({least:.0f} to "
+        f"{most:.0f} % in {ROUNDS} rounds). Put the lines in place of your own:"
+    )
     yield from (f"    {line}" for line in best["lines"])

@@ -140,10 +140,14 @@ def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
         return []
     case, settings, store = prepared.case, prepared.settings, _store(prepared.settings)
     point = Point(best["integrator"], best["dt"])
-    make = partial(lists.measure, case, point, settings, meter)
-    origin = store.origin(case.scene, point, settings.minutes, settings.ranks)
+    make = partial(lists.measure, case, point, settings, prepared.here.startup, meter)
+    integrator = case.integrators[point.scheme]
+    origin = store.origin(case.scene, integrator, point.dt, settings.minutes, settings.ranks)
     try:
-        return store.once("lists", origin, lambda: {"found": make()})["found"]
+        with store.locked("lists"):
+            return store.once("lists", origin, lambda: {"found": make()})["found"]
+    except RuntimeError:  # the meter has told it; it is tried again by the next command
+        return []
     except KeyboardInterrupt:
         summary["interrupted"] = True
         return []

@@ -21,7 +21,8 @@ SETTLES = 0.25  # of the frames are left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
 LEAST = 400  # steps of a run
 STARTUP = 3.0  # s until a run's first step, about, of few atoms
-LISTS = 0.15  # of the time for everything, at most, goes to neighbour lists
+LISTS = 0.2  # of the time for everything goes to neighbour lists, if starts leave time for steps
+OTHER_LISTS, ROUNDS = 3, 3  # settings that are timed beside the script's, so many times
 LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
 SHORT, LONG = "short", "longer"  # folders of runs
 
@@ -42,14 +43,15 @@ class Settings:
     silence: float = 120.0
 
     @property
-    def for_points(self) -> float:
-        """s for the points' runs."""
-        return (1 - LISTS) * 60 * self.minutes
-
-    @property
     def for_lists(self) -> float:
         """s for `lists`."""
-        return LISTS * 60 * self.minutes
+        share = LISTS * 60 * self.minutes
+        return share if share > 2 * STARTUP * ROUNDS * (1 + OTHER_LISTS) else 0.0
+
+    @property
+    def for_points(self) -> float:
+        """s for the points' runs."""
+        return 60 * self.minutes - self.for_lists
 
 
 class Machine(NamedTuple):

@@ -9,6 +9,10 @@ import numpy as np
 _LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.M)
 _CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
 _LATE = re.compile(r"^Dangerous builds = (\d+)", re.M)
+_LISTS = re.compile(r"^ *master list distance cutoff = (\S+)", re.M)
+_NEIGHBOR = re.compile(r"^neighbor\s+([\d.eE+-]+)\s+(\w+)", re.M)
+_BINSIZE = re.compile(r"^neigh_modify\s.*\bbinsize\s", re.M)
+_UNITS = re.compile(r"^units\s+(\w+)", re.M)
 _SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
@@ -88,6 +92,37 @@ def timings(text: str) -> list[Loop]:
         told, builds = cpu and float(cpu.group(1)), late and int(late.group(1))
         result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections, builds))
     return result
+
+
+# LAMMPS's defaults of the command neighbor
+SKINS = {"real": 2.0, "metal": 2.0, "electron": 2.0, "si": 0.001, "cgs": 0.1, "lj": 0.3}
+
+
+@dataclass(frozen=True)
+class Lists:
+    """How the last run has made neighbour lists.
+
+    Attributes:
+        skin, style: of the command neighbor, or LAMMPS's defaults.
+        cutoff: the largest distance in a list.
+        sized: whether the size of bins was given.
+    """
+
+    skin: float
+    style: str
+    cutoff: float
+    sized: bool
+
+
+def lists(text: str) -> Lists | None:
+    """See `Lists`; None if there were none, or if the skin is not known."""
+    cutoffs, units = _LISTS.findall(text), _UNITS.findall(text)
+    usual = SKINS.get(units[-1] if units else "lj")
+    said = _NEIGHBOR.findall(text) or ([(usual, "bin")] if usual else [])
+    if not cutoffs or not said:
+        return None
+    skin, style = said[-1]
+    return Lists(float(skin), style, float(cutoffs[-1]), bool(_BINSIZE.search(text)))
 
 
 def error(text: str) -> str | None:

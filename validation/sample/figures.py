@@ -1,6 +1,6 @@
 """The figures of ``sample``: their docstrings are their captions."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,7 +16,7 @@ from .observables import BY_KEY, warmer
 
 # of these, and of the best of the others
 STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P")
-HOT = 20.0  # K
+WARM = 4.0  # K, up to which the axis of a temperature is linear
 LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
 
@@ -54,14 +54,7 @@ def bias(summary: Mapping) -> Figure | None:
     times a bound, and logarithmic beyond."""
 
     def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
-        steps, values = (
-            [row["dt"] for row in rows],
-            [Estimate.of(row["biases"][key]) for row in rows],
-        )
-        middle, margins = [one.value for one in values], [one.margin for one in values]
-        how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
-        axis.errorbar(steps, middle, margins, color=colour, **how)
-        return steps[-1], middle[-1]
+        return _bars(axis, rows, [Estimate.of(row["biases"][key]) for row in rows], colour, marker)
 
     def scale(axis: Axes, key: str) -> None:
         axis.axhline(-BOUNDS[key], color=INK, lw=0.8, ls="--")
@@ -74,27 +67,38 @@ def bias(summary: Mapping) -> Figure | None:
 
 
 def temperature(summary: Mapping) -> Figure | None:
-    """How much warmer than at the thermostat's temperature a run without an error of the step would
-    be with the same mean potential energy. Bars: 95 % intervals. Steps that are off by more than
-    the axis shows are left out."""
-    figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
-    lines = _lines([row for row in summary["rows"] if row["biases"]], summary["known"])
-    ends = []
-    for rows, (colour, marker) in zip(lines, STYLES):
-        found = [(row["dt"], warmer(row["biases"], summary["limits"])) for row in rows]
-        some = [(dt, one) for dt, one in found if one and abs(one.value) < HOT]
-        if some:
-            steps, values = zip(*some)
-            middle, margins = [one.value for one in values], [one.margin for one in values]
-            how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
-            axis.errorbar(steps, middle, margins, color=colour, **how)
-            ends.append((steps[-1], middle[-1], rows[0]["label"], colour))
-    if not ends:
+    """The bias of the mean potential energy as a temperature: divided by the heat capacity. Bars:
+    95 % intervals. The axis is linear up to 4 K, and logarithmic beyond."""
+    limits, drawn = summary["limits"], []
+    for rows in _lines([row for row in summary["rows"] if row["biases"]], summary["known"]):
+        found = [(row, warmer(row["biases"], limits)) for row in rows]
+        if some := [(row, one) for row, one in found if one]:
+            drawn.append(some)
+    if not drawn:
         return None
+    figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
+    ends = []
+    for some, style in zip(drawn, STYLES):
+        rows, values = zip(*some)
+        ends.append((*_bars(axis, rows, values, *style), rows[0]["label"], style[0]))
     axis.axhline(0, color=INK, lw=0.8)
-    axis.set(xlabel="time step (fs)", ylabel="configurations are too warm by (K)")
+    axis.set_yscale("symlog", linthresh=WARM)
+    axis.set(xlabel="time step (fs)", ylabel="bias of U/N as a temperature (K)")
+    for row in answers.table([summary]).rows[:1]:  # of the energy
+        off = warmer({"potential": row["bias"]}, limits)
+        message(figure, f"{row['scene']}, {row['dt']:g} fs: off by {off.text()} K" if off else "")
     label_ends(axis, ends)
     return figure
+
+
+def _bars(
+    axis: Axes, rows: Sequence[dict], values: Sequence[Estimate], colour: str, marker: str
+) -> tuple[float, float]:
+    """A line of values against the step, with their 95 % intervals; its end."""
+    steps, middle = [row["dt"] for row in rows], [one.value for one in values]
+    how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
+    axis.errorbar(steps, middle, [one.margin for one in values], color=colour, **how)
+    return steps[-1], middle[-1]
 
 
 def _panels(

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..scenes.units import BOLTZMANN, COULOMB
 from ..statistics import measures, refined
-from ..statistics.estimate import Estimate, combined
+from ..statistics.estimate import Estimate
 from .plan import DIPOLE, KINETIC, MOTIONS, MOVES, SHADOW, TORQUE, Plan
 from .schemes import Scheme
 
@@ -194,9 +194,8 @@ CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable
 
 
 def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Estimate | None:
-    """How much warmer a run without an error of the step would be with the same U/N, K.
-
-    The bias of U/N over the heat capacity of configurations; its error has those of both.
+    """The bias of U/N divided by the heat capacity of configurations: the change of the
+    temperature that would shift U/N as much, K.
 
     Args:
         biases, limits: by the observable's key, as plain data.
@@ -207,7 +206,4 @@ def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Esti
     if "potential" not in biases or "capacity" not in limits:
         return None
     bias, capacity = Estimate.of(biases["potential"]), Estimate.of(limits["capacity"])
-    found = bias.times(1 / (BOLTZMANN * capacity.value))
-    slope = found.value * capacity.error / capacity.value
-    parts = (found.error, found.freedom), (slope, capacity.freedom)
-    return Estimate(found.value, *combined(*parts))
+    return measures.quotient(bias, capacity).times(1 / BOLTZMANN)

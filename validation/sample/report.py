@@ -66,8 +66,8 @@ NOTES = {
     "scene's forces, so its points are compared with LAMMPS's limit. GROMACS does not support this "
     "Coulomb cutoff: it runs with a reaction field, and has its own limit.",
     "U/N": "Potential energy of a molecule.",
-    "T of U/N": "How much warmer a run without an error of the step would be with this U/N: its "
-    "bias over the heat capacity.",
+    "T of U/N": "The bias of U/N divided by the heat capacity of configurations: the change of the "
+    "temperature that would shift U/N as much.",
     "pressure": "At constant volume corrected for a total momentum that is kept at zero. At "
     "constant pressure the limit is the pressure of the barostat.",
     "heat capacity": "The configurational part, var(U) / (kT)², in per cent of the limit.",
