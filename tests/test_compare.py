@@ -1,6 +1,7 @@
 """What `compare` measures of a scene and of a user's script, and what it says of it."""
 
 import json
+import math
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -344,6 +345,8 @@ def rings(tmp_path_factory):
     words += ["--out", str(folder / "out")]
     with pytest.MonkeyPatch.context() as patch:
         steady(patch, 3e-4)
+        patch.setattr(plan, "STARTUP", 0.01)  # that lists have their turn, too
+        patch.setattr(lists, "LATEST", math.inf)
         yield words, folder / "out", main(words)
 
 
@@ -361,6 +364,8 @@ def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
     assert set(short["errors"]) >= set(summary["targets"]) and short["cost"]["min"] > 0
     page = (out / "report.html").read_text()
     assert "with a step of" in page and "pair_modify shift yes" in page
+    assert len(summary["lists"]) == plan.OTHER_LISTS
+    assert "eighbour lists" in " ".join(report.answered(summary)["answer"])
 
 
 @pytest.mark.timeout(900)

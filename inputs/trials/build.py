@@ -1,4 +1,4 @@
-"""Build the starts of five scripts of kinds that the harness has no scene of.
+"""Build the starts of six scripts of kinds that the harness has no scene of.
 
     python build.py [FOLDER ...]
 
