@@ -364,7 +364,7 @@ def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
     assert set(short["errors"]) >= set(summary["targets"]) and short["cost"]["min"] > 0
     page = (out / "report.html").read_text()
     assert "with a step of" in page and "pair_modify shift yes" in page
-    assert len(summary["lists"]) == plan.OTHER_LISTS
+    assert len(summary["neighbour_lists"]) == plan.OTHER_LISTS
     assert "eighbour lists" in " ".join(report.answered(summary)["answer"])
 
 

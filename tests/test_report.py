@@ -170,6 +170,8 @@ def test_the_answer_follows_the_numbers():
     (defeat,) = answers.defeats([energy, torque])
     assert "squared torque" in defeat and "small at 4 fs" in defeat
     assert answers.table([sample(ours[2], *RIVALS)]).rows[0]["gain"]["value"] == 0.0
+    worse = ("ours", 4.0, 1.0, [(0.02, 1e-6), (0.5, 1e-6)], (1.0, 4.0))  # also off in U/N
+    assert answers.table([sample(worse, ours[2], *RIVALS)]).rows[0]["dt"] == 8.0
     assert not answers.table([sample(*ours), WHERE]).rows
 
 

@@ -128,7 +128,7 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
             where = [(one["integrator"], one["dt"]) for one in rows].index(best.point)
             rows[where] = row or rows[where]
     summary["points"] = rows
-    summary["lists"] = [] if summary["interrupted"] else _lists(prepared, summary, meter)
+    summary["neighbour_lists"] = [] if summary["interrupted"] else _lists(prepared, summary, meter)
     return summary
 
 

@@ -230,7 +230,7 @@ def _lines(answer: Answer) -> Iterator[str]:
     yield f"{choice.best['place']}, and the script's timestep:"
     yield from (f"    {line}" for line in _input(choice.best))
     yield from choice.best["lost"]
-    yield from lists.said(answer.summary.get("lists", ()))
+    yield from lists.said(answer.summary.get("neighbour_lists", ()))
 
 
 def _input(best: Measured) -> list[str]:

@@ -9,8 +9,8 @@ from ..sample.criteria import BOUNDS
 from ..sample.observables import BY_KEY
 from ..statistics.estimate import Estimate
 
-SCENES = "water", "peptide", "benzene", "co2"  # in this order, and others behind them
-WRITTEN = {"co2": "CO₂"}
+SCENES = "water", "tip4p", "peptide", "benzene", "co2"  # in this order, and others behind them
+WRITTEN = {"tip4p": "TIP4P/2005", "co2": "CO₂"}
 COLUMNS = (
     Column("scene", "scene", kind="text"),
     Column("scheme", "ours", kind="text"),

@@ -41,13 +41,14 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
 
 
 def best(rows: Sequence[Mapping]) -> Mapping | None:
-    """The point of ours whose smallest gain is the largest; None without one.
+    """The point of ours whose smallest gain is the largest, of equal ones the next smallest, and so
+    on; None without one.
 
     It is chosen by the gains, so the chosen one's are a little too large, by less than their
     intervals.
     """
     ours = [row for row in rows if row["ours"] and row["faster"]]
-    return max(ours, key=smallest, default=None)
+    return max(ours, key=lambda row: sorted(map(_value, row["faster"].values())), default=None)
 
 
 def smallest(row: Mapping) -> float:
