@@ -52,7 +52,8 @@ def measure(
         if step.interrupted:
             raise KeyboardInterrupt
         raise RuntimeError(step.error)
-    lines = {AS_IT_IS: ()} | _others(run.collect(folder / run.folder_name(AS_IT_IS)).lists)
+    log = folder / run.folder_name(AS_IT_IS) / "log.lammps"
+    lines = {AS_IT_IS: ()} | _others(lammps_log.lists(log.read_text(errors="replace")))
     each = settings.for_lists / ROUNDS / (1 + OTHER_LISTS)
     runs = rounds.lengths(step, max(each - startup, 0.0) / rounds.SEGMENTS).runs
     if startup + step * sum(runs) > LATEST * each:

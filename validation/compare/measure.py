@@ -18,7 +18,7 @@ from ..statistics import measures
 from ..statistics.estimate import Estimate, margin
 from . import errors, lists, plan
 from .case import MEANS, Case, about
-from .choice import Measured, Targets, choose, least, level_of_each, passes, size
+from .choice import Choice, Measured, Targets, choose, least, level_of_each, passes, size
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
 FIRST = 0.5  # of the time, for the short runs
@@ -132,10 +132,14 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
     return summary
 
 
+def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
+    """The `Choice` among the points that were asked for."""
+    return choose([one for one in rows if one["asked"]], prepared.targets, prepared.level)
+
+
 def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
     """See `lists.measure`, of the point that is advised."""
-    asked = [one for one in summary["points"] if one["asked"]]
-    best = choose(asked, prepared.targets, prepared.level).best
+    best = _choice(prepared, summary["points"]).best
     if best is None:
         return []
     case, settings, store = prepared.case, prepared.settings, _store(prepared.settings)
@@ -317,8 +321,7 @@ def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
     """What is run for the rest of the time: the point with the largest chance that this finds it
     good for sure, times its gain in speed.  None if there is none that may be good and is faster
     than what is known to be."""
-    asked = [one for one in rows if one["asked"]]
-    choice = choose(asked, prepared.targets, prepared.level)
+    choice = _choice(prepared, rows)
     known = least(choice.fastest) if choice.fastest else math.inf
     plans = [
         _plan(prepared, one, choice.targets)

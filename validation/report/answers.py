@@ -47,7 +47,7 @@ def table(summaries: Iterable[Mapping]) -> Table:
 
 def _ordered(summaries):
     """Of each scene the summary whose best point is the best of all, in the order of `SCENES`."""
-    ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.smallest(_best(found)))
+    ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.gains(_best(found)))
     known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
 

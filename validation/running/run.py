@@ -95,7 +95,6 @@ class Result:
         versions: what the worker says of itself, or {}.
         memory: peak memory of each rank in KiB.
         seconds: wall time of each `run 0` and of each run (see ``worker``).
-        lists: how neighbour lists were made, if the log tells.
         interrupted: whether a Ctrl-C came.
     """
 
@@ -106,7 +105,6 @@ class Result:
     versions: dict[str, str]
     memory: list[int] = field(default_factory=list)
     seconds: dict[str, list[float]] = field(default_factory=dict)
-    lists: lammps_log.Lists | None = None
     interrupted: bool = False
 
 
@@ -295,7 +293,6 @@ def collect(directory: Path | str) -> Result:
         positions=positions,
         memory=told.pop("memory", []),
         seconds=told.pop("seconds", {}),
-        lists=lammps_log.lists(log),
         versions=told,
     )
 

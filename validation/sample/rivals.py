@@ -48,12 +48,12 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
     intervals.
     """
     ours = [row for row in rows if row["ours"] and row["faster"]]
-    return max(ours, key=lambda row: sorted(map(_value, row["faster"].values())), default=None)
+    return max(ours, key=gains, default=None)
 
 
-def smallest(row: Mapping) -> float:
-    """The smallest gain of a point."""
-    return min(map(_value, row["faster"].values()))  # infinite: the rival never does
+def gains(row: Mapping) -> list[float]:
+    """The gains of a point, from the smallest."""
+    return sorted(map(_value, row["faster"].values()))  # infinite: the rival never does
 
 
 def _value(interval: Mapping) -> float:
