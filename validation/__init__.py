@@ -10,8 +10,7 @@ stand before them:
     pages         what a verb says of its results, in the terminal, in files and on a page
     own           a user's script as a scene: LAMMPS reads it
 
-``experiment`` is what all verbs share: points, trajectories, and the loop that runs them.  ``card``
-has the passes of a step as kernels for a graphics card, a first step by itself.
+``experiment`` is what all verbs share: points, trajectories, and the loop that runs them.
 
 A verb is a folder with ``command`` (its words), ``plan`` (what runs), ``measure`` (from runs to
 numbers), ``figures`` and ``report``, whose function ``said`` is all that it says of a summary:
