@@ -191,7 +191,7 @@ def test_energy_in_a_trap(run_bodies, fix):
         assert np.ptp(thermo["PotEng"]) > 100 * off[-1]
     assert off[1] < 0.4 * off[0]
     if "thermostat" in fix:
-        assert "with the total momentum (external forces)" in done.log
+        assert "with the total momentum, because of external forces" in done.log
 
 
 def test_energy_at_constant_pressure(run_bodies):

@@ -216,11 +216,11 @@ def test_how_often_the_box_changes(run_lammps):
     system = mixture(side=2)
     script = f"{system.setup}\ntimestep 2e-4\n"
     for every in "", "every 50", "every 51":
-        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 {every}")
+        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 {every} details yes")
         script += f"{words}run 0\nunfix 1\n"
-    words = fix("seed 5", "iso 1 1 2e-1 compressibility 1") + thermo("vol", 1)
+    words = fix("seed 5", "iso 1 1 2e-1 compressibility 1 details yes") + thermo("vol", 1)
     done = run_lammps(f"{script}{words}run 0\ntimestep 4e-4\nrun 40\n", files=system.files)
-    assert re.findall(r"box, in one of (\d+) steps", done.log) == ["20", "50", "51", "20"]
+    assert re.findall(r"change of the box every (\d+) steps", done.log) == ["20", "50", "51", "20"]
     assert re.findall("WARNING: the box changes (.*) times", done.log) == ["19.6"]
     volumes = done.log.rsplit("Volume", 1)[1].split("Loop time")[0].splitlines()[1:-1]
     assert len({row.split()[-1] for row in volumes}) == 5  # at the start, and after 0, 10, 20, 30

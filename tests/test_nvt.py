@@ -719,7 +719,7 @@ timestep 0.05
 GRADIENT = "variable ez atom 2*sin(2*PI*z/15)\nfix ef all efield 0 0 v_ez\n"
 
 
-COUNTED = re.compile(r"thermostat of (\d+) degrees of freedom, (.*)")
+COUNTED = re.compile(r"thermostat: (\d+) of these, (.*)")
 ONE = "one atom\n\n1 atoms\n\nCoords\n\n1 0 0 0\n\nTypes\n\n1 1\n\nCharges\n\n1 0\n"
 PUSHES = {
     "field": ("fix ef all efield 0 0 1", 9, "without"),

@@ -240,6 +240,7 @@ KEYWORDS = {
     "force": _SWITCHES,
     "torque": _SWITCHES,
     "reinit": _YES_OR_NO,
+    "details": _YES_OR_NO,
     "infile": Keyword(_FILE, _Words.take),
     "output": Keyword(
         f"N, {_COUNT}, and {_FILE}",
@@ -379,6 +380,7 @@ class Command:
         rotor: exact or split, as asked for by this keyword or by mrot or order; None for neither.
         force, torque: what each of these keywords says, in their order.
         reinit: whether the bodies are made anew when a run starts.
+        details: whether the log says what a step does.
         infile: the file with the bodies' properties, None for none.
         output: the table of bodies, None for none.
         flexible: ID of the group whose atoms are in no body and move one by one; None for none.
@@ -409,6 +411,7 @@ class Command:
     force: tuple[Switch, ...] = ()
     torque: tuple[Switch, ...] = ()
     reinit: bool = True
+    details: bool = False
     infile: str | None = None
     output: Output | None = None
     flexible: str | None = None

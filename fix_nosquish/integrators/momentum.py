@@ -42,9 +42,9 @@ class Momentum(Part):
         self.held = held = dimension if self.kept and not pushed_by else 0
         if self.kept:
             self._left = sum(free) - held
-            others = f"with the total momentum ({pushed_by})"
+            others = f"with the total momentum, because of {pushed_by}"
             momentum = others if pushed_by else "without the total momentum"
-            self.ensemble.freedom_said = f" of {self._left:.0f} degrees of freedom, {momentum}"
+            self.ensemble.freedom_said = f"\n  thermostat: {self._left:.0f} of these, {momentum}"
         refuse(
             not sum(free) > held and not self.command.mol,
             f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
@@ -78,7 +78,7 @@ class Momentum(Part):
         if self._part > DRIFT:
             yield (
                 f"WARNING: the bodies' total momentum has {self._part:.2g} of their kinetic "
-                "energy, which counts as heat here: what is left is colder. Take it off before the "
+                "energy, which counts as heat, so all other motion is colder. Remove it before the "
                 "run: velocity ... zero linear"
             )
 

@@ -54,7 +54,7 @@ class Declaration:
         restart_state: (n,) what a restart file keeps, or None: made in __init__, and never replaced
             by another array. The first number, above 0, says what the others are. It is -1 if the
             file has another one there, and the others stay as they were made.
-        freedom_said: what the log says of the degrees of freedom that its thermostat acts on.
+        freedom_said: what the log adds on the degrees of freedom that its thermostat acts on.
         modules: names of modules whose loops it needs, besides those of its classes.
 
     The box:

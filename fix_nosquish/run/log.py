@@ -62,22 +62,20 @@ def warn(integrator: "Integrator", lines: Sequence[str]) -> None:
 
 
 def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
-    """The lines on the bodies and their passes, and the degrees of freedom removed; collective."""
+    """The lines on the bodies, and the degrees of freedom removed; collective."""
     bodies, command, notes = integrator.bodies, integrator.command, integrator.notes
     communicator, lammps, found = integrator.communicator, integrator.lammps, _counted(integrator)
     removed = removed_freedom(bodies, communicator, lammps, ALL)
     owned = freedom(bodies, lammps.dimension)[bodies.sharers.owned]
     own = communicator.total(np.array([owned.sum()]))[0]
-    done, left = _passes(integrator, found, virial)
     flexible = f"; {found.flexible} flexible atoms, of group {command.flexible}"
     lines = [
         f"Rigid bodies by {integrator.method}, fix_nosquish {__version__}: {command.text}",
         f"  {found.bodies} rigid bodies with {found.atoms} atoms: {_kinds(bodies, found)}"
         f"{flexible if command.flexible else ''}",
-        f"  {removed} degrees of freedom removed, {round(own)} left to the bodies",
+        f"  {removed} degrees of freedom removed, {round(own)} left to the bodies"
+        f"{integrator.freedom_said}",
         f"  start velocities: {_start(notes, own, lammps)}",
-        "\n    ".join(["  passes in use:", *(done or ["translation"])]),
-        "\n    ".join(["  passes left out:", *(left or ["none"])]),
     ]
     lines += integrator.cards.copies(communicator.count(lammps.setting("nmax")))
     if command.moments:
@@ -87,6 +85,8 @@ def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
             f"  {notes.rebuilt} bodies were cut by a periodic face and put together by the "
             "nearest image"
         )
+    if command.details:
+        lines.append(_work(integrator, found, virial))
     return lines, removed
 
 
@@ -141,56 +141,41 @@ def projected(removed: float, kinetic: float) -> bool:
     return removed > ROUNDING * kinetic
 
 
-def _passes(integrator: "Integrator", found: _Counts, virial: bool) -> tuple[list[str], list[str]]:
-    """What the passes of a step do, and what they leave out: two lists."""
+def _work(integrator: "Integrator", found: _Counts, virial: bool) -> str:
+    """What the steps of this run do, for keyword details."""
     bodies, command, fixes = integrator.bodies, integrator.command, integrator.other_fixes
-    late, read = " ".join(fix.id for fix in fixes.late), fixes.velocities_every
-    split = f" (mrot {command.mrot}, order {command.order})" if integrator.splits else ""
-    how = " (exact)" if integrator.exact else split
-    rotors = (found.rotors, f"rotation of rotors{how}", "no rotors")
-    lines = (found.lines, "rotation of linear bodies", "no linear bodies")
-    in_plane = (found.rotors, "rotation in the plane", "no rotation")
+    late = " and ".join(f"fix {fix.id}" for fix in fixes.late)
+    split = f", mrot {command.mrot}, order {command.order}" if integrator.splits else ""
+    how = " in the plane" if bodies.planar else ", exact" if integrator.exact else split
     output = command.output and command.output.steps
-    # what asks for it, what is said of it, and of its absence
-    known = (
-        *([in_plane] if bodies.planar else [rotors, lines]),
-        (found.single, "", "no single atoms"),
-        (bodies.spin, "torque and spin of particles of finite size", ""),
-        (bodies.oriented, "orientation of particles", ""),
-        (integrator.thermostat, f"thermostat{integrator.freedom_said}", ""),
-        (command.steps, f"new momenta and a test every {command.steps} steps", ""),
-        (integrator.box_every, f"box, in one of {integrator.box_every} steps", ""),
-        (integrator.go_on, "a second pass over the bodies, a sum over the ranks before", ""),
-        (command.force or command.torque, "forces and torques that are switched off", ""),
-        (integrator.external.acts, "external forces and torques", ""),
-        (late, f"velocities that {late} may change, at the end of a step", ""),
-        (output, f"table of the bodies every {output} steps", ""),
-        (
-            found.shared,
-            f"exchange of {found.shared} bodies shared between ranks",
-            "no body shared between ranks",
-        ),
-        (
-            read,
-            f"velocities of the atoms {_often(read)} and with output",
-            "velocities of the atoms on steps without output",
-        ),
-        (
-            integrator.half_step_velocities,
-            "velocities at the half step",
-            "no reader of velocities at the half step",
-        ),
-        (virial, "constraint virial on steps that need it", "no virial requested"),
+    rows = (
+        (True, "translation"),
+        (found.rotors, f"rotation{how}"),
+        (found.lines, "rotation of linear bodies, exact"),
+        (bodies.spin, "torque and spin of particles of finite size"),
+        (bodies.oriented, "orientation of particles"),
+        (integrator.thermostat, "thermostat"),
+        (command.steps, f"new momenta and a test every {command.steps} steps"),
+        (integrator.box_every, f"change of the box every {integrator.box_every} steps"),
+        (integrator.go_on, "second pass over the bodies, after a sum over all ranks"),
+        (command.force or command.torque, "components of force and torque switched off"),
+        (integrator.external.acts, "external forces and torques"),
+        (late, f"velocities that {late} may change at the end of a step"),
+        (output, f"table of the bodies every {output} steps"),
+        (found.shared, f"messages for {found.shared} bodies shared by ranks"),
+        (True, f"velocities of the atoms {_often(fixes.velocities_every)}"),
+        (integrator.half_step_velocities, "velocities of the atoms at the half step"),
+        (virial, "constraint virial where the pressure is needed"),
     )
-    done = [done for needed, done, _ in known if needed and done]
-    return done, [left for needed, _, left in known if left and not needed]
+    return "\n    ".join(["  in a step:", *(text for needed, text in rows if needed)])
 
 
 def _often(steps: tuple[int, ...]) -> str:
-    """How often something is done that is done every so many steps, for each of these numbers."""
+    """How often the atoms' velocities are set: every so many steps, for each of these numbers."""
     if 1 in steps:
-        return "each step"
-    return f"every {' and '.join(str(n) for n in steps)} steps"
+        return "in each step"
+    every = f"every {' and '.join(map(str, steps))} steps and " if steps else ""
+    return f"{every}with output"
 
 
 def _moments(moments: Moments, command: Command, lammps: Lammps) -> str:
@@ -236,9 +221,9 @@ def _warnings(integrator: "Integrator") -> list[str]:
     if turn > _FAST:
         lines.append(
             f"WARNING: {integrator.membership.name(body)} turns by {turn:.2g} rad in a step, "
-            "which no time step of this length can follow well: "
-            f"use one of about {0.2 * integrator.dt / turn:.2g}, or a better start; "
-            "a body that is almost linear can be made linear"
+            "which this time step cannot resolve: use one of about "
+            f"{0.2 * integrator.dt / turn:.2g}, or a better start. A body that is almost linear "
+            "can be made linear"
         )
     return lines
 
