@@ -11,7 +11,7 @@ import re
 import numpy as np
 import pytest
 from conftest import read_thermo
-from systems import LIKE_LAMMPS, RIGID, System, assemble, assert_same, mixture, turned
+from systems import AFTER, LIKE_LAMMPS, RIGID, System, assemble, assert_same, mixture, turned
 
 # a column that changes whenever an atom changes its rank
 OWNER = (
@@ -232,6 +232,52 @@ def test_partitions(run_lammps, tmp_path):
         bodies, thermo = said_of_bodies(log)
         assert len(bodies) == 1 and bodies == said_of_bodies(alone.log)[0]
         assert (thermo == alone.thermo).all() and len(thermo) == 5
+
+
+NOISY = {
+    "langevin": "NVT all molecule temp 2 2 2e-1 seed 7",
+    "csvr": "NVT all molecule temp 2 2 2e-1 thermostat csvr seed 7",
+    "crescale": "NPT all molecule temp 2 2 2e-1 thermostat nh seed 7 "
+    "iso 1 1 2e-1 compressibility 1e-2",
+    "hmc": "HMC all molecule temp 2 steps 10 seed 7",
+}
+REPLICAS = """variable w {world}
+log log.$w
+{setup}
+{fix}
+run 20
+{stop}
+run 20
+write_dump all custom end.$w id x y z vx vy vz modify sort id format float %.17g
+"""
+
+
+@pytest.mark.parametrize("scheme", NOISY)
+def test_noise_of_worlds(run_lammps, tmp_path, scheme):
+    """Locks out the same noise in all worlds of a partition that have one seed, which correlates
+    replicas; and noise of a world that depends on how many ranks it has, or on a restart. The first
+    world has the noise of a run without partitions."""
+    system = mixture("solid", side=2, spacing=2.9)
+    fix = f'timestep 0.01\nfix 1 all python/move "fix_nosquish.{NOISY[scheme]}"'
+    restart = f"write_restart half.$w\nclear\nread_restart half.$w\n{AFTER}{fix}"
+
+    def ends(world, *partition, stop=""):
+        run_lammps(
+            REPLICAS.format(world=world, setup=system.setup, fix=fix, stop=stop),
+            files=system.files,
+            ranks=sum(partition) or 1,
+            options=("-partition", *map(str, partition)) if partition else (),
+            launcher="lmp" if partition else None,
+        )
+        said = "each world of the partition has its own" in (tmp_path / "log.0").read_text()
+        assert said == bool(partition)
+        return [np.loadtxt(end, skiprows=9) for end in sorted(tmp_path.glob("end.*"))]
+
+    (alone,) = ends("index 0")
+    first, second = ends("world 0 1", 1, 1)
+    np.testing.assert_array_equal(first, alone)
+    assert np.abs(first - second).max() > 1e-3
+    np.testing.assert_allclose(ends("world 0 1", 1, 2, stop=restart)[1], second, atol=1e-8)
 
 
 # ---- few bodies, long bodies, large bodies

@@ -31,6 +31,7 @@ class OtherFix(NamedTuple):
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
     moves: bool  # it may change positions before the forces of a step, and integrates none
     varies: bool  # it is a field that is not the same everywhere
+    counts_heat: bool  # it is a thermostat that counts the energy that it takes
 
     def has(self, groups: np.ndarray) -> np.ndarray:
         """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
@@ -42,6 +43,7 @@ class Host:
 
     Attributes:
         fix_id, group: the fix's ID and its group; None if that is not known.
+        world: a number for the world of a partition (lmp -partition), 0 for the first one.
         phase: an `integrator.Phase`.
         facts: the bits of `schedule.When` that hold for longer than a step.
         vflag: what virial LAMMPS asks for in this step; 0 for none.
@@ -85,6 +87,7 @@ class Host:
 
     fix_id: str | None
     group: str | None
+    world: int
     phase: int
     facts: int
     vflag: int
@@ -171,6 +174,11 @@ class Host:
 
     def gravity(self, fix_id: str) -> np.ndarray | None:
         """The acceleration that another fix gives, (3,), as it is at any time; None if none."""
+
+    def definition(self, word: str) -> str:
+        """What v_NAME is, as LAMMPS's command info tells it, or the style of the compute of c_ID;
+        empty if there is none."""
+        return ""
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         """Have LAMMPS tell what these words, variables and columns, are when it calls `push`, and

@@ -37,6 +37,8 @@ class OwnFix(Host):
 
     def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
         self.lammps, self.communicator = lammps, communicator
+        # it does not tell how many worlds come before: the universe's rank of this one's first rank
+        self.world = communicator.share(lammps.setting("universe_rank"))
         self._problem: BaseException | None = None
         self._bodies: Any = None
         self._builds = 0.0

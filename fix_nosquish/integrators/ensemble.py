@@ -180,7 +180,7 @@ class Ensemble(Integrator):
         self._refuse_parts_of_rotations()
         self._take_kept_state()
         unit = self.lammps.boltz / self.lammps.mvv2e
-        key_0, key_1 = key_of(self.command, self.kept_state.times_back)
+        key_0, key_1 = key_of(self.command, self.kept_state.times_back, self.host.world)
         own = {
             "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
             "step": -1, "key_0": key_0, "key_1": key_1, "factor": 1.0,

@@ -139,7 +139,7 @@ class HMC(NVE):
         kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
-        key_0, key_1 = key_of(command, kept.times_back)
+        key_0, key_1 = key_of(command, kept.times_back, self.host.world)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
     def _refuse_part(self) -> None:

@@ -77,10 +77,13 @@ def prepare(parameters, steps):
     return part
 
 
-def key_of(command: Command, times_back: float) -> tuple[int, int]:
-    """The key of a fix's random numbers: bodies of two fixes may have the same IDs, and a step
-    counter that has gone back, so many times, counts steps that there were."""
+def key_of(command: Command, times_back: float, world: int) -> tuple[int, int]:
+    """The key of a fix's random numbers: bodies of two fixes, or of two worlds of a partition, may
+    have the same IDs, and a step counter that has gone back, so many times, counts steps that there
+    were."""
     whose = " ".join((command.group, command.style, *command.arguments))
+    if world:
+        whose += f", world {world}"
     if times_back:
         whose += f", {times_back:.0f}"
     return command.seed or 0, crc32(whose.encode()) & 0xFFFFFFFE

@@ -26,7 +26,7 @@ struct Arrays {
 struct FixFacts {
   const char *id, *style;
   int32_t groupbit, time_integrate, between, end_of_step, nevery, final_integrate, box_change, called, constrains;
-  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves, varies;
+  int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves, varies, counts_heat;
 };
 
 // A loop that Python has bound to its arguments: the addresses of cells, a few integers each, which are a number, or an
@@ -73,6 +73,7 @@ struct Bridge {
   // steps: of the next output; first and last of the run; last of the run, whatever its keywords start and stop say
   const int64_t *next_output, *begin_step, *end_step, *last_step;
   int32_t vflag;        // what virial LAMMPS asks for in this step
+  int32_t world;        // of a partition (lmp -partition), from 0 on
   int32_t ghost_velocity;     // ghost atoms have velocities in this run
   int32_t scalar_pressure;    // of the long-range forces only the mean pressure of all axes is known in this run
   int64_t changes;      // how many times the fix has changed the bodies by itself
@@ -106,6 +107,7 @@ struct Bridge {
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
   const char *(*command)(void *fix);    // the words of the last command
+  const char *(*definition)(void *fix, const char *word);    // of v_NAME, as info variables has it; of c_ID, the style; else empty
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   void (*begin_step_of)(void *fix, const char *other);    // another fix does its initial_integrate
   int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style

@@ -5,6 +5,8 @@
 
 #include "python_move.h"
 
+#include "universe.h"
+
 namespace {
 namespace nosquish {
 
@@ -52,6 +54,7 @@ void FixPythonMove::fill_bridge()
   bridge.forces_virial = pressure.virial;
   bridge.told_box = box.told.data();
   bridge.told = external.told;
+  bridge.world = universe->iworld;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
   bridge.end_step = &update->endstep;
@@ -62,6 +65,7 @@ void FixPythonMove::fill_bridge()
   bridge.log = Lend<&Facts::log, &Self::facts>();
   bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
   bridge.command = Lend<&Facts::last_command, &Self::facts>();
+  bridge.definition = Lend<&Facts::definition, &Self::facts>();
   bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
   bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
   bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();

@@ -9,10 +9,12 @@
 #include "compute.h"
 #include "force.h"
 #include "group.h"
+#include "info.h"
 #include "input.h"
 #include "kspace.h"
 #include "library.h"
 #include "modify.h"
+#include "variable.h"
 
 #include <string>
 
@@ -41,7 +43,8 @@ class Facts : public Part {
                    hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
                    other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,
                    other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate,
-                   utils::strmatch(other->style, "^efield") && other->memory_usage() > 0.0};    // its variables' values
+                   utils::strmatch(other->style, "^efield") && other->memory_usage() > 0.0,    // its variables' values
+                   other->ecouple_flag};
     return true;
   }
 
@@ -77,6 +80,15 @@ class Facts : public Part {
     return command.c_str();
   }
 
+  const char *definition(const char *word)
+  {
+    const std::string name = word + 2;
+    const int number = *word == 'v' ? input->variable->find(name.c_str()) : -1;
+    const Compute *found = *word == 'c' ? modify->get_compute_by_id(name) : nullptr;
+    text = number >= 0 ? Info(lmp).get_variable_info(number) : found ? found->style : "";
+    return text.c_str();
+  }
+
   // Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
 
   void log(const char *text) const
@@ -104,7 +116,7 @@ class Facts : public Part {
   }
 
  private:
-  std::string command;
+  std::string command, text;
 };
 
 }    // namespace nosquish

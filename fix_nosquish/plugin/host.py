@@ -49,6 +49,7 @@ class Host(hosts.Host):
     phase, facts, vflag, changes = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     changes_box, held, counts, rotor = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     begins, stream_group, pushes = _Shared(int), _Shared(int), _Shared(int)
+    world = _Shared(int)
     ghost_velocity, scalar_pressure = _Shared(bool), _Shared(bool)
     next_output, last_step = _Shared(_step), _Shared(_step)
 
@@ -115,6 +116,9 @@ class Host(hosts.Host):
     def gravity(self, fix_id: str) -> np.ndarray | None:
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
         return array(address, (3,), float) if address else None
+
+    def definition(self, word: str) -> str:
+        return self._bridge.definition(self._bridge.fix, word.encode()).decode()
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         self._words = len(words)

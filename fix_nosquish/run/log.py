@@ -77,6 +77,8 @@ def _summary(integrator: "Integrator", virial: bool) -> tuple[list[str], int]:
         f"{integrator.freedom_said}",
         f"  start velocities: {_start(notes, own, lammps)}",
     ]
+    if command.seed is not None and lammps.setting("universe_size") > lammps.ranks:
+        lines.append("  random numbers: each world of the partition has its own, whatever the seed")
     lines += integrator.cards.copies(communicator.count(lammps.setting("nmax")))
     if command.moments:
         lines.append(f"  principal moments: {_moments(command.moments, command, lammps)}")
