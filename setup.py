@@ -283,7 +283,8 @@ if __name__ == "__main__":  # setuptools runs this file by that name, too
             Extension(f"{room}.{folder_of(package)}.{name}", [str(source)])
             for package in PLACES
             for room, name, source in (
-                ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "python_move.cpp"),
+                ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "loader.cpp"),
+                ("fix_nosquish.plugin", "python_move", PLUGIN / "python_move.cpp"),
                 ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),
             )
         ],

@@ -59,7 +59,7 @@ def of_style(style: str, words: Collection[str] = ()) -> "type[Integrator]":
 
     if name := rigid_fixes.plain(style):
         return _integrator(rigid_fixes.integrator(name, words))
-    return _integrator(style.rpartition("/")[2].upper())
+    return _integrator(style.removesuffix("/small").rpartition("/")[2].upper())
 
 
 def body_table(lmp: Any, fix_id: str) -> "np.ndarray":

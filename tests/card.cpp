@@ -9,6 +9,7 @@
 #include "modify.h"
 #include "pointers.h"
 
+#include <cstdint>
 #include <cstring>
 #include <string>
 #include <vector>
@@ -17,7 +18,7 @@ using namespace LAMMPS_NS;
 
 struct Array {
   const char *name;
-  unsigned bit;    // in LAMMPS's atom_masks.h
+  uint64_t bit;    // in LAMMPS's atom_masks.h
   void *place;
   size_t bytes;
   std::vector<char> content;
@@ -54,13 +55,15 @@ class Card : public Fix {
   void keep()
   {
     const size_t n = atom->nlocal, vector = 3 * sizeof(double);
+    const bool renumbered = lmp->num_ver > 20250722;
+    auto either = [=](int before, int after) { return 1ULL << (renumbered ? after : before); };
     auto rows = [](double **array) { return array ? array[0] : nullptr; };
     kept = {{"x", 0x1, rows(atom->x), vector * n}, {"v", 0x2, rows(atom->v), vector * n}, {"f", 0x4, rows(atom->f), vector * n},
             {"tag", 0x8, atom->tag, sizeof(tagint) * n}, {"type", 0x10, atom->type, sizeof(int) * n},
             {"mask", 0x20, atom->mask, sizeof(int) * n}, {"image", 0x40, atom->image, sizeof(imageint) * n},
             {"q", 0x80, atom->q, sizeof(double) * n}, {"molecule", 0x100, atom->molecule, sizeof(tagint) * n},
-            {"rmass", 0x200, atom->rmass, sizeof(double) * n}, {"radius", 0x100000, atom->radius, sizeof(double) * n},
-            {"omega", 0x400000, rows(atom->omega), vector * n}, {"torque", 0x800000, rows(atom->torque), vector * n}};
+            {"rmass", 0x200, atom->rmass, sizeof(double) * n}, {"radius", either(20, 34), atom->radius, sizeof(double) * n},
+            {"omega", either(22, 35), rows(atom->omega), vector * n}, {"torque", either(23, 36), rows(atom->torque), vector * n}};
     for (auto &array : kept)
       if (const auto *begin = static_cast<char *>(array.place)) array.content.assign(begin, begin + array.bytes);
   }

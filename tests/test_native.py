@@ -133,3 +133,28 @@ def test_survives_clear(run_lammps, launcher):
     run = run_lammps(f"{text}clear\n{text}", files=system.files, launcher=launcher)
     pe = run.thermo["PotEng"]
     np.testing.assert_array_equal(pe[: len(pe) // 2], pe[len(pe) // 2 :])
+
+
+ALIASES = {  # what users write: the style that it is, and its words
+    "nosquish/nvt/small": ("nosquish/nvt", STYLES["nvt"]),
+    "nosquish/nve/small": ("nosquish/nve", ""),
+    "nosquish/rigid": ("rigid/nosquish", ""),
+    "nosquish/rigid/nvt/small": ("rigid/nvt/small/nosquish", "temp 1.25 1.5 0.75"),
+}
+
+
+@pytest.mark.parametrize("alias", ALIASES)
+def test_aliases(run_lammps, alias):
+    """Locks out an unknown style, or another one than is meant, for the names that users of fix
+    rigid/nvt/small try first, and a log that does not say which style runs."""
+    style, words = ALIASES[alias]
+    system = mixture("solid planar")
+    text, plain = (
+        script(system, f"fix 1 {{group}} {name} {{words}}", 20, words=f"molecule {words}")
+        for name in (alias, style)
+    )
+    expected = table(run_lammps(plain, files=system.files))
+    run = run_lammps(text, files=system.files, ranks=2)
+    assert f"Fix 1: {alias} is {style}\n" in run.log
+    np.testing.assert_allclose(table(run), expected, rtol=1e-9)
+    assert of_style(alias) is of_style(style)

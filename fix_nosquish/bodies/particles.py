@@ -86,6 +86,9 @@ def particles_of(lammps: Lammps, shapes: np.ndarray | None, atoms: np.ndarray) -
         momentum[:] = moment * omega[atoms].T
     if mu is not None:
         dipole[:] = mu[atoms, :3].T * (mu[atoms, 3] > 0)
+    quats = lammps.per_atom("quat", columns=4)  # of atom_style bpm/sphere
+    if quats is not None and shapes is not None:
+        quat[:] = quats[atoms].T
     for name in "ellipsoid", "line", "tri":
         index = lammps.per_atom(name, np.int32)
         if index is None or shapes is None:

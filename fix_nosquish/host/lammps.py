@@ -46,9 +46,12 @@ _NO_ORIENTATION = (
     "whose orientation this LAMMPS does not give, or not as the versions that are known: install "
     "this package where its plugin serves, and use the atom style without a suffix"
 )
-_WITH_SHAPE = tuple(
-    _Kind(name, f"{what}, {_NO_ORIENTATION}", lambda index: index >= 0, np.int32)
-    for name, what in (("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"))
+_WITH_SHAPE = (
+    *(
+        _Kind(name, f"{what}, {_NO_ORIENTATION}", lambda index: index >= 0, np.int32)
+        for name, what in (("ellipsoid", "an ellipsoid"), ("line", "a line"), ("tri", "a triangle"))
+    ),
+    _Kind("quat", f"a particle of atom style bpm/sphere, {_NO_ORIENTATION}", columns=4),
 )
 _UNKNOWN = (
     _Kind("body", f"a body particle, whose shape {_MISSING}", lambda body: body >= 0, np.int32),
@@ -58,7 +61,6 @@ _UNKNOWN = (
         lambda spin: spin[:, 3] > 0,
         columns=4,
     ),
-    _Kind("quat", f"a particle of atom style bpm/sphere, whose orientation {_MISSING}", columns=4),
     _Kind(
         "spin", f"an electron, whose radius {_MISSING}", lambda spin: np.abs(spin) == 1, np.int32
     ),
@@ -358,7 +360,7 @@ class Lammps:
     @property
     def orients(self) -> bool:
         """Whether atoms of this atom style can have an orientation."""
-        names = b"ellipsoid", b"line", b"tri", b"mu"
+        names = b"ellipsoid", b"line", b"tri", b"mu", b"quat"
         return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
 
     def unknown(self, shapes: np.ndarray | None) -> np.ndarray | None:

@@ -25,8 +25,8 @@ CHAIN, ITERATIONS, ORDER = 10, 1, 3  # of keyword tparam, in LAMMPS
 
 
 def plain(style: str) -> str | None:
-    """The style without /small, /omp and /nosquish; None if it is none of LAMMPS's rigid fixes."""
-    name = style
+    """The style without /small, /omp and nosquish; None if it is none of LAMMPS's rigid fixes."""
+    name = style.removeprefix("nosquish/")
     for part in "/nosquish", "/omp", "/small":
         name = name.removesuffix(part)
     return name if name in KEYWORDS else None

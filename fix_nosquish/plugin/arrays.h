@@ -4,15 +4,12 @@
 #define FIX_NOSQUISH_ARRAYS_H
 
 #include "exchange.h"
+#include "lammps_versions.h"
 
 #include <vector>
 
 namespace {
 namespace nosquish {
-
-// The bits by which KOKKOS knows LAMMPS's arrays; its atom_masks.h is not among the installed headers.
-
-enum Mask : unsigned { X = 1 << 0, V = 1 << 1, MU = 1 << 18, OMEGA = 1 << 22, ANGMOM = 1 << 24 };
 
 class AtomArrays : public Part {
  public:
@@ -24,10 +21,7 @@ class AtomArrays : public Part {
   // the card to the host before each, and what LAMMPS does within one, as where hybrid Monte Carlo goes back, begins and ends with
   // the host's arrays.
 
-  void declare() const
-  {
-    fix->datamask_modify = X | V | (atom->omega_flag ? OMEGA : 0) | (atom->angmom_flag ? ANGMOM : 0) | (atom->mu_flag ? MU : 0);
-  }
+  void declare() const { fix->datamask_modify = changed_arrays(atom); }
 
   // Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.
 

@@ -3,6 +3,7 @@
 #ifndef FIX_NOSQUISH_EXTERNAL_H
 #define FIX_NOSQUISH_EXTERNAL_H
 
+#include "lammps_versions.h"
 #include "part.h"
 
 #include "input.h"
@@ -18,22 +19,6 @@
 
 namespace {
 namespace nosquish {
-
-// LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
-// runs or to where they were, and the variable may be another one of the same number. Only its own classes may have it forget.
-
-template <auto member> struct Private {
-  friend auto vectors_of(Variable &variable) { return variable.*member; }
-};
-auto vectors_of(Variable &);
-template struct Private<&Variable::vecs>;
-
-inline void forget_vectors(Variable &variable)
-{
-  const auto vectors = vectors_of(variable);
-  for (int k = 0; k < variable.nvar; k++)
-    if (variable.vectorstyle(k) && vectors[k].dynamic) vectors[k].currentstep = -1;
-}
 
 // The fix of which LAMMPS takes energy and virial of external forces, where fix_modify external says so: the scalar of the fix
 // that moves the bodies is another one. It has that fix's ID, with _external.

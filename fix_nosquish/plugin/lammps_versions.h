@@ -1,13 +1,18 @@
-/* What differs between versions of LAMMPS, 29 Aug 2024 to 22 Jul 2025 and newer. COMPILED_FOR_LAMMPS is the version as a number,
-   20250722 for 22 Jul 2025: what needs more than one way is chosen by it, here and nowhere else. */
+/* What differs between versions of LAMMPS, 29 Aug 2024 to 4 Jul 2026, or is in none of the headers that LAMMPS installs.
+   COMPILED_FOR_LAMMPS is the version as a number, 20250722 for 22 Jul 2025: what needs more than one way is chosen by it, here and
+   nowhere else. Headers that only a source tree has are used where they are there. */
 
 #ifndef FIX_NOSQUISH_LAMMPS_VERSIONS_H
 #define FIX_NOSQUISH_LAMMPS_VERSIONS_H
 
+#include "atom.h"
 #include "error.h"
+#include "fix.h"
 #include "input.h"
 #include "modify.h"
+#include "variable.h"
 
+#include <cstdint>
 #include <cstring>
 #include <string>
 
@@ -16,6 +21,49 @@
 struct CurrentCommand : LAMMPS_NS::Input {
   static const char *of(LAMMPS_NS::Input *input) { return input->*(&CurrentCommand::command); }
 };
+
+// LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
+// runs or to where they were, and the variable may be another one of the same number. Only its own classes may have it forget.
+
+#if COMPILED_FOR_LAMMPS <= 20250722
+template <auto member> struct PrivateMember {
+  friend auto vectors_of(LAMMPS_NS::Variable &variable) { return variable.*member; }
+};
+auto vectors_of(LAMMPS_NS::Variable &);
+template struct PrivateMember<&LAMMPS_NS::Variable::vecs>;
+
+inline void forget_vectors(LAMMPS_NS::Variable &variable)
+{
+  for (int k = 0; k < variable.nvar; k++)
+    if (variable.vectorstyle(k)) vectors_of(variable)[k].currentstep = -1;
+}
+#else
+struct Variables : LAMMPS_NS::Variable {
+  static auto &of(LAMMPS_NS::Variable &variable) { return variable.*(&Variables::variables); }
+};
+
+inline void forget_vectors(LAMMPS_NS::Variable &variable)
+{
+  for (auto &one : Variables::of(variable)) one.vec.currentstep = -1;
+}
+#endif
+
+// The bits by which KOKKOS knows the arrays of atoms that a rigid body changes; those of a version that nobody has read are all.
+
+#if __has_include("atom_masks.h")
+#include "atom_masks.h"
+#elif COMPILED_FOR_LAMMPS <= 20250722
+enum : uint64_t { X_MASK = 1, V_MASK = 2, MU_MASK = 1 << 18, OMEGA_MASK = 1 << 22, ANGMOM_MASK = 1 << 24 };
+#elif COMPILED_FOR_LAMMPS == 20260704
+enum : uint64_t { X_MASK = 1, V_MASK = 2, MU_MASK = 1 << 17, OMEGA_MASK = 1ULL << 35, ANGMOM_MASK = 1ULL << 37 };
+#else
+enum : uint64_t { X_MASK = ~0ULL, V_MASK = X_MASK, MU_MASK = X_MASK, OMEGA_MASK = X_MASK, ANGMOM_MASK = X_MASK };
+#endif
+
+inline uint64_t changed_arrays(const LAMMPS_NS::Atom *atom)
+{
+  return X_MASK | V_MASK | (atom->omega_flag ? OMEGA_MASK : 0) | (atom->angmom_flag ? ANGMOM_MASK : 0) | (atom->mu_flag ? MU_MASK : 0);
+}
 
 // What fixes have left in the restart file that was read.
 
@@ -32,6 +80,21 @@ struct RestartState : LAMMPS_NS::Modify {
     return nullptr;
   }
 };
+
+// How a plugin hands in a style.
+
+#if __has_include("lammpsplugin.h")
+#include "lammpsplugin.h"
+#else
+struct lammpsplugin_t {
+  const char *version, *style, *name, *info, *author;
+  union {
+    void *(*v1)(void *lmp);
+    void *(*v2)(void *lmp, int narg, char **arg);
+  } creator;
+  void *handle;
+};
+#endif
 
 // End the run on all ranks; since 2025 LAMMPS can point at the argument of its command that is wrong.
 

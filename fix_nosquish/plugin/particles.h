@@ -101,6 +101,8 @@ class Particles {
       lines->unpack_comm_bonus(1, i, numbers);
     } else if (is(atom->tri, i)) {
       tris->unpack_comm_bonus(1, i, numbers);
+    } else if (atom->quat_flag) {
+      std::copy_n(quat, 4, atom->quat[i]);
     }
     return 0;
   }

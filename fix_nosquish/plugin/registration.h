@@ -1,4 +1,4 @@
-/* How LAMMPS learns of the styles: its lammpsplugin.h is not among the installed headers. */
+/* How LAMMPS learns of the styles. */
 
 #ifndef FIX_NOSQUISH_REGISTRATION_H
 #define FIX_NOSQUISH_REGISTRATION_H
@@ -8,24 +8,6 @@
 
 namespace {
 namespace nosquish {
-
-struct lammpsplugin_t {
-  const char *version, *style, *name, *info, *author;
-  void *(*creator)(void *lmp, int narg, char **arg);    // a union there, with other creators than those of fixes
-  void *handle;
-};
-
-// This code relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
-// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
-
-bool compiled_for(void *lmp)
-{
-  return lammps_version(lmp) == COMPILED_FOR_LAMMPS &&
-      lammps_config_has_mpi_support() == sizeof(MPI_Comm) &&
-      lammps_extract_setting(nullptr, "bigint") == sizeof(bigint) &&
-      lammps_extract_setting(nullptr, "tagint") == sizeof(tagint) &&
-      lammps_extract_setting(nullptr, "imageint") == sizeof(imageint);
-}
 
 // Before anything relies on the layout of LAMMPS's classes.
 
@@ -38,10 +20,15 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   lammps_error(lmp, LMP_ERROR_ALL, text.c_str());
 }
 
-void *make(void *lmp, int narg, char **arg)
+void *make(void *pointer, int narg, char **arg)
 {
-  refuse_other_layout(static_cast<LAMMPS *>(lmp), arg[2]);
-  return static_cast<Fix *>(new FixPythonMove(static_cast<LAMMPS *>(lmp), narg, arg));
+  const auto lmp = static_cast<LAMMPS *>(pointer);
+  refuse_other_layout(lmp, arg[2]);
+  std::string style = style_meant(arg[2]);
+  if (style != arg[2] && !lmp->comm->me) utils::logmesg(lmp, "Fix " + std::string(arg[0]) + ": " + arg[2] + " is " + style + "\n");
+  std::vector<char *> words(arg, arg + narg);
+  words[2] = style.data();
+  return static_cast<Fix *>(new FixPythonMove(lmp, narg, words.data()));
 }
 
 // Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
@@ -60,29 +47,19 @@ void stay_loaded()
 extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
 {
   using namespace nosquish;
-  if (!compiled_for(pointer)) {
-    if (lammps_extract_setting(pointer, "world_rank")) return;
-    if (const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"))
-      fprintf(stderr, "fix_nosquish: %s\n", obstacle);
-    else
-      fprintf(stderr,
-              "fix_nosquish: its plugin was compiled for LAMMPS %d, and this is %d or has other sizes of integers or another "
-              "MPI, so it is not used. Install fix_nosquish again for this LAMMPS: see docs/install.md\n",
-              COMPILED_FOR_LAMMPS, lammps_version(pointer));
-    return;
-  }
   stay_loaded();
   name_python_early();
   const auto lmp = static_cast<LAMMPS *>(pointer);
   const Layout layout(lmp);
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   lammpsplugin_t plugin{layout.lammps() ? lmp->version : "", "fix", PYTHON_MOVE.c_str(), "fixes nosquish/* and python/move",
-                        "fix_nosquish", make, handle};
+                        "fix_nosquish", {}, handle};
+  plugin.creator.v2 = make;
   enter(&plugin, lmp);
   const bool alike = layout.styles();
   std::vector<std::string> styles(std::begin(NATIVE), std::end(NATIVE));
-  for (const auto &name : REPLACED)
-    for (const char *accelerated : {"", "/omp"}) styles.push_back(name + accelerated + SUFFIX);
+  for (const auto &name : NATIVE) styles.push_back(name + SMALL);
+  for (const auto &name : REPLACED) styles.insert(styles.end(), {name + SUFFIX, name + "/omp" + SUFFIX, OURS + name});
   for (const auto &name : styles) {
     plugin.name = name.c_str();
     // the same without a line of the log for each

@@ -22,6 +22,16 @@ const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt
                                 "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
 const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
 
+// What users also write: nosquish/nvt/small for nosquish/nvt, and nosquish/rigid/nvt for rigid/nvt/nosquish.
+
+const std::string OURS = "nosquish/", SMALL = "/small";
+
+std::string style_meant(const std::string &name)
+{
+  if (name.rfind(OURS + "rigid", 0) == 0) return name.substr(OURS.size()) + SUFFIX;
+  return name.rfind(OURS, 0) == 0 ? name.substr(0, name.rfind(SMALL)) : name;
+}
+
 bool replaces(const std::string &style)
 {
   return style.rfind("rigid", 0) == 0;

@@ -13,7 +13,7 @@ from ..box import deform
 from ..errors import RunError, refuse
 from ..loops import machine_code
 from . import cards, external, log, making, refusals, rotation, velocities
-from .other_fixes import OtherFixes, refuse_other_integrators
+from .other_fixes import OtherFixes, refuse_constraints, refuse_other_integrators
 from .output import BodyFile
 from .passes import Passes
 from .schedule import GATHERS, LATE, LEVELS, LOOKS, MID_STEP, RESETS, SEEN, WATCHED, Phase
@@ -134,6 +134,7 @@ def init(integrator: "Integrator") -> None:
     if anew:
         _give_velocities(integrator)
     refuse_other_integrators(integrator)
+    refuse_constraints(integrator)
     integrator.take_time_step()
     integrator.cards = cards.find(integrator)
     wrong = integrator.cards.problem(
@@ -153,6 +154,7 @@ def init(integrator: "Integrator") -> None:
 def start_run(integrator: "Integrator") -> None:
     """Begin to move, now that the first forces are known; collective."""
     integrator.unchanged.refuse_new_masses(integrator)
+    refuse_constraints(integrator)
     refusals.refuse_weight_twice(integrator)
     integrator.do("gather")
     integrator.known.clear()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..bodies.membership import Membership
+from ..errors import refuse
 from ..host.hosts import Host, OtherFix
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _PACKAGES = "GPU", "OMP", "INTEL"
 # fixes that change the box and tell rigid fixes, or do not in a run
 _FOLLOWED = "deform", "box/relax"
 # fixes that read no velocities but those of their own atoms; and these between the halves of a step
-_BLIND = "nve", "rigid", "shake", "rattle"
+_BLIND = "nve", "rigid", "shake", "rattle", "ilves"
 _BLIND_BETWEEN = (*_BLIND, "balance", "deform")
 # fixes that keep a temperature
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
@@ -59,7 +60,7 @@ _CONSERVING = (
     *("acks2/", "adapt", "addtorque", "amoeba/", "bond/", "box/relax", "cmap", "controller"),
     *("deform", "drude", "dt/reset", "ehex", "heat", "momentum", "nonaffine/", "numdiff", "pair"),
     *("phonon", "qeq/", "qtpie/", "rattle", "reaxff/", "restrain", "rigid", "saed/", "shake"),
-    *("spring/rg", "tmd", "tune/", "widom"),
+    *("ilves", "spring/rg", "tmd", "tune/", "widom"),
 )
 # pair styles that do not: friction and noise of each atom by itself; those whose noise is of pairs,
 # without newton's third law between two that are computed twice
@@ -253,15 +254,29 @@ def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -
             f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
             f"give it {without}, or use fix nosquish/{'nph' if integrator.box_every else 'nve'}"
         )
-    if command.flexible and host.removed_freedom(fix.id, command.flexible):
-        return (
-            f"{theirs} constrains atoms of group '{command.flexible}', which "
-            "keyword flexible moves without constraints: unfix it, or leave them out of the group"
-        )
-    groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
-    if all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups):
-        return (
-            f"{theirs} constrains atoms of the rigid bodies, which {ours} "
-            "holds rigid: unfix it, or give it a group without the bodies' atoms"
-        )
     return None
+
+
+def refuse_constraints(integrator: "Integrator") -> None:
+    """End the run if another fix constrains atoms of its bodies or of keyword flexible; collective.
+
+    Fix ilves finds its constraints after the fixes' init, fix shake in its command.
+
+    Raises:
+        RunError: on all ranks.
+    """
+    command, host = integrator.command, integrator.host
+    groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
+    for fix in integrator.other_fixes:
+        theirs = f"fix {fix.id} (style {fix.style})"
+        refuse(
+            command.flexible and host.removed_freedom(fix.id, command.flexible),
+            f"{theirs} constrains atoms of group '{command.flexible}', which "
+            "keyword flexible moves without constraints: unfix it, or leave them out of the group",
+        )
+        refuse(
+            all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups),
+            f"{theirs} constrains atoms of the rigid bodies, which fix {host.fix_id} "
+            f'("{command.text}") holds rigid: unfix it, or give it a group without the bodies\' '
+            "atoms",
+        )

@@ -141,8 +141,10 @@ class Found:
 
 
 def style_of(line: str) -> str:
-    """Of a fix, without suffixes of accelerated variants."""
-    return re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
+    """Of a fix, without suffixes of accelerated variants; rigid/nvt for nosquish/rigid/nvt, and
+    nosquish/nvt for nosquish/nvt/small."""
+    plain = re.sub(r"/(omp|intel|kk|gpu|opt)$|^nosquish/(?=rigid)", "", texts(line)[3])
+    return re.sub(r"^(nosquish/\w+)/small$", r"\1", plain)
 
 
 def words_of(line: str) -> Words | None:
@@ -151,8 +153,8 @@ def words_of(line: str) -> Words | None:
     word, *rest = texts(line) or [""]
     if word != "fix" or len(rest) < 4:
         return None
-    _, group, style, *words = rest
-    if style.startswith("nosquish/"):
+    _, group, _, *words = rest
+    if (style := style_of(line)).startswith("nosquish/"):
         name = style.partition("/")[2].upper()
     elif style == "python/move" and QUOTED.match(words[0]):
         named, group, *words = words[0].split()

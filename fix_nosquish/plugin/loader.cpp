@@ -1,0 +1,49 @@
+/* What LAMMPS loads: it sees whether the plugin beside it is for this LAMMPS. Another version may lack functions that the plugin calls,
+   so that the system refuses to load it and names no more than one of them. Of LAMMPS only the library interface is used here. */
+
+#include "library.h"
+#include "lmptype.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <dlfcn.h>
+#include <mpi.h>
+#include <string>
+
+namespace {
+
+// The plugin relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
+// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
+
+bool compiled_for(void *lmp)
+{
+  return lammps_version(lmp) == COMPILED_FOR_LAMMPS &&
+      lammps_config_has_mpi_support() == sizeof(MPI_Comm) &&
+      lammps_extract_setting(nullptr, "bigint") == sizeof(LAMMPS_NS::bigint) &&
+      lammps_extract_setting(nullptr, "tagint") == sizeof(LAMMPS_NS::tagint) &&
+      lammps_extract_setting(nullptr, "imageint") == sizeof(LAMMPS_NS::imageint);
+}
+
+std::string beside(const std::string &name)
+{
+  Dl_info here;
+  dladdr(reinterpret_cast<void *>(&compiled_for), &here);
+  const std::string path = here.dli_fname;
+  return path.substr(0, path.rfind('/') + 1) + name;
+}
+
+}    // namespace
+
+extern "C" void lammpsplugin_init(void *lmp, void *handle, void *enter)
+{
+  std::string problem = "its plugin was compiled for LAMMPS " + std::to_string(COMPILED_FOR_LAMMPS) + ", and this is " +
+      std::to_string(lammps_version(lmp)) + " or has other sizes of integers or another MPI";
+  if (compiled_for(lmp)) {
+    if (void *plugin = dlopen(beside("python_move.so").c_str(), RTLD_NOW | RTLD_GLOBAL))
+      return reinterpret_cast<decltype(&lammpsplugin_init)>(dlsym(plugin, "lammpsplugin_init"))(lmp, handle, enter);
+    problem = dlerror();
+  }
+  const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE");
+  problem = obstacle ? obstacle : problem + ", so it is not used. Install fix_nosquish again for this LAMMPS: see docs/install.md";
+  if (!lammps_extract_setting(lmp, "world_rank")) fprintf(stderr, "fix_nosquish: %s\n", problem.c_str());
+}
