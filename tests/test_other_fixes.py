@@ -11,6 +11,7 @@ import pytest
 from conftest import read_thermo
 from scripts import spce
 from systems import LIKE_LAMMPS, OURS, RIGID, Result, differ, mixture, water
+from test_build import NUMBER
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
 COLUMNS = (
@@ -138,13 +139,15 @@ def half_rigid():
         ("shake", "molecule", "theirs", 2),
         ("rattle", "molecule", "ours", 1),
         ("shake", "group 1 bodies", "theirs", 1),
+        *([("ilves", "molecule", "theirs", 2)] if NUMBER >= 20260704 else []),
+        *([("ilves", "group 1 bodies", "ours", 1)] if NUMBER >= 20260704 else []),
     ],
 )
 def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, ranks):
     """Locks out a fix that constrains the bodies' atoms beside ours,
     with a temperature and a pressure that are wrong."""
     theirs, ours = (
-        f"fix hold bodies {style} 1e-4 100 0 b 1 a 1",
+        f"fix hold bodies {style} 1e-4 25 0 b 1 a 1",
         OURS.format(group="bodies", words=words),
     )
     system = water()
@@ -176,6 +179,35 @@ def test_constraints_beside_bodies(run_all):
     }
     both = run_all(system, scripts)
     assert differ(both["all"], both["flexible"], system.h) == 0
+
+
+if NUMBER >= 20260704:
+
+    @pytest.mark.parametrize("ranks", [1, 4])
+    def test_ilves_beside_bodies(run_all, ranks):
+        """Locks out fix ilves that holds other atoms beside bodies otherwise than fix shake."""
+        system, ours = half_rigid(), OURS.format(group="wet", words="molecule")
+        scripts = {
+            style: (
+                f"fix hold {group} {style} 1e-10 {most} 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n"
+                f"{COLUMNS.format('', 5, 1.0)}\nrun 20"
+            )
+            for style, group, most in (("shake", "flexible", 500), ("ilves", "all", 25))
+        }
+        both = run_all(system, scripts, ranks=ranks)
+        assert differ(both["shake"], both["ilves"], system.h) < 1e-8
+        for name in "Temp", "Press", "TotEng":
+            shake, ilves = (both[style].thermo[name] for style in ("shake", "ilves"))
+            np.testing.assert_allclose(ilves, shake, rtol=1e-7, err_msg=name)
+
+    def test_baoab_on_bodies(refused):
+        """Locks out fix baoab, which integrates atoms, on those of the bodies."""
+        system = water()
+        fixes = (
+            f"fix 2 bodies baoab 300 300 100 4928\n{OURS.format(group='bodies', words='molecule')}"
+        )
+        says = "is also integrated by fix 2 (style baoab): give that fix a group without"
+        refused(f"{system.setup}\n{fixes}\nrun 1", says, system.files)
 
 
 # ---- commands that make velocities

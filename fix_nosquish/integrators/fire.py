@@ -293,6 +293,7 @@ class FIRE(Integrator):
     # ------------------------------------------------------------- what LAMMPS asks
 
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
+    vector_names = (*Integrator.vector_names, "force", "torque", "dt")
 
     def own_values(self) -> tuple[float, ...]:
         """The largest force and the largest torque on a body, and the time step of the quench;

@@ -275,6 +275,7 @@ class HMC(NVE):
     # ------------------------------------------------------------- what LAMMPS asks
 
     vector_extensive = (*Integrator.vector_extensive, False, False, False)
+    vector_names = (*Integrator.vector_names, "acceptance", "dH", "accepted")
 
     def own_values(self) -> tuple[float, ...]:
         """The part of trajectories that were accepted, and of the last one the change of the energy

@@ -17,6 +17,7 @@ class NVT(Ensemble):
     keywords = TEMPERATURE
     thermostats: Mapping[str, Any] = THERMOSTATS
     vector_extensive = (*Ensemble.vector_extensive, True)
+    vector_names = (*Ensemble.vector_names, "shadow")
 
     def own_values(self) -> tuple[float, ...]:
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:

@@ -63,6 +63,7 @@ struct Bridge {
   int32_t insertions;       // how many these are
   int32_t vector_size, array_columns, array_rows;    // of what thermo_style and others read; rows are -1 if not known from the start
   const int32_t *vector_extensive;
+  const char *names;    // of the scalar and of the values of the vector
   int32_t *body;        // of each local atom, -1 for none; null while not known
   double *masstotal;    // of each body
   // of the fix

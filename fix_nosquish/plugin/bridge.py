@@ -170,6 +170,8 @@ def _announce(bridge: Bridge, instance: Any) -> None:
         bridge.extensive = np.array([*map(bool, instance.vector_extensive)], np.int32)
         bridge.vector_size = len(bridge.extensive)
         bridge.vector_extensive = bridge.extensive.ctypes.data
+        names = "ecouple" if bridge.couples else "temp", *getattr(instance, "vector_names", ())
+        bridge.names = " ".join(names).encode()
     if hasattr(instance, "compute_array"):
         rows = getattr(instance, "array_rows", None)
         bridge.array_rows = -1 if rows is None else int(rows)

@@ -108,6 +108,7 @@ void FixPythonMove::declare()
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
   extarray = 0;
+  name_columns(this);
   if (bridge.vector_size > 0) {
     extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
     vector_flag = 1;

@@ -48,6 +48,15 @@ inline void forget_vectors(LAMMPS_NS::Variable &variable)
 }
 #endif
 
+// Since 4 Jul 2026 thermo_modify colname auto asks fixes that say so for names: get_thermo_colname.
+
+inline void name_columns([[maybe_unused]] LAMMPS_NS::Fix *fix)
+{
+#if COMPILED_FOR_LAMMPS > 20250722
+  fix->thermo_modify_colname = 1;
+#endif
+}
+
 // The bits by which KOKKOS knows the arrays of atoms that a rigid body changes; those of a version that nobody has read are all.
 
 #if __has_include("atom_masks.h")
@@ -81,20 +90,14 @@ struct RestartState : LAMMPS_NS::Modify {
   }
 };
 
-// How a plugin hands in a style.
+// How a plugin hands in a style: lammpsplugin.h, which is the same in all versions and is not among the installed headers. The
+// creator is a union there, with other creators than those of fixes.
 
-#if __has_include("lammpsplugin.h")
-#include "lammpsplugin.h"
-#else
 struct lammpsplugin_t {
   const char *version, *style, *name, *info, *author;
-  union {
-    void *(*v1)(void *lmp);
-    void *(*v2)(void *lmp, int narg, char **arg);
-  } creator;
+  void *(*creator)(void *lmp, int narg, char **arg);
   void *handle;
 };
-#endif
 
 // End the run on all ranks; since 2025 LAMMPS can point at the argument of its command that is wrong.
 

@@ -208,6 +208,19 @@ void FixPythonMove::write_restart(FILE *file)
   state.write(file);
 }
 
+// What thermo_modify colname auto writes above f_ID[i], with i - 1, and above f_ID, with -1; nothing for the usual. It asks with the
+// first index of f_ID[i][j], too.
+
+std::string FixPythonMove::get_thermo_colname(int n)
+{
+  const std::string ours = std::string("f_") + id, row = ours + "[" + std::to_string(n + 1) + "][";
+  int k = 0;
+  while (auto word = static_cast<const char *>(lammps_last_thermo(lmp, "keyword", k++)))
+    if (std::string(word).rfind(row, 0) == 0) return "";
+  const auto names = utils::split_words(bridge.names ? bridge.names : "");
+  return n + 1 < (int) names.size() ? ours + ":" + names[n + 1] : "";
+}
+
 double FixPythonMove::compute_vector(int i)
 {
   if (i >= size_vector)    // thermo_style and others may have been written for another fix of this ID

@@ -53,8 +53,7 @@ extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
   const Layout layout(lmp);
   const auto enter = reinterpret_cast<void (*)(lammpsplugin_t *, void *)>(regfunc);
   lammpsplugin_t plugin{layout.lammps() ? lmp->version : "", "fix", PYTHON_MOVE.c_str(), "fixes nosquish/* and python/move",
-                        "fix_nosquish", {}, handle};
-  plugin.creator.v2 = make;
+                        "fix_nosquish", make, handle};
   enter(&plugin, lmp);
   const bool alike = layout.styles();
   std::vector<std::string> styles(std::begin(NATIVE), std::end(NATIVE));

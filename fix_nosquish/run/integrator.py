@@ -378,6 +378,7 @@ class Integrator(Registered, Declaration):
     # ------------------------------------------------------------- what LAMMPS and others ask
 
     vector_extensive: tuple[bool, ...] = True, True, False, False
+    vector_names: tuple[str, ...] = "ke_trans", "ke_rot", "temp_trans", "temp_rot"
     array_columns = 15
 
     @property

@@ -40,6 +40,7 @@ MARKS = {  # integrator: colour and marker
     "rigid/small": (INK, "<"),
     "shake": (RED, "v"),
     "rattle": (PURPLE, "P"),
+    "ilves": (PURPLE, "X"),
 }
 LINE = 9.0  # points that a label needs in height
 

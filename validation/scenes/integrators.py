@@ -1,6 +1,8 @@
 """Who moves the atoms: each integrator is the LAMMPS lines that set it up."""
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from importlib import metadata
 
 from .. import INSTALLED
 from . import Scene
@@ -22,7 +24,7 @@ class Integrator:
         lines: LAMMPS commands; ``{group}``, ``{bodies}`` and ``{constraints}``
             are filled from the scene.
         whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
-        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes), ``constraints`` (shake, rattle) or
+        kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes), ``constraints`` (shake and its kin) or
             ``free`` (no body is rigid).
         tolerance: of constraints, relative; None for others.
         then: LAMMPS commands behind the scene's own, that ask for this integrator.
@@ -67,13 +69,24 @@ def rigid(style: str) -> Integrator:
 
 
 def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
-    """Velocity Verlet with ``shake`` or ``rattle``, to a relative tolerance.
+    """Velocity Verlet with one of `CONSTRAINING`, to a relative tolerance.
 
     fix nve comes first: rattle corrects the velocities that nve has set.
     """
     held = f"fix 2 {{group}} {style} {tolerance} {iterations} 0 {{constraints}}"
     label, lines = f"{style} {tolerance} + nve", ("fix 1 {group} nve", held)
     return Integrator(style, label, lines, kind="constraints", tolerance=float(tolerance))
+
+
+def _constraining() -> tuple[str, ...]:
+    """The fixes of the installed LAMMPS that constrain bonds and angles."""
+    with suppress(metadata.PackageNotFoundError):
+        if int(metadata.version("lammps").split(".")[0]) >= 2026:
+            return "shake", "rattle", "ilves"
+    return "shake", "rattle"
+
+
+CONSTRAINING = _constraining()
 
 
 def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
@@ -83,8 +96,7 @@ def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
 INTEGRATORS = _by_name(
     nosquish(OURS, "fix_nosquish.NVE"),
     *map(rigid, ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
-    constrained("shake", "1e-4"),
-    constrained("rattle", "1e-4"),
+    *(constrained(style, "1e-4") for style in CONSTRAINING),
 )
 
 # what the paper compares, and beside it LAMMPS's own
@@ -102,7 +114,7 @@ _OTHERS = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
 BENCHMARKED = _by_name(
     *(INTEGRATORS[name] for name in (OURS, *_OTHERS)),
     *map(rigid, ("rigid/nve/omp", "rigid/omp", "rigid/small/omp")),
-    *(INTEGRATORS[name] for name in ("shake", "rattle")),
+    *(INTEGRATORS[name] for name in CONSTRAINING),
 )
 
 # what is drawn as error against run time: every scheme with every parameter of its own that trades
@@ -116,7 +128,7 @@ SWEPT = _by_name(
     *map(rigid, _OTHERS),
     *(
         replace(constrained(style, tolerance, 200), name=f"{style}-{tolerance}")
-        for style in ("shake", "rattle")
+        for style in CONSTRAINING
         for tolerance in ("1e-4", "1e-6", "1e-8")
     ),
 )

@@ -20,7 +20,7 @@ from ..running import machine, run, whole
 from ..running.run import Meter, Result
 from ..running.store import Store
 from ..scenes import SCENES, Scene
-from ..scenes.integrators import INTEGRATORS, OURS, SWEPT, Integrator
+from ..scenes.integrators import CONSTRAINING, INTEGRATORS, OURS, SWEPT, Integrator
 from ..statistics.check import Check
 from ..statistics.estimate import CONFIDENCE, Estimate, combined, margin
 from . import criteria
@@ -32,7 +32,8 @@ _WORDS = {True: "pass", False: "fail", None: "cannot tell"}
 
 # in the order of the table's columns
 _RIGID = "rigid/nve", "rigid/nve/small", "rigid", "rigid/small"
-_HELD = "shake 1e-4", "shake 1e-6", "shake 1e-8", "rattle 1e-4", "rattle 1e-8"
+_TOLERANCES = {"shake": ("1e-4", "1e-6", "1e-8"), "rattle": ("1e-4", "1e-8"), "ilves": ("1e-8",)}
+_HELD = [f"{style} {tolerance}" for style in CONSTRAINING for tolerance in _TOLERANCES[style]]
 COMPARED = {
     "nosquish": INTEGRATORS["nosquish"],
     **{name: SWEPT[name.replace(" ", "-")] for name in (*_RIGID, *_HELD)},
