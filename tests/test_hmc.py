@@ -6,8 +6,9 @@ from math import erfc, sqrt
 
 import numpy as np
 import pytest
+from conftest import read_thermo
 from scipy import stats
-from systems import AFTER, mixture
+from systems import AFTER, SHAPES, mixture
 from test_domains import droplet
 from test_nvt import DUMP, FREE, POINTS, SMOOTH, ends_alike, gas, motion, thermo
 from test_nvt import fix as nvt_fix
@@ -212,6 +213,36 @@ def test_orientations(run_lammps, tmp_path, mix, seed):
     rows = run_lammps(script, files=system.files).thermo
     assert_directions(tmp_path, 27)
     assert 0.5 < rows["f_1[5]"][-1] < 0.8
+
+
+WORLDS = f"""variable w world 0 1
+log log.$w
+{{setup}}
+{FREE}{FIELD}
+velocity all create 2.0 $(v_w+8) loop geom
+fix 1 all nosquish/nvt molecule temp 2 2 0.5 seed 7
+timestep 0.1
+thermo_style custom step pe
+thermo_modify norm no
+thermo 10
+run 8000
+"""
+
+
+def test_replicas_with_one_seed(run_lammps, tmp_path):
+    """Locks out replicas of a partition that move alike, from whatever velocities, because their
+    noise is the same: their energies are independent, with the mean of Langevin's function."""
+    system, options = mixture("solid", side=3, temperature=2.0), ("-partition", "1", "1")
+    text = WORLDS.format(setup=system.setup)
+    run_lammps(text, files=system.files, ranks=2, launcher="lmp", options=options)
+    logs = [(tmp_path / f"log.{w}").read_text() for w in (0, 1)]
+    energies = np.array([read_thermo(log)["PotEng"][50:] for log in logs])
+    independent = energies.size / 4  # of both; their correlation time is one sample or two
+    assert abs(np.corrcoef(energies)[0, 1]) < 5 / sqrt(independent / 2)
+    x = np.array(SHAPES["solid"][0])
+    a = DIPOLES * np.linalg.norm(x[0] - x[1]) / 2.0
+    mean = -27 * 2.0 * a * (1 / np.tanh(a) - 1 / a)
+    assert abs(energies.mean() - mean) < 5 * energies.std() / sqrt(independent)
 
 
 def test_acceptance(run_lammps):
