@@ -156,6 +156,21 @@ BESIDE_TRAJECTORIES = [
     ("comm_modify vel yes", "needs forces that do not depend on velocities"),
     ("run_style respa 2 2", "the integrator HMC takes one force a step"),
 ]
+# of forces that hybrid Monte Carlo is given: variables, words, and which of them is refused
+OF_FORCES = [
+    ("", "f_1[4]", "f_1[4]"),
+    ("", "f_1[7]", "f_1[7]"),  # forces of before
+    ("variable a vector -f_1[1]-0.3*f_1[4]", "v_a", "f_1[4]"),
+    ("variable a vector f_1[1]\nvariable b vector v_a*vx[1]", "v_b", "vx"),
+    ("variable a equal f_1[1]", "v_a", "f_1[1]"),  # the kinetic energy of translation
+    ("variable a equal random(0,1,5)", "v_a", "random"),
+    ("variable a equal step/10", "v_a", "step"),
+    ("variable a equal vcm(all,x)", "v_a", "vcm"),
+    ("variable a internal 1.0\nvariable b equal v_a", "v_b", "v_a"),
+    ("compute a all temp", "c_a[1]", "c_a[1]"),
+    ("compute a all temp\nvariable b equal c_a", "v_b", "c_a"),
+    ("fix a all ave/time 1 1 1 c_thermo_temp\nvariable b equal f_a", "v_b", "f_a"),
+]
 OF_QUENCHES = [
     ("torque v_f", "keyword force is missing"),
     ("force v_f", "keyword torque is missing"),
@@ -253,12 +268,24 @@ REFUSED = [
         Refused(f"{STIFF}{before}\n{hmc('temp 2 steps 10 seed 5', group='stiff')}", says, ranks=2)
         for before, says in BESIDE_TRAJECTORIES
     ),
+    *(
+        Refused(
+            f"{lines}\n{TRAJECTORIES}fix_modify 1 external force {word} 0 0 energy 0\n",
+            f"{said}, in what fix_modify external gives, may depend on velocities",
+            ranks=2,
+        )
+        for lines, word, said in OF_FORCES
+    ),
     Refused(f"{TRAJECTORIES}run 20\nrun 15 pre no\n", "the run ends in step 35, within"),
     Refused(
         f"{TRAJECTORIES}run 20\nthermo_style custom step\nreset_timestep 0\nrun 20 pre no\n",
         "step 1 does not follow the last trajectory",
     ),
     *(Refused(fire(words), says) for words, says in OF_QUENCHES),
+    Refused(
+        f"{fire()}fix_modify 1 external force f_1[4] 0 0\n",
+        "FIRE finds a minimum of an energy, and f_1[4], in what fix_modify external gives",
+    ),
     Refused(
         f"{fire()}fix 2 all deform 1 x scale 1.1 remap x\n", "fix 2 (style deform) changes the box"
     ),

@@ -177,7 +177,7 @@ class Host:
 
     def definition(self, word: str) -> str:
         """What v_NAME is, as LAMMPS's command info tells it, or the style of the compute of c_ID;
-        empty if there is none."""
+        empty if there is none, or if its group is dynamic."""
         return ""
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:

@@ -51,6 +51,7 @@ from ..motion.frames import (
 from ..motion.operations import Parameters, drift
 from ..motion.step import Operation
 from ..ranks.mpi import Mpi, add_up
+from ..run import external
 from ..run.integrator import Integrator
 
 Quench = record(
@@ -239,6 +240,8 @@ class FIRE(Integrator):
             "a LAMMPS's own fix python/move cannot end a run: install this package where its "
             "plugin serves",
         )
+        problem = external.not_of_positions(self)
+        refuse(problem, f"FIRE finds a minimum of an energy, and {problem}")
         for fix in self.other_fixes:
             refuse(
                 fix.box_change,

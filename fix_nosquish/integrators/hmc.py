@@ -194,6 +194,8 @@ class HMC(NVE):
         )
         problem = external.without_energy(self)
         refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
+        problem = external.not_of_positions(self)
+        refuse(problem, f"hybrid Monte Carlo needs forces of an energy, and {problem}")
         for mate in self.mates:
             refuse(
                 mate is not self,

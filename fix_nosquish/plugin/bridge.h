@@ -108,7 +108,7 @@ struct Bridge {
   void (*log)(void *fix, const char *text);
   int (*nth_fix)(void *fix, int n, void *facts);    // 0 past the last; id is null for this fix
   const char *(*command)(void *fix);    // the words of the last command
-  const char *(*definition)(void *fix, const char *word);    // of v_NAME, as info variables has it; of c_ID, the style; else empty
+  const char *(*definition)(void *fix, const char *word);    // of v_NAME, as info variables has it; of c_ID, the style, empty if its group is dynamic
   int64_t (*removed_freedom)(void *fix, const char *other, const char *group);    // by another fix
   void (*begin_step_of)(void *fix, const char *other);    // another fix does its initial_integrate
   int (*pair_style)(void *fix, const char *first);    // one that begins with this is in use, perhaps in a hybrid style

@@ -85,7 +85,8 @@ class Facts : public Part {
     const std::string name = word + 2;
     const int number = *word == 'v' ? input->variable->find(name.c_str()) : -1;
     const Compute *found = *word == 'c' ? modify->get_compute_by_id(name) : nullptr;
-    text = number >= 0 ? Info(lmp).get_variable_info(number) : found ? found->style : "";
+    const bool known = found && !group->dynamic[found->igroup];
+    text = number >= 0 ? Info(lmp).get_variable_info(number) : known ? found->style : "";
     return text.c_str();
   }
 

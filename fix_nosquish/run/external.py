@@ -26,6 +26,18 @@ _EXPECTED = (
     "a number, v_NAME of an equal-style or vector-style variable, or f_ID[i] or c_ID[i], a column "
     "of the global array of a fix or a compute, is expected"
 )
+# what is known to depend on nothing but positions: columns of f_ID; styles of computes, of groups
+# that stay; and what formulas may name
+_PLACES = "1", "2", "3", "13", "14", "15"
+_COMPUTES = (
+    *("com", "com/chunk", "dipole", "dipole/chunk", "gyration", "gyration/chunk", "inertia/chunk"),
+)
+_IN_FORMULAS = re.compile(
+    "PI|a?(sin|cos|tan)|atan2|abs|ceil|exp|floor|ln|log|round|sign|sqrt|ternary|ave|max|min|slope|"
+    "sum|trap|[xyz](lo|hi)?|l[xyz]|xy|xz|yz|vol|atoms|density|id|mass|mol|q|type"
+)
+_NAMES = re.compile(r"[vcfCF]_\w+(?:\[\d+\])*|(?<![\w.])[A-Za-z]\w*")
+_CONSTANT = "index", "loop", "world", "universe", "uloop", "string", "getenv"  # styles of variables
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
 
@@ -95,6 +107,42 @@ def without_energy(integrator: "Integrator") -> str | None:
         "the energy of external forces is not in pe: give it by the word energy of fix_modify "
         "external"
     )
+
+
+def not_of_positions(integrator: "Integrator") -> str | None:
+    """What to say of external forces that positions alone may not decide; None if they do."""
+    host, seen = integrator.host, set()
+    left = [(word, True) for word in integrator.external.said.words.values()]
+    while left:
+        word, in_vectors = left.pop(0)
+        name, *indices = re.findall(r"\w+", word)
+        if name[:2] == "v_":
+            style, formula = _definition(host.definition(name))
+            more = [(part, style == "vector") for part in _NAMES.findall(formula)]
+            left += [part for part in more if part not in seen]
+            seen.update(more)
+            fits = style in ("", "equal", "vector", *_CONSTANT)
+        elif name[:2] == "c_":
+            fits = host.definition(name) in _COMPUTES
+        else:  # f_ID[i] is a column where the formula is of vectors, else a number of the fix
+            of_bodies = name == f"f_{host.fix_id}" and len(indices) == 2 - in_vectors
+            fits = bool(_IN_FORMULAS.fullmatch(word)) or (of_bodies and indices[-1] in _PLACES)
+        if not fits:
+            return (
+                f"{word}, in what fix_modify external gives, may depend on velocities, on the time "
+                f"or on chance. Take the places of the bodies (columns 1 to 3 and 13 to 15 of "
+                f"f_{host.fix_id}), numbers, and computes such as com and dipole/chunk"
+            )
+    return None
+
+
+def _definition(text: str) -> tuple[str, str]:
+    """A variable's style and formula, by what LAMMPS's command info tells; both may be empty."""
+    style, _, formula = text.partition("style = ")[2].partition(" def =")
+    style = style.split(",")[0]
+    if style == "equal":  # behind it is the value
+        formula = formula.rpartition(" ")[0]
+    return style, formula if style in ("equal", "vector") else ""
 
 
 # ----------------------------------------------------------------- where they come from
