@@ -73,6 +73,7 @@ class Swaps(NamedTuple):
     id: str
     style: str
     nevery: int
+    counts_heat: bool = False
 
 
 def _swaps(command: Sequence[str], step: int) -> list[Swaps]:

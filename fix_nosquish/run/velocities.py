@@ -7,6 +7,7 @@ import numpy as np
 from ..bodies.membership import Membership
 from ..bodies.particles import particles_of
 from ..box import deform
+from ..errors import refuse
 from ..motion import step
 from . import log, making
 from .other_fixes import TEMPER
@@ -14,6 +15,12 @@ from .schedule import Phase
 
 if TYPE_CHECKING:
     from .integrator import Integrator
+
+
+# of what a thermostat adds to velocities: the part that is no rigid motion, from which on it is
+# looked at; and the squared cosine between it and the velocities, below which it is no factor
+# (1 for a factor, 1/2 for velocities that are drawn anew)
+_LEAST_SHARE, _ALONG = 0.05, 0.75
 
 
 class Taken:
@@ -32,20 +39,21 @@ def set_plain(integrator: "Integrator") -> None:
     step.set_velocities.bind_to(integrator.passes.cells)()
 
 
-def changed(integrator: "Integrator") -> bool:
-    """Whether the atoms' velocities are not those of the bodies, on any rank; collective."""
+def _change(integrator: "Integrator") -> np.ndarray | None:
+    """What others have added to the velocities that the bodies give their atoms, (m, 3); None if it
+    is nothing on any rank; collective."""
     bodies, v = integrator.bodies, integrator.lammps.v
     expected = np.empty_like(v)
     step.set_velocities.bind_to(bodies.cells, atom_v=expected)()
     if integrator.streams and integrator.phase != Phase.OVER:
         deform.speed_up.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
-    index = bodies.index
-    return integrator.communicator.any(not np.array_equal(expected[index], v[index]))
+    added = v[bodies.index] - expected[bodies.index]
+    return added if integrator.communicator.any(added.any()) else None
 
 
 def say_ignored(integrator: "Integrator", why: str) -> None:
     """Tell the user if velocities were changed between runs that go on; collective."""
-    if changed(integrator):
+    if _change(integrator) is not None:
         integrator.host.log(
             "The velocities of the bodies' atoms were changed between runs: "
             f"without effect, because the bodies go on ({why})\n"
@@ -55,21 +63,49 @@ def say_ignored(integrator: "Integrator", why: str) -> None:
 def take_late(integrator: "Integrator", at: int) -> None:
     """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with
     them; collective."""
-    due = [fix.id for fix in integrator.other_fixes.late if at % fix.nevery == 0]
-    if not due or not changed(integrator):
+    due = [fix for fix in integrator.other_fixes.late if at % fix.nevery == 0]
+    added = _change(integrator) if due else None
+    if added is None:
         return
     if integrator.streams:
         deform.speed_up.bind_to(integrator.passes.cells, sign=-1.0)()
     energies = take(integrator)
+    before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
+    if log.projected(before - now, before):
+        _refuse_drawn(integrator, due, added, before - now)
     integrator.set_velocities()
     integrator.known.clear()
-    before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
     taken = integrator.taken_away
     taken.lost += before - now
     taken.least = log.ROUNDING * before
     if not taken.said:
         taken.said = True
-        _say_taken_over(integrator, at, due, before, now)
+        _say_taken_over(integrator, at, [fix.id for fix in due], before, now)
+
+
+def _refuse_drawn(integrator: "Integrator", due: list, added: np.ndarray, lost: float) -> None:
+    """End the run if a thermostat that counts its heat has given atoms velocities that are not the
+    former ones times a factor, and a part of them is lost; collective.
+
+    What factors lose, as of some atoms of a body, is of the second order in the time step, and the
+    heat is right to the first; noise loses as much as it counts.
+
+    Args:
+        added: (m, 3) to the atoms' velocities.  lost: the kinetic energy that is no rigid motion.
+    """
+    lammps, index = integrator.lammps, integrator.bodies.index
+    mass, v = lammps.masses[index, None], lammps.v[index] - added
+    sums = [(mass * part).sum() for part in (v * added, added**2, v**2 * (added != 0))]
+    along, square, of_changed = integrator.communicator.total(np.array(sums))
+    share = 2.0 * lost / (lammps.mvv2e * square)
+    for fix in due:
+        refuse(
+            fix.counts_heat and share > _LEAST_SHARE and along**2 < _ALONG * square * of_changed,
+            f"fix {fix.id} (style {fix.style}) gives each atom of the rigid bodies a velocity of "
+            f"its own, and {share:.2g} of that is no rigid motion, but counts as heat: the bodies "
+            "would be too cold. Use a thermostat of this package (fix nosquish/nvt, nosquish/npt), "
+            "fix langevin, or one that scales velocities, such as temp/csvr",
+        )
 
 
 def _say_taken_over(
