@@ -201,12 +201,6 @@ CASES = {
         "create_box 1 r\ncreate_atoms 1 random 20 5 NULL\nmass 1 1\npair_style zero 2\n"
         "pair_coeff * *\ngroup some empty\ngroup loose union all",
     ),
-    "group deleted between runs": Case(
-        "all group 2 a b",
-        ("no group 'a'", "define it before the fix"),
-        before="group a molecule 1\ngroup b molecule 2",
-        after="run 1\ngroup a delete\ngroup c molecule 3",
-    ),
     "group without atoms": Case(
         "none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"
     ),

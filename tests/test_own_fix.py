@@ -199,7 +199,6 @@ LATER = (
     "property that is not defined",
     "variable that is not defined",
     "variable too large",
-    "group deleted between runs",
     "group without atoms",
     "atom style without molecules",
     "body without mass",

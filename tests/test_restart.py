@@ -113,3 +113,48 @@ pair_coeff * * 1.0 0.8
 neigh_modify every 1 delay 0 check yes exclude molecule/intra all
 timestep 0.002
 """
+
+
+DECIDED = {  # a fix's group and words, what is before it, and what changes behind a run
+    "molecule": ("all", "molecule", "", "set atom 4*9 mol 1"),
+    "custom i_f": (
+        "all",
+        "custom i_f",
+        "fix p all property/atom i_f\n{}variable f atom mol\nset group all i_f v_f",
+        "set atom 4*9 i_f 1",
+    ),
+    "custom v_f": ("all", "custom v_f", "variable f atom mol*(step<5)", ""),
+    "group": (
+        "all",
+        "group 2 a b",
+        "group a molecule 1\ngroup b molecule 2 9",
+        "group a molecule 3\ngroup b clear",
+    ),
+    "single": ("a", "single", "group a molecule 1", "group a molecule 3"),
+    "flexible": (
+        "a",
+        "molecule flexible b",
+        "group a molecule 1:20\ngroup b subtract all a",
+        "group b clear\ngroup a clear\ngroup a molecule 3:27",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", DECIDED)
+def test_bodies_of_the_definition(run_on, name):
+    """Locks out a restart whose bodies are decided anew by molecule-IDs, values and groups that
+    have changed since the fix was defined: written between runs and in one, read on another number
+    of ranks, by the same fix and by the same integrator of another style."""
+    group, words, before, change = DECIDED[name]
+    system, again = mixture("solid planar"), AFTER + before.partition("{}")[0]
+    if name == "custom v_f":
+        again += before
+    native = f"timestep {system.dt}\nfix 1 {group} nosquish/nve {words}\n"
+    quoted = f"timestep {system.dt}\n" + OURS.format(group=group, words=words) + "\n"
+    first = f"{system.setup}\n{before.format('')}\n{native}run 6\n{change}\nrun 6\n"
+    first += "write_restart between\nrestart 5 within later\nrun 8\nrestart 0\nrun 12\nDUMP whole\n"
+    (whole,) = run_on(first, "whole", files=system.files)
+    second = f"read_restart between\n{again}\n{native}run 20\nDUMP native\n"
+    second += f"clear\nread_restart within\n{again}\n{quoted}run 32 upto\nDUMP quoted\n"
+    for run in run_on(second, "native", "quoted", ranks=2):
+        assert differ(run, whole, system.h) < 1e-9

@@ -130,7 +130,29 @@ CASES = {
     "tilted box": Case(
         "change_box all triclinic xy delta 0.5 yz delta -0.3 remap units box", reshaped=True
     ),
-    "group changed": Case("group bodies clear\ngroup bodies molecule 1:20", anew=True),
+    # the bodies are those of the fix's definition, whatever becomes of what the fix line names
+    "group changed": Case("group bodies clear\ngroup bodies molecule 1:20"),
+    "group grown": Case(HALVES + "run 3\ngroup a molecule 14:20"),
+    "molecules joined": Case("reset_atoms mol all\nrun 5\nbalance 0.9 shift xyz 5 1.01"),
+    "molecules divided": Case("reset_atoms mol all single yes"),
+    "joined before the first run": Case("unfix 1\nfix 1 bodies FIX(bodies)\nreset_atoms mol all"),
+    "one body changed": Case(
+        "unfix 1\ngroup a molecule 2 5\nfix 1 a FIX(a)\nrun 3\ngroup a molecule 7\n"
+        "group odd id 4\ngroup b subtract a odd\ngroup a clear\ngroup a union b",
+        words="single",
+    ),
+    "groups of the bodies changed": Case(
+        "run 2\ngroup p molecule 3\ngroup q clear\nrun 2\ngroup p delete\ngroup other molecule 7",
+        groups="group p molecule 1\ngroup q molecule 2 9",
+        words="group 2 p q",
+    ),
+    "custom values changed": Case(
+        "variable f atom mol\nvariable g atom 40-mol\nunfix 1\nset group all i_frag v_f\n"
+        "fix 1 bodies FIX(bodies)\n"
+        "run 3\nset atom 4*6 i_frag 1\nrun 3\nset group all i_frag v_g",
+        groups="fix p all property/atom i_frag\nset group all i_frag 1",
+        words="custom i_frag",
+    ),
     "minimised without the fix": Case(
         "unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"
     ),

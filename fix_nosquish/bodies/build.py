@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import RunError
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..loops import machine_code
@@ -14,7 +13,7 @@ from ..motion.frames import matrices, quaternions
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
 from .members import Members, find_members, sharers_of
-from .membership import FLEXIBLE, Former, Membership
+from .membership import FLEXIBLE, OUT, Former, Membership
 from .particles import Particles, particles_of
 from .principal import moments_and_axes
 from .unfold import Unfolded, unfold
@@ -123,7 +122,7 @@ def build(recipe: Recipe, former: Former | None = None, atoms: np.ndarray | None
         RunError: on all ranks, naming the body.
     """
     membership, lammps = recipe.membership, recipe.membership.lammps
-    members = find_members(membership, recipe.shapes, recipe.oriented, former, atoms)
+    members = find_members(membership, recipe.shapes, recipe.oriented, atoms)
     unfolded = unfold(members)
     given = recipe.find_given(unfolded)
     mass, centre = members.mass.copy(), unfolded.centre.copy()
@@ -289,14 +288,11 @@ def _chosen(
 
 
 def count(membership: Membership) -> int | None:
-    """How many bodies there are, None if that cannot be told (yet); collective."""
-    if membership.variable:
-        return None  # the variable may need a run
-    try:
-        ids = np.unique(membership.body_ids(membership.atoms()))
-    except RunError:
-        return None
-    owned = sharers_of(membership.communicator, ids[ids < FLEXIBLE]).owned
+    """How many bodies there are; None, not a fixed number, as long as there is none; collective."""
+    kept = membership.kept
+    owned = sharers_of(
+        membership.communicator, np.unique(kept[(kept > OUT) & (kept < FLEXIBLE)])
+    ).owned
     return membership.communicator.count(owned.sum()) or None
 
 

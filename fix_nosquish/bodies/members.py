@@ -9,10 +9,8 @@ from ..errors import RunError
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from ..ranks.sharing import Sharers
-from .membership import FLEXIBLE, Former, Membership
+from .membership import FLEXIBLE, OUT, Membership
 from .particles import Particles, particles_of
-
-_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
 
 
 class Members(NamedTuple):
@@ -113,36 +111,29 @@ def find_members(
     membership: Membership,
     shapes: np.ndarray | None,
     oriented: bool,
-    former: Former | None,
     atoms: np.ndarray | None,
 ) -> Members:
     """The `Members` of this rank; collective.
 
     Args:
         shapes, oriented: see `build.Recipe`.
-        former, atoms: see `build.build`.
+        atoms: see `build.build`.
     Raises:
         RunError: on all ranks, for atoms that a body cannot have.
     """
     lammps, communicator = membership.lammps, membership.communicator
-    atoms = membership.atoms() if atoms is None else atoms
-    ids_of_atoms = membership.body_ids(atoms, former)
+    ids_of_atoms = membership.ids()
+    atoms = np.flatnonzero(ids_of_atoms > OUT) if atoms is None else atoms
+    ids_of_atoms = ids_of_atoms[atoms]
     tag, mass = lammps.tags[atoms].astype(np.int64), lammps.masses[atoms]
     if not membership.command.mol and not communicator.count(len(atoms)):
         raise RunError(
             f"there is no atom to form a body of in group '{membership.command.group}': "
-            "fill the group before the run, or give keyword mol if a fix inserts the bodies",
+            "fill the group before the fix, or give keyword mol if a fix inserts the bodies",
             everywhere=True,
         )
     _refuse_odd_atoms(membership, atoms, tag, mass, lammps.unknown(shapes))
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
-    taken = (ids_of_atoms >= FLEXIBLE) & (ids_of_atoms != FLEXIBLE + tag)
-    communicator.refuse(
-        (ids_of_atoms < _LEAST_ID) | taken,
-        lambda k: (
-            f"{membership.name(ids_of_atoms[k])} has too large an ID: less than 2^52 is possible"
-        ),
-    )
     sharers = sharers_of(communicator, ids)
     natoms, body_mass = sharers.total(body, np.ones(len(atoms)), mass)
     points_only = not oriented and lammps.radius is None

@@ -4,12 +4,17 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
+from ..ranks.lookup import find
+from ..ranks.migration import OUT, UNDECIDED
 
 FLEXIBLE = 2**52  # a flexible atom's ID is this plus its tag; IDs of bodies are smaller
+_LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
+_UNKNOWN = -(2**60)  # the ID of a body that the rule has not told
+_MOST = 2**26  # rows of 24 bytes in what LAMMPS writes at once
 
 
 class Former(NamedTuple):
@@ -32,7 +37,10 @@ class Former(NamedTuple):
 
 
 class Membership:
-    """Which body each of this rank's atoms belongs to, as the fix line says it.
+    """Which body each of this rank's atoms belongs to.
+
+    The fix line's rule decides it where the fix is defined.  Each atom takes its ID along, in the
+    cell `membership`; atoms that come later are decided by the same rule when bodies are made.
 
     Args:
         lammps, communicator, command: see the attributes.
@@ -42,8 +50,9 @@ class Membership:
         communicator: the `Communicator` of its ranks, or `ALONE`.
         command: the `Command`, which is the fix line.
         variable: name of the atom-style variable that tells bodies apart; "" if none does.
-        masks: bits of `lammps.groups` by name.  An atom is in a body if its groups have some bit of
-            fix_group and some of body_groups.  It is flexible if they have some bit of flexible.
+        masks: bits of `lammps.groups` by name.  By the rule, an atom is in a body if its groups
+            have some bit of fix_group and some of body_groups, and flexible if they have some bit
+            of flexible.
 
     Raises:
         RunError: on all ranks, for a group or variable that is not there.
@@ -51,9 +60,10 @@ class Membership:
 
     def __init__(self, lammps: Lammps, communicator: Alone, command: Command) -> None:
         self.lammps, self.communicator, self.command = lammps, communicator, command
-        of_bodies = command.arguments if command.style == "group" else (command.group,)
-        of_atoms = (command.flexible,) if command.flexible else ()
-        for group in (command.group, *of_bodies, *of_atoms):
+        self._of_bodies = command.arguments if command.style == "group" else (command.group,)
+        self._of_atoms = (command.flexible,) if command.flexible else ()
+        self._groups = tuple(dict.fromkeys((command.group, *self._of_bodies, *self._of_atoms)))
+        for group in self._groups:
             if not lammps.has("group", group):
                 raise RunError(
                     f"there is no group '{group}': define it before the fix", everywhere=True
@@ -66,106 +76,219 @@ class Membership:
                 "define it before the fix",
                 everywhere=True,
             )
-        self._bits = [lammps.group_bit(group) for group in of_bodies]
-        bits = {
-            "fix_group": lammps.group_bit(command.group),
+        self.find_groups()
+
+    def find_groups(self) -> None:
+        """Find the groups' bits, which deleted groups leave to others; without a group, no atom
+        that comes later is in it."""
+        has, bit = self.lammps.has, self.lammps.group_bit
+        bits = {group: bit(group) if has("group", group) else 0 for group in self._groups}
+        self._bits = [bits[group] for group in self._of_bodies]
+        masks = {
+            "fix_group": bits[self.command.group],
             "body_groups": np.bitwise_or.reduce(self._bits),
-            "flexible": sum(lammps.group_bit(group) for group in of_atoms),
+            "flexible": sum(bits[group] for group in self._of_atoms),
         }
-        self.masks = {name: np.uint32(some).view(np.int32).item() for name, some in bits.items()}
+        self.masks = {name: np.uint32(mask).view(np.int32).item() for name, mask in masks.items()}
+
+    @property
+    def kept(self) -> np.ndarray:
+        """What was decided of each of this rank's atoms, (natoms,): the ID of its body, `FLEXIBLE`,
+        `OUT` or `UNDECIDED`."""
+        return self.lammps.cells["membership"].array
 
     def atoms(self) -> np.ndarray:
         """Indices of this rank's atoms that are in bodies, or flexible."""
-        return np.flatnonzero(np.logical_or(*self._rigid_and_flexible()))
+        return np.flatnonzero(self.kept > OUT)
 
-    def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which of this rank's atoms are in bodies, and which are flexible, (natoms,) bool each."""
-        one, other, flexible = (
-            self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
-        )
-        return one & other, flexible
-
-    def body_ids(self, atoms: np.ndarray, former: Former | None = None) -> np.ndarray:
-        """The ID of the body of each of these atoms, or its own if it is flexible; collective.
+    def define(self, listed: np.ndarray) -> None:
+        """Decide of all atoms, where the fix is defined; collective.
 
         Args:
-            atoms: (m,) their indices.
-            former: what the atoms were in bodies; see `_by_variable`.
-        Returns:
-            (m,) int64.
+            listed: (n, 3) what a restart file says of some atoms: their IDs, what they have in
+                `kept`, and what the fix line said of them then.
         Raises:
-            RunError: on all ranks, for an atom that is both, and where the body style's IDs are not
-                there.
+            RunError: on all ranks, for such an atom that is another one, and as `ids`.
         """
-        rigid, flexible = (which[atoms] for which in self._rigid_and_flexible())
-        tags = self.lammps.tags[atoms].astype(np.int64)
-        ids = FLEXIBLE + tags
-        ids[rigid] = self._ids_of_bodies(atoms[rigid], former)
+        kept, tags = self.kept, self.lammps.tags.astype(np.int64)
+        kept[:] = UNDECIDED
+        place = find(listed[:, 0].astype(np.int64), tags)
+        here, now = place >= 0, self._by_rule(self._standing())
+        _, kept[here], then = listed[place[here]].T
         self.communicator.refuse(
+            (now[here] != then) & (now[here] != kept[here]),
+            lambda k: (
+                f"atom {tags[here][k]} is not the one of the restart file, or has another "
+                "molecule-ID, value or group than there, so its body is not known: define this fix "
+                "before what changes these, or with another ID for bodies that are decided anew"
+            ),
+        )
+        self.decide()
+        kept[kept == UNDECIDED] = OUT
+
+    def decide(self) -> None:
+        """Decide of the atoms that are in the fix line's groups and came since; collective.
+
+        Raises:
+            RunError: on all ranks, see `ids`.
+        """
+        ids, kept = self.ids(), self.kept
+        kept[:] = np.where(ids > FLEXIBLE, FLEXIBLE, ids)
+
+    def ids(self) -> np.ndarray:
+        """The ID of the body of each atom, (natoms,), or its own if it is flexible, by the rule if
+        it came since; `OUT` or `UNDECIDED` for those in none; collective.
+
+        Raises:
+            RunError: on all ranks, for an atom that came and is in two bodies or in one that has
+                its atoms, and where what tells bodies apart is not there.
+        """
+        ids, by_rule = self.kept.copy(), self._by_rule(None)
+        came = np.flatnonzero((ids == UNDECIDED) & (by_rule != OUT))
+        if self.communicator.any(len(came)):
+            if self.command.style in ("molecule", "custom"):
+                by_rule = self._by_rule(self._values())
+            ids[came] = by_rule[came]
+            self._refuse(came, ids[came])
+        return np.where(ids == FLEXIBLE, FLEXIBLE + self.lammps.tags.astype(np.int64), ids)
+
+    def _refuse(self, came: np.ndarray, ids: np.ndarray) -> None:
+        """End the run if atoms that came cannot be in their bodies; collective.
+
+        Args:
+            came: (n,) their indices.  ids: (n,) as of `kept`.
+        """
+        groups, tags = self.lammps.groups[came], self.lammps.tags[came]
+        rigid, flexible = (some[came] for some in self._rigid_and_flexible())
+        inside = np.array([groups & bit != 0 for bit in self._bits])
+        names, kept, now = np.array(self._of_bodies), self.kept, self._by_rule(self._standing())
+        renamed = kept[(kept != now) & (kept > OUT) & (now > _UNKNOWN)]
+        renamed = self.communicator.gather_to_all(np.unique(renamed))
+        refuse_atoms, name = self.communicator.refuse, self.name
+        refuse_atoms(
             rigid & flexible,
             lambda k: (
                 f"atom {tags[k]} is in a rigid body, and in group "
                 f"'{self.command.flexible}' of keyword flexible: leave it out of one of them"
             ),
         )
-        return ids
-
-    def _ids_of_bodies(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
-        """As `body_ids`, of atoms in bodies."""
-        style, arguments, lammps = self.command.style, self.command.arguments, self.lammps
-        if style == "single":
-            return np.ones(len(atoms), np.int64)
-        if style == "group":
-            return self._by_group(atoms)
-        if self.variable:
-            return self._by_variable(atoms, former)
-        if style == "molecule":
-            values = lammps.per_atom("molecule", lammps.tagint)
-            what = (
-                "molecule-IDs, which this atom style does not have: "
-                "use atom_style molecular or full, or another body style"
-            )
-        else:
-            values = lammps.per_atom(arguments[0], np.int32)
-            what = f"{arguments[0]}: define it with fix property/atom before the fix"
-        self.communicator.agree(None if values is not None else f"body style {style} needs {what}")
-        return cast(np.ndarray, values)[atoms].astype(np.int64)
-
-    def _by_group(self, atoms: np.ndarray) -> np.ndarray:
-        """As `body_ids`: a body is what is in a group of the fix line, and they count from 1."""
-        groups = self.lammps.groups[atoms]
-        inside = np.array([groups & bit != 0 for bit in self._bits])
-        names = np.array(self.command.arguments)
-        self.communicator.refuse(
+        refuse_atoms(
             inside.sum(axis=0) > 1,
             lambda k: (
-                f"atom {self.lammps.tags[atoms[k]]} is in more than one body: it is in "
+                f"atom {tags[k]} is in more than one body: it is in "
                 f"the groups {' and '.join(names[inside[:, k]])}; use groups without common atoms"
             ),
         )
-        return 1 + np.argmax(inside, axis=0)
+        refuse_atoms(
+            rigid & ((ids < _LEAST_ID) | (ids >= FLEXIBLE)),
+            lambda k: f"{name(ids[k])} has too large an ID: less than 2^52 is possible",
+        )
+        refuse_atoms(
+            rigid & np.isin(ids, renamed),
+            lambda k: (
+                f"atom {tags[k]} came into {name(ids[k])}, whose atoms were given another ID since "
+                "this fix was defined: give new bodies IDs that no body of this fix has, or unfix "
+                "this fix and define it again"
+            ),
+        )
 
-    def _by_variable(self, atoms: np.ndarray, former: Former | None) -> np.ndarray:
-        """As `body_ids`: an atom that was in a body stays in it.
+    def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
+        """Which of this rank's atoms are in bodies, and which are flexible, by the rule: (natoms,)
+        bool each."""
+        one, other, flexible = (
+            self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
+        )
+        return one & other, flexible
 
-        The variable may depend on what moves, and fix rigid reads it once only.  With LAMMPS's own
-        fix python/move it is not known which atoms were in which body.
+    def _by_rule(self, values: np.ndarray | None) -> np.ndarray:
+        """What the fix line says of each atom as it is now, (natoms,) as of `kept`.
+
+        Args:
+            values: (natoms,) what tells bodies apart; if it is None, that is `_UNKNOWN`.
         """
-        if former is not None and former.followed:
-            ids, known = former.id[atoms], former.known[atoms]
-        else:
-            ids, known = np.zeros(len(atoms), np.int64), np.zeros(len(atoms), bool)
-        if self.communicator.any(not known.all()):
-            values = np.trunc(self.lammps.variable(self.variable, self.command.group))[atoms]
+        (rigid, flexible), groups = self._rigid_and_flexible(), self.lammps.groups
+        ids: np.ndarray | int = _UNKNOWN if values is None else values
+        if self.command.style == "single":
+            ids = 1
+        elif self.command.style == "group":
+            ids = 1 + np.argmax([groups & bit != 0 for bit in self._bits], axis=0)
+        return np.where(rigid, ids, np.where(flexible, FLEXIBLE, OUT))
+
+    def _standing(self) -> np.ndarray | None:
+        """The atoms' molecule-IDs or custom values, (natoms,); None without them, and for those of
+        a variable, which is read once."""
+        style, lammps = self.command.style, self.lammps
+        if style == "molecule":
+            return lammps.per_atom("molecule", lammps.tagint)
+        integers = style == "custom" and not self.variable
+        return lammps.per_atom(self.command.arguments[0], np.int32) if integers else None
+
+    def _values(self) -> np.ndarray:
+        """What tells bodies apart, (natoms,) int64; collective.
+
+        Raises:
+            RunError: on all ranks, if it is not there.
+        """
+        if self.variable:
+            values = np.trunc(self.lammps.variable(self.variable, self.command.group))
+            rigid, _ = self._rigid_and_flexible()
             self.communicator.refuse(
-                ~known & ~np.isfinite(values),
+                rigid & (self.kept == UNDECIDED) & ~np.isfinite(values),
                 lambda k: (
                     f"variable {self.variable} is not finite for every atom of the group, "
                     "so it cannot tell bodies apart"
                 ),
             )
-            ids = np.where(known, ids, np.where(known, 0, values).astype(np.int64))
-        return ids
+            return np.where(np.abs(values) < FLEXIBLE, values, FLEXIBLE).astype(np.int64)
+        style, found = self.command.style, self._standing()
+        what = (
+            "molecule-IDs, which this atom style does not have: "
+            "use atom_style molecular or full, or another body style"
+            if style == "molecule"
+            else f"{self.command.arguments[0]}: define it with fix property/atom before the fix"
+        )
+        self.communicator.agree(None if found is not None else f"body style {style} needs {what}")
+        return cast(np.ndarray, found).astype(np.int64)
+
+    def changes(self) -> str:
+        """What has changed in the atoms since it was decided of them, for messages; "" for nothing;
+        collective."""
+        kept, now = self.kept, self._by_rule(self._standing())
+        rigid = (kept > OUT) & (kept < FLEXIBLE)
+        now[rigid & (now == _UNKNOWN)] = kept[rigid & (now == _UNKNOWN)]
+        changed, several = (kept != now) & (kept != UNDECIDED), len(self._groups) > 1
+        groups = f"{'groups' if several else 'group'} {', '.join(self._groups)}"
+        value = {"molecule": "another molecule-ID"}.get(
+            self.command.style, f"another value of {' '.join(self.command.arguments)}"
+        )
+        moved = (now == FLEXIBLE) | (kept == FLEXIBLE) | (self.command.style == "group")
+        kinds = {
+            f"came into {groups}": kept == OUT,
+            f"left {groups}": now == OUT,
+            f"went from one to another of {groups}": (kept != OUT) & (now != OUT) & moved,
+            f"have {value}": (kept != OUT) & (now != OUT) & ~moved,
+        }
+        many = self.communicator.total(
+            np.array([(changed & kind).sum() for kind in kinds.values()])
+        )
+        pairs = zip(many, kinds, strict=True)
+        return " and ".join(f"{count:.0f} atoms {what}" for count, what in pairs if count)
+
+    def exceptions(self) -> np.ndarray:
+        """What the fix line does not say of the atoms as they are now, for a restart file: (n, 3)
+        as of `define`, on rank 0; collective."""
+        kept, now, communicator = self.kept, self._by_rule(self._standing()), self.communicator
+        which = (kept != now) & (kept != UNDECIDED)
+        bodies = communicator.gather_to_all(np.unique(kept[which & (kept > OUT)]))
+        which |= np.isin(
+            kept, bodies
+        )  # whole ones, so that it is known whose atoms have another ID
+        refuse(
+            communicator.count(which.sum()) > _MOST,
+            f"the restart file has room for {_MOST} atoms whose bodies the fix line does not tell: "
+            "use body style molecule",
+        )
+        return communicator.gather(np.array([self.lammps.tags, kept, now], float).T[which])
 
     def name(self, body: int) -> str:
         """How a user would name the body of this ID."""

@@ -27,6 +27,7 @@ def turn_over(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
     membership = recipe.membership
     lammps, communicator = membership.lammps, membership.communicator
     dropped = _without_atoms(bodies, membership)
+    membership.decide()
     atoms = membership.atoms()
     came = atoms[lammps.cells["origins"].array[atoms] == IN_NO_BODY]
     if not communicator.any(len(came)):

@@ -153,6 +153,14 @@ class Host:
         """
         return np.empty((0, 10))
 
+    @property
+    def kept_bodies(self) -> np.ndarray:
+        """What a restart file has of the bodies, (n, 3); see `Membership.define`."""
+        return np.empty((0, 3))
+
+    def keep_bodies(self, rows: np.ndarray | None) -> None:
+        """Have these rows of rank 0, as of `kept_bodies`, in the restart file that is written."""
+
     def molecule(self, number: int) -> np.ndarray | None:
         """A molecule of the template: its geometric centre, mass, centre of mass and tensor of
         inertia (xx yy zz yz xz xy), (13,), with no number for what is not known; None where nothing

@@ -391,7 +391,16 @@ class Lammps:
         return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
 
     def group_bit(self, name: str) -> int:
-        """The bit of a group in the atoms' mask."""
+        """The bit of a group in the atoms' mask.
+
+        Raises:
+            RunError: on all ranks, if there is no such group, or if atoms come and go in it.
+        """
+        refuse(
+            self.has("fix", f"GROUP_{name}"),  # LAMMPS has it for each dynamic group
+            f"group '{name}' is dynamic, and this fix moves the atoms that it began with: use a "
+            f"static group ('group {name} static' makes it one)",
+        )
         buffer = ctypes.create_string_buffer(256)
         for bit in range(32):
             known = self.lib.lammps_id_name(self.handle, b"group", bit, buffer, 256)

@@ -12,7 +12,7 @@ import numpy as np
 from ..errors import RunError
 from ..ranks.communicator import Alone, Communicator
 from ..ranks.lookup import find, look_up
-from ..ranks.migration import IN_NO_BODY
+from ..ranks.migration import IN_NO_BODY, UNDECIDED
 from ..ranks.sharing import places
 from .hosts import Host
 from .lammps import Lammps
@@ -42,7 +42,7 @@ class OwnFix(Host):
         self._problem: BaseException | None = None
         self._bodies: Any = None
         self._builds = 0.0
-        self._tags = self._origins = np.empty(0, np.int64)
+        self._tags = self._origins = self._membership = np.empty(0, np.int64)
 
     def log(self, text: str) -> None:
         """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
@@ -63,7 +63,7 @@ class OwnFix(Host):
     def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
         self._bodies = bodies
-        self._tags = self._origins = np.empty(0, np.int64)  # they were in other ones
+        self._origins = np.full(len(self._tags), IN_NO_BODY)  # they were in other ones
 
     def point(self) -> None:
         lammps = self.lammps
@@ -82,24 +82,35 @@ class OwnFix(Host):
 
     def noted(self) -> None:
         self._tags = self.lammps.tags.astype(np.int64)
-        self._origins = self.lammps.cells["origins"].array
+        self._origins, self._membership = (
+            self.lammps.cells[name].array for name in ("origins", "membership")
+        )
 
     def _find_origins(self) -> None:
         """Find where each atom was, and what is known of those that came; collective."""
         communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
-        origins = np.full(len(tags), IN_NO_BODY)
+        origins, membership = np.full(len(tags), IN_NO_BODY), np.full(len(tags), UNDECIDED)
         origins[stayed] = self._origins[before[stayed]]
-        gone = self._origins >= 0
-        gone[before[stayed]] = False
+        membership[stayed] = self._membership[before[stayed]]
+        left = np.ones(len(self._tags), bool)
+        left[before[stayed]] = False
+        if communicator.any(left.any() or not stayed.all()):
+            told = np.column_stack([np.zeros(left.sum(), np.int64), self._membership[left]])
+            told = look_up(communicator, self._tags[left], told, tags[~stayed])
+            membership[~stayed] = np.where(told[:, 0] == 0, told[:, 1], UNDECIDED)
+        self.lammps.cells["membership"].set(membership)
+        self.lammps.cells["origins"].set(origins)
+        if self._bodies is None:
+            return
+        gone = left & (self._origins >= 0)
         came = self._bodies.rows_of_atoms(places(self._origins[gone])).view(np.int64)
         came[:, 0] = self._origins[gone]
         moved = communicator.any(gone.any() or not stayed.all())
         came = look_up(communicator, self._tags[gone], came, tags[~stayed]) if moved else came
         known = came[:, 0] != IN_NO_BODY
         origins[np.flatnonzero(~stayed)[known]] = -2 - np.arange(known.sum())
-        self.lammps.cells["origins"].set(origins)
         self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:

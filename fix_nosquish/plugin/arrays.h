@@ -58,6 +58,7 @@ class AtomArrays : public Part {
     cells.type.point(atom->type, n);
     cells.groups.point(atom->mask, n);
     cells.origins.point(exchange.origin, n);
+    cells.membership.point(exchange.membership, n);
     cells.arrived.point(exchange.arrived.data(), cells.arrived.rows, bridge.carries);
     cells.clusters = cells.counted_f = {};    // filled where they are needed
   }

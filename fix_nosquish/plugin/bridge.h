@@ -19,7 +19,7 @@ struct Arrays {
   F2 atom_x, atom_v, atom_f, atom_torque, atom_omega, atom_angmom, atom_mu, atom_virial, clusters, counted_f, arrived;
   F1 atom_mass, type_mass, virial;
   I1 groups, type;
-  L1 origins;
+  L1 origins, membership;
 };
 
 // what is to be known of another fix: see OtherFix in host.py
@@ -58,6 +58,8 @@ struct Bridge {
   int32_t changes_box;      // in steps after each of which it changes the box: multiples of this, 0: never
   int32_t restart_size;     // numbers that go to restart files, and these
   double *restart_state;
+  const double *kept_bodies;    // for restart files, or from one: three numbers of so many atoms, see bodies/membership.py
+  int32_t kept_rows;
   const char *template_id;  // of the molecules that others insert, null for none
   const double *inserted;   // of each molecule that was inserted ten numbers, see host/hosts.py, until Python takes them
   int32_t insertions;       // how many these are
@@ -142,6 +144,7 @@ struct Bridge {
   int (*end_of_step)();    // called with run_style respa only
   int (*post_run)();
   int (*write_restart_file)(const char *name);
+  int (*keep_bodies)();      // have kept_bodies ready, on rank 0
   int (*write_restart)();    // have restart_state ready
   int (*zero_momentum)();
   int (*zero_rotation)();

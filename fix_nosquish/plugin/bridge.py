@@ -72,6 +72,8 @@ def attach(address: int) -> None:
             instance.host = host = Host(bridge)
             if getattr(instance, "story", None):
                 host.log(instance.story)
+        if hasattr(instance, "define_bodies"):
+            instance.define_bodies()
         if hasattr(instance, "virial"):
             bridge.wants_virial = 1
             instance.virial = array(bridge.virial, (6,), float)

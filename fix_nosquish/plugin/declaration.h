@@ -24,18 +24,21 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have a Python, and wait in it
 
   fill_bridge();
+  exchange.make_arrays();
+  state.find_bodies();
   const auto line = utils::join_words({arg + 2, arg + narg}, "\n");
   bridge.line = line.c_str();
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(static_cast<Bridge *>(&bridge)));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
   bridge.line = nullptr;
+  bridge.kept_rows = 0;    // LAMMPS drops what it has read
   if (bridge.outcome != DONE) failures.end_run(bridge.message, 5.0);    // imports may take their time
 
   if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
   if (bridge.changes_box) pressure.add("_virial", " all pressure NULL virial");
   if (bridge.needs_energy) energy.add("_energy", " all pe");
   declare();
-  if (bridge.follows_atoms) exchange.begin();
+  exchange.begin();
   state.take_over();
 }
 

@@ -17,7 +17,7 @@
 namespace {
 namespace nosquish {
 
-// LAMMPS takes `origin` along when it sorts atoms, moves them to other ranks, adds and deletes some. What the class has lent of its
+// LAMMPS takes `origin` and `membership` along when it sorts atoms, moves them to other ranks, adds and deletes some. What the class has lent of its
 // bodies goes along to other ranks. There it is a row of `arrived`, from which it goes on if the atom does. The cell `arrived` tells
 // how many rows are in use.
 
@@ -25,6 +25,8 @@ class Exchange : public Part {
  public:
   // of each atom: rank << 32 | place when the class noted its atoms, -1 if it was not noted, -2 - row if it came with that row
   int64_t *origin = nullptr;
+  // of each atom: the ID of its body, or what Python has instead; `UNDECIDED`, of which Python has the same, if it came later
+  int64_t *membership = nullptr;
   std::vector<double> arrived;
 
   using Part::Part;
@@ -32,30 +34,55 @@ class Exchange : public Part {
   ~Exchange() override
   {
     if (bridge.follows_atoms && modify->get_fix_by_id(fix->id)) atom->delete_callback(fix->id, Atom::GROW);
-    memory->destroy(origin);
+    release();
   }
 
-  // From now on LAMMPS calls the fix for its atoms.
+  // The arrays for the atoms that there are, which the class may use as it is made.
+
+  void make_arrays()
+  {
+    grow(atom->nmax);
+    for (int i = 0; i < atom->nlocal; i++) come(i);
+  }
+
+  // From now on LAMMPS calls the fix for its atoms, if its class follows them.
 
   void begin()
   {
+    if (!bridge.follows_atoms) return release();
     fix->create_attribute = 1;
-    fix->maxexchange = std::max(1, bridge.carries);
-    grow(atom->nmax);
-    std::fill_n(origin, atom->nlocal, -1);
+    fix->maxexchange = 1 + std::max(1, bridge.carries);
     atom->add_callback(Atom::GROW);
   }
 
-  void grow(int n) { memory->grow(origin, n, "python/move:origin"); }
+  void grow(int n)
+  {
+    memory->grow(origin, n, "python/move:origin");
+    memory->grow(membership, n, "python/move:membership");
+  }
+
+  void copy(int i, int j)
+  {
+    origin[j] = origin[i];
+    membership[j] = membership[i];
+  }
+
+  void come(int i)
+  {
+    origin[i] = -1;
+    membership[i] = UNDECIDED;
+  }
+
   bool moves(int i) const { return origin && origin[i] != -1; }    // the class has noted this atom
 
   int pack(int i, double *buffer) const
   {
     const int64_t from = origin[i];
     const bool known = from < -1 || (from >= 0 && bridge.state);
+    *buffer++ = ubuf(membership[i]).d;
     if (!bridge.carries || !known) {
       buffer[0] = ubuf(bridge.carries ? (int64_t) -1 : from).d;
-      return 1;
+      return 2;
     }
     buffer[0] = ubuf(from).d;
     if (from < -1) {
@@ -65,20 +92,21 @@ class Exchange : public Part {
       buffer = column(bridge.state, reinterpret_cast<const int64_t *>(bridge.body_of[0])[place], buffer);
       column(bridge.displace, place, buffer);
     }
-    return bridge.carries;
+    return 1 + bridge.carries;
   }
 
   int unpack(int i, const double *buffer)
   {
+    membership[i] = ubuf(*buffer++).i;
     const int64_t from = origin[i] = ubuf(buffer[0]).i;
-    if (!bridge.carries || from == -1) return 1;
+    if (!bridge.carries || from == -1) return 2;
     if (from >> 32 != comm->me && bridge.arrays) {    // else it is where its body knows it
       int64_t &rows = bridge.arrays->arrived.rows;
       origin[i] = -2 - rows;
       arrived.resize(rows++ * bridge.carries);
       arrived.insert(arrived.end(), buffer, buffer + bridge.carries);
     }
-    return bridge.carries;
+    return 1 + bridge.carries;
   }
 
   // LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
@@ -95,9 +123,17 @@ class Exchange : public Part {
              "such atoms: have all bodies and atoms of keyword flexible in that group (and in that of atom_modify first), or leave it out");
   }
 
-  double bytes() const { return bridge.follows_atoms ? (double) atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }
+  double bytes() const { return bridge.follows_atoms ? 2.0 * atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }
 
  private:
+  static constexpr int64_t UNDECIDED = -((int64_t) 1 << 62);
+
+  void release()
+  {
+    memory->destroy(origin);
+    memory->destroy(membership);
+  }
+
   // Write column k of an array behind the last number that is in the buffer; return the new last one.
 
   static double *column(const int64_t *cell, int64_t k, double *last)

@@ -93,6 +93,14 @@ class Host(hosts.Host):
         self._bridge.insertions = 0
         return numbers
 
+    @property
+    def kept_bodies(self) -> np.ndarray:
+        return array(self._bridge.kept_bodies, (self._bridge.kept_rows, 3), float).copy()
+
+    def keep_bodies(self, rows: np.ndarray | None) -> None:
+        self._rows = np.empty((0, 3)) if rows is None else np.ascontiguousarray(rows)
+        self._bridge.kept_bodies, self._bridge.kept_rows = _address(self._rows), len(self._rows)
+
     def molecule(self, number: int) -> np.ndarray | None:
         numbers = np.empty(13)
         place = numbers.ctypes.data_as(_NUMBERS)

@@ -204,6 +204,7 @@ void FixPythonMove::post_run()
 
 void FixPythonMove::write_restart(FILE *file)
 {
+  call(bridge.keep_bodies);
   call(bridge.write_restart);
   state.write(file);
 }

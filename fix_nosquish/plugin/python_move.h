@@ -76,8 +76,8 @@ class FixPythonMove : public Fix {
 
   // atoms
   void grow_arrays(int n) override { exchange.grow(n); }
-  void copy_arrays(int i, int j, int) override { exchange.origin[j] = exchange.origin[i]; }
-  void set_arrays(int i) override { exchange.origin[i] = -1; }
+  void copy_arrays(int i, int j, int) override { exchange.copy(i, j); }
+  void set_arrays(int i) override { exchange.come(i); }
   int pack_exchange(int i, double *buffer) override { return exchange.pack(i, buffer); }
   int unpack_exchange(int i, double *buffer) override { return exchange.unpack(i, buffer); }
   int pack_reverse_comm(int n, int first, double *buffer) override { return pressure.pack(n, first, buffer); }

@@ -14,7 +14,9 @@ namespace {
 namespace nosquish {
 
 // Before the integrator's numbers stand five of the fix: two zeros, `OURS`, which rotor it has, and how many there are of the
-// integrator. LAMMPS's own rigid fixes may be given them, because a suffix is not part of the style's name there: of two zeros they
+// integrator. Where `WITH_BODIES` is in the place of `OURS`, there are others behind these: of how many atoms the fix line does not
+// tell the body any more, and three numbers of each. They are not in LAMMPS's state of atoms: command replicate refuses atoms that
+// have one from a restart file, and a fix of another style does not get it. LAMMPS's own rigid fixes may be given them, because a suffix is not part of the style's name there: of two zeros they
 // take nothing.
 
 class Restart : public Part {
@@ -23,18 +25,34 @@ class Restart : public Part {
 
   // Whether restart files have a state of this fix.
 
-  void announce() const { fix->restart_global = bridge.restart_size > 0 || bridge.rotor >= 0; }
+  void announce() const { fix->restart_global = has_state() || bridge.follows_atoms; }
 
   // The size in bytes, for LAMMPS, then numbers. Rank 0 writes them.
 
   void write(FILE *file) const
   {
     if (comm->me) return;
-    const double begin[BEFORE] = {0.0, 0.0, OURS, (double) bridge.rotor, (double) bridge.restart_size};
-    const int bytes = sizeof begin + bridge.restart_size * sizeof(double);
+    const double mark = bridge.kept_rows ? WITH_BODIES : OURS, rows = bridge.kept_rows;
+    const double begin[BEFORE] = {0.0, 0.0, mark, (double) bridge.rotor, (double) bridge.restart_size};
+    const int numbers = bridge.restart_size + (rows ? 1 + 3 * bridge.kept_rows : 0), bytes = sizeof begin + numbers * sizeof(double);
     fwrite(&bytes, sizeof(int), 1, file);
     fwrite(begin, sizeof begin, 1, file);
     fwrite(bridge.restart_state, sizeof(double), bridge.restart_size, file);
+    if (rows) fwrite(&rows, sizeof rows, 1, file);
+    fwrite(bridge.kept_bodies, 3 * sizeof(double), bridge.kept_rows, file);
+  }
+
+  // What the file has of bodies, before they are decided.
+
+  void find_bodies() const
+  {
+    const char *state = RestartState::left_by(modify, fix->id, [](const std::string &style, const char *state) {
+      return writes(style) && is_ours(state) && number(state, MARK) == WITH_BODIES;
+    });
+    if (!state) return;
+    const int rows = BEFORE + (int) number(state, SIZE);
+    bridge.kept_rows = (int32_t) number(state, rows);
+    bridge.kept_bodies = reinterpret_cast<const double *>(state) + rows + 1;
   }
 
   // The integrator's first number says what the others are.
@@ -59,8 +77,8 @@ class Restart : public Part {
   void take_over() const
   {
     char *state = RestartState::left_by(modify, fix->id, [this](const std::string &other, const char *state) {
-      const bool ours = other == PYTHON_MOVE || replaces(other) || std::count(std::begin(NATIVE), std::end(NATIVE), other);
-      return ours && other != fix->style && is_ours(state) && (fix->restart_global || number(state, ROTOR) >= 0);
+      if (!writes(other) || other == fix->style || !is_ours(state)) return false;
+      return number(state, ROTOR) >= 0 || (has_state() && number(state, SIZE) > 0);
     });
     if (!state) return;
     read(state);
@@ -68,8 +86,15 @@ class Restart : public Part {
   }
 
  private:
-  enum { ROTOR = 3, SIZE = 4, BEFORE = 5 };
-  static constexpr double OURS = 4.929e-49;
+  enum { MARK = 2, ROTOR = 3, SIZE = 4, BEFORE = 5 };
+  static constexpr double OURS = 4.929e-49, WITH_BODIES = 4.93e-49;
+
+  bool has_state() const { return bridge.restart_size > 0 || bridge.rotor >= 0; }
+
+  static bool writes(const std::string &style)
+  {
+    return style == PYTHON_MOVE || replaces(style) || std::count(std::begin(NATIVE), std::end(NATIVE), style);
+  }
 
   static double number(const char *state, int k)
   {
@@ -80,7 +105,10 @@ class Restart : public Part {
 
   // The state of another fix may end behind two numbers.
 
-  static bool is_ours(const char *state) { return number(state, 0) == 0.0 && number(state, 1) == 0.0 && number(state, 2) == OURS; }
+  static bool is_ours(const char *state)
+  {
+    return number(state, 0) == 0.0 && number(state, 1) == 0.0 && (number(state, MARK) == OURS || number(state, MARK) == WITH_BODIES);
+  }
 };
 
 }    // namespace nosquish

@@ -23,6 +23,8 @@ from .mpi import Mpi, add_up
 from .sharing import SHARING, find, sort
 
 IN_NO_BODY = -1  # an atom's origin
+# what stands for the ID of its body: the atom came after the bodies were decided; it is in none
+UNDECIDED, OUT = -(2**62), -(2**61)
 GONE_ON = -1  # of a row of `arrived`: its atom is not here any more
 # what goes with an atom to another rank: its origin, its body's column of state, its of displace
 OF_BODY = 1
@@ -109,9 +111,11 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
+        membership: (natoms,) the ID of the body of each atom, or what `bodies.membership` has
+            instead of one.
         groups: (natoms,) the bits of each atom's groups.
-        fix_group, body_groups, flexible: masks: an atom is in a body if it has a bit of each of the
-            first two, and flexible if it has one of the third.
+        fix_group, body_groups, flexible: masks: an atom that came comes into a body if it has a bit
+            of each of the first two, and is flexible if it has one of the third.
         origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
             another rank, -2 minus its row in arrived; -1 if it was in no body.
         arrived: what came with atoms from other ranks.
@@ -119,6 +123,7 @@ class Atoms(NamedTuple):
         atom_x: (natoms, 3).
     """
 
+    membership: L1
     groups: I1
     fix_group: I
     body_groups: I
@@ -143,8 +148,11 @@ def locate(atoms, bodies, found):
     )
     here, place = new_longs(bodies, BODIES.here, natoms), new_longs(bodies, BODIES.place, natoms)
     for i in range(natoms):
-        groups = atoms.groups[i]
-        if (groups & atoms.fix_group and groups & atoms.body_groups) or groups & atoms.flexible:
+        groups, decided = atoms.groups[i], atoms.membership[i]
+        rigid = groups & atoms.fix_group and groups & atoms.body_groups
+        if decided == UNDECIDED and (rigid or groups & atoms.flexible):
+            came += 1
+        elif decided > OUT:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == IN_NO_BODY or j >= index.size or -j > arrived:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import RunError, refuse
 from ..loops import machine_code
@@ -122,10 +121,11 @@ def init(integrator: "Integrator") -> None:
     integrator.taken_away = velocities.Taken()
     integrator.known.clear()
     host.set_bodies(None, None)  # the atoms are not those of the last run
-    # nor are the groups: deleted ones leave their bits to others
-    integrator.membership = Membership(lammps, integrator.communicator, integrator.command)
+    if anew := not integrator.goes_on:
+        making.decide(integrator)
+    else:
+        integrator.membership.find_groups()
     _look_at_fixes(integrator)
-    anew = not integrator.goes_on
     if anew:
         making.make(integrator)
     else:

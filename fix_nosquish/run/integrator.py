@@ -147,12 +147,29 @@ class Integrator(Registered, Declaration):
         self.take_time_step()
         if not driven_by_plugin():
             # LAMMPS's own fix: it takes commands, and so text for its log, only between runs
+            self.define_bodies()
             making.make(self)
             log.say(self, False)
         else:
-            # None if others may come
-            self.array_rows = None if self.template else count(self.membership)
             self.rigid_flag = self.lammps.radius is not None
+
+    @hook
+    def define_bodies(self) -> None:
+        """Decide which atom is in which body; the host is there; collective."""
+        self.host.carry(self.lammps, None)
+        self.host.point()
+        self.membership.define(self.host.kept_bodies)
+        self.host.noted()
+        # None if others may come
+        self.array_rows = None if self.template else count(self.membership)
+
+    @hook
+    def keep_bodies(self) -> None:
+        """LAMMPS writes a restart file: have ready what the fix line does not say of the bodies;
+        collective."""
+        if not self.lammps.running:
+            self.host.point()
+        self.host.keep_bodies(self.membership.exceptions())
 
     def follow_words(self) -> None:
         """Take what a derived class is made of by the words of its fix line, its `command`; loops

@@ -216,6 +216,12 @@ def _warnings(integrator: "Integrator") -> list[str]:
             "and velocity scale do not set spins. So the bodies' rotation starts colder than "
             "their translation; a thermostat heats it"
         )
+    if changes := integrator.membership.changes():
+        lines.append(
+            f"WARNING: since this fix was defined, {changes}: the bodies stay those of its "
+            "definition, as with LAMMPS's rigid fixes. To decide them anew, unfix this fix and "
+            "define it again"
+        )
     lines += [*notes.warnings, *integrator.own_warnings()]
     bodies, dt = integrator.bodies, integrator.lammps.innermost_dt
     turns = dt * np.linalg.norm(bodies.angular_velocity(), axis=0)

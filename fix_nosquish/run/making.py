@@ -35,6 +35,7 @@ def _recipe(integrator: "Integrator") -> Recipe:
 
 def bodies_of_atoms(integrator: "Integrator") -> Bodies:
     """The bodies that a run would make of the atoms as they are now; collective."""
+    integrator.membership.find_groups()
     return build(_recipe(integrator), _former(integrator)).bodies
 
 
@@ -45,10 +46,25 @@ def _former(integrator: "Integrator") -> Former | None:
         "the bodies of the last run are gone, because this one could not begin: "
         "unfix this fix and define it again",
     )
+    integrator.host.point()
     if integrator.bodies is None:
         return None
-    integrator.host.point()
     return integrator.bodies.of_atoms(integrator.lammps, integrator.host.follows)
+
+
+def decide(integrator: "Integrator") -> None:
+    """Decide which bodies atoms are in that came since the fix was defined; collective."""
+    host, membership = integrator.host, integrator.membership
+    membership.find_groups()
+    host.point()
+    changes = "" if host.follows else membership.changes()
+    refuse(
+        changes,
+        f"since this fix was defined, {changes}, or atoms got other IDs, which LAMMPS's own fix "
+        "python/move cannot tell apart: unfix this fix and define it again",
+    )
+    membership.decide()
+    host.noted()
 
 
 def make(integrator: "Integrator") -> None:
@@ -57,7 +73,7 @@ def make(integrator: "Integrator") -> None:
     before = integrator.bodies
     ids, wrench = (before.id, before.wrench.copy()) if before else (np.empty(0), np.empty((6, 0)))
     former, recipe = _former(integrator), _recipe(integrator)
-    host.carry(None, None)
+    host.carry(lammps, None)
     integrator.bodies = integrator.passes = cast(Any, None)  # there may be no room for both
     bodies, notes, kept = build(recipe, former)
     integrator.bodies, integrator.notes = bodies, notes

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..bodies.membership import Membership
 from ..errors import refuse
 from ..host.hosts import Host, OtherFix
 
@@ -198,9 +197,8 @@ def refuse_other_integrators(integrator: "Integrator") -> None:
     for mate in integrator.mates:
         if mate is integrator:
             continue
-        # its own membership may be older than a group that was deleted and made anew
-        theirs = Membership(integrator.lammps, integrator.communicator, mate.command).atoms()
-        both = np.intersect1d(theirs, atoms)
+        mate.host.point()  # its run may not have begun yet
+        both = np.intersect1d(mate.membership.atoms(), atoms)
         if len(both):
             names = [
                 f'"{one.line.prefix}{one.line.text}"'

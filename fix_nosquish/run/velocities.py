@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..bodies.membership import Membership
 from ..bodies.particles import particles_of
 from ..box import deform
 from ..errors import refuse
@@ -173,7 +172,6 @@ def _zero(integrator: "Integrator", name: str) -> None:
     if integrator.goes_on:
         bodies = integrator.bodies
     else:
-        integrator.membership = Membership(lammps, integrator.communicator, integrator.command)
         bodies = making.bodies_of_atoms(integrator)
         bodies.bind(integrator.membership)
         bodies.know_box(lammps.box)
