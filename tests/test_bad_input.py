@@ -62,6 +62,8 @@ class Case(NamedTuple):
 
 
 SPLIT = "group one molecule 1\ngroup rest subtract all one\n"
+DYNAMIC = "variable near atom x<4\ngroup some dynamic all var near every 5\n"
+STATIC = ("group 'some' is dynamic", "group some static")
 
 CASES = {
     # the words of the fix line
@@ -200,6 +202,26 @@ CASES = {
         before="clear\natom_style atomic\natom_modify id no\nregion r block 0 9 0 9 0 9\n"
         "create_box 1 r\ncreate_atoms 1 random 20 5 NULL\nmass 1 1\npair_style zero 2\n"
         "pair_coeff * *\ngroup some empty\ngroup loose union all",
+    ),
+    "bodies of a dynamic group": Case("some molecule", STATIC, before=DYNAMIC),
+    "body that is a dynamic group": Case("all group 1 some", STATIC, before=DYNAMIC),
+    "flexible atoms of a dynamic group": Case(
+        "one molecule flexible some",
+        STATIC,
+        before=SPLIT + "variable near atom x<4\ngroup some dynamic rest var near every 5",
+    ),
+    "group that becomes dynamic": Case(
+        "some molecule", STATIC, before="group some molecule 1", after="run 2\n" + DYNAMIC
+    ),
+    "box takes along a dynamic group": Case(
+        "one molecule temp 1 1 1 seed 5 iso 1 1 10 compressibility 1 dilate some",
+        STATIC,
+        module="fix_nosquish.NPT",
+        before=SPLIT + DYNAMIC + "fix own rest nve",
+    ),
+    "new molecule with the ID of a body": Case(
+        expected=("came into the body of molecule 27", "given another ID", "unfix this fix"),
+        after="run 2\nset atom 79*81 mol 1\ncreate_atoms 0 single 0.5 0.5 0.5 mol bent 77",
     ),
     "group without atoms": Case(
         "none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"

@@ -249,6 +249,112 @@ def test_between_runs(run_lammps, tmp_path, known, ranks, name):
     np.testing.assert_allclose(ours[:, 1:4], theirs[:, 1:4], rtol=0, atol=rtol * 10)
 
 
+# dimers and trimers of patchy bodies: a core and three arms, of which two that meet are bonded
+REACTIVE = """
+clear
+print "PART {name}"
+units lj
+atom_style molecular
+region b block 0 8.1 0 8.1 0 8.1
+create_box 3 b bond/types 2 extra/bond/per/atom 3 extra/special/per/atom 8
+mass * 1
+lattice sc 0.0508052634
+molecule arms mol.arms
+molecule pre mol.pre
+molecule post mol.post
+create_atoms 0 box mol arms 4928
+pair_style lj/cut 1.1225
+pair_coeff * * 1 1
+pair_coeff 2*3 2*3 0.0 1.0 1.6
+pair_modify shift yes
+bond_style harmonic
+bond_coeff 1 100 0.6
+bond_coeff 2 5 1.0
+special_bonds lj 0 1 1
+comm_modify cutoff 4
+neigh_modify every 1 delay 0
+velocity all create 3.0 77 mom yes loop geom
+timestep 0.002
+thermo_style custom step temp ke etotal bonds
+thermo_modify norm no format float %.16g
+suffix {suffix}
+fix r all {fix}
+suffix off
+fix rx all bond/react stabilization no react one all 5 0 1.5 pre post map
+thermo 25
+run 150
+run 25
+unfix rx
+write_restart file.{name}
+run 25
+"""
+CONTINUED = """
+clear
+print "PART {name}"
+read_restart file.{other}
+neigh_modify every 1 delay 0
+thermo_style custom step temp ke etotal bonds
+thermo_modify norm no format float %.16g
+fix r all {fix}
+thermo 25
+run 25
+"""
+
+
+def template(name, types, bonds):
+    """A molecule template of these types, with these bonds (type, atom, atom)."""
+    lines = [name, "", f"{len(types)} atoms", f"{len(bonds)} bonds", "", "Types", ""]
+    lines += [f"{k} {kind}" for k, kind in enumerate(types, 1)]
+    lines += ["", "Bonds", "", *(f"{k} {a} {b} {c}" for k, (a, b, c) in enumerate(bonds, 1))]
+    return "\n".join(lines) + "\n"
+
+
+ARMS = [(1, 1, k) for k in (2, 3, 4)]
+REACTION = {
+    "mol.arms": template("arms", (1, 2, 2, 2), ARMS)
+    + "\nCoords\n\n1 0 0 0\n2 0.6 0 0\n3 -0.3 0.52 0\n4 -0.3 -0.52 0\n",
+    "mol.pre": template("pre", (1, 2, 2, 1), [(1, 1, 2), (1, 3, 4)]),
+    "mol.post": template("post", (1, 3, 3, 1), [(1, 1, 2), (1, 3, 4), (2, 2, 3)]),
+    "map": "map\n\n4 equivalences\n2 edgeIDs\n\nInitiatorIDs\n\n2\n3\n\nEdgeIDs\n\n1\n4\n\n"
+    "Equivalences\n\n1 1\n2 2\n3 3\n4 4\n",
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_reactions(run_lammps, ranks):
+    """Locks out bodies that merge at the next run, or behind a restart, where fix bond/react has
+    made the molecule-IDs of joined molecules equal: the kinetic energy of a step changed between
+    two runs, and there were fewer bodies than before."""
+    fixes = {
+        "theirs": ("off", "rigid/nve/small molecule"),
+        "ours": ("off", "nosquish/nve molecule order 123"),
+        "suffix": ("nosquish", "rigid/nve/small molecule"),
+    }
+    text = "".join(
+        REACTIVE.format(name=name, suffix=suffix, fix=fix) for name, (suffix, fix) in fixes.items()
+    )
+    text += CONTINUED.format(name="again", other="ours", fix=fixes["ours"][1])
+    text += CONTINUED.format(name="other", other="suffix", fix=fixes["ours"][1])
+    log = run_lammps(text, files=REACTION, ranks=ranks).log
+    words = re.split(r"^PART (.*)\n", log, flags=re.M)[1:]
+    logs = dict(zip(words[::2], words[1::2]))
+    tables = {name: read_thermo(text) for name, text in logs.items()}
+    theirs, ours = tables["theirs"], tables["ours"]
+    assert theirs["Bonds"][-1] > theirs["Bonds"][0]
+    assert ours["Step"][6] == ours["Step"][7] and ours["Step"][8] == ours["Step"][9]
+    np.testing.assert_allclose(ours["KinEng"][[6, 8]], ours["KinEng"][[7, 9]], rtol=1e-12)
+    for name in "ours", "suffix":
+        for column in "Temp", "KinEng", "TotEng", "Bonds":
+            np.testing.assert_allclose(tables[name][column], theirs[column], rtol=1e-7)
+    for name in "again", "other":
+        for column in "Temp", "KinEng", "TotEng":
+            np.testing.assert_allclose(tables[name][column], ours[column][-2:], rtol=1e-7)
+    told = re.findall(
+        r"since this fix was defined, (\d+) atoms have another molecule-ID", logs["ours"]
+    )
+    assert told and "27 rigid bodies with 108 atoms" in logs["again"]
+
+
 RERUN = """
 {setup}
 fix           1 bodies {fix}
