@@ -150,7 +150,7 @@ def test_thermostats_of_the_piston_do_all_of_its_time():
     that is as slow."""
     every, dt, rate = 5, 0.004, 2.5
     inertia = [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]
-    numbers = mtk.PistonNumbers(rate=rate, unit=1.0, box_every=every, inertia=inertia)
+    numbers = mtk.PistonNumbers(rate=rate, unit=1.0, box_every=every, inertia=inertia, heavier=1)
     piston, mpi = mtk.Piston(), SimpleNamespace(rank=0)
     one, parameters = SimpleNamespace(barostat=numbers, piston=piston), Scales()
     piston.rates[0] = 1.0
@@ -158,7 +158,7 @@ def test_thermostats_of_the_piston_do_all_of_its_time():
     assert piston.rates[0] == pytest.approx(np.exp(-rate * dt * every), rel=1e-12)
     piston.rates[0], parameters.kt, chain = 1.0, 2.0, np.zeros(6)
     nose_hoover.move_chain_of_piston(mpi, parameters, one, chain, dt)
-    expected = nose_hoover.move_chain(np.zeros(6), 3, 3.0, 1.0, 2.0, rate, dt * every)
+    expected = nose_hoover.move_chain(np.zeros(6), 3, 3.0, 1.0, 1.0, 2.0, rate, dt * every)
     assert piston.rates[0] == pytest.approx(expected, rel=1e-12) != 1.0
 
 

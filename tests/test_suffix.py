@@ -72,7 +72,7 @@ def test_the_trajectory_of_fix_rigid(on, tmp_path, style, ranks):
     tables = []
     for options, n in ((), 1), (ON, ranks):
         run = on(text, options, ranks=n)
-        assert ("takes the place of " + style in run.log) == bool(options)
+        assert (f"nosquish/nve replaces {style}\n" in run.log) == bool(options)
         tables.append((run.thermo, "small" in style and rows(tmp_path / "rows")))
     (theirs, of_theirs), (ours, of_ours) = tables
     for name in "PotEng", "TotEng", "c_ke", "c_er", "Temp":
@@ -389,3 +389,43 @@ def test_box_of_the_suffix_moves_in_each_step(run_lammps):
     theirs, ours = vol.values()
     assert np.ptp(theirs) > 1e-3 * theirs[0]
     assert np.abs(ours - theirs).max() < 0.05 * np.ptp(theirs)
+
+
+@pytest.mark.parametrize("pressure", ["iso 1 1 1", "x 1 1 1 y 1 1 1 couple xy"])
+def test_box_far_from_its_pressure(run_lammps, pressure):
+    """Locks out a chain on the piston that brakes it more than that of fix rigid: a gas under
+    pressure became a liquid in twice the time."""
+    system, volumes = mixture(BODIES, spacing=5), []
+    fix = f"fix 1 {{group}} rigid/npt/small molecule temp 1.25 1.25 5 {pressure}"
+    text = script(system, fix, 240, words="", group="bodies", dt=1.0, every=40, columns="vol")
+    for options in (), ON:
+        run = run_lammps(text, files=system.files, options=options)
+        volumes.append(run.thermo["Volume"])
+    theirs, ours = volumes
+    assert theirs[-1] < 0.4 * theirs[0]
+    np.testing.assert_allclose(ours, theirs, rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    "style, words, says, source",
+    [
+        ("rigid/npt", "temp 1 1 1 iso 1 1 1", True, None),
+        ("rigid/npt", "temp 1 2 1 iso 1 1 1", False, "the higher of TSTART and TSTOP"),
+        (
+            "rigid/npt",
+            "temp 1 1 1 iso 1 1 1 barostat crescale seed 5 compressibility 1",
+            False,
+            None,
+        ),
+        ("rigid/nph", "iso 1 1 1", False, "the bodies' first temperature"),
+        ("rigid/nph", "iso 1 1 1 langevin 1 1 1 5", False, "the higher of TSTART and TSTOP"),
+        ("rigid/nvt", "temp 1 2 1", False, None),
+    ],
+)
+def test_period_that_the_log_promises(on, style, words, says, source):
+    """Locks out the promise of the same period where the inertia of LAMMPS's piston follows from
+    another temperature than ours."""
+    log = on(run_of(style, words, steps=0)).log
+    assert ("the period of the box with this PDAMP" in log) == says
+    assert ("the piston's inertia follows from" in log) == bool(source)
+    assert not source or f"follows from {source}" in log

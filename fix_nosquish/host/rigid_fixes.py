@@ -33,7 +33,7 @@ def plain(style: str) -> str | None:
 
 
 def integrator(name: str, words: Collection[str]) -> str:
-    """The name of the class that takes the place of a fix: NVE, NVT, NPT or NPH.
+    """The name of the class that replaces a fix: NVE, NVT, NPT or NPH.
 
     Args:
         name: of the fix, as `plain` gives it.
@@ -68,7 +68,7 @@ def give_meaning(values: dict[str, Any], known: Collection[str]) -> None:
 
 
 def story(fix_id: str, command: "Command") -> str | None:
-    """Lines for the log: what takes the place of which rigid fix, what stays, and what differs.
+    """Lines for the log: what replaces which rigid fix, what stays, and what differs.
 
     Args:
         command: with the values that `give_meaning` has made.
@@ -88,6 +88,9 @@ def story(fix_id: str, command: "Command") -> str | None:
     if kind == "NPT":
         how.append(f"barostat {command.barostat}")
     with_words = f" with {' '.join(how)}" if how else ""
+    piston = kind == "NPH" or command.barostat == "mtk"
+    alike = name == "rigid/npt" and piston and command.temp[0] == command.temp[1]
+    source = "the higher of TSTART and TSTOP" if command.temp else "the bodies' first temperature"
     steps = "; ".join(
         said
         for said, so in (
@@ -104,15 +107,18 @@ def story(fix_id: str, command: "Command") -> str | None:
                 kind == "NPT" and "pchain" in words,
             ),
             ("the piston has no chain, as of pchain", kind == "NPH"),
+            (
+                f"the piston's inertia follows from {source}",
+                command.pressure and piston and not alike,
+            ),
             ("minimize is refused", True),
         )
         if so
     )
-    period = ". PDAMP gives the period that it gives there" * bool(command.pressure)
+    period = ", the period of the box with this PDAMP" * alike
     return (
-        f"Fix {fix_id}: nosquish/{kind.lower()}{with_words} takes the place of "
-        f"{command.line.name}\n"
-        f"  the same as there: words, f_{fix_id} and its columns, computes rigid/local, ke/rigid, "
+        f"Fix {fix_id}: nosquish/{kind.lower()}{with_words} replaces {command.line.name}\n"
+        f"  as in LAMMPS: words, f_{fix_id} and its columns, computes rigid/local, ke/rigid, "
         f"erotate/rigid{period}\n"
         f"  different: {steps}\n"
     )

@@ -67,6 +67,7 @@ PistonNumbers = record(
     inertia=(F, 6),  # of each rate of strain, 0 where there is none
     freedom=F,  # degrees of freedom of translation
     virial=(F, 6),  # the molecular one
+    heavier=F,  # the first thermostat of its chain, as a multiple of the others' mass
 )
 Piston = record(
     "Piston",
@@ -414,11 +415,19 @@ class Mtk(Barostat):
             "no centre of mass can move against another, so there is no pressure for the "
             "piston: use more bodies, or thermostat langevin",
         )
-        damping = self.damping * (self._slower(freedom) if self.command.line.replaces else 1.0)
+        replaces = self.command.line.replaces
+        damping = self.damping * (self._slower(freedom) if replaces else 1.0)
         inertia = (freedom + d) * self._heat() * damping**2
         for group in range(COMPONENTS):
             numbers.inertia[group] = (axes == group).sum() / d * inertia
         numbers.rate, numbers.freedom = 1.0 / damping, freedom
+        numbers.heavier = np.count_nonzero(numbers.inertia)
+        if replaces and self.command.thermostat == "nh":
+            # The chain of fix rigid has masses d^2 and 1, times k T PDAMP^2, half of its friction
+            # acts, and it takes the mean energy of the axes as that of the piston.  These masses
+            # slow a fast piston down alike, and keep its energy at k T.
+            numbers.rate = 1.0 / (self.damping * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
+            numbers.heavier = 2 * d * d
         return numbers
 
     def _slower(self, freedom: float) -> float:

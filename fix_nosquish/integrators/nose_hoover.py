@@ -15,25 +15,26 @@ STEPS = 20  # in TDAMP, with which chains are stable
 
 
 @inlined
-def move_chain(chain, n, twice, degrees, kt, rate, dt):
+def move_chain(chain, n, twice, degrees, heavier, kt, rate, dt):
     """Advance a chain of n thermostats by dt, symmetrically.
 
     Args:
         chain: (2 n,) positions, then velocities.
         twice: twice the kinetic energy.
+        heavier: the mass of the first thermostat, divided by that of each other one.
     Returns:
         the factor for velocities.
     """
-    factor, second = 1.0, kt / (rate * rate)  # the mass of all but the first, `degrees` times that
+    factor, second = 1.0, kt / (rate * rate)  # the mass of all but the first
     for part in SUZUKI_YOSHIDA:
         h = part * dt
         for turn in range(2):
             for i in range(n):
                 j = n - 1 - i if turn == 0 else i
                 if j == 0:
-                    force = (twice * factor * factor - degrees * kt) / (degrees * second)
+                    force = (twice * factor * factor - degrees * kt) / (heavier * second)
                 else:
-                    before = second * (degrees if j == 1 else 1.0)
+                    before = second * (heavier if j == 1 else 1.0)
                     force = (before * chain[n + j - 1] * chain[n + j - 1] - kt) / second
                 slow = exp(-0.25 * h * chain[n + j + 1]) if j < n - 1 else 1.0
                 chain[n + j] = slow * (slow * chain[n + j] + 0.5 * h * force)
@@ -51,10 +52,10 @@ def factor_of_chain(parameters, state, k, dt):
     Returns:
         the factor, and 0 or UNSTABLE.
     """
-    length = parameters.chain
+    length, degrees = parameters.chain, parameters.degrees[k]
     factor = move_chain(
         state[k * length : (k + 1) * length], length // 2, parameters.energies[k],
-        parameters.degrees[k], parameters.kt, parameters.rate, dt,
+        degrees, degrees, parameters.kt, parameters.rate, dt,
     )  # fmt: skip
     return factor, 0 if 1.0 / MOST < factor < MOST else UNSTABLE
 
@@ -67,7 +68,9 @@ def move_chain_of_piston(mpi, parameters, cell, state, dt):
         twice += numbers.inertia[group] * rates[group] * rates[group] / numbers.unit
         degrees += 1.0 if numbers.inertia[group] > 0.0 else 0.0
     chain, time = state[2 * parameters.chain :], dt * numbers.box_every
-    factor = move_chain(chain, chain.size // 2, twice, degrees, parameters.kt, numbers.rate, time)
+    factor = move_chain(
+        chain, chain.size // 2, twice, degrees, numbers.heavier, parameters.kt, numbers.rate, time
+    )
     for group in range(rates.size):
         before = rates[group]
         rates[group] = factor * before
