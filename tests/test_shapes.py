@@ -251,6 +251,9 @@ SPECIES = {  # shapes of 27 bodies; how many differ by 0.001 of the size; whethe
     "one is bent": ([bent(20.0)] + [bent(0.0)] * 26, 26, True),
     "planar ones among linear ones": ([bent(0.06 * (k % 5 == 3)) for k in range(27)], 0, True),
     "stretched": ([TRIANGLE * (1 + 0.002 * (k == 13)) for k in range(27)], 1, True),
+    "one is another": ([TRIANGLE * [1, 2.2 if k == 13 else 1, 1] for k in range(27)], 1, True),
+    "fragments": ([*np.random.default_rng(5).uniform(-0.7, 0.7, (27, 3, 3))], 0, False),
+    "two fragments": ([bent(120.0 * (k % 2)) for k in range(27)], 0, False),
     "digits of a data file": ([np.round(TRIANGLE, 3) for k in range(27)], 0, False),
     "mirrored": ([CHIRAL * [1, 1, (-1) ** k] for k in range(27)], 0, False),
     "other order of types": (
@@ -284,7 +287,7 @@ def herd(name, seed=3):
 def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
     """Locks out silence where molecules of one species differ in shape, as after a minimisation
     without bonds, on any number of ranks, and a warning where only digits differ, the mirror image,
-    or the order of the types."""
+    or the order of the types, or where fragments have the same types."""
     system, (_, differ, warned) = herd(name), SPECIES[name]
     run = run_lammps(script(system, "run 5\nrun 5"), files=system.files, ranks=ranks)
     said = re.findall("^WARNING: the 27 bodies of 3 atoms.*", run.log, re.M)

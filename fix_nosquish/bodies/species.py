@@ -11,6 +11,7 @@ from .membership import Membership
 from .principal import weights
 
 _DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
+_OTHER = 0.3  # deviation by which a body is another fragment, not one that was bent
 _SAID = 5  # warnings at most
 _SHAPES = "three-dimensional", "planar", "linear"
 
@@ -35,6 +36,9 @@ class Species(NamedTuple):
 def compare(bodies: Bodies, membership: Membership) -> list[str]:
     """Warn of molecules of one species that do not have one shape; collective.
 
+    Fragments may have the same types and be different on purpose.  If more than a tenth of a species'
+    bodies deviate by more than _OTHER, it is not a species, and nothing is said.
+
     Each body is laid over the one of its species that has the lowest ID, turned (or mirrored: a
     racemate is of one species) by least squares. All atoms count alike: by their masses, rounding
     errors would turn bodies about directions in which only massless sites extend.
@@ -52,14 +56,17 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     species[~compared | (found.key[species] != key)] = -1
     far = _deviations(bodies, communicator, species, place, found)
     other = (far > _DIFFERENT) & owned
-    differ = communicator.total(np.bincount(species[other], minlength=len(found.key))).astype(int)
+    of_each = [species[other], species[(far > _OTHER) & owned]]
+    counts = [np.bincount(which, minlength=len(found.key)) for which in of_each]
+    differ, fragments = communicator.total(np.concatenate(counts)).astype(int).reshape(2, -1)
     # of each species the body that differs most
     rows = _of_each(np.array([species, -far, bodies.id], float)[:, other].T)
     furthest = np.zeros((len(found.key), 2))
     rows = _of_each(communicator.gather_to_all(rows))
     furthest[rows[:, 0].astype(int)] = rows[:, 1:] * [-1.0, 1.0]
     mixed = np.count_nonzero(found.counts, axis=1) > 1
-    said = np.flatnonzero((differ > 0) | mixed)
+    alike = 10 * fragments < found.counts.sum(axis=1)
+    said = np.flatnonzero(alike & ((differ > 0) | mixed))
     said = said[np.argsort(-furthest[said, 0], kind="stable")]
     lines = [_line(membership, found, k, differ[k], *furthest[k]) for k in said[:_SAID]]
     if len(said) > _SAID:
