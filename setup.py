@@ -184,10 +184,10 @@ def compiler():
 
 
 def linking():
-    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded. It stays then."""
+    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded."""
     if sys.platform == "darwin":
-        return ["-bundle", "-undefined", "dynamic_lookup"]  # and the plugin itself has it stay
-    return ["-shared", "-Wl,-z,nodelete"]
+        return ["-bundle", "-undefined", "dynamic_lookup"]
+    return ["-shared"]
 
 
 def folder_of(package):

@@ -24,14 +24,6 @@ bool compiled_for(void *lmp)
       lammps_extract_setting(nullptr, "imageint") == sizeof(LAMMPS_NS::imageint);
 }
 
-std::string beside(const std::string &name)
-{
-  Dl_info here;
-  dladdr(reinterpret_cast<void *>(&compiled_for), &here);
-  const std::string path = here.dli_fname;
-  return path.substr(0, path.rfind('/') + 1) + name;
-}
-
 }    // namespace
 
 extern "C" void lammpsplugin_init(void *lmp, void *handle, void *enter)
@@ -39,7 +31,12 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *enter)
   std::string problem = "its plugin was compiled for LAMMPS " + std::to_string(COMPILED_FOR_LAMMPS) + ", and this is " +
       std::to_string(lammps_version(lmp)) + " or has other sizes of integers or another MPI";
   if (compiled_for(lmp)) {
-    if (void *plugin = dlopen(beside("python_move.so").c_str(), RTLD_NOW | RTLD_GLOBAL))
+    Dl_info here;
+    dladdr(reinterpret_cast<void *>(&compiled_for), &here);
+    std::string path = here.dli_fname;
+    path.erase(path.rfind("plugin"), 6);    // python_move.so
+    // Python's callbacks and the end of the process come back to its code: it must not go
+    if (void *plugin = dlopen(path.c_str(), RTLD_NOW | RTLD_GLOBAL | RTLD_NODELETE))
       return reinterpret_cast<decltype(&lammpsplugin_init)>(dlsym(plugin, "lammpsplugin_init"))(lmp, handle, enter);
     problem = dlerror();
   }

@@ -31,23 +31,12 @@ void *make(void *pointer, int narg, char **arg)
   return static_cast<Fix *>(new FixPythonMove(lmp, narg, words.data()));
 }
 
-// Python's callbacks and the end of the process come back to this code: it must not go. On Linux, the linker's flag sees to it.
-
-void stay_loaded()
-{
-#ifdef __APPLE__
-  Dl_info here;
-  if (dladdr(reinterpret_cast<void *>(&stay_loaded), &here)) dlopen(here.dli_fname, RTLD_NOW | RTLD_NODELETE);
-#endif
-}
-
 }    // namespace nosquish
 }    // namespace
 
 extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
 {
   using namespace nosquish;
-  stay_loaded();
   name_python_early();
   const auto lmp = static_cast<LAMMPS *>(pointer);
   const Layout layout(lmp);
