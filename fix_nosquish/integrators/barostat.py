@@ -181,11 +181,13 @@ class Barostat(Part):
             if (fix.constrains or fix.style.startswith(placing)) and self._hits(fix, moving=True)
         ]
         for fix in deciding:
+            constrains = fix.style.startswith("ilves")
+            instead = "use fix shake" if constrains else "have this fix move their bodies, too"
             refuse(
                 not fix.style.startswith(_CLUSTERS),
                 f"fix {fix.id} (style {fix.style}) says where atoms are that keyword dilate "
-                "moves with the box, and does not follow it: have this fix move their bodies, "
-                "too, or leave them out of the group of keyword dilate",
+                f"moves with the box, and does not follow it: {instead}, or leave them out of the "
+                "group of keyword dilate",
             )
         self.host.held = int(self._dilated) if deciding else 0
 

@@ -108,7 +108,7 @@ class Particles {
   }
 
  private:
-  // how many numbers the styles write: of an ellipsoid, a superellipsoid, a line and a triangle
+  // how many numbers the styles write, from 29 Aug 2024 to 4 Jul 2026: of an ellipsoid, a superellipsoid, a line and a triangle
   enum { PLAIN = 8, SUPER = 13, LINE = 3, TRI = 17 };
 
   Atom *const atom;

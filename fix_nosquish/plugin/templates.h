@@ -39,7 +39,7 @@ namespace nosquish {
 
 class Templates {
  public:
-  // as LAMMPS's class has them, one behind the other
+  // as LAMMPS's class has them, one behind the other, from 29 Aug 2024 to 4 Jul 2026; of another order nothing is found
   enum { CENTER = 0, MASS = 3, COM = 4, TENSOR = 7, KNOWN = 13, AXES = 16, QUAT = 25, ALL = 29 };
 
   // Write the geometric centre, mass, centre of mass and tensor of inertia (xx yy zz yz xz xy) of a template, KNOWN numbers;
