@@ -53,7 +53,10 @@ FAR = "iso 1e9 1e9 4e-1 every 5"
 OF_THERMOSTATS = [
     ("temp 2 2 1", "keyword seed is missing"),
     ("seed 5", "keyword temp is missing"),
-    ("temp 2 2", "the fix line ends where TSTART, TSTOP and TDAMP"),
+    ("temp 2 2", "the fix line ends where TDAMP (of TSTART, TSTOP and TDAMP"),
+    ("temp 2 2 seed 5", "'seed' was given where TDAMP (of TSTART, TSTOP and TDAMP"),
+    ("points rest", "keyword 'points': it is called flexible now: flexible GROUP"),
+    ("", "keywords temp and seed are missing: give temp (TSTART, TSTOP and TDAMP, each"),
     ("temp 0 2 1 seed 5", "TSTART is 0, and must be above zero"),
     ("temp 2 -1 1 seed 5", "TSTOP is -1, and must be above zero"),
     ("temp 2 2 0 seed 5", "TDAMP is 0, and must be above zero"),
@@ -86,7 +89,7 @@ OF_MOMENTS = [
 ]
 OF_BAROSTATS = [
     ("", "the pressure is missing"),
-    ("iso 1 1", "the fix line ends where PSTART, PSTOP and PDAMP"),
+    ("iso 1 1", "the fix line ends where PDAMP (of PSTART, PSTOP and PDAMP"),
     ("iso 1 1 1", "keyword compressibility is missing: with units lj it has no default"),
     ("iso 1 1 1 x 1 1 1", "use only one of iso"),
     ("iso 1 1 1 couple xy", "keyword couple is for aniso"),
@@ -130,6 +133,7 @@ BESIDE_BAROSTATS = [
     ("run_style respa 2 2 pair 2", "use run_style verlet"),
 ]
 OF_TRAJECTORIES = [
+    ("", "keywords temp, steps and seed are missing: give temp (T, a number"),
     ("temp 2 steps 10", "keyword seed is missing: give it a whole number"),
     ("temp 2 seed 5", "keyword steps is missing: give it a whole number"),
     ("steps 10 seed 5", "keyword temp is missing: give it T, a number"),
@@ -172,6 +176,7 @@ OF_FORCES = [
     ("fix a all ave/time 1 1 1 c_thermo_temp\nvariable b equal f_a", "v_b", "f_a"),
 ]
 OF_QUENCHES = [
+    ("", "keywords force and torque are missing: give force (the largest force on a body"),
     ("torque v_f", "keyword force is missing"),
     ("force v_f", "keyword torque is missing"),
     ("force 0 torque 1", "keyword force: it is 0, and must be above zero"),
@@ -217,7 +222,7 @@ REFUSED = [
     ),
     *(Refused(moments(f"seed 1 {words}"), says) for words, says in OF_MOMENTS),
     *(Refused(npt("seed 5", words), says) for words, says in OF_BAROSTATS),
-    Refused(npt("", f"thermostat nh {CELL}"), "keyword seed is missing: this barostat draws"),
+    Refused(npt("", f"thermostat nh {CELL}"), "2147483647, because this barostat draws"),
     *(Refused(COLD + native(line), says) for line, says in OF_PISTONS),
     *(Refused(native(line), says, system) for line, says, system in OF_TILTS),
     *(

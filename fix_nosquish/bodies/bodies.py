@@ -67,6 +67,10 @@ class Start(NamedTuple):
     remedy: str = ""
     spacing: float = np.inf
 
+    def explains(self, step: int) -> bool:
+        """Whether what fails at this step follows from the forces of the start."""
+        return bool(self.cause) and step <= self.step + _SOON
+
 
 class _View:
     """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
@@ -440,7 +444,7 @@ class Bodies:
         start = self.start
         if move < 0.5 * start.spacing and turn < 1.0:
             return "", ""
-        if start.cause and lammps.step <= start.step + _SOON:
+        if start.explains(lammps.step):
             return start.cause, start.remedy
         cause = f"a body moves by {move:.3g} and turns by {turn:.2g} rad in it"
         return f"the time step is too long: {cause}", "use a shorter one, or a better start"

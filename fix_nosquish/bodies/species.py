@@ -36,8 +36,8 @@ class Species(NamedTuple):
 def compare(bodies: Bodies, membership: Membership) -> list[str]:
     """Warn of molecules of one species that do not have one shape; collective.
 
-    Fragments may have the same types and be different on purpose.  If more than a tenth of a species'
-    bodies deviate by more than _OTHER, it is not a species, and nothing is said.
+    Fragments may have the same types and be different on purpose.  If more than a tenth of the
+    bodies deviate by more than _OTHER, they are no species, and nothing is said.
 
     Each body is laid over the one of its species that has the lowest ID, turned (or mirrored: a
     racemate is of one species) by least squares. All atoms count alike: by their masses, rounding

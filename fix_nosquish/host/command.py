@@ -1,7 +1,7 @@
 """The words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from math import isfinite
@@ -165,8 +165,10 @@ class _Words:
         return self.take(expected, lambda word: word[:2] == "v_" or is_number(word))
 
     def numbers(self, expected: str, count: int = 3) -> tuple[str, ...]:
-        """The next words, which are numbers or name variables."""
-        return tuple(self.number(expected) for _ in range(count))
+        """The next words, which are numbers or name variables; `expected` begins with what they
+        are called, in capitals."""
+        names = re.findall("[A-Z]+", expected)[:count]
+        return tuple(self.number(f"{name} (of {expected})") for name in names)
 
     def switch(self, expected: str) -> Switch:
         """A range of bodies, and three times on or off."""
@@ -355,6 +357,7 @@ _ELSEWHERE = {
         "fix nosquish/npt has it: without a thermostat the barostat is always the piston",
     ),
     "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
+    "points": "it is called flexible now: flexible GROUP",
     "fixedpoint": f"with {_NPT_NPH} the box changes about its centre: leave it out",
     "flip": f"with {_NPT_NPH} a box with a large tilt always flips: leave it out",
     **dict.fromkeys(
@@ -500,11 +503,13 @@ class Command:
         if "thermostat" in known:
             _check_thermostat(line, values, "barostat" in known)
         given = values.keys() | values.get("own", {}).keys()
-        for name in (*(("temp", "steps", "seed") if "steps" in known else ()), *own):
-            missing = f"keyword {name} is missing: give it {known[name].expected}"
-            _refuse(line, (name not in given, missing))
+        needed = *(("temp", "steps", "seed") if "steps" in known else ()), *own
+        _refuse_missing(line, given, {name: known[name].expected for name in needed})
         if "dmax" in known:
-            _check_quench(line, values)
+            left = "the largest {} on a body that may be left at the end, " + _NUMBER
+            expected = {name: left.format(name) for name in ("force", "torque")}
+            _refuse_missing(line, values.get("quench", ()), expected)
+            values["moments"] = Moments("alike")
         if "iso" in known:
             _check_pressure(line, values)
         return cls(line, group, style, arguments, **values)
@@ -561,6 +566,20 @@ def _refuse(line: Line, *problems: tuple[object, str]) -> None:
             raise line.wrong(message)
 
 
+def _refuse_missing(line: Line, given: Collection[str], expected: Mapping[str, str]) -> None:
+    """Raise an error that names all keywords which are missing.
+
+    Args:
+        expected: dictionary from keywords to what stands behind them.
+    """
+    *others, last = missing = [name for name in expected if name not in given] or [""]
+    if others:
+        texts = " and ".join(f"{name} ({expected[name]})" for name in missing)
+        raise line.wrong(f"keywords {', '.join(others)} and {last} are missing: give {texts}")
+    if last:
+        raise line.wrong(f"keyword {last} is missing: give it {expected[last]}")
+
+
 def _check_pressure(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if the words of a barostat do not go together."""
     given, couple = set(values.get("pressure", ())), values.get("couple", "none")
@@ -603,17 +622,12 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
     rescales = has_barostat and values.get("barostat", BAROSTATS[0]) == "crescale"
     draws = "barostat" if rescales else "" if chains else "thermostat"
     no_use = "keyword {} has no effect with this thermostat: leave it out"
+    expected = {name: OWN_KEYWORDS[name].expected for name in ("temp", "seed")[: 1 + bool(draws)]}
+    if draws:
+        expected["seed"] += f", because this {draws} draws random numbers"
+    _refuse_missing(line, values, expected)
     _refuse(
         line,
-        (
-            "temp" not in values,
-            f"keyword temp is missing: give it {OWN_KEYWORDS['temp'].expected}",
-        ),
-        (
-            draws and "seed" not in values,
-            f"keyword seed is missing: this {draws} draws random numbers, so give it "
-            + OWN_KEYWORDS["seed"].expected,
-        ),
         ("seed" in values and not draws, no_use.format("seed")),
         ("tchain" in values and not chains, no_use.format("tchain")),
         (
@@ -622,14 +636,3 @@ def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) ->
             "langevin acts on each motion by itself",
         ),
     )
-
-
-def _check_quench(line: Line, values: dict[str, Any]) -> None:
-    """Raise an error if a tolerance is missing; have moments that serve a quench."""
-    for name in "force", "torque":
-        missing = (
-            f"keyword {name} is missing: give it the largest {name} on a body that "
-            f"may be left at the end, {_NUMBER}"
-        )
-        _refuse(line, (name not in values.get("quench", ()), missing))
-    values["moments"] = Moments("alike")

@@ -110,12 +110,12 @@ class Barostat(Part):
                 f"give keyword every 1 (the box changes in one of {every} steps now), and a longer "
                 "PDAMP as well if that is not enough"
             )
-            return (
+            return self.instability(
                 f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
-                f"tilt by more than an edge, by step {self.lammps.step}: the pressure is far from "
-                "the one asked for, or PDAMP is too short. "
+                "tilt by more than an edge,",
+                "the pressure is far from the one asked for, or PDAMP is too short. "
                 "Bring the system near this pressure at constant volume first, or "
-                f"{'give a longer PDAMP' if every == 1 else rare}"
+                f"{'give a longer PDAMP' if every == 1 else rare}",
             )
         return ""
 

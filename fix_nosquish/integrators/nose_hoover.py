@@ -97,9 +97,14 @@ class NoseHoover(Rescaling):
     def complaint(self, found: int) -> str:
         if found == UNSTABLE:
             dt, damping = self.lammps.dt, self.lammps.number(self.command.temp[2])
-            return (
-                f"the Nose-Hoover chains are unstable at step {self.lammps.step}: TDAMP "
-                f"{damping:g} is {damping / dt:.3g} time steps. Give a TDAMP of at least "
-                f"{STEPS * dt:g}, or start from velocities of nearly this temperature"
+            longer = (
+                f"Give a TDAMP of at least {STEPS * dt:g}, or start"
+                if damping < STEPS * dt
+                else "Start"
+            )
+            return self.instability(
+                "the Nose-Hoover chains are unstable",
+                f"TDAMP {damping:g} is {damping / dt:.3g} time steps. {longer} from velocities of "
+                "nearly this temperature",
             )
         return super().complaint(found)

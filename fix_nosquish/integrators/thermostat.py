@@ -202,6 +202,14 @@ class Part:
         """Why what a loop returned ends the run; empty if it was another part's."""
         return ""
 
+    def instability(self, what: str, advice: str) -> str:
+        """What became unstable in this step, and the advice, or that for the start if it has
+        atoms that overlap."""
+        start, step = self.bodies.start, self.lammps.step
+        if start.explains(step):
+            advice = f"{start.cause}: {start.remedy}"
+        return f"{what} at step {step}: {advice}"
+
     def with_energy(self, scalar: float) -> float:
         """A scalar that counts energies, with its own; collective."""
         return scalar

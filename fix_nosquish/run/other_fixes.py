@@ -221,7 +221,10 @@ def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -
     command, host = integrator.command, integrator.host
     theirs, ours = f"fix {fix.id} (style {fix.style})", f'fix {host.fix_id} ("{command.text}")'
     if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.box_every:
-        ours_instead = "use fix nosquish/npt or fix nosquish/nph in its place"
+        ours_instead = (
+            "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "
+            "also moves atoms that are in no body"
+        )
         return (
             f"{theirs} changes the box, and bodies do not move with it: "
             f"{WITH_SWITCHES if command.force or command.torque else ours_instead}"
