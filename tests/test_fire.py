@@ -170,6 +170,23 @@ def test_spheres(run_lammps, tmp_path):
     assert bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < 1e-12
 
 
+@pytest.mark.parametrize("words", ["", " barostat mtk every 1 iso 1 1 100"], ids=["nvt", "npt"])
+def test_overlap_that_breaks_chains(run_lammps, words):
+    """Locks out an error of chains that asks for a TDAMP of at least what was given, and one of a
+    piston that asks for another pressure, where atoms overlap at the start: each says so, and its
+    advice is good."""
+    system, kind = overlapping(40, 10), "npt" if words else "nvt"
+    velocities = "velocity all create 298 4928 loop geom\ntimestep 1\n"
+    chains = f"fix 1 all nosquish/{kind} molecule temp 298 298 100 thermostat nh{words}\n"
+    broken = f"{system.setup}\n{velocities}{chains}run 100\n"
+    screen = run_lammps(broken, files=system.files, check=False).screen.replace("\n", " ")
+    what = "than an edge," if words else "the Nose-Hoover chains are unstable"
+    assert re.search(rf"{what} at step \d+: .*overlap at the start", screen), screen[-900:]
+    assert "relax the bodies by fix nosquish/fire and a run" in screen and "TDAMP" not in screen
+    relax = "fix 1 all nosquish/fire molecule force 5 torque 5\ntimestep 1\nrun 1000\nunfix 1\n"
+    run_lammps(f"{system.setup}\n{relax}{velocities}{chains}run 100\n", files=system.files)
+
+
 # ------------------------------------------------------------------ the way there
 
 
