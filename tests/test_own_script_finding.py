@@ -37,6 +37,48 @@ def test_atoms_with_molecule_id_0_are_a_body():
     )
 
 
+ROWS = ("nosquish", "rigid/{}", "rigid/{}/small", "shake")
+WORDS = {  # of the script's fix: which of these rows there are
+    "rigid/nvt/small molecule temp 1 1 1 mol g": (0, 2),
+    "nosquish/nvt molecule temp 1 1 1 seed 4 mol g": (0, 2),
+    "rigid/nve molecule force * off on on torque 1 on on on": (0, 1),
+    "rigid/nve/small molecule gravity down": (0, 1, 2),
+    "rigid/nve/small molecule infile bodies": (0, 1, 2),
+    "rigid/npt/small molecule temp 1 1 1 iso 1 1 1": (0, 1, 2, 3),
+    "rigid/npt molecule temp 1 1 1 iso 1 1 1 dilate some": (0, 1, 2),
+    "nosquish/nve molecule details yes": (0, 1, 2, 3),
+}
+
+
+@pytest.mark.parametrize("line", WORDS)
+def test_keywords_go_into_all_rows_that_have_them(line):
+    """Locks out rows of another system than the script's: molecules of a template that a fix
+    inserts and no fix knows, bodies without their weight or with components that are switched on
+    again, a box that leaves out other atoms. A fix without such a keyword has no row, and the
+    reason is told."""
+    ids = np.array([[1, 2], [3, 4]])
+    atoms = {
+        "molecule": np.array([1, 1, 2, 2, 3]),
+        "mask": np.array([3, 3, 3, 3, 1]),
+        "type": np.array([1, 1, 1, 1, 2]),
+        "bonds": np.insert(ids, 0, 1, axis=1),
+        "held_bonds": np.zeros(2, bool),
+    }
+    said = {"groups": ["all", "some"], "fixes": {"1": f"fix 1 some {line}"}, "commands": []}
+    found = finding.find(said, atoms)
+    made, _, notes = schemes.schemes(found, "lj")
+    lines = {one.name: one.lines[-1] for one in made}
+    rows = [name.format(found.state.ensemble) for name in ROWS]
+    assert [k for k, name in enumerate(rows) if name in lines] == [*WORDS[line]], lines
+    kept, words = "".join(f" {word}" for word in found.keywords), line.split()
+    assert [word.split()[0] for word in found.keywords] == [w for w in words if w in finding.KEPT]
+    for name in rows[:3]:
+        assert kept in lines.get(name, kept)
+    assert ("dilate all" in lines["nosquish"]) == line.startswith("rigid/npt/small")
+    assert line.startswith("nosquish") or "yours" not in lines  # each has a row already
+    assert len([note for note in notes if note.startswith("No ")]) == 4 - len(WORDS[line])
+
+
 def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
     water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""

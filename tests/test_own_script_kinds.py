@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import needs_extra  # noqa: F401  the extra validation
@@ -62,6 +63,95 @@ def test_each_integrator_moves_each_kind(kind, tmp_path, monkeypatch):
     assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
     kinds = {one.kind for one in own.integrators.values()}
     assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)
+
+
+GCMC = """units real
+atom_style full
+region b block 0 20 0 20 0 20
+create_box 2 b
+mass 1 12
+mass 2 16
+molecule g mol.co2
+pair_style lj/cut 6
+pair_coeff * * 0.1 3
+neigh_modify exclude molecule/intra all
+create_atoms 0 random 9 88 NULL mol g 99 overlap 2
+velocity all create 300 771
+fix int all rigid/nvt/small molecule mol g temp 300 300 50
+fix mc all gcmc 5 9 0 0 5431 300 -1 1 mol g pressure 900 rigid int group all tfac_insert 1.6667
+run 9
+"""
+CO2 = """CO2
+
+3 atoms
+
+Coords
+
+1 0 0 0
+2 1.16 0 0
+3 -1.16 0 0
+
+Types
+
+1 1
+2 2
+3 2
+"""
+
+
+def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path):
+    """Locks out rows that know no template, so that molecules which come are no bodies: a fix
+    replaced that of a grand canonical script without its keyword mol, as one that others lack."""
+    (tmp_path / "mol.co2").write_text(CO2)
+    path = tmp_path / "in.gas"
+    path.write_text(GCMC)
+    own = take(path, tmp_path / "out")
+    own = replace(
+        own, integrators={key: own.integrators[key] for key in ("nosquish", own.reference)}
+    )
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None, None]
+    for name in "nosquish", own.reference:
+        folder = tmp_path / "out" / "runs" / run.folder_name(name)
+        counted = lammps_log.timings((folder / "log.lammps").read_text())[-1].atoms
+        assert counted > 27, name  # molecules came
+    assert "mol g" in own.integrators["nosquish"].lines[-1]
+    assert not any("mol g" in note for note in own.notes if note.startswith("Keywords"))
+
+
+FORMS = {
+    "off and on": ("suffix nosquish\nsuffix off\nsuffix on", True),
+    "off": ("suffix nosquish\nsuffix off", False),
+    "hybrid, the other first": ("suffix hybrid omp nosquish", True),  # omp has no such fix
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_script_with_the_suffix_has_the_rows_of_one_without(form, taken, tmp_path):
+    """Locks out rows named after LAMMPS's fixes that ours have run, with our pressures, as the
+    script's suffix has it; and a script's own fix that is told, and left out of the energies, as
+    LAMMPS's. Each row is that of the script without a suffix."""
+    words, acts = FORMS[form]
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix bodies", f"{words}\nfix bodies")
+    path.write_text(f"package omp 1\n{text}")
+    own, found = take(path, tmp_path / "out"), {}
+    for one in own, taken("rings"):
+        kept = {name: each for name, each in one.integrators.items()
+                if name in ("yours", "nosquish", "rigid/nve", "rigid/nve/small")}  # fmt: skip
+        out = Path(one.scene.overlay).parents[1]
+        rows, _ = check._starts(replace(one, integrators=kept), out, 1, 300.0, Silent())
+        assert [row["error"] for row in rows] == [None] * len(rows)
+        found[one is own] = {row["label"]: row["pressure"] for row in rows}
+    with_it, without = found[True], found[False]
+    yours = with_it.pop("yours: nosquish/nve", None)
+    assert with_it == pytest.approx(without, rel=1e-6) and len(without) == 3
+    assert without["nosquish/nve"] != pytest.approx(without["rigid/nve"], rel=1e-2)
+    assert yours == (pytest.approx(without["nosquish/nve"], rel=1e-6) if acts else None)
+    told = " ".join(check._suffix(own, tmp_path / "out", 1, 300.0))
+    says = "{} fix bodies (rigid/nve/small) {}"
+    acted, did_not = ("The suffix nosquish replaces", "by"), ("", "is LAMMPS's own")
+    assert says.format(*acted if acts else did_not) in told
 
 
 TEMPERATURES = {

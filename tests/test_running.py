@@ -7,6 +7,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import needs_extra  # noqa: F401  the extra validation
@@ -201,6 +202,37 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
             with contextlib.suppress(ProcessLookupError):
                 os.kill(one, signal.SIGKILL)
         verb.wait()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_result_is_that_of_the_fix_of_its_name(scene, tmp_path, ranks):
+    """Locks out a row of LAMMPS's fix that ours has run, wherever the suffix nosquish was set; the
+    one of a script does not act there."""
+    how: dict = {"dt": 1.0, "every": 1, "ranks": ranks}
+    theirs, suffix = rigid("rigid/nve"), "suffix nosquish"
+    first = run.job(scene, theirs, tmp_path / "off", [1], **how)
+    hidden = replace(first, directory=str(tmp_path / "on"), commands=[suffix, *first.commands])
+    assert run.run(first).error is None
+    result = run.run(hidden)
+    assert "fix 1 is rigid/nve/nosquish of fix_nosquish" in result.error
+    assert run.is_there(hidden, failures=True)
+    with_it = replace(scene, setup=(*scene.setup, suffix))
+    assert run.run(run.job(with_it, theirs, tmp_path / "script", [1], **how)).error is None
+
+
+@pytest.mark.parametrize(
+    ("words", "left"),
+    [
+        ("nosquish", "none"),
+        ("hybrid nosquish omp", "omp"),
+        ("hybrid gpu nosquish", "gpu"),
+        ("hybrid opt omp", "hybrid opt omp"),
+        ("off", "off"),
+    ],
+)
+def test_other_suffixes_stay(words, left):
+    """Locks out a suffix of the user's that goes with ours."""
+    assert run.without_suffix(f"suffix {words}") == f"suffix {left}"
 
 
 @pytest.mark.timeout(60)

@@ -12,8 +12,8 @@ import numpy as np
 
 from .. import COMMAND
 from ..experiment import Trajectory, perform
-from ..own import counted, finding, shapes
-from ..own.script import texts
+from ..own import counted, finding, schemes, shapes
+from ..own.script import SUFFIX, line_of, texts
 from ..own.shapes import Group, Kind
 from ..own.system import Own
 from ..running import machine, run
@@ -48,7 +48,7 @@ def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> 
     return machine.circumstances() | {
         "title": own.scene.title,
         "notes": own.notes,
-        "suffix": _suffix(own),
+        "suffix": [*_suffix(own, out, ranks, silence)],
         "units": own.scene.units,
         "dt": own.scene.dt,
         "temperature": shapes.temperature(own),
@@ -229,14 +229,44 @@ def _forces_within(
     return counts(int(np.sum(first == second)), note=IDLE.format(own.found.group))
 
 
-def _suffix(own: Own) -> list[str]:
-    """What ``lmp -sf nosquish`` makes of a script, in a sentence; none if it has no fix rigid."""
-    if own.found.kind != "rigid":
-        return []
-    words = [line for line in own.said["commands"] if texts(line)[0] == "suffix"]
-    told = f", unless '{words[-1]}' in it says otherwise" if words else ", without an edit"
-    fix = f"fix {own.found.ids[0]} ({own.found.style})"
-    return [f"'lmp -sf nosquish -in SCRIPT' replaces {fix} by one of fix_nosquish{told}."]
+def _suffix(own: Own, out: Path, ranks: int, silence: float) -> Iterator[str]:
+    """Whether the suffix nosquish has replaced the script's fix, or would replace it, in sentences;
+    none for a fix that has no such suffix."""
+    (line, *_), found = own.found.lines, own.found
+    style, suffixes = finding.style_of(line), (one.split() for one in own.said["commands"])
+    asked = [" ".join(words) for words in suffixes if words[0] == "suffix" and "nosquish" in words]
+    fix = f"fix {found.ids[0]} ({style.removesuffix(SUFFIX)})"
+    if style.endswith(SUFFIX):
+        yield (
+            f"The suffix nosquish replaces {fix} by {found.style}. Integrators that are named "
+            "after LAMMPS's fixes run without this suffix."
+        )
+    elif found.kind == "rigid" and asked:
+        yield (
+            f"In spite of '{asked[-1]}' {fix} is LAMMPS's own: a suffix acts on the lines after "
+            "it, until another one or 'suffix off', and of two suffixes the first one is preferred."
+        )
+    elif found.kind == "rigid":
+        yield _with_suffix(own, fix, out / "runs" / "suffix", ranks, silence)
+
+
+def _with_suffix(own: Own, fix: str, folder: Path, ranks: int, silence: float) -> str:
+    """What ``lmp -sf nosquish`` makes of the script's fix, which LAMMPS is asked for."""
+    found, line = own.found, own.found.lines[0]
+    words = texts(line)
+    ours = line_of((*words[:3], finding.style_of(line) + SUFFIX, *words[4:]))
+    trial = schemes.yours(replace(found, kind="ours", lines=(ours,)))
+    result = run.once(_job(own, trial, folder, 0, ranks=ranks, silence=silence), failures=True)
+    if result.error:
+        return f"'lmp -sf nosquish -in SCRIPT' does not replace {fix}: {result.error}"
+    log = (folder / "log.lammps").read_text()
+    begin = f"Fix {found.ids[0]}: "
+    notice = next(text for text in log.splitlines() if text.startswith(begin)).removesuffix(SUFFIX)
+    return (
+        f"'lmp -sf nosquish -in SCRIPT' replaces {fix} by one of fix_nosquish, without an edit. "
+        f"Its log has the line '{notice}' then. Without this line LAMMPS's own fix "
+        "has run."
+    )
 
 
 def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:

@@ -12,8 +12,11 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from fix_nosquish.host import rigid_fixes
+
 from .. import COMMAND
 from ..scenes.integrators import OLDER, target
+from . import script
 from .script import texts
 
 OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
@@ -27,7 +30,11 @@ TILTS = "tri", "xy", "xz", "yz"
 # of a fix's keywords how many words follow
 FOLLOW = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
 FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
-KEPT = "force", "torque", "reinit"  # keywords that all rigid fixes have, but the ones for small
+# keywords that are not of one integrator, and which of LAMMPS's rigid fixes have them, too
+KEPT: dict[str, tuple[str, ...]]
+KEPT = dict.fromkeys(("infile", "gravity", "dilate"), ("rigid", "small"))
+KEPT |= {"force": ("rigid",), "torque": ("rigid",), "mol": ("small",), "reinit": ()}
+SAID = "seed", "thermostat", "barostat", "flexible", "details"  # others have these in their way
 FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
 
 
@@ -114,7 +121,7 @@ class Found:
         flexible: group of these other atoms, where one of ours moves them with the bodies.
         constraints: the words of shake that hold the same bodies; None if there are none.
         why: why not.
-        keywords: that go into other fixes, too.
+        keywords: that go into other fixes, too, each with its words.
         dropped: keywords that do not.
         modified: commands ``fix_modify`` of these fixes, and ``compute_modify`` of their computes.
         setup: commands that make the group, if the script has none.
@@ -134,16 +141,17 @@ class Found:
     flexible: str = ""
     constraints: str | None = None
     why: str = ""
-    keywords: str = ""
+    keywords: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
     modified: tuple[str, ...] = ()
     setup: tuple[str, ...] = field(default=())
 
 
 def style_of(line: str) -> str:
-    """Of a fix, without suffixes of accelerated variants; rigid/nvt for nosquish/rigid/nvt, and
-    nosquish/nvt for nosquish/nvt/small."""
-    plain = re.sub(r"/(omp|intel|kk|gpu|opt)$|^nosquish/(?=rigid)", "", texts(line)[3])
+    """Of a fix, without suffixes of accelerated variants: rigid/nvt/nosquish, also for
+    nosquish/rigid/nvt, and nosquish/nvt for nosquish/nvt/small."""
+    plain = re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
+    plain = re.sub(r"^nosquish/(rigid.*)", r"\1/nosquish", plain)
     return re.sub(r"^(nosquish/\w+)/small$", r"\1", plain)
 
 
@@ -167,8 +175,11 @@ def words_of(line: str) -> Words | None:
 
 def called(line: str) -> str:
     """What a fix does, in a word: its style, or its class in quotes."""
-    style = style_of(line)
-    return texts(line)[4].split()[0] if style == "python/move" else style
+    style, words = style_of(line), texts(line)
+    if style.endswith(script.SUFFIX):
+        name = rigid_fixes.integrator(str(rigid_fixes.plain(style)), words)
+        return f"nosquish/{name.lower()}"
+    return words[4].split()[0] if style == "python/move" else style
 
 
 def moves(line: str) -> bool:
@@ -181,6 +192,8 @@ def kind_of(line: str) -> str | None:
     style, ours = style_of(line), words_of(line)
     if ours:
         return "ours" if ours.name in OURS else None
+    if style.endswith(script.SUFFIX):
+        return "ours"
     if style == "rigid" or style.startswith("rigid/"):
         return "rigid"
     if style in CONSTRAINTS:
@@ -354,7 +367,7 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
             couple = part[1] if part[1] != "none" else None
         elif part[0] in KEPT:
             kept.append(" ".join(part))
-        elif part[0] not in ("seed", "thermostat", "barostat", "flexible"):
+        elif part[0] not in SAID:
             dropped.append(" ".join(part))
     return State(temp, tuple(press), couple), kept, dropped
 
@@ -378,6 +391,8 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
     state, kept, dropped = state_of(keywords)
     body = numbers(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
+    if names := [word.split()[0] for word in kept if not word.startswith("reinit")]:
+        constraints, why = None, f"it has nothing like keyword {' and '.join(dict.fromkeys(names))}"
     return Found(
         (fix_id,),
         (line,),
@@ -391,7 +406,7 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
         flexible=flexible,
         constraints=constraints,
         why=why,
-        keywords="".join(" " + word for word in kept),
+        keywords=tuple(kept),
         dropped=tuple(dropped),
     )
 

