@@ -252,6 +252,25 @@ def test_constant_temperature(run_water, words, ranks):
     assert np.abs(plugin - own).max() < 1e-7
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bodies_of_the_definition(run_lammps, tmp_path, ranks):
+    """Locks out bodies that are decided anew at each run: by a variable that has changed since, or
+    without a word by molecule-IDs that have."""
+    system, ends = mixture("solid planar"), []
+    before = f"{system.setup}\nvariable b atom mol*(step<5)\ntimestep {system.dt}\n"
+    end = "write_dump all custom end id x y z modify sort id format float %.16g\n"
+    for words in "molecule", "custom v_b":
+        script = f"{before}{NVE.format(group='all', words=words)}\nrun 6\nrun 30\n{end}"
+        run_lammps(script, files=system.files, launcher=debian(ranks))
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
+    script = script.replace("run 30", "set atom 4*9 mol 1\nrun 30").replace(
+        "custom v_b", "molecule"
+    )
+    run = run_lammps(script, files=system.files, launcher=debian(ranks), check=False)
+    assert run.code != 0 and "(with another molecule-ID: 6), or got other IDs" in run.screen
+
+
 def test_rank_that_loses_atoms_between_runs(run_water):
     """Locks out a crash, and bodies of other atoms, where a rank has fewer than in the last run."""
     _, one = run_water(OURS, "run 10\nrun 10")

@@ -349,10 +349,40 @@ def test_reactions(run_lammps, ranks):
     for name in "again", "other":
         for column in "Temp", "KinEng", "TotEng":
             np.testing.assert_allclose(tables[name][column], ours[column][-2:], rtol=1e-7)
-    told = re.findall(
-        r"since this fix was defined, (\d+) atoms have another molecule-ID", logs["ours"]
+    assert "since this fix was defined (with another molecule-ID: " in logs["ours"]
+    assert "27 rigid bodies with 108 atoms" in logs["again"]
+
+
+TOLD = {
+    "molecule": ("set atom 4*9 mol 1", "with another molecule-ID: 6"),
+    "custom i_f": ("set atom 4 i_f 7", "with another value of i_f: 1"),
+    "single": ("group a id 40 41", "that came into group a: 2"),
+    "group 2 b c": (
+        "group d subtract c e\ngroup b id 7\ngroup c clear\ngroup c union d\ngroup a id 40",
+        "that went from one to another of groups a, b, c: 1",
+    ),
+    "molecule flexible f": (
+        "group e union all\ngroup f clear\ngroup f id 40",
+        "that came into groups a, f: 1, that left groups a, f: 3",
+    ),
+    "custom v_m": ("variable m delete\nvariable m atom 1", ""),
+}
+
+
+def test_told_of_changes(run_lammps):
+    """Locks out a change of what the fix line names that has no effect, and no word of it."""
+    groups = "group a id 1:30\ngroup b id 4:6\ngroup c id 7:9\ngroup e id 7\ngroup f id 31:33\n"
+    groups += "variable m atom mol\nfix p all property/atom i_f\nset group all i_f v_m\n"
+    text = "".join(
+        SCRIPT.format(
+            name=words, end="end", groups=groups, fix="", how="", between=f"{change}\nrun 2\nrun 2"
+        ).replace("fix           1 bodies ", f"fix 1 a nosquish/nve {words}")
+        for words, (change, _) in TOLD.items()
     )
-    assert told and "27 rigid bodies with 108 atoms" in logs["again"]
+    log = run_lammps(text, files={"mol.bent": BENT}, ranks=2).log
+    logs = re.split(r"^PART .*\n", log, flags=re.M)[1:]
+    found = [re.findall(r"since this fix was defined \((.*?)\)\.", one) for one in logs]
+    assert found == [[told] if told else [] for _, told in TOLD.values()]
 
 
 RERUN = """

@@ -251,28 +251,26 @@ class Membership:
         return cast(np.ndarray, found).astype(np.int64)
 
     def changes(self) -> str:
-        """What has changed in the atoms since it was decided of them, for messages; "" for nothing;
-        collective."""
+        """Which atoms have changed since it was decided of them, and how many, for messages; "" for
+        none; collective."""
         kept, now = self.kept, self._by_rule(self._standing())
         rigid = (kept > OUT) & (kept < FLEXIBLE)
         now[rigid & (now == _UNKNOWN)] = kept[rigid & (now == _UNKNOWN)]
         changed, several = (kept != now) & (kept != UNDECIDED), len(self._groups) > 1
         groups = f"{'groups' if several else 'group'} {', '.join(self._groups)}"
-        value = {"molecule": "another molecule-ID"}.get(
-            self.command.style, f"another value of {' '.join(self.command.arguments)}"
-        )
+        value = f"value of {self.command.arguments[0]}" if self.command.arguments else "molecule-ID"
         moved = (now == FLEXIBLE) | (kept == FLEXIBLE) | (self.command.style == "group")
         kinds = {
-            f"came into {groups}": kept == OUT,
-            f"left {groups}": now == OUT,
-            f"went from one to another of {groups}": (kept != OUT) & (now != OUT) & moved,
-            f"have {value}": (kept != OUT) & (now != OUT) & ~moved,
+            f"that came into {groups}": kept == OUT,
+            f"that left {groups}": now == OUT,
+            f"that went from one to another of {groups}": (kept != OUT) & (now != OUT) & moved,
+            f"with another {value}": (kept != OUT) & (now != OUT) & ~moved,
         }
         many = self.communicator.total(
             np.array([(changed & kind).sum() for kind in kinds.values()])
         )
         pairs = zip(many, kinds, strict=True)
-        return " and ".join(f"{count:.0f} atoms {what}" for count, what in pairs if count)
+        return ", ".join(f"{what}: {count:.0f}" for count, what in pairs if count)
 
     def exceptions(self) -> np.ndarray:
         """What the fix line does not say of the atoms as they are now, for a restart file: (n, 3)

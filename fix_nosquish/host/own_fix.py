@@ -40,9 +40,9 @@ class OwnFix(Host):
         # it does not tell how many worlds come before: the universe's rank of this one's first rank
         self.world = communicator.share(lammps.setting("universe_rank"))
         self._problem: BaseException | None = None
-        self._bodies: Any = None
         self._builds = 0.0
-        self._tags = self._origins = self._membership = np.empty(0, np.int64)
+        lammps.cells["membership"].set(np.full(len(lammps.tags), UNDECIDED))
+        self.carry(lammps, None)
 
     def log(self, text: str) -> None:
         """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
@@ -62,7 +62,8 @@ class OwnFix(Host):
 
     def carry(self, lammps: Any, bodies: Any) -> None:
         """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
-        self._bodies = bodies
+        self._bodies: Any = bodies
+        self.noted()
         self._origins = np.full(len(self._tags), IN_NO_BODY)  # they were in other ones
 
     def point(self) -> None:

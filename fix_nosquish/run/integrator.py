@@ -159,7 +159,6 @@ class Integrator(Registered, Declaration):
         self.host.carry(self.lammps, None)
         self.host.point()
         self.membership.define(self.host.kept_bodies)
-        self.host.noted()
         # None if others may come
         self.array_rows = None if self.template else count(self.membership)
 

@@ -218,9 +218,9 @@ def _warnings(integrator: "Integrator") -> list[str]:
         )
     if changes := integrator.membership.changes():
         lines.append(
-            f"WARNING: since this fix was defined, {changes}: the bodies stay those of its "
-            "definition, as with LAMMPS's rigid fixes. To decide them anew, unfix this fix and "
-            "define it again"
+            f"WARNING: atoms have changed since this fix was defined ({changes}). The bodies stay "
+            "those of its definition, as with LAMMPS's rigid fixes. To decide them anew, unfix "
+            "this fix and define it again"
         )
     lines += [*notes.warnings, *integrator.own_warnings()]
     bodies, dt = integrator.bodies, integrator.lammps.innermost_dt

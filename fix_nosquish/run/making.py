@@ -36,6 +36,7 @@ def _recipe(integrator: "Integrator") -> Recipe:
 def bodies_of_atoms(integrator: "Integrator") -> Bodies:
     """The bodies that a run would make of the atoms as they are now; collective."""
     integrator.membership.find_groups()
+    integrator.host.point()
     return build(_recipe(integrator), _former(integrator)).bodies
 
 
@@ -46,7 +47,6 @@ def _former(integrator: "Integrator") -> Former | None:
         "the bodies of the last run are gone, because this one could not begin: "
         "unfix this fix and define it again",
     )
-    integrator.host.point()
     if integrator.bodies is None:
         return None
     return integrator.bodies.of_atoms(integrator.lammps, integrator.host.follows)
@@ -60,11 +60,10 @@ def decide(integrator: "Integrator") -> None:
     changes = "" if host.follows else membership.changes()
     refuse(
         changes,
-        f"since this fix was defined, {changes}, or atoms got other IDs, which LAMMPS's own fix "
-        "python/move cannot tell apart: unfix this fix and define it again",
+        f"atoms have changed since this fix was defined ({changes}), or got other IDs, which "
+        "LAMMPS's own fix python/move cannot tell apart: unfix this fix and define it again",
     )
     membership.decide()
-    host.noted()
 
 
 def make(integrator: "Integrator") -> None:
