@@ -106,12 +106,20 @@ class Membership:
 
         Args:
             listed: (n, 3) what a restart file says of some atoms: their IDs, what they have in
-                `kept`, and what the fix line said of them then.
+                `kept`, and what the fix line said of them then; in the first row the number of all
+                atoms is in the middle.
         Raises:
             RunError: on all ranks, for such an atom that is another one, and as `ids`.
         """
         kept, tags = self.kept, self.lammps.tags.astype(np.int64)
         kept[:] = UNDECIDED
+        natoms = [*listed[:, 1], self.lammps.natoms][0]
+        refuse(
+            natoms != self.lammps.natoms,
+            f"the restart file has bodies that the fix line does not tell, of {natoms:.0f} atoms, "
+            f"and there are {self.lammps.natoms} atoms: define this fix before atoms are created "
+            "or deleted; to replicate them, or to have bodies decided anew, give it another ID",
+        )
         place = find(listed[:, 0].astype(np.int64), tags)
         here, now = place >= 0, self._by_rule(self._standing())
         _, kept[here], then = listed[place[here]].T
@@ -272,21 +280,22 @@ class Membership:
         pairs = zip(many, kinds, strict=True)
         return ", ".join(f"{what}: {count:.0f}" for count, what in pairs if count)
 
-    def exceptions(self) -> np.ndarray:
+    def exceptions(self) -> np.ndarray | None:
         """What the fix line does not say of the atoms as they are now, for a restart file: (n, 3)
-        as of `define`, on rank 0; collective."""
+        as of `define`, on rank 0; None elsewhere, and if there is nothing; collective."""
         kept, now, communicator = self.kept, self._by_rule(self._standing()), self.communicator
         which = (kept != now) & (kept != UNDECIDED)
         bodies = communicator.gather_to_all(np.unique(kept[which & (kept > OUT)]))
-        which |= np.isin(
-            kept, bodies
-        )  # whole ones, so that it is known whose atoms have another ID
+        which |= np.isin(kept, bodies)  # whole ones: so it is known which IDs are not free
+        many = communicator.count(which.sum())
         refuse(
-            communicator.count(which.sum()) > _MOST,
+            many > _MOST,
             f"the restart file has room for {_MOST} atoms whose bodies the fix line does not tell: "
             "use body style molecule",
         )
-        return communicator.gather(np.array([self.lammps.tags, kept, now], float).T[which])
+        rows = communicator.gather(np.array([self.lammps.tags, kept, now], float).T[which])
+        head = np.array([[0.0, self.lammps.natoms, 0.0]])
+        return np.concatenate([head, rows]) if many and rows is not None else None
 
     def name(self, body: int) -> str:
         """How a user would name the body of this ID."""

@@ -148,11 +148,8 @@ def locate(atoms, bodies, found):
     )
     here, place = new_longs(bodies, BODIES.here, natoms), new_longs(bodies, BODIES.place, natoms)
     for i in range(natoms):
-        groups, decided = atoms.groups[i], atoms.membership[i]
-        rigid = groups & atoms.fix_group and groups & atoms.body_groups
-        if decided == UNDECIDED and (rigid or groups & atoms.flexible):
-            came += 1
-        elif decided > OUT:
+        decided = atoms.membership[i]
+        if decided > OUT:
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == IN_NO_BODY or j >= index.size or -j > arrived:
@@ -161,6 +158,10 @@ def locate(atoms, bodies, found):
             moved += j < 0 or index[j] != i
             here[count], place[count] = i, j
             count += 1
+        elif decided == UNDECIDED:
+            groups = atoms.groups[i]
+            if groups & atoms.flexible or (groups & atoms.fix_group and groups & atoms.body_groups):
+                came += 1
     resize(bodies, BODIES.here, count, 1)
     resize(bodies, BODIES.place, count, 1)
     found[FOUND.came], found[FOUND.more] = came, count - index.size
