@@ -13,6 +13,7 @@ from conftest import Silent
 from own_scripts import take
 
 from validation.check import measure as check
+from validation.compare import case as cases
 from validation.running import lammps_log, run
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
@@ -152,6 +153,8 @@ def test_a_script_with_the_suffix_has_the_rows_of_one_without(form, taken, tmp_p
     says = "{} fix bodies (rigid/nve/small) {}"
     acted, did_not = ("The suffix nosquish replaces", "by"), ("", "is LAMMPS's own")
     assert says.format(*acted if acts else did_not) in told
+    usual = {"yours" if acts else "nosquish", "rigid/nve/small"}  # ours and LAMMPS's
+    assert set(cases.of_script(own).usual) == usual
 
 
 TEMPERATURES = {

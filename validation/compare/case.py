@@ -202,13 +202,14 @@ def of_script(own: Own) -> Case:
         )
     known = own.integrators
     ours = next((key for key, one in known.items() if one.kind == "ours"), own.reference)
-    usual = OURS, own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small"
+    rivals = own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
+    rival = next((key for key in rivals if key in known and known[key].kind != "ours"), OURS)
     return Case(
         word=own.ask.script,
         scene=own.scene,
         integrators=known,
         reference=ours,
-        usual=tuple(name for name in known if name in usual)[:2],
+        usual=tuple(name for name in known if name in (ours, rival)),
         steps=tuple(factor * own.scene.dt for factor in FACTORS),
         temperature=shapes.temperature(own),
         boltzmann=own.said["boltzmann"],
