@@ -1,6 +1,8 @@
 """The plugin's own fix styles, nosquish/nve and its kin, which take LAMMPS's words."""
 
 import re
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -134,6 +136,54 @@ def test_survives_clear(run_lammps, launcher):
     run = run_lammps(f"{text}clear\n{text}", files=system.files, launcher=launcher)
     pe = run.thermo["PotEng"]
     np.testing.assert_array_equal(pe[: len(pe) // 2], pe[len(pe) // 2 :])
+
+
+SEVERAL = """
+import os, lammps
+def new(load=False):
+    own = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-suffix", "nosquish"])
+    if load:
+        own.command(f"plugin load {plugin}")
+    return own
+def run(own, load=False):
+    own.command("clear")
+    if load:
+        own.command(f"plugin load {plugin}")
+    own.file("in.one" if load else "in.test")
+    return own.get_thermo("pe")
+found = []
+one, two = new(), new()
+found += [run(two), run(one), run(one)]
+two.close()
+found += [run(one), run(new())]
+one.close()
+third = new()
+found.append(run(third))
+# by LAMMPS's command instead of LAMMPS's folders
+plugin = os.path.join(os.environ.pop("LAMMPS_PLUGIN_PATH").split(":")[0], "python_moveplugin.so")
+found.append(run(third, load=True))
+third.close()
+found.append(run(new(load=True), load=True))
+print("FOUND", *found)
+"""
+
+
+def test_several_lammps(tmp_path):
+    """Locks out styles that are gone, or a crash, where plugins stay from one LAMMPS of a process
+    to the next, as they do from 2026 on, or go with each LAMMPS, as before: side by side, one after
+    the other, after clear, and with plugin load."""
+    system = mixture("solid planar")
+    text = run_of(system, "nve", "native", 5)
+    texts = text, text.replace("nosquish/nve", "rigid/nve"), text
+    files = {"in.one": text, "in.test": "clear\n".join(texts), **system.files}
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+    done = subprocess.run(
+        [sys.executable, "-c", SEVERAL], cwd=tmp_path, text=True, capture_output=True, timeout=100
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    _, *found = next(line for line in done.stdout.splitlines() if "FOUND" in line).split()
+    assert len(found) == 8 and len(set(found)) == 1, found
 
 
 ALIASES = {  # what users write: the style that it is, and its words
