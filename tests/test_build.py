@@ -112,6 +112,7 @@ def prefix(place, number):
         (dict(NOSQUISH_LAMMPS=str(PREFIX)), "set NOSQUISH_LAMMPS_VERSION to"),
         (dict(NOSQUISH_LAMMPS="{tree 29 Sep 2021}"), "of 20210929, and the plugin needs one of"),
         (dict(NOSQUISH_LAMMPS="{prefix 20220623}"), "of 20220623, and the plugin needs one of"),
+        (dict(NOSQUISH_LAMMPS="{prefix 2022.6.23.0}"), "of 20220623, and the plugin needs one of"),
         (dict(NOSQUISH_MPI="nowhere/mpicxx"), "no MPI found (looked for nowhere/mpicxx)"),
         (dict(NOSQUISH_MPI="{empty}"), "or to the folder that holds its mpi.h"),
         (dict(CXX="no_compiler"), "no C++ compiler found (looked for no_compiler)"),
