@@ -1,6 +1,7 @@
 """Runs that end with an error: molecules and classes for them, and what such an end is to be."""
 
 import os
+import re
 import time
 from pathlib import Path
 
@@ -72,6 +73,7 @@ def assert_ended(run, expected, folder):
     assert len(errors) == 1, f"{len(errors)} messages:\n{run.screen}"
     missing = [words for words in expected if words not in errors[0]]
     assert not missing, f"no {missing} in the message:\n{errors[0]}"
+    assert not re.search(r"\(fix_nosquish\S*:\d+\)", run.screen), "it names a source of the plugin"
     for _ in range(20):
         if not left_behind(folder):
             return

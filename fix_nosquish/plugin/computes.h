@@ -16,12 +16,12 @@ class ComputeOfBodies : public Compute {
     local_flag = std::string(style).rfind("rigid/local", 0) == 0;
     which = std::string(style).rfind("erotate", 0) == 0;
     if (local_flag ? narg < 5 : narg != 4)
-      error->all(FLERR, problem(local_flag ? "expected the ID of a fix and values" : "expected the ID of a fix, and nothing else"));
+      end_on_all(lmp, problem(local_flag ? "expected the ID of a fix and values" : "expected the ID of a fix, and nothing else"));
     bodies = arg[3];
     const std::vector<std::string> given(arg + 4, arg + std::max(4, narg));
     for (const auto &word : given)
       if (!std::count(VALUES.begin(), VALUES.end(), word))
-        error->all(FLERR, problem("'" + word + "' is no value of a body: expected some of " + utils::join_words(VALUES, ", ")));
+        end_on_all(lmp, problem("'" + word + "' is no value of a body: expected some of " + utils::join_words(VALUES, ", ")));
     words = utils::join_words(given, " ");
     size_local_cols = narg == 5 ? 0 : narg - 4;
     scalar_flag = extscalar = !local_flag;
@@ -62,10 +62,10 @@ class ComputeOfBodies : public Compute {
   FixPythonMove *find() const
   {
     Fix *found = modify->get_fix_by_id(bodies);
-    if (!found) error->all(FLERR, problem("there is no fix " + bodies));
+    if (!found) end_on_all(lmp, problem("there is no fix " + bodies));
     auto ours = dynamic_cast<FixPythonMove *>(found);
     if (!ours || !ours->has_bodies())
-      error->all(FLERR, problem("fix " + bodies + " (style " + found->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
+      end_on_all(lmp, problem("fix " + bodies + " (style " + found->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
                                 "LAMMPS's own define the compute with the suffix off"));
     return ours;
   }

@@ -136,7 +136,7 @@ class External : public Part {
     } else if (number >= 0 && variable.equalstyle(number)) {
       values.push_back(variable.compute_equal(number));
     } else {
-      error->all(FLERR, "fix_modify external: " + word +
+      end_on_all(lmp, "fix_modify external: " + word +
                      (number < 0 ? ": there is no such variable" : " is of a variable of another style") +
                      ": define it with 'variable " + name + " equal ...' or 'variable " + name + " vector ...'");
     }

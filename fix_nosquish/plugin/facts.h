@@ -3,7 +3,6 @@
 #ifndef FIX_NOSQUISH_FACTS_H
 #define FIX_NOSQUISH_FACTS_H
 
-#include "lammps_versions.h"
 #include "part.h"
 
 #include "compute.h"
@@ -88,21 +87,6 @@ class Facts : public Part {
     const bool known = found && !group->dynamic[found->igroup];
     text = number >= 0 ? Info(lmp).get_variable_info(number) : known ? found->style : "";
     return text.c_str();
-  }
-
-  // Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
-
-  void log(const char *text) const
-  {
-    if (comm->me) return;
-    for (const auto &line : utils::split_lines(text)) {
-      if (line.rfind("WARNING", 0) == 0) {
-        const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
-        error->set_numwarn(count);
-        if (most != 0 && (most < 0 || count > most)) continue;
-      }
-      utils::logmesg(lmp, line + "\n");
-    }
   }
 
   // LAMMPS takes a fix whose style begins with rigid for its own class in places, without a look.

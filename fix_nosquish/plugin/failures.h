@@ -3,10 +3,8 @@
 #ifndef FIX_NOSQUISH_FAILURES_H
 #define FIX_NOSQUISH_FAILURES_H
 
-#include "lammps_versions.h"
 #include "part.h"
 
-#include "exceptions.h"
 #include "universe.h"
 
 #include <chrono>
@@ -47,7 +45,7 @@ class Failures : public Part {
       std::this_thread::sleep_for(milliseconds(5));
       MPI_Test(&gathering, &all_failed, MPI_STATUS_IGNORE);
     }
-    if (all_failed) all_at_argument(error, bridge.argument, problem(fix, text));
+    if (all_failed) end_on_all(lmp, problem(fix, text), bridge.argument);
 
     const auto report = "ERROR on proc " + std::to_string(comm->me) + ": " + problem(fix, text) + "\n";
     fputs(report.c_str(), screen ? screen : stderr);

@@ -6,10 +6,16 @@
 #define FIX_NOSQUISH_LAMMPS_VERSIONS_H
 
 #include "atom.h"
+#include "comm.h"
 #include "error.h"
+#include "exceptions.h"
 #include "fix.h"
 #include "input.h"
+#include "lammps.h"
 #include "modify.h"
+#include "universe.h"
+#include "update.h"
+#include "utils.h"
 #include "variable.h"
 
 #include <cstdint>
@@ -99,14 +105,25 @@ struct lammpsplugin_t {
   void *handle;
 };
 
-// End the run on all ranks; since 2025 LAMMPS can point at the argument of its command that is wrong.
+// End the run on all ranks, as Error::all does, but without a place in a source, which says nothing to users. Since 2025 LAMMPS can
+// point at the argument of its command that is wrong.
 
-[[noreturn]] inline void all_at_argument(LAMMPS_NS::Error *error, int argument, const std::string &text)
+[[noreturn]] inline void end_on_all(LAMMPS_NS::LAMMPS *lmp, const std::string &text, int argument = -1)
 {
+  using namespace LAMMPS_NS;
+  MPI_Barrier(lmp->world);
+  std::string message = "ERROR: " + text + "\n";
 #if COMPILED_FOR_LAMMPS >= 20250204
-  if (argument >= 0) error->all(FLERR, argument, text);
+  message += utils::point_to_error(lmp->input, argument < 0 ? Error::NOPOINTER : argument);
+#else
+  const char *command = CurrentCommand::of(lmp->input);
+  message += std::string("Last command: ") + (command ? command : "") + "\n";
 #endif
-  error->all(FLERR, text);
+  if (lmp->comm->me == 0) utils::logmesg(lmp, message);
+  utils::flush_buffers(lmp);
+  lmp->update->whichflag = 0;    // so that Python can go on
+  if (lmp->universe->nworlds > 1) throw LAMMPSAbortException(message, lmp->universe->uworld);
+  throw LAMMPSException(message);
 }
 
 #endif

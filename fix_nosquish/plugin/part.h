@@ -4,6 +4,7 @@
 #define FIX_NOSQUISH_PART_H
 
 #include "bridge.h"
+#include "lammps_versions.h"
 #include "styles.h"
 
 #include "comm.h"
@@ -23,11 +24,23 @@ class Part : protected Pointers {
   Part(LAMMPS *lmp, Fix *fix, Bridge &bridge) : Pointers(lmp), fix(fix), bridge(bridge) {}
 
   // End the run on all ranks, all of which call this.
-  [[noreturn]] void refuse(const std::string &text) const { error->all(FLERR, problem(fix, text)); }
+  [[noreturn]] void refuse(const std::string &text) const { end_on_all(lmp, problem(fix, text)); }
 
-  void warn(const std::string &text) const
+  void warn(const std::string &text) const { log(("WARNING: " + problem(fix, text)).c_str()); }
+
+  // Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
+
+  void log(const char *text) const
   {
-    if (comm->me == 0) error->warning(FLERR, problem(fix, text));
+    if (comm->me) return;
+    for (const auto &line : utils::split_lines(text)) {
+      if (line.rfind("WARNING", 0) == 0) {
+        const int most = error->get_maxwarn(), count = error->get_numwarn() + 1;
+        error->set_numwarn(count);
+        if (most != 0 && (most < 0 || count > most)) continue;
+      }
+      utils::logmesg(lmp, line + "\n");
+    }
   }
 
  protected:

@@ -16,7 +16,7 @@ void refuse_other_layout(LAMMPS *lmp, const std::string &style)
   const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE"), *differs = obstacle ? nullptr : Layout(lmp).differs();
   if (!obstacle && !differs) return;
   const std::string text = "Fix " + style + ": " + (obstacle ? obstacle : another_class(differs));
-  if (Layout(lmp).lammps()) lmp->error->all(FLERR, text);
+  if (Layout(lmp).lammps()) lmp->error->all("fix_nosquish", 0, text);
   lammps_error(lmp, LMP_ERROR_ALL, text.c_str());
 }
 

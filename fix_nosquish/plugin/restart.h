@@ -3,7 +3,6 @@
 #ifndef FIX_NOSQUISH_RESTART_H
 #define FIX_NOSQUISH_RESTART_H
 
-#include "lammps_versions.h"
 #include "part.h"
 
 #include <algorithm>
