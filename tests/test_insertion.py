@@ -106,6 +106,19 @@ def test_deposit(compared, first, ranks):
     assert_same(left)
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("words", ["separate yes", "separate no", "thermostat csvr seed 5"])
+def test_thermostat_of_an_empty_box(compared, words, ranks):
+    """Locks out a run that ends because there is nothing yet, or no rotation, that a thermostat
+    could scale: the first molecule comes into an empty box, and does not rotate."""
+    fix = f"fix 1 mols rigid/nvt/small/nosquish molecule mol bent temp 1 1 0.1 {words}"
+    row = MOLECULE.replace("-0.3 -0.4 -0.1", "0 0 0").replace("-0.5 0.6 0.2", "-0.8 0.2 0.1")
+    files = {"mol.bent": row}  # what comes has no rotation, not even by rounding
+    ((thermo, _),) = compared(fix, changes=DEPOSIT, run="run 400", ranks=ranks, files=files)
+    assert thermo["Atoms"][0] == 0 and thermo["Atoms"][-1] == 36
+    assert abs(thermo["Temp"][8:].mean() - 1.0) < 0.5
+
+
 def test_one_of_several_templates(compared):
     """Locks out the first template that the script has defined, in the place of the one that the
     fix line names."""

@@ -622,6 +622,26 @@ def test_noise_of_two_fixes(run_lammps, tmp_path):
     assert np.abs(momenta[:2] - momenta[2:]).min() > 1e-6
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("separate", ["yes", "no"])
+@pytest.mark.parametrize("name", ["csvr", "nh"])
+def test_a_thermostat_waits(run_lammps, name, separate, ranks):
+    """Locks out a run that ends because bodies are at rest, or do not rotate: there a thermostat
+    that scales velocities has nothing to do, and the other motion is at its temperature."""
+    system = mixture("solid", side=3)
+    line = f"molecule temp 2 2 2e-2 {THERMOSTATS[name]} separate {separate}"
+    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n"
+    script += f"fix 1 all rigid/nvt/nosquish {line}\n{thermo('f_1[1] f_1[2]', 5)}"
+    script += "run 10\nvelocity all create 2 5\nvelocity all zero angular rigid 1\nrun 600\n"
+    run = run_lammps(script, files=system.files, ranks=ranks)
+    assert not run.thermo["f_1[1]"][:3].any() and run.thermo["f_1[2]"].max() < 1e-25
+    motions = ("translation", "rotation") if separate == "yes" else ("motion",)
+    for motion in motions:
+        assert f"the bodies have no {motion} that thermostat {name} could scale" in run.log
+    degrees = 3 * 27 - 3 + 3 * 27 * (separate == "no")
+    assert run.thermo["f_1[1]"][60:].mean() == pytest.approx(degrees, rel=0.1)
+
+
 # ------------------------------------------------------------------ atoms as points
 
 

@@ -169,6 +169,20 @@ def test_period_of_the_box(on, pressure):
     assert 0 < turns[1] < 90 and abs(turns[0] / turns[1] - 1) < 0.15
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_piston_from_rest(on, ranks):
+    """Locks out a run that ends because the bodies are at rest as it begins, with no temperature
+    for the piston's inertia: fix langevin heats them. LAMMPS takes a temperature of 1 (lj)."""
+    text = run_of("rigid/nph/small", "iso 0.5 0.5 2.5", steps=1000, columns="vol", every=10)
+    heat = "velocity all set 0 0 0\nfix 9 all langevin 1.25 1.25 0.5 4928\nthermo_style"
+    text = text.replace("thermo_style", heat, 1)
+    theirs, ours = (on(text, options, ranks=ranks) for options in ((), ON))
+    assert "inertia: it is that for a temperature of 1, as in fix rigid/nph" in ours.log
+    for name, near in ("Temp", 0.3), ("Volume", 0.1):
+        means = [run.thermo[name][40:].mean() for run in (theirs, ours)]
+        assert means[1] == pytest.approx(means[0], rel=near), name
+
+
 ZERO = "velocity all zero {} rigid 1\nrun 0\n"
 
 

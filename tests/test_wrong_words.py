@@ -73,7 +73,6 @@ OF_THERMOSTATS = [
 BESIDE_THERMOSTATS = [
     ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) keeps a temperature of atom"),
     ("fix 2 all temp/csvr 2 2 1 5", "fix 2 (style temp/csvr) keeps a temperature of atom"),
-    (f"{COLD}pair_style zero 2.5\npair_coeff * *", "the bodies are at rest"),
 ]
 OF_POINTS = [
     ("group loose molecule 1 2\ngroup stiff union all", "is in a rigid body, and in group 'loose'"),
@@ -114,7 +113,6 @@ OF_PISTONS = [
     ("NPH all molecule temp 2 2 1 iso 1 1 1", "this integrator has no thermostat"),
     ("NPH all molecule every 5", "the pressure is missing"),
     ("NPH all molecule iso 1 1 0", "PDAMP is 0, and must be above zero"),
-    ("NPH all molecule iso 1 1 1", "no temperature to choose the piston's inertia by"),
 ]
 OF_TILTS = [
     ("NPH all molecule tri 1 1 1", "this one is orthogonal", ""),

@@ -52,8 +52,8 @@ class Ensemble(Integrator):
             piston, and that of the thermostat.
 
     Raises:
-        RunError: for words that do not go together, if the bodies are at rest, and if no motion is
-            left to keep at a temperature.
+        RunError: for words that do not go together, and if no motion is left to keep at a
+            temperature.
     """
 
     thermostats: Mapping[str, Any] = {}
@@ -127,8 +127,8 @@ class Ensemble(Integrator):
         return 1.0 + crc32(" ".join(map(str, (OWN, *words))).encode())
 
     def own_warnings(self) -> Iterator[str]:
-        yield from self.momentum.warnings()
-        yield from self.barostat.warnings()
+        for part in (self.momentum, *self.parts):
+            yield from part.warnings()
 
     def complaint(self, found: int) -> str:
         """Why what `prepares` or a change of the box returned ends the run."""

@@ -59,6 +59,7 @@ from ..ranks.mpi import Mpi, add_up
 from ..run import thermo
 from .barostat import Barostat
 from .nve import NVE
+from .rescaling import REST
 from .thermostat import Steps, Thermostat, part_of_run, prepare
 
 PistonNumbers = record(
@@ -392,18 +393,21 @@ class Mtk(Barostat):
 
     def _heat(self) -> float:
         """The k T that the piston's inertia is of: of the highest temperature of the run; without a
-        thermostat, of the bodies as their first run begins; collective."""
+        thermostat, of the bodies as their first run begins, or LAMMPS's choice if they are at
+        rest; collective."""
         if self.ensemble.thermostat:
             return self.lammps.boltz * max(self.ensemble.temperature()[:2])
         if not self.piston.inertia_kt:
             kelvin = thermo.energies(self.bodies, self.communicator, self.lammps).temperature
             if not self.lammps.running:  # but a file is written, perhaps before they move
                 return self.lammps.boltz * kelvin
-            refuse(
-                not kelvin > 0,
-                "the bodies are at rest, so there is no temperature to choose the piston's "
-                "inertia by: give them velocities first (velocity ... create)",
-            )
+            usual = 1.0 if self.lammps.units == "lj" else 300.0
+            if not kelvin > REST * usual:
+                kelvin = usual
+                self.host.log(
+                    "WARNING: the bodies are at rest, and their temperature would set the piston's "
+                    f"inertia: it is that for a temperature of {usual:g}, as in fix rigid/nph\n"
+                )
             self.piston.inertia_kt = self.lammps.boltz * kelvin
         return self.piston.inertia_kt
 

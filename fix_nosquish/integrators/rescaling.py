@@ -5,7 +5,7 @@ ranks, and find one factor for all velocities and angular momenta, or one for ea
 keeps this energy, if it is exact: so it is known before, and A O A is one motion.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -28,6 +28,7 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, angular_velocity
 from ..motion.step import Operation
 from ..ranks.mpi import add_up
+from ..run import thermo
 from .nve import NVE
 from .thermostat import Bath, Thermostat
 
@@ -42,6 +43,7 @@ Scales = record(
 )
 MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a body's energies
 LEAST = 1e-100  # in place of a mean that is zero
+REST = 1e-20  # of kT for each degree of freedom, up to which a kinetic energy is of rounding
 move = NVE.operations["A"].does
 
 
@@ -124,9 +126,9 @@ def scaling_by(factor_of: Callable) -> Callable:
         energies[0] += gained
         for k in range(2):
             factor[k] = 1.0
-            if parameters.degrees[k] > 0.0:
-                if not energies[k] > 0.0:
-                    return -1
+            degrees = parameters.degrees[k]
+            # what is at rest has nothing to scale: the thermostat waits
+            if degrees > 0.0 and energies[k] > REST * degrees * parameters.kt:
                 factor[k], wrong = factor_of(parameters, state, k, dt)
                 if wrong:
                     return wrong
@@ -149,13 +151,28 @@ class Rescaling(Thermostat):
         move_and_scale, moves=True, prepared=True, measures=measure, exact=True
     )
     numbers, work = Scales, WORK
-    unprepared = (
-        "the bodies are at rest, so there is no velocity to scale: give them velocities first "
-        "(velocity ... create), or use thermostat langevin"
-    )
 
     def own_parameters(self) -> dict[str, Any]:
         return {"degrees": self._degrees(), "separate": self.command.separate}
+
+    def warnings(self) -> Iterator[str]:
+        """A line on motions that are at rest as a run begins, and would wait for ever in a gas;
+        collective."""
+        parameters = self.ensemble.parameters
+        if parameters is None:  # with a LAMMPS's own fix python/move, before a run
+            return
+        moving = thermo.energies(self.bodies, self.communicator, self.lammps)
+        energies, names = (moving.translation, moving.rotation), ("translation", "rotation")
+        if not self.command.separate:
+            energies, names = (moving.kinetic, 0.0), ("motion", "")
+        heat = REST * self.lammps.mvv2e * parameters.kt
+        for name, energy, degrees in zip(names, energies, parameters.degrees, strict=True):
+            if degrees > 0 and not 2.0 * energy > degrees * heat:
+                yield (
+                    f"WARNING: the bodies have no {name} that thermostat "
+                    f"{self.command.thermostat} could scale: it waits until forces give them one. "
+                    "Give them velocities (velocity ... create), or use thermostat langevin"
+                )
 
     def _degrees(self) -> np.ndarray:
         """Degrees of freedom of each of the two thermostats; collective."""
