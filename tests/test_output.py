@@ -398,6 +398,7 @@ import fix_nosquish
 
 def gathered(lmp, what):
     table = fix_nosquish.body_table(lmp, "1")
+    assert (np.diff(table["body"]) > 0).all()
     if {ranks} > 1:
         table = np.concatenate(MPI.COMM_WORLD.allgather(table))
     if not lmp.extract_setting("world_rank"):
@@ -420,10 +421,11 @@ lmp.close()
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 4])
+@pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_table_in_python(run_lammps, tmp_path, ranks):
-    """Locks out fields that are missing, a body on two ranks or on none, another number than in the
-    file, and a table that reads the atoms where they were before another command moved them."""
+    """Locks out fields that are missing, a body on two ranks or on none, rows in another order than
+    that of the bodies' IDs, another number than in the file, and a table that reads the atoms where
+    they were before another command moved them."""
     system = mixture()
     (tmp_path / "drive.py").write_text(
         SCRIPT.format(more="from mpi4py import MPI" if ranks > 1 else "", ranks=ranks)
@@ -508,6 +510,53 @@ def test_scalar_with_forces_off(simulate):
         2 * (ours.thermo["f_1[1]"] + ours.thermo["f_1[2]"]) / degrees,
         rtol=1e-12,
     )
+
+
+SWITCHED = "force * off off on torque * off {0} off force 3 off off off"
+SUMS = (
+    "compute ch all chunk/atom molecule\ncompute t all torque/chunk ch\n"
+    "compute p all property/atom fx fy fz\ncompute f all reduce/chunk ch sum c_p[*]\n"
+)
+SOME_SUMS = [(i, j) for i in (2, 3) for j in range(1, 7)]
+LOCAL = "compute all all rigid/local/nosquish 1 fx fy fz tqx tqy tqz\n" + "".join(
+    f"compute m{j} all reduce max c_all[{j}] inputs local\nvariable m{j} equal max(f_1[{j + 6}])\n"
+    for j in range(1, 7)
+)
+
+
+@pytest.mark.parametrize(
+    "fix, ranks",
+    [
+        ("rigid {words}", 1),
+        ("rigid/nosquish {words}", 2),
+        ("nosquish/nve {words} output 10 v_table", 1),
+        ("nosquish/nve {words}\nrun_style respa 2 2 pair 1", 2),
+        ("nosquish/nvt {words} temp 1 1 1 seed 3", 4),
+        ("nosquish/nvt {words} temp 1 1 1 thermostat nh", 1),
+    ],
+)
+def test_force_on_held_bodies(simulate, tmp_path, fix, ranks):
+    """Locks out forces and torques that are 0 where the keywords force and torque switch components
+    off: friction and disjoining pressure of walls are read there. As with LAMMPS's fix rigid, which
+    is tried, too, they are the sums over the atoms, in f_ID, in compute rigid/local and in the file
+    of keyword output."""
+    words = "molecule " + SWITCHED.format("off" if "temp" in fix else "on")
+    columns = [f"f_1[{i}][{j + 6}] c_{'ft'[j > 3]}[{i}][{(j - 1) % 3 + 1}]" for i, j in SOME_SUMS]
+    local = LOCAL if "nosquish" in fix else ""
+    columns += [f"c_m{j} v_m{j}" for j in range(1, 7) if local]
+    thermo = simulate(
+        mixture("solid planar"), f"fix 1 {{group}} {fix}\n{SUMS}{local}", 20,
+        words=words, ranks=ranks, columns=" ".join(columns), before=FILE,
+    ).thermo  # fmt: skip
+    for i, j in SOME_SUMS:
+        found, name = thermo[f"f_1[{i}][{j + 6}]"], f"c_{'ft'[j > 3]}[{i}][{(j - 1) % 3 + 1}]"
+        assert np.abs(thermo[name]).min() > 1e-6
+        close(found, thermo[name], 1e-10 * np.abs(found).max())
+        if local:
+            close(thermo[f"c_m{j}"], thermo[f"v_m{j}"], 1e-12)
+        if "output" in fix:
+            table = read(tmp_path / "bodies.csv")
+            close(table[NAMES[j - 7]][table["body"] == i], found, 1e-12)
 
 
 def test_vector(simulate):

@@ -100,7 +100,8 @@ class Bodies:
         x, v: (3, n) in the space frame; x is kept in the box, and `image`, (3, n), counts how many
             box vectors the body is away.
         q, p: (4, n).
-        wrench: (6, n) force and torque in the space frame, which sharing ranks exchange.
+        wrench: (6, n) force and torque in the space frame, which sharing ranks exchange, whether
+            they act or are switched off: see `acting`.
         force, torque: (3, n), the two parts of it.
         index, displace: this rank's atoms as the loops take them; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its ID.
@@ -162,7 +163,7 @@ class Bodies:
             **dict.fromkeys(PeriodicBox._fields),  # see `know_box`
         }
         kinds = migration.follow.kinds
-        self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.ones((6, 1)))}
+        self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.empty((6, 0)))}
         self.cells |= {name: Cell(kinds[name], value) for name, value in own.items()}
         nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
         migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
@@ -172,6 +173,13 @@ class Bodies:
     moment, x, v, q, p, wrench, force, torque, image = (
         _View("state", rows) for rows in (MOMENT, X, V, Q, P, WRENCH, FORCE, TORQUE, IMAGE)
     )
+
+    @property
+    def acting(self) -> np.ndarray:
+        """(6, n) the wrench that moves the bodies, without what keywords switch off; see
+        `block.hold`."""
+        mask = self.cells["mask"].array
+        return self.wrench * mask if mask.size else self.wrench
 
     @property
     def rotors(self) -> int:
@@ -415,9 +423,9 @@ class Bodies:
         )
 
     def turning_torque(self) -> np.ndarray:
-        """Torque in the principal frame, (3, n); zero about an axis without moment, where it turns
-        nothing."""
-        torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.torque))
+        """Torque that acts, principal frame, (3, n); zero about an axis without moment, where it
+        turns nothing."""
+        torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.acting[3:]))
         return torque * (self.moment > 0)
 
     @property

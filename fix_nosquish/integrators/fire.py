@@ -278,7 +278,7 @@ class FIRE(Integrator):
         A torque about an axis without a moment turns nothing, and is left out.
         """
         bodies = self.bodies
-        pushes = bodies.force, bodies.turning_torque()
+        pushes = bodies.acting[:3], bodies.turning_torque()
         norms = [np.linalg.norm(push, axis=0).max(initial=0.0) for push in pushes]
         return self.communicator.gather_to_all(np.array([norms])).max(axis=0)
 

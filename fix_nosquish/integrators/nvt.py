@@ -27,6 +27,6 @@ class NVT(Ensemble):
         turns = np.divide(
             torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
         )
-        squares = (bodies.force**2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
+        squares = (bodies.acting[:3] ** 2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
         total = self.communicator.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
         return ((lammps.ftm2v * lammps.dt) ** 2 * lammps.mvv2e * total / 24.0,)

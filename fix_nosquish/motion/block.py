@@ -124,18 +124,40 @@ def take_names(layout, k, rank, mask):
     multiply by: 1.0 where a body counts, 0.0 for other ranks' and for the lanes behind the last.
 
     Rows FREE have 1.0 for each component of the velocity that a force changes, and for a rotation
-    that any torque changes, else 0.0; mask is that of forces and torques, (6, bodies) or (6, 1).
+    that any torque changes, else 0.0; mask is as in `hold`.
     """
-    block, begin = layout.block, layout.blocks[k, 0]
-    bodies, each = layout.blocks[k + 1, 0] - begin, mask.shape[1] > 1
+    block, bodies = layout.block, layout.blocks[k + 1, 0] - layout.blocks[k, 0]
     take(layout, k, HOME, ID + 1, COUNTED)
     for b in range(LANES):
         block[COUNTED, b] = 1.0 if b < bodies and block[COUNTED, b] == rank else 0.0
-        column = begin + min(b, bodies - 1) if each else 0
-        write(block, FREE, b, (mask[0, column], mask[1, column], mask[2, column]))
-        block[FREE + 3, b] = mask[5, column]
-        if not layout.kinds.planar:
-            block[FREE + 3, b] *= mask[3, column] * mask[4, column]
+        write(block, FREE, b, (1.0, 1.0, 1.0, 1.0))
+        if mask.size:
+            fx, fy, fz, tx, ty, tz = _acting(layout, k, b, mask)
+            write(block, FREE, b, (fx, fy, fz, tz if layout.kinds.planar else tx * ty * tz))
+
+
+@inlined
+def _acting(layout, k, b, mask):
+    """What of force and torque moves the body in lane b of block k: six numbers, 1.0 or 0.0."""
+    last = layout.blocks[k + 1, 0] - 1
+    column = min(layout.blocks[k, 0] + b, last) if mask.shape[1] > 1 else 0
+    return (
+        mask[0, column], mask[1, column], mask[2, column],
+        mask[3, column], mask[4, column], mask[5, column],
+    )  # fmt: skip
+
+
+@inlined
+def hold(layout, k, mask):
+    """Leave in block k only those components of force and torque that move the bodies.
+
+    The mask of these, 1.0 or 0.0, is (6, bodies), or (6, 1) for all alike, or (6, 0) if all do.
+    """
+    if mask.size:
+        for b in range(LANES):
+            on = _acting(layout, k, b, mask)
+            for row in range(6):
+                layout.block[FORCE + row, b] *= on[row]
 
 
 @inlined

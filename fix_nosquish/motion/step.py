@@ -27,6 +27,7 @@ from .block import (
     at,
     fetch_ahead,
     four,
+    hold,
     kind_of,
     nine,
     put,
@@ -418,6 +419,7 @@ def _make_advance(parts, owner, numbers, rows):
                     continue
             else:
                 take(layout, k, FORCE, TORQUE + 3, FORCE)
+            hold(layout, k, mask)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if named:
                 take_names(layout, k, rank, mask)
@@ -464,6 +466,8 @@ def make_pass(
     ):  # fmt: skip
         for k in range(layout.blocks.shape[0] - 1):
             take(layout, k, MASS, until, MASS)
+            if until > FORCE:
+                hold(layout, k, mask)
             take(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if named:
                 take_names(layout, k, rank, mask)

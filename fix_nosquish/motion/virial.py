@@ -13,6 +13,7 @@ from .block import (
     P,
     Q,
     four,
+    hold,
     nine,
     take,
     three,
@@ -58,6 +59,7 @@ def constraint_virial(
     atom_f: F2,
     virial: F1,
     atom_virial: F2,
+    mask: F2,
 ):
     """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
 
@@ -70,6 +72,7 @@ def constraint_virial(
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
         take(layout, k, MASS, TORQUE + 3, MASS)
+        hold(layout, k, mask)
         show_atoms_moments(layout, k)
         rotation_matrices(block)
         acceleration_matrices(block, ftm2v)

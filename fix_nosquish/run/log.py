@@ -241,7 +241,7 @@ def forces_at_start(integrator: "Integrator") -> Start:
     the size of the largest body if that is more; collective."""
     bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    force = np.linalg.norm(bodies.force, axis=0)
+    force = np.linalg.norm(bodies.acting[:3], axis=0)
     push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * force / bodies.mass
     pushed, furthest = _largest(push, bodies, communicator)
     size, _ = _largest(

@@ -87,11 +87,11 @@ def table(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     Atoms of keyword flexible are not among them.
 
     Returns:
-        structured array (n,), in LAMMPS's units, vectors in the space frame: step, time, body (its
-        ID), natoms, mass, x (centre of mass in the box, or slightly outside) with its image flags,
-        velocity v, quaternion q (scalar first; it turns the principal into the space frame), angmom
-        and omega, and, of the last forces that LAMMPS computed, force and torque about the centre
-        of mass.
+        structured array (n,), in the order of the bodies' IDs, in LAMMPS's units, vectors in the
+        space frame: step, time, body (its ID), natoms, mass, x (centre of mass in the box, or
+        slightly outside) with its image flags, velocity v, quaternion q (scalar first; it turns the
+        principal into the space frame), angmom and omega, and, of the last forces that LAMMPS
+        computed, force and torque about the centre of mass, before keywords force and torque act.
     """
     frames = matrices(bodies.q)
     rows = np.empty(len(bodies), DTYPE)
@@ -102,7 +102,13 @@ def table(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     rows["angmom"] = bodies.momenta()[3:].T
     rows["omega"] = np.einsum("abn,bn->na", frames, bodies.angular_velocity() * bodies.slowness)
     rows["force"], rows["torque"] = bodies.force.T, bodies.torque.T
-    return rows[bodies.listed]
+    return rows[_listed(bodies)]
+
+
+def _listed(bodies: Bodies) -> np.ndarray:
+    """Places of the bodies in the table, in the order of their IDs."""
+    places = np.flatnonzero(bodies.listed)
+    return places[np.argsort(bodies.id[places])]
 
 
 def rows_of_rank(bodies: Bodies, lammps: Lammps, words: list[str], groupbit: int) -> np.ndarray:
@@ -113,7 +119,7 @@ def rows_of_rank(bodies: Bodies, lammps: Lammps, words: list[str], groupbit: int
         words: values, as the compute names them.  groupbit: of a group in which the atom of a body
             is that has the smallest ID; "id" and "mol" are those of this atom.
     """
-    listed = bodies.listed
+    listed = _listed(bodies)
     rows, (tag, molecule, groups) = table(bodies, lammps), _first_atoms(bodies, lammps)[:, listed]
     columns = {"id": tag, "mol": molecule, "mass": rows["mass"]}
     for names, values in (

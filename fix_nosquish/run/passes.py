@@ -52,14 +52,6 @@ if TYPE_CHECKING:
 
 
 @loop
-def switch_off(wrench: F2, mask: F2):
-    """Multiply forces and torques by a mask, (6, bodies), or (6, 1) for all."""
-    for row in range(6):
-        for b in range(wrench.shape[1]):
-            wrench[row, b] *= mask[row, b if mask.shape[1] > 1 else 0]
-
-
-@loop
 def weigh(state: F2, wrench: F2, gravity: F1):
     """Add the bodies' weight, by an acceleration (3,), to their forces."""
     for row in range(3):
@@ -163,14 +155,12 @@ class Passes:
         return integrator.advance.bind_to(self.cells, **how)
 
     def _pushes(self, integrator):
-        """What acts on the bodies besides the forces on their atoms, and what of all does not."""
+        """What acts on the bodies besides the forces on their atoms."""
         pushes = []
         if integrator.gravity is not None:
             pushes.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
         if integrator.external.acts:
             pushes.append(push.bind_to(self.cells, **integrator.external.cells))
-        if integrator.mask is not None:
-            pushes.append(switch_off.bind_to(self.cells))
         return pushes
 
     def _velocities_and_orient(self, integrator):

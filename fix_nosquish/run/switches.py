@@ -53,7 +53,8 @@ def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choic
 
 
 def mask(choices: list[Choice], bodies: Bodies) -> np.ndarray | None:
-    """What to multiply the wrench of bodies by, (6, n) or (6, 1); None if all of it acts."""
+    """Mask of the components of force and torque that act, (6, n), or (6, 1) in two dimensions
+    without keywords; None if all do."""
     in_plane = np.array([[1.0], [1.0], [0.0], [0.0], [0.0], [1.0]]) if bodies.planar else None
     if not choices:
         return in_plane
