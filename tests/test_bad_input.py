@@ -286,10 +286,35 @@ CASES = {
         before="run_style respa 2 2 pair 2",
         after="fix 2 all deform 1 x erate 0.01",
     ),
-    "minimisation": Case(
+    "minimization atom by atom": Case(
         "all molecule",
-        ("tear the rigid bodies", "fix_nosquish.FIRE and a run"),
-        after="minimize 0 0 10 10",
+        ("min_style fire would move the atoms", "use 'min_style cg' or 'min_style sd'"),
+        after="min_style fire\nminimize 0 0 10 10",
+    ),
+    "minimization of another part of the forces": Case(
+        "all molecule",
+        ("norm max leaves out two thirds", "'norm two' or 'norm inf'"),
+        after="min_modify norm max\nminimize 0 0 10 10",
+    ),
+    "minimization without a step": Case(
+        "all molecule",
+        ("dmax must be above zero",),
+        after="min_modify dmax 0\nminimize 0 0 10 10",
+    ),
+    "minimization with the box": Case(
+        "all molecule",
+        ("fix box/relax would deform", "use fix_nosquish.NPT or fix_nosquish.NPH"),
+        after="fix 2 all box/relax iso 0.0\nminimize 0 0 10 10",
+    ),
+    "minimization with an unknown energy": Case(
+        "all molecule",
+        ("needs the energy of all forces", "fix_nosquish.FIRE and a run"),
+        after="fix_modify 1 external force 1 0 0\nminimize 0 0 10 10",
+    ),
+    "no forces after a minimization": Case(
+        "all molecule",
+        ("'run N pre no' cannot follow a minimization", "'run N pre yes'"),
+        after="minimize 0 0 2 10\nwrite_data data.end\nrun 5 pre no",
     ),
     # in mid-run
     "force not finite from the start": Case(

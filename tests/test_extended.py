@@ -459,3 +459,31 @@ def test_ellipsoids_of_other_versions(tmp_path, count, expected):
         assert told.strip() == "unknown"
     else:
         np.testing.assert_allclose(np.array(told.split(), float), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_minimize_dipoles(run_kind, tmp_path, ranks):
+    """Locks out a minimization without the torques on particles, or that leaves their orientations
+    as they were: in a field that is the same everywhere, each body's dipole comes to lie along it,
+    of charges and of dipoles."""
+    lines = "pair_style zero 3.0\npair_coeff * *\nfix field all efield 2.0 -1.0 0.5\n"
+    lines += "fix_modify field energy yes\nfix 1 all nosquish/nve molecule\n"
+    lines += "write_dump all custom start id mol q xu yu zu mux muy muz modify format float %.17g\n"
+    _, table = run_kind("dipole", f"{lines}minimize 0 1e-9 500 900\nrun 0", ranks=ranks)
+    rows = np.loadtxt(tmp_path / "start", skiprows=9)
+    dipoles = rows[:, 6:] + rows[:, 2:3] * rows[:, 3:6]
+    of_bodies = np.array([dipoles[rows[:, 1] == body].sum(axis=0) for body in range(1, 28)])
+    least = -np.linalg.norm(of_bodies, axis=1).sum() * np.linalg.norm([2.0, -1.0, 0.5])
+    np.testing.assert_allclose(table["PotEng"][-2:], least, rtol=1e-12)
+    assert table["PotEng"][0] > least / 2
+
+
+def test_minimize_ellipsoids(run_kind):
+    """Locks out a minimization that leaves the orientations of ellipsoids as they were: the run
+    behind it has another energy then."""
+    lines = "pair_modify shift yes\nfix 1 all nosquish/nve molecule\nthermo 1\n"
+    _, table = run_kind("ellipsoid", f"{lines}minimize 0 1e-6 40 900\nrun 0", ranks=2)
+    energy = table["PotEng"]
+    assert (np.diff(energy) < 1e-9 * abs(energy[-1])).all()
+    assert energy[-1] == pytest.approx(energy[-2], rel=1e-12)
+    assert energy[-1] < energy[0] - 0.1

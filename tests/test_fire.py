@@ -1,4 +1,5 @@
-"""FIRE: minima as of scipy, the way of min_style fire, shapes, ranks, kinds, what it refuses."""
+"""FIRE, and LAMMPS's minimize: minima as of scipy, the way of min_style fire, shapes, ranks, kinds,
+what comes next."""
 
 import re
 import sys
@@ -63,9 +64,22 @@ def energy_of_two(coordinates, shape, types, charges, constant):
     return (4 * depth * (sixth**2 - sixth) + constant * np.outer(charges, charges) / r).sum()
 
 
-def test_dimer(run_lammps, tmp_path):
+WAYS = {  # lines, and what the log says then
+    "fire": (f"{fix(tolerance=1e-9)}{{}}run 5000\nrun 0\n", ": as asked for"),
+    "cg": ("fix 1 all nosquish/nve molecule\n{}minimize 0 1e-9 5000 9000\n", "force tolerance"),
+    "sd": (
+        "fix 1 all nosquish/nvt molecule temp 1 1 100 seed 4\n{}min_style sd\n"
+        "min_modify line forcezero norm inf\nminimize 0 1e-5 9000 90000\n",
+        "force tolerance",
+    ),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_dimer(run_lammps, tmp_path, way):
     """Locks out a state that is called relaxed and is no minimum: two waters come to the energy
     that scipy finds for two rigid molecules."""
+    lines, says = WAYS[way]
     shape, types, charges = (np.array(part) for part in WATER)
     start = np.array([25, 25, 25, 0, 0, 0, 27.6, 25.5, 25.2, 0.4, 1.1, 0.3])
     x = np.concatenate(
@@ -85,17 +99,14 @@ pair_style lj/cut/coul/cut 40
 pair_modify shift no
 neigh_modify exclude molecule/intra all
 timestep 1
-{fix(tolerance=1e-9)}
-thermo_style custom step pe
-thermo_modify format float %.16g norm no
-run 5000
-run 0
 """
+    table = "thermo_style custom step pe\nthermo_modify format float %.16g norm no\n"
+    script += lines.format(table)
     two = data_file("full", columns, (0.0, 50.0), mass=MASSES[:2])
     done = run_lammps(script, files={"data.two": two})
     more = shape, types, charges, 332.06371  # of units real
     best = minimize(energy_of_two, start, more, "BFGS", options={"gtol": 1e-7})
-    assert ": as asked for" in done.log
+    assert says in done.log
     assert done.thermo["PotEng"][-1] == pytest.approx(best.fun, abs=1e-7)
     assert best.fun < energy_of_two(start, *more) - 1.0
 
@@ -138,17 +149,20 @@ def test_overlapping_start(run_lammps, tmp_path, words, ranks):
     assert energies[0] > 1e6 > 0 > energies[-1]
 
 
-@pytest.mark.parametrize("flat", ["enforce2d", "setforce NULL NULL 1.0"])
-def test_in_the_plane(run_lammps, tmp_path, flat):
+@pytest.mark.parametrize(
+    ("way", "flat"),
+    [("fire", "enforce2d"), ("fire", "setforce NULL NULL 1.0"), ("cg", "enforce2d")],
+)
+def test_in_the_plane(run_lammps, tmp_path, way, flat):
     """Locks out motion out of the plane, and forces along it and torques about axes that no body
     has there: these do not count against the tolerances."""
     system = mixture("planar pair row single", side=3, spacing=2.9, dimension=2)
-    script = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{fix(tolerance=1e-9)}"
-    script += f"fix 2 all {flat}\ntimestep 0.002\nrun 10000\nfix 3 all enforce2d\nrun 0\n"
-    script += FORCES.format("end")
-    done = run_lammps(script, files=system.files)
+    lines, says = WAYS[way]
+    lines = lines.format(f"fix 2 all {flat}\ntimestep 0.002\n").replace("run 5000", "run 10000")
+    script = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{lines}fix 3 all enforce2d\nrun 0\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files)
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
-    assert ": as asked for" in done.log
+    assert says in done.log
     assert (end[2][:, 2] == start[2][:, 2]).all()
     assert (norms(tmp_path / "end") < 1.001e-9).all()
     assert bent(start, end) < 1e-12
@@ -338,3 +352,146 @@ def test_failure_in_the_last_step(run_lammps):
     said = run_lammps(script, files=system.files, launcher=driver).screen
     assert "Divide by 0" in said
     assert said.split("STEPS ")[1].split() == ["0", "1", "2", "9"]
+
+
+# ------------------------------------------------------------------ LAMMPS's minimize
+
+TABLE = "thermo_style custom step temp pe press\nthermo_modify format float %.16g norm no\n"
+
+
+def goes_on(table):
+    """Assert that a run begins where the minimization before it has ended."""
+    first = np.flatnonzero(np.diff(table["Step"]) == 0)[-1]
+    for name in "Temp", "PotEng", "Press":
+        assert table[name][first + 1] == pytest.approx(table[name][first], rel=1e-9), name
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_minimize_overlapping_start(run_lammps, tmp_path, ranks):
+    """Locks out bodies that minimize bends, energies that rise, forces and torques above what it
+    was asked for, velocities that change, and a next run that is elsewhere."""
+    system = overlapping(12, 4)
+    script = f"{system.setup}\n{FORCES.format('start')}fix 1 all nosquish/nve molecule\n{TABLE}"
+    script += "velocity all create 300 4928\nthermo 1\nminimize 0 1e-6 5000 9000\nrun 0\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert "Stopping criterion = force tolerance" in done.log
+    assert (norms(tmp_path / "end") < [1e-6, 2.5e-6]).all()  # torques are over radii, below 2.5
+    assert bent(start, end) < 1e-12
+    table = done.thermo
+    assert (np.diff(table["PotEng"]) < 1e-9).all()
+    assert table["PotEng"][0] > 1e5 > 0 > table["PotEng"][-1]
+    assert np.ptp(table["Temp"]) < 1e-9 * table["Temp"][0]
+    goes_on(table)
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 8])
+def test_minimize_beside_other_atoms(run_lammps, tmp_path, ranks):
+    """Locks out atoms in no body that stay where they are, bodies of two fixes that move as those
+    of one, and a minimum that fix nosquish/fire does not take for one."""
+    system = mixture(side=2, spacing=2.2)
+    groups = "group some molecule <= 4\ngroup two molecule 5:6\n"
+    groups += "group rigid union some two\ngroup rest subtract all rigid\n"
+    both = "fix 1 some nosquish/nvt molecule temp 1 1 1 thermostat nh\n"
+    both += "fix 2 two nosquish/nve molecule\nfix 3 rest nve\n"
+    exclude = " exclude molecule/intra "
+    text = f"{system.setup.replace(exclude + 'all', '')}\n{SMOOTH}{groups}"
+    text += f"neigh_modify{exclude}rigid\n"
+    text += f"{FORCES.format('start')}{both}{TABLE}timestep 0.002\nminimize 0 1e-4 9000 20000\n"
+    text += FORCES.format("end") + "unfix 1\nunfix 2\nunfix 3\n"
+    text += fix("force v_f torque v_f flexible rest", 1e-3, "all", "rigid molecule") + "run 9\n"
+    done = run_lammps(text, files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    steps = done.thermo["Step"]
+    assert "Stopping criterion = force tolerance" in done.log
+    assert "as asked for" in done.log
+    assert f"FIRE: at step {steps[-1] + 1:.0f} " in done.log
+    assert done.thermo["PotEng"][-2] == pytest.approx(done.thermo["PotEng"][-1], rel=1e-12)
+    rigid = start[0] <= 6
+    some, others = (
+        [[column[which] for column in rows] for rows in (start, end)] for which in (rigid, ~rigid)
+    )
+    assert bent(*some) < 1e-12
+    assert bent(*others) > 0.1
+
+
+INTEGRATORS = (
+    "nve molecule reinit no",
+    "nvt molecule temp 1 1 1 seed 4",
+    "npt molecule temp 1 1 1 thermostat nh barostat mtk iso 1 1 10",
+    "npt molecule temp 1 1 1 seed 4 iso 1 1 10 compressibility 1e-1",
+    "hmc molecule temp 1 seed 4 steps 2",
+    "fire molecule force 1e-9 torque 1e-9",
+)
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_minimize_with_each_integrator(run_lammps, tmp_path, ranks):
+    """Locks out a half kick, a box or a start of an integrator's own that minimize leaves undone,
+    and bodies that are back where they were before."""
+    system = mixture(side=2, spacing=2.9)
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{TABLE}thermo 1000\ntimestep 0.002\n"
+    for words in INTEGRATORS:
+        text += f"fix 1 all nosquish/{words}\nrun 2\nminimize 0 0 20 60\nreset_timestep 0\n"
+        text += "run 2\nunfix 1\n"
+    done = run_lammps(text + FORCES.format("end"), files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert bent(start, end) < 1e-9
+    table = done.thermo.reshape(len(INTEGRATORS), 6)  # rows of the begin and the end of each
+    assert (table["PotEng"][:, 3] < table["PotEng"][:, 2]).all()
+    for name in "PotEng", "Press", "Temp":
+        np.testing.assert_allclose(table[name][:, 4], table[name][:, 3], rtol=1e-9, err_msg=name)
+
+
+def test_minimize_with_components_off(run_lammps, tmp_path):
+    """Locks out bodies that minimize moves where force and torque do not act on them."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    words = "molecule force 1*3 off off on torque 1*3 off off on torque 4 off off off"
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve {words}\n"
+    text += f"minimize 0 1e-6 900 2000\n{FORCES.format('end')}"
+    done = run_lammps(text, files=system.files)
+    assert "Stopping criterion = force tolerance" in done.log
+    (molecule, mass, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
+    for one in 1, 2, 3, 4:
+        here = molecule == one
+        shift = (mass[here, None] * (y - x)[here]).sum(axis=0) / mass[here].sum()
+        moved = np.abs((y - x)[here] - shift).max(axis=0)  # by rotation
+        if one < 4:
+            assert np.abs(shift[:2]).max() < 1e-12 < 1e-3 < abs(shift[2])
+            assert moved[2] < 1e-12 < 1e-3 < moved[0]
+        else:
+            assert moved.max() < 1e-12
+
+
+def test_minimize_keeps_dmax(run_lammps, tmp_path):
+    """Locks out a first step that is longer than min_modify says: a body's atoms move by dmax as a
+    root mean square, at most."""
+    system = overlapping(40, 10)
+    start = f"{system.setup}\nfix 1 all nosquish/nve molecule\nmin_modify dmax 0.02\n"
+    start += f"{FORCES.format('one')}minimize 0 0 1 1\n{FORCES.format('two')}"
+    run_lammps(start, files=system.files)
+    (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    square = np.bincount(molecule.astype(int), ((y - x) ** 2).sum(axis=1))[1:]
+    root = np.sqrt(square / np.bincount(molecule.astype(int))[1:])
+    assert 0.02 * 0.7 < root.max() < 0.02 * 1.2  # a body's centre of mass is not that of its atoms
+
+
+def test_minimize_before_the_fix(run_lammps, tmp_path):
+    """Locks out a minimization that is not LAMMPS's own where no rigid body is defined yet."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    lines = f"minimize 0 1e-3 50 100\n{FORCES.format('end')}"
+    options = ("-sf", "nosquish")
+    for name, with_suffix in ("one", ()), ("two", options):
+        text = f"{system.setup}\n{SMOOTH}{lines.replace('end', name)}"
+        run_lammps(text, files=system.files, options=with_suffix)
+    assert (tmp_path / "one").read_text() == (tmp_path / "two").read_text()
+
+
+def test_unchanged_script_with_minimize(run_lammps, tmp_path):
+    """Locks out bodies that minimize behind LAMMPS's rigid fix bends with the suffix, too."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all rigid/nve/small molecule\n"
+    text += f"minimize 0 1e-6 100 300\n{FORCES.format('end')}run 5\n"
+    for options, low, high in ((), 0.1, np.inf), (("-sf", "nosquish"), 0.0, 1e-12):
+        run_lammps(text, files=system.files, options=options)
+        assert low <= bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < high

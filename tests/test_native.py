@@ -93,7 +93,12 @@ ADVISED = {  # what is wrong: (the integrator, its words, lines behind the fix, 
     "keyword of a thermostat": ("nve", "langevin 1 1 1 4", "", "{nvt} has Langevin's"),
     "pressure": ("nvt", "temp 1 1 2 seed 4 iso 1 1 1", "", "no barostat: use {npt} or {nph}"),
     "barostat beside it": ("nve", "", "fix 2 all press/berendsen iso 1 1 1", "use {npt} or {nph}"),
-    "minimisation": ("nve", "", "minimize 0 0 1 1", "use {fire} and a run"),
+    "minimization": (
+        "nve",
+        "",
+        "fix_modify 1 external force 1 0 0\nminimize 0 0 1 1",
+        "use {fire} and a run",
+    ),
     "bodies that overlap": (
         "nve",
         "",

@@ -303,7 +303,6 @@ REFUSED = [
         "fix 2 (style temp/csld) gives each atom of the rigid bodies a velocity of its own",
         ranks=2,
     ),
-    Refused(f"{native('NVE all molecule')}minimize 0 0 10 10\n", "use fix_nosquish.FIRE and a run"),
 ]
 
 

@@ -51,6 +51,8 @@ class Host:
         calls_setup: whether LAMMPS calls setup before the first step of a run.
         follows: whether LAMMPS takes along with its atoms what is to be known of them.
         has_virial: whether LAMMPS asks for the virial, where that is known early.
+        dmax: that of command min_modify in a minimization, 0.0 in a run.
+        min_dof: how many coordinates of the bodies a minimization has.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
         scalar_pressure: whether of the long-range forces only the mean pressure of all axes is
             known, as with kspace_style msm.
@@ -95,6 +97,8 @@ class Host:
     calls_setup: bool
     follows: bool
     has_virial: bool
+    dmax: float
+    min_dof: int
     ghost_velocity: bool
     scalar_pressure: bool
     next_output: int | None

@@ -111,7 +111,6 @@ def story(fix_id: str, command: "Command") -> str | None:
                 f"the piston's inertia follows from {source}",
                 command.pressure and piston and not alike,
             ),
-            ("minimize is refused", True),
         )
         if so
     )

@@ -384,6 +384,12 @@ def place_all(layout, images, atom_x):
     move_to_images(layout, images, atom_x)
 
 
+@loop
+def place_atoms(layout: Layout, images: Images, atom_x: F2):
+    """Place all atoms where the bodies have them."""
+    place_all(layout, images, atom_x)
+
+
 def _make_advance(parts, owner, numbers, rows):
     """The first pass of a step, or all of it."""
     lead, tail, named = parts.lead, parts.tail, parts.named

@@ -77,6 +77,8 @@ struct Bridge {
   const int64_t *next_output, *begin_step, *end_step, *last_step;
   int32_t vflag;        // what virial LAMMPS asks for in this step
   int32_t world;        // of a partition (lmp -partition), from 0 on
+  double dmax;        // of min_modify, in a minimization; else 0
+  int32_t min_dof;    // set by Python: how many coordinates of the bodies a minimization has
   int32_t ghost_velocity;     // ghost atoms have velocities in this run
   int32_t scalar_pressure;    // of the long-range forces only the mean pressure of all axes is known in this run
   int64_t changes;      // how many times the fix has changed the bodies by itself
@@ -131,8 +133,11 @@ struct Bridge {
   // methods of the instance, null where it has none
   int (*init)();
   int (*setup)(int vflag);
-  int (*min_setup)(int vflag);
   int (*post_neighbor)();
+  int (*min_store)();    // in a minimization: a line search begins; its addresses are of min_dof numbers
+  int (*min_step)(double alpha, int64_t direction);
+  int (*min_force)(int64_t forces);
+  int (*max_alpha)(int64_t direction, double *alpha);
   int (*initial_integrate)(int vflag);
   int (*final_integrate)();
   int (*modify_external)(const char *words);    // of fix_modify, behind external

@@ -133,7 +133,7 @@ int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
       (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
-      (bridge.post_run ? POST_RUN : 0);
+      (bridge.post_run ? POST_RUN : 0) | (bridge.min_force ? MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY : 0);
 }
 
 // external: forces and torques on the bodies, as Python reads the words; they go to the end of the command. bodyforces: rigid bodies

@@ -49,7 +49,7 @@ class Host(hosts.Host):
     phase, facts, vflag, changes = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     changes_box, held, counts, rotor = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     begins, stream_group, pushes = _Shared(int), _Shared(int), _Shared(int)
-    world = _Shared(int)
+    world, min_dof, dmax = _Shared(int), _Shared(int), _Shared(float)
     ghost_velocity, scalar_pressure = _Shared(bool), _Shared(bool)
     next_output, last_step = _Shared(_step), _Shared(_step)
 

@@ -22,6 +22,26 @@
 #include <cstring>
 #include <string>
 
+// What is used of a min style. Its header is not among the installed ones; without it, this is as it was read for 4 Feb 2025 to
+// 4 Jul 2026.
+
+#if __has_include("min.h")
+#include "min.h"
+struct Minimizer : LAMMPS_NS::Min {
+  using Min::dmax;
+  using Min::normstyle;
+};
+#else
+struct Minimizer : LAMMPS_NS::Pointers {
+  double results[8];
+  int counts[3];
+  char *stopstr;
+  int searchflag, flags[4];
+  double dmax;
+  int linestyle, normstyle;
+};
+#endif
+
 // The command that is being read; only classes derived from Input may see it before 2025.
 
 struct CurrentCommand : LAMMPS_NS::Input {

@@ -20,6 +20,7 @@ namespace nosquish {
 
 void FixPythonMove::setup(int vflag)
 {
+  minimized = false;
   v_init(vflag);
   push();
   pressure.take(box.volume());
@@ -48,6 +49,7 @@ void FixPythonMove::post_neighbor()
 void FixPythonMove::initial_integrate(int vflag)
 {
   if (!bridge.initial_integrate) failures.end_run("the Python that holds its class has shut down");
+  if (minimized) failures.refuse("'run N pre no' cannot follow a minimization: use 'run N pre yes'");
   if (logfile) fflush(logfile);
   v_init(vflag);
   stream_with_box();
@@ -63,6 +65,41 @@ void FixPythonMove::final_integrate()
   with_virial([&] {
     if (!follow(bridge.at_end)) call(bridge.final_integrate);
   });
+}
+
+// Of LAMMPS's min styles these two have a fix move its own degrees of freedom. Norm max sees one in three of them.
+
+void FixPythonMove::begin_minimization()
+{
+  const std::string style = update->minimize_style;
+  const auto &minimizer = *reinterpret_cast<const Minimizer *>(update->minimize);
+  if (style != "cg" && style != "sd")
+    failures.refuse("min_style " + style + " would move the atoms of rigid bodies individually: use 'min_style cg' or 'min_style sd', "
+                 "which keep bodies rigid");
+  if (minimizer.searchflag != 1) failures.refuse(another_class("Min"));    // as it is of these two
+  if (minimizer.normstyle == 1)
+    failures.refuse("min_modify norm max leaves out two thirds of the forces on rigid bodies: use 'norm two' or 'norm inf'");
+  if (!(minimizer.dmax > 0.0)) failures.refuse("min_modify dmax must be above zero");
+  bridge.dmax = minimizer.dmax;
+}
+
+void FixPythonMove::min_post_force(int vflag)
+{
+  v_init(vflag);
+  bridge.vflag = vflag;
+  if (arrays.early) arrays.keep_forces();
+}
+
+// All fixes have added their forces. What is left of those on atoms would move these one by one.
+
+double FixPythonMove::min_energy(double *forces)
+{
+  with_virial([&] { call(bridge.min_force, address(forces)); });
+  bridge.vflag = 0;
+  minimized = true;
+  for (int i = 0; i < atom->nlocal; i++)
+    if (exchange.moves(i)) std::fill_n(atom->f[i], 3, 0.0);
+  return 0.0;
 }
 
 // What holds in this step: bits of When.
@@ -177,7 +214,8 @@ void FixPythonMove::init()
     failures.refuse("its class has no methods for run_style respa");
   if (respa && arrays.early) failures.refuse("bodyforces early is not for run_style respa: use run_style verlet");
   facts.refuse_casts();
-  if (update->whichflag == 2) call(bridge.min_setup, 0);    // before pair styles that look bodies up
+  bridge.dmax = 0.0;
+  if (update->whichflag == 2 && bridge.min_force) begin_minimization();
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.stream_group)
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix

@@ -35,7 +35,6 @@ class FixPythonMove : public Fix {
 
   // the hooks of a step
   void setup(int) override;
-  void min_setup(int vflag) override { call(bridge.min_setup, vflag); }
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
   void setup_pre_reverse(int, int) override { pressure.keep_counted(); }
@@ -47,6 +46,20 @@ class FixPythonMove : public Fix {
   void initial_integrate_respa(int, int, int) override;
   void final_integrate_respa(int, int) override;
   void end_of_step() override;
+
+  // the same in a minimization; the bodies' coordinates are degrees of freedom of this fix
+  void begin_minimization();
+  void min_setup(int vflag) override
+  {
+    if (bridge.dmax) setup(vflag), bridge.vflag = 0;    // its virial is there
+  }
+  void min_post_neighbor() override { post_neighbor(); }
+  void min_post_force(int) override;
+  double min_energy(double *) override;
+  void min_store() override { call(bridge.min_store); }
+  void min_step(double alpha, double *direction) override { call(bridge.min_step, alpha, address(direction)); }
+  double max_alpha(double *direction) override { return ask<double>(bridge.max_alpha, address(direction)); }
+  int min_dof() override { return bridge.min_dof; }
 
   // before and behind a run, and between runs
   int setmask() override;
@@ -113,13 +126,14 @@ class FixPythonMove : public Fix {
   External external{lmp, this, bridge};
   Restart state{lmp, this, bridge};
   Halt halt{lmp, this, bridge};
-  bool respa = false;
+  bool respa = false, minimized = false;    // of the last forces nothing is left on the atoms of the bodies
   std::vector<int> extensive;
   std::vector<double> of_atoms;    // the virial of each, nine numbers
   std::array<int64_t, 3> array_when;    // bridge.array is of then
 
   void fill_bridge(), declare(), push(), stream_with_box();
   int64_t set_box(const double *);
+  static int64_t address(double *numbers) { return reinterpret_cast<int64_t>(numbers); }
   void point()
   {
     if (bridge.arrays) arrays.point(exchange);

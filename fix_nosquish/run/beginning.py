@@ -4,7 +4,7 @@ Public functions here are methods of `Integrator`.
 """
 
 from math import gcd
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..box import deform
 from ..errors import RunError, refuse
 from ..loops import machine_code
 from . import cards, external, log, making, refusals, rotation, velocities
+from .minimization import Minimization
 from .other_fixes import OtherFixes, refuse_constraints, refuse_other_integrators
 from .output import BodyFile
 from .passes import Passes
@@ -116,7 +117,7 @@ def init(integrator: "Integrator") -> None:
     host.follow_schedule(None)
     integrator.note_waiting()
     integrator.first_step = lammps.step
-    integrator.mid_step = type(integrator).mid_step and not lammps.respa_dt
+    integrator.mid_step = type(integrator).mid_step and not lammps.respa_dt and not host.dmax
     host.phase = Phase.NEW
     integrator.taken_away = velocities.Taken()
     integrator.known.clear()
@@ -149,6 +150,32 @@ def init(integrator: "Integrator") -> None:
     if not host.calls_setup:
         log.say(integrator, host.has_virial)
     integrator.tell_count()
+    integrator.minimization = cast(Minimization, None)
+    if host.dmax:
+        _begin_minimization(integrator)
+
+
+def _begin_minimization(integrator: "Integrator") -> None:
+    """Tell LAMMPS of the bodies' coordinates in a minimization; collective."""
+    host = integrator.host
+    refuse(
+        integrator.gravity is not None or integrator.external.acts,
+        "minimize needs the energy of all forces, and that of keyword gravity and fix_modify "
+        "external is not part of it: use fix nosquish/fire and a run instead",
+    )
+    refuse(
+        any(fix.style.startswith("box/relax") for fix in integrator.other_fixes),
+        "fix box/relax would deform the rigid bodies with the box: unfix it before minimize, and "
+        "use fix nosquish/npt or fix nosquish/nph and a run for the box",
+    )
+    begun = integrator.minimization = Minimization(
+        integrator.bodies, integrator.communicator, bool(integrator.switches)
+    )
+    host.min_dof = 6 * len(begun.ids)
+    host.log(
+        f"Minimization: bodies stay rigid. LAMMPS's {host.min_dof} extra global DOFs are their "
+        "coordinates, which add no energy\n"
+    )
 
 
 def start_run(integrator: "Integrator") -> None:
@@ -194,7 +221,7 @@ def tell_start(integrator: "Integrator") -> None:
     suspects = integrator.other_fixes.suspects()
     names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in suspects)
     bodies.suspects = names and f", perhaps {names}"
-    if start.cause and not integrator.quenches:
+    if start.cause and not (integrator.quenches or integrator.minimization):
         host.log(integrator.line.naming(f"WARNING: {start.cause}: {start.remedy}\n"))
 
 

@@ -35,6 +35,7 @@ from . import (
 from .cards import Cards
 from .declaration import Declaration
 from .external import External
+from .minimization import Minimization
 from .other_fixes import OtherFixes
 from .output import BodyFile
 from .passes import Passes
@@ -75,6 +76,7 @@ class Integrator(Registered, Declaration):
         streams: whether it is with remap v that this happens.
         waiting: with `mid_step`, the time step of the half kick that is left to the next run's
             first step: 0.0 if none is, None if it is that step's own.
+        minimization: the bodies' coordinates, in a `Minimization` and until the next run.
         external: the `External` forces.
         file: the `BodyFile` of keyword output, None if there is none (yet).
         said, warned: lines that the log has: the first ones on the bodies, and what is odd.
@@ -116,6 +118,7 @@ class Integrator(Registered, Declaration):
         # until bodies are made, and until passes are bound
         self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
         self.passes, self.parameters = cast(Passes, None), cast(Any, None)
+        self.minimization = cast(Minimization, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
         self.external, self.unchanged = External(), refusals.Unchanged()
         self.said, self.warned, self.known = [], set(), {}
@@ -208,8 +211,9 @@ class Integrator(Registered, Declaration):
 
     @property
     def steps_made(self) -> bool:
-        """Whether this run has made a step, in which a command rerun makes none."""
-        return self.lammps.step != self.first_step and self.host.command[:1] != ["rerun"]
+        """Whether this run has made a step: commands rerun and minimize make none."""
+        steps = self.lammps.step != self.first_step and self.minimization is None
+        return steps and self.host.command[:1] != ["rerun"]
 
     @property
     def mask(self) -> np.ndarray | None:
@@ -280,7 +284,35 @@ class Integrator(Registered, Declaration):
         self.setup(0)
         self.host.vflag = vflag
 
-    min_setup = hook(refusals.min_setup)
+    # ------------------------------------------------------------- a minimization
+
+    @hook
+    def min_store(self) -> None:
+        """A line search begins."""
+        self.minimization.store()
+
+    @hook
+    def min_step(self, alpha: float, direction: int) -> None:
+        """Move bodies and atoms by alpha times the direction at this address, from where the line
+        search began."""
+        self.minimization.move(alpha * self.minimization.at(direction))
+        self.passes.do("place")
+        self.started = False
+
+    @hook
+    def min_force(self, forces: int) -> None:
+        """Write the forces on the bodies' coordinates to this address."""
+        self.passes.do("gather")
+        if self.host.vflag:
+            self.passes.do("constraint_virial")
+        self.known.clear()
+        self.minimization.at(forces)[:] = self.minimization.forces()
+
+    @hook
+    def max_alpha(self, direction: int) -> float:
+        """How often the direction at this address may be gone: none by more than dmax."""
+        lengths = np.linalg.norm(self.minimization.at(direction), axis=1)
+        return self.host.dmax / lengths.max(initial=1e-300)
 
     # ------------------------------------------------------------- the time step
 

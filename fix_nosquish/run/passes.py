@@ -10,6 +10,7 @@
     cell         the box changes, in the next step
     flip         where tilts change, the box takes vectors of its lattice that are less tilted
     orient       the orientations of atoms that have one
+    place        positions, orientations and velocities of atoms
     deform       another fix has changed the box: bodies move with it
     flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
@@ -142,6 +143,7 @@ class Passes:
             "kick": [*gather, integrator.lead.bind_to(half)],
             "velocities": velocities,
             "orient": orient,
+            "place": [step.place_atoms.bind_to(cells), *orient, *velocities],
             "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
             "follow": [bodies.following],
         }

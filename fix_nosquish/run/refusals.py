@@ -15,15 +15,6 @@ if TYPE_CHECKING:
 _ROUNDING = 1e-9  # of a total mass
 
 
-def min_setup(integrator: "Integrator", vflag: int) -> None:
-    """A minimisation begins: it would move the atoms one by one."""
-    raise RunError(
-        "a minimisation would tear the rigid bodies apart: use fix nosquish/fire and a run "
-        "instead, which keep their shapes",
-        everywhere=True,
-    )
-
-
 def refuse_missing_template(integrator: "Integrator") -> None:
     """Raise an error if the molecule template of keyword mol is not known."""
     name = integrator.template
