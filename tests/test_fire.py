@@ -385,7 +385,7 @@ def test_minimize_overlapping_start(run_lammps, tmp_path, ranks):
     goes_on(table)
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 8])
+@pytest.mark.parametrize("ranks", [2, 8])
 def test_minimize_beside_other_atoms(run_lammps, tmp_path, ranks):
     """Locks out atoms in no body that stay where they are, bodies of two fixes that move as those
     of one, and a minimum that fix nosquish/fire does not take for one."""
@@ -461,6 +461,17 @@ def test_minimize_with_components_off(run_lammps, tmp_path):
             assert moved[2] < 1e-12 < 1e-3 < moved[0]
         else:
             assert moved.max() < 1e-12
+
+
+def test_minimize_in_the_plane(run_lammps, tmp_path):
+    """Locks out bodies that minimize pushes or turns out of the plane."""
+    system = mixture("planar pair row single", side=2, spacing=2.9, dimension=2)
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve molecule\n"
+    text += "group some id <= 5\nfix up some addforce 0 0 0.1\n"
+    run_lammps(f"{text}minimize 0 0 10 20\n{FORCES.format('end')}", files=system.files)
+    (_, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert (x[:, 2] == y[:, 2]).all()
+    assert np.abs(y - x).max() > 1e-3
 
 
 def test_minimize_keeps_dmax(run_lammps, tmp_path):
