@@ -427,20 +427,33 @@ INTEGRATORS = (
 
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_minimize_with_each_integrator(run_lammps, tmp_path, ranks):
-    """Locks out a half kick, a box or a start of an integrator's own that minimize leaves undone,
-    and bodies that are back where they were before."""
+    """Locks out a box or a start of an integrator's own that minimize leaves undone, bodies that
+    are back where they were before, and forces on bodies that are gone with those on atoms."""
     system = mixture(side=2, spacing=2.9)
-    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{TABLE}thermo 1000\ntimestep 0.002\n"
+    table = TABLE.replace("press", "press f_1[1][7] f_1[2][10]")
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}thermo 1000\ntimestep 0.002\n"
     for words in INTEGRATORS:
-        text += f"fix 1 all nosquish/{words}\nrun 2\nminimize 0 0 20 60\nreset_timestep 0\n"
+        text += f"fix 1 all nosquish/{words}\n{table}run 2\nminimize 0 0 20 60\nreset_timestep 0\n"
         text += "run 2\nunfix 1\n"
     done = run_lammps(text + FORCES.format("end"), files=system.files, ranks=ranks)
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
     assert bent(start, end) < 1e-9
     table = done.thermo.reshape(len(INTEGRATORS), 6)  # rows of the begin and the end of each
     assert (table["PotEng"][:, 3] < table["PotEng"][:, 2]).all()
-    for name in "PotEng", "Press", "Temp":
+    for name in "PotEng", "Press", "Temp", "f_1[1][7]", "f_1[2][10]":
         np.testing.assert_allclose(table[name][:, 4], table[name][:, 3], rtol=1e-9, err_msg=name)
+
+
+def test_run_after_minimize(run_lammps, tmp_path):
+    """Locks out a first step without its half kick: a thermostat whose velocities are those of the
+    middle of a step begins behind minimize as a new one does."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    line = "fix 1 all nosquish/nvt molecule temp 1 1 1 seed 4\n"
+    for name, again in ("one", ""), ("two", f"unfix 1\n{line}"):
+        text = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}minimize 0 0 20 60\n{again}run 5\n"
+        run_lammps(text + FORCES.format(name), files=system.files)
+    (*_, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    np.testing.assert_allclose(x, y, rtol=0, atol=1e-12)
 
 
 def test_minimize_with_components_off(run_lammps, tmp_path):
