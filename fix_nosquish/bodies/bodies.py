@@ -312,8 +312,7 @@ class Bodies:
         rows[here] = self.rows_of_atoms(places(origins[here]))
         rows[came] = arrived[-2 - origins[came]]
         state, displace = np.split(rows.T[OF_BODY:], [len(self.state)])
-        ids = state[block.ID].astype(np.int64)
-        return Former(here | came, ids, state[block.NATOMS], state[Q], displace, followed)
+        return Former(here | came, state[block.NATOMS], state[Q], displace, followed)
 
     def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
         """What goes with these atoms to other ranks, but for their origins: a row of each."""

@@ -22,14 +22,13 @@ class Former(NamedTuple):
 
     Attributes:
         known: (natoms,) bool, which atoms were in a body.
-        id, natoms: (natoms,) the body's ID and number of atoms.
+        natoms: (natoms,) the body's number of atoms.
         q: (4, natoms) its quaternion.
         displace: (rows, natoms) the atom's column of `Bodies.displace`.
         followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
     """
 
     known: np.ndarray
-    id: np.ndarray
     natoms: np.ndarray
     q: np.ndarray
     displace: np.ndarray
@@ -181,7 +180,7 @@ class Membership:
             ),
         )
         refuse_atoms(
-            inside.sum(axis=0) > 1,
+            rigid & (inside.sum(axis=0) > 1),
             lambda k: (
                 f"atom {tags[k]} is in more than one body: it is in "
                 f"the groups {' and '.join(names[inside[:, k]])}; use groups without common atoms"
@@ -195,8 +194,8 @@ class Membership:
             rigid & np.isin(ids, renamed),
             lambda k: (
                 f"atom {tags[k]} came into {name(ids[k])}, whose atoms were given another ID since "
-                "this fix was defined: give new bodies IDs that no body of this fix has, or unfix "
-                "this fix and define it again"
+                "this fix was defined: give new bodies IDs that no body of this fix has (fix "
+                "bond/react: reset_mol_ids no), or unfix this fix and define it again"
             ),
         )
 

@@ -92,10 +92,8 @@ def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
 
 def _of_the_same_atoms(members: Members, former: Former) -> np.ndarray:
     """Which bodies have the atoms that they had, (n,) bool; collective."""
-    known, old, natoms = (rows[members.atoms] for rows in (former.known, former.id, former.natoms))
-    low, high, before = members.lowest(*np.where(known, (old, -old, natoms), -np.inf))
-    same = (low == -high) & (before == members.natoms)
-    return same if former.followed else same & (low == members.ids)
+    before = np.where(former.known, former.natoms, 0)[members.atoms]
+    return members.lowest(before)[0] == members.natoms
 
 
 def _turns(
