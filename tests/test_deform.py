@@ -50,6 +50,26 @@ def test_as_with_fix_rigid(simulate, name, ranks):
     assert np.abs(nearest(gap[near], h)).max() < 1e-9
 
 
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+def test_press_berendsen(simulate, ranks):
+    """Locks out the refusal of a barostat that tells fix rigid of its changes, and bodies that do
+    not follow: the box is that of LAMMPS's bodies, but for their virial, which differs by the time
+    step."""
+    system = mixture("solid planar", side=3)
+    line, volumes = "fix box all press/berendsen iso 1 1 1 modulus 5", []
+    for shorter in 1, 2:
+        runs = [
+            simulate(
+                system, f"{fix}\n{line}", 60 * shorter, dt=1.0 / shorter, columns="vol", ranks=n
+            )
+            for fix, n in ((RIGID, 1), (LIKE_LAMMPS, ranks))
+        ]
+        volumes.append([run.thermo["Volume"][-1] for run in runs])
+    first, second = (theirs - ours for theirs, ours in volumes)
+    change = np.ptp(volumes) + abs(volumes[0][0] - np.linalg.det(system.h))
+    assert abs(first) < 1e-3 * change and 0.3 < second / first < 0.7
+
+
 @pytest.mark.parametrize(
     "words, change, says",
     [

@@ -114,15 +114,20 @@ def test_fix_modify_that_is_refused(refused, system, words, line):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("disable", ["", " disable"], ids=["fix", "keyword"])
-def test_gravity(both, disable, ranks):
+@pytest.mark.parametrize("how", ["fix", "keyword", "behind", "variable behind"])
+def test_gravity(both, how, ranks):
     """Locks out a weight of bodies that is not that of fix rigid's keyword gravity, by this keyword
-    or by fix gravity alone."""
+    or by fix gravity alone, which may be defined behind the bodies' fix."""
     weight = "fix g all gravity 2.0 vector 1 -1 0.5"
     end = f"{THERMO.format('')}run 20\nrun 20"
-    ours = OURS[:-1] + ' gravity g"' if disable else OURS
+    ours = OURS if how == "fix" else OURS[:-1] + ' gravity g"'
+    disable = "" if how == "fix" else " disable"
+    lines = [f"{weight}{disable}", ours]
+    if how == "variable behind":
+        lines[0] = "variable g equal 2.0\n" + lines[0].replace("2.0", "v_g")
+    lines = "\n".join(lines[:: -1 if "behind" in how else 1])
     tables = both(
-        f"{weight}{disable}\n{ours}\n{end}",
+        f"{lines}\n{end}",
         f"{weight} disable\n{THEIRS} gravity g\n{end}",
         ranks=ranks,
     )
@@ -137,11 +142,10 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
     "before, words, after, says",
     [
         (GRAVITY, "NVE all molecule gravity h", "", "'h', which is no fix gravity"),
-        ("", "NVE all molecule gravity g", GRAVITY, "no fix gravity defined before this fix"),
         (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
         (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
     ],
-    ids=["none", "behind", "respa", "HMC"],
+    ids=["none", "respa", "HMC"],
 )
 def test_gravity_that_is_refused(refused, system, before, words, after, says):
     """Locks out bodies without the weight that is asked for, or with that of several levels, and a

@@ -92,7 +92,12 @@ def test_errors_name_style_and_word(run_lammps, tmp_path, what, ranks):
 ADVISED = {  # what is wrong: (the integrator, its words, lines behind the fix, what serves)
     "keyword of a thermostat": ("nve", "langevin 1 1 1 4", "", "{nvt} has Langevin's"),
     "pressure": ("nvt", "temp 1 1 2 seed 4 iso 1 1 1", "", "no barostat: use {npt} or {nph}"),
-    "barostat beside it": ("nve", "", "fix 2 all press/berendsen iso 1 1 1", "use {npt} or {nph}"),
+    "barostat beside it": (
+        "nve",
+        "",
+        "fix 2 all press/langevin iso 1 1 1 temp 1 1 5",
+        "use {npt} or {nph}",
+    ),
     "minimization": (
         "nve",
         "",

@@ -169,6 +169,63 @@ def test_period_of_the_box(on, pressure):
     assert 0 < turns[1] < 90 and abs(turns[0] / turns[1] - 1) < 0.15
 
 
+T, P, Q = STYLES["rigid/nvt"], "1.5 1.5 2.5", "1.0 1.0 2.5"
+SAME = {  # words, others that mean the same, and lines behind the fix
+    "couple behind iso": ("rigid/npt", f"{T} iso {P} couple xy", f"{T} aniso {P} couple xy"),
+    "couple before iso": ("rigid/npt", f"{T} couple xy iso {P}", f"{T} iso {P}"),
+    "couple none": ("rigid/nph", f"iso {P} couple none", f"aniso {P}"),
+    "z behind aniso": ("rigid/nph", f"aniso {P} z {Q}", f"x {P} y {P} z {Q}"),
+    "z before aniso": ("rigid/nph", f"z {Q} aniso {P}", f"aniso {P}"),
+    "iso and aniso": ("rigid/nph", f"iso {P} aniso {Q}", f"iso {Q}"),
+    "without a pressure": ("rigid/nvt", f"{T} dilate all couple none", T),
+    "without anything": ("rigid", "dilate bodies couple none", ""),
+    "a temperature": ("rigid/nvt", T, T, "compute t all temp\nfix_modify 1 temp t\n"),
+}
+
+
+@pytest.mark.parametrize("name", SAME)
+def test_words_that_lammps_takes(on, name):
+    """Locks out the refusal of words that LAMMPS's fix takes, or another meaning than there: with
+    either words, both have the same motion."""
+    style, words, same, *lines = SAME[name]
+    for options in (), ON:
+        text = run_of(style, words, columns="lx ly lz")
+        text = text.replace("thermo_style", "".join([*lines, "thermo_style"]), 1)
+        first, second = (
+            on(one, options).thermo for one in (text, run_of(style, same, columns="lx ly lz"))
+        )
+        for column in "PotEng", "Lx", "Lz":
+            np.testing.assert_allclose(first[column], second[column], rtol=1e-12)
+
+
+def test_words_without_effect_are_named(on):
+    """Locks out words that have no effect, without a line in the log."""
+    log = on(run_of("rigid/nvt", f"{T} dilate all")).log
+    assert "couple and dilate have no effect, as there" in log
+
+
+def test_friction_alone(on):
+    """Locks out the refusal of a temperature of zero: without forces bodies slow down as exp(-t /
+    TDAMP)."""
+    text = run_of("rigid/nve/small", "langevin 0 0 0.5 5", steps=40, columns="f_1")
+    table = on(text.replace("fix 1", "pair_style zero 2\npair_coeff * *\nfix 1", 1)).thermo
+    expected = np.exp(-2 * table["Step"] * 0.5 * mixture(BODIES).dt / 0.5)
+    np.testing.assert_allclose(table["f_1"] / table["f_1"][0], expected, rtol=1e-9)
+
+
+def test_pistons_of_several_periods(on):
+    """Locks out one period for all axes where the fix line gives each its own: from a piston at
+    rest, an axis begins to move as the inverse square of its PDAMP."""
+    starts = []
+    for slow in 2.5, 5.0:
+        text = run_of("rigid/nph", f"x 9 9 2.5 y 9 9 {slow}", steps=4, every=2, dt=0.1,
+                      columns="lx ly")  # fmt: skip
+        starts.append([np.ptp(on(text).thermo[column]) for column in ("Lx", "Ly")])
+    (x, y), (x_of_slow, y_of_slow) = starts
+    assert x_of_slow == pytest.approx(x, rel=1e-3)
+    assert y / y_of_slow == pytest.approx(4.0, rel=1e-3)
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_piston_from_rest(on, ranks):
     """Locks out a run that ends because the bodies are at rest as it begins, with no temperature

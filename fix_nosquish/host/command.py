@@ -482,7 +482,8 @@ class Command:
             name: Keyword(f"{what}, {_NUMBER}", _Words.number, "own") for name, what in own.items()
         }
         if line.replaces:
-            known |= {name: OF_RIGID_FIXES[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
+            more = OWN_KEYWORDS | OF_RIGID_FIXES
+            known |= {name: more[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
         values: dict[str, Any] = {}
         while words.left:
             _read_keyword(words, values, known)
@@ -493,7 +494,7 @@ class Command:
                 "leave one of them out"
             )
         if line.replaces:
-            rigid_fixes.give_meaning(values, known)
+            rigid_fixes.give_meaning(values, known, line.words)
         # as in fix rigid: the file is the start, not the state of later runs
         if "infile" in values and values.setdefault("reinit", False):
             raise line.wrong(
@@ -583,7 +584,9 @@ def _refuse_missing(line: Line, given: Collection[str], expected: Mapping[str, s
 def _check_pressure(line: Line, values: dict[str, Any]) -> None:
     """Raise an error if the words of a barostat do not go together."""
     given, couple = set(values.get("pressure", ())), values.get("couple", "none")
-    several = len(given & {"iso", "aniso", "tri"}) > (not given & set("xyz"))
+    # in fix rigid an axis behind aniso has words of its own
+    wholes = given & ({"iso", "tri"} if line.replaces else {"iso", "aniso", "tri"})
+    several = len(wholes) > (not given & set("xyz"))
     _refuse(
         line,
         (

@@ -13,11 +13,13 @@ if TYPE_CHECKING:  # which imports this file
 
 # they keep no temperature but by keyword langevin, and f_ID is a temperature
 BODIES = "rigid", "rigid/nve"
-# of each fix, by its `plain` name: which of `command.OF_RIGID_FIXES` it has
+# words that all of these fixes take, and have no effect without a pressure
+OF_BOX = "couple", "dilate"
+# of each fix, by its `plain` name: which keywords it has besides those of the class
 KEYWORDS = {
-    "rigid": ("langevin",),
-    "rigid/nve": ("langevin",),
-    "rigid/nvt": ("tparam",),
+    "rigid": ("langevin", *OF_BOX),
+    "rigid/nve": ("langevin", *OF_BOX),
+    "rigid/nvt": ("tparam", *OF_BOX),
     "rigid/npt": ("tparam", "pchain"),
     "rigid/nph": ("langevin", "pchain"),
 }
@@ -44,12 +46,13 @@ def integrator(name: str, words: Collection[str]) -> str:
     return "NPT" if name == "rigid/nph" and warmed else name[-3:].upper()
 
 
-def give_meaning(values: dict[str, Any], known: Collection[str]) -> None:
+def give_meaning(values: dict[str, Any], known: Collection[str], words: tuple[str, ...]) -> None:
     """Put the meaning that keywords have in LAMMPS's fix, and those that are left out, in the place
     of what was read.
 
     Args:
         values: dictionary from keywords to what was read.  known: the keywords that the class has.
+        words: of the line.
     """
     *temp, seed = values.pop("langevin", (None,))
     length, *_ = values.pop("tparam", (CHAIN,))
@@ -62,9 +65,29 @@ def give_meaning(values: dict[str, Any], known: Collection[str]) -> None:
         values.setdefault("separate", True)
     if "barostat" in known:
         values.setdefault("barostat", "mtk")
-    if "dilate" in known:
+    read = [name for name in values if name in ("infile", "reinit")]
+    if read == ["reinit", "infile"]:  # the last one counts
+        values["reinit"] = False
+    if "iso" not in known:
+        for name in OF_BOX:
+            values.pop(name, None)
+    else:
+        _give_axes(values, words)
         values.setdefault("dilate", "all")
         values.setdefault("every", 1)  # as there: jumps take it elsewhere from a far start
+
+
+def _give_axes(values: dict[str, Any], words: tuple[str, ...]) -> None:
+    """Have words of the pressure mean what they do there, where the last one counts: iso is aniso
+    with couple xyz, and axes may stand behind aniso."""
+    given, backwards = values.get("pressure", {}), words[::-1]
+    if "iso" in given and (len(given) > 1 or "couple" in values):
+        if "couple" not in values or backwards.index("iso") < backwards.index("couple"):
+            values["couple"] = "xyz"
+        given = {"aniso" if word == "iso" else word: said for word, said in given.items()}
+    names = list(given)
+    before = names[: names.index("aniso")] if "aniso" in names else ()
+    values["pressure"] = {word: said for word, said in given.items() if word not in before}
 
 
 def story(fix_id: str, command: "Command") -> str | None:
@@ -78,7 +101,7 @@ def story(fix_id: str, command: "Command") -> str | None:
     name, words = command.line.replaces, command.line.words
     if not name:
         return None
-    kind = integrator(name, words)
+    kind, box = integrator(name, words), not {*OF_BOX}.isdisjoint(words)
     how = []
     if command.temp:
         how.append(f"thermostat {command.thermostat}")
@@ -111,6 +134,7 @@ def story(fix_id: str, command: "Command") -> str | None:
                 f"the piston's inertia follows from {source}",
                 command.pressure and piston and not alike,
             ),
+            ("couple and dilate have no effect, as there", not command.pressure and box),
         )
         if so
     )

@@ -41,6 +41,7 @@ class Barostat(Part):
         of_numbers: the record of what it knows.
         numbers: that record; see `cell`.
         has_others: whether there are atoms that are in no body.
+        dampings: (6,) PDAMP of the axes, and tilts, that change together.
 
     Raises:
         RunError: for words that do not go together, for atoms that are left out, and where a face
@@ -286,31 +287,27 @@ class Barostat(Part):
 
     @property
     def damping(self) -> float:
-        """PDAMP, which is one for all axes."""
-        every = {self.lammps.number(words[2]) for words in self.command.pressure.values()}
-        damping, *others = sorted(every)
+        """PDAMP, the shortest one of all axes."""
+        damping = min(self.lammps.number(words[2]) for words in self.command.pressure.values())
         self.command.refuse_unless_positive("PDAMP", damping)
-        if others:
-            raise self.command.wrong(
-                f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: "
-                "give all axes the same"
-            )
         return damping
 
     def new_numbers(self) -> np.record:
         """What the barostat knows as a run begins; collective."""
         lammps, numbers = self.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
+        self.dampings = np.full(len(self.axes), self.damping)
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:
-                words = self.command.pressure_of(part)[:2]
-                start, stop = pressures = tuple(lammps.number(word) for word in words)
-                if of_group.setdefault(group, pressures) != pressures:
+                words = self.command.pressure_of(part)
+                start, stop, damping = said = tuple(lammps.number(word) for word in words)
+                if of_group.setdefault(group, said) != said:
+                    theirs, others = ("{:g} {:g} {:g}".format(*x) for x in (said, of_group[group]))
                     raise self.command.wrong(
-                        f"keyword couple {self.command.couple}: {part} goes from {start:g} to "
-                        f"{stop:g}, and an axis coupled to it from {of_group[group][0]:g} to "
-                        f"{of_group[group][1]:g}: give both the same"
+                        f"keyword couple {self.command.couple}: {part} has PSTART, PSTOP and PDAMP "
+                        f"{theirs}, and an axis coupled to it {others}: give both the same"
                     )
+                self.dampings[group] = damping
                 numbers.p_start[k] = start / lammps.nktv2p
                 numbers.p_stop[k] = stop / lammps.nktv2p
         numbers.unit, numbers.box_every = lammps.mvv2e, self.ensemble.box_every

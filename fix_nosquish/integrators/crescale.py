@@ -217,5 +217,11 @@ class Crescale(Barostat):
                 f"keyword compressibility is missing: with units {lammps.units} it has no default",
                 everywhere=True,
             )
+        others = self.dampings[self.dampings != self.damping]
+        if len(others):
+            raise self.command.wrong(
+                f"PDAMP is {self.damping:g} for one axis and {others[0]:g} for another: give all "
+                "axes the same, or use barostat mtk"
+            )
         numbers.rate = compressibility * lammps.nktv2p / self.damping
         return numbers

@@ -158,8 +158,10 @@ class Ensemble(Integrator):
         if not self.thermostat:
             return 0.0, 0.0, 0.0
         start, stop, damping = (self.lammps.number(word) for word in self.command.temp)
+        cools = self.thermostat.takes_zero and not self.has_piston
         for name, value in ("TSTART", start), ("TSTOP", stop), ("TDAMP", damping):
-            self.command.refuse_unless_positive(f"keyword temp: {name}", value)
+            if value or not cools or name == "TDAMP":
+                self.command.refuse_unless_positive(f"keyword temp: {name}", value)
         return start, stop, 1.0 / damping
 
     @hook

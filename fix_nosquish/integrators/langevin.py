@@ -89,4 +89,5 @@ class Langevin(Thermostat):
 
     operation, work = Operation(thermalise, prepared=True), WORK
     on_piston = thermalise_piston
-    method, family, keeps_momentum = "Langevin's thermostat", "Langevin", False
+    method, family = "Langevin's thermostat", "Langevin"
+    keeps_momentum, takes_zero = False, True

@@ -423,7 +423,8 @@ class Mtk(Barostat):
         damping = self.damping * (self._slower(freedom) if replaces else 1.0)
         inertia = (freedom + d) * self._heat() * damping**2
         for group in range(COMPONENTS):
-            numbers.inertia[group] = (axes == group).sum() / d * inertia
+            slower = self.dampings[group] / self.damping
+            numbers.inertia[group] = (axes == group).sum() / d * inertia * slower**2
         numbers.rate, numbers.freedom = 1.0 / damping, freedom
         numbers.heavier = np.count_nonzero(numbers.inertia)
         if replaces and self.command.thermostat == "nh":

@@ -234,6 +234,7 @@ class Thermostat(Part):
         family: what its state was called in restart files before `kind`; see `mtk`.
         keeps_momentum: whether it leaves the total momentum at zero.
         reversible: whether a run with it can go back in time.
+        takes_zero: whether it can keep a temperature of zero.
         unprepared: the message for `acts` returning -1.
     """
 
@@ -246,7 +247,7 @@ class Thermostat(Part):
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
     family, unprepared = "Rescaling", ""
-    keeps_momentum, reversible = True, False
+    keeps_momentum, reversible, takes_zero = True, False, False
 
     def __init_subclass__(cls) -> None:
         own, owner = vars(cls).keys(), (cls.__module__, cls.__qualname__)

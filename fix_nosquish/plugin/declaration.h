@@ -138,7 +138,7 @@ int FixPythonMove::setmask()
 
 // external: forces and torques on the bodies, as Python reads the words; they go to the end of the command. bodyforces: rigid bodies
 // have the forces of all fixes (late), or of those before this one (early). temp and press: what LAMMPS's barostats take from these
-// computes, a class that changes the box finds by itself.
+// computes, a class that changes the box finds by itself; fix rigid/nvt and rigid/nve take temp and make no use of it.
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {
@@ -149,7 +149,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
     return narg;
   }
   if (!bridge.follows_atoms || narg < 2) return 0;
-  if (bridge.changes_box && (word == "temp" || word == "press")) {
+  if ((bridge.changes_box && (word == "temp" || word == "press")) || (word == "temp" && replaces(style))) {
     failures.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
                "the atoms that its box takes along");
     return 2;

@@ -64,9 +64,13 @@ class Facts : public Part {
   int64_t gravity(const char *other) const
   {
     int dimension;
-    const int at = modify->find_fix(other);    // behind this fix it does not know its variables' values when this one begins
-    const bool before = at >= 0 && at < modify->find_fix(fix->id);
-    return reinterpret_cast<int64_t>(before ? modify->fix[at]->extract("gvec", dimension) : nullptr);
+    Fix *found = modify->get_fix_by_id(other);
+    void *acceleration = found ? found->extract("gvec", dimension) : nullptr;
+    if (acceleration && modify->find_fix(other) > modify->find_fix(fix->id)) {    // it has not yet looked its variables up
+      found->init();
+      found->setup(0);
+    }
+    return reinterpret_cast<int64_t>(acceleration);
   }
 
   bool pair_style(const char *first) const { return force->pair_match(std::string("^") + first, 0, 1); }

@@ -17,7 +17,8 @@ TEMPER = "command temper"  # which changes velocities, as some fixes do
 # fixes by which accelerator packages compute forces, and which change nothing besides
 _PACKAGES = "GPU", "OMP", "INTEL"
 # fixes that change the box and tell rigid fixes, or do not in a run
-_FOLLOWED = "deform", "box/relax"
+_TELLING = "deform", "press/berendsen"
+_FOLLOWED = (*_TELLING, "box/relax")
 # fixes that read no velocities but those of their own atoms; and these between the halves of a step
 _BLIND = "nve", "rigid", "shake", "rattle", "ilves"
 _BLIND_BETWEEN = (*_BLIND, "balance", "deform")
@@ -98,7 +99,7 @@ class OtherFixes(list[OtherFix]):
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
-        deform: whether all that change it are fix deform, which tells rigid fixes.
+        deform: whether all that change it tell rigid fixes, as fix deform does.
         movers: those that may move atoms besides their integrator, before the forces of a step.
     """
 
@@ -118,7 +119,9 @@ class OtherFixes(list[OtherFix]):
             *(fix for fix in self if fix.end_of_step and fix.style not in _IDLE),
             *_swaps(command, step),
         ]
-        self.late = [fix for fix in ending if not fix.style.startswith((*READERS, "dt/reset"))]
+        self.late = [
+            fix for fix in ending if not fix.style.startswith((*READERS, *_TELLING, "dt/reset"))
+        ]
         between = [fix for fix in self if fix.between]
         self.half_step = unknown or not all(f.style.startswith(_BLIND_BETWEEN) for f in between)
         each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in self)
@@ -126,7 +129,7 @@ class OtherFixes(list[OtherFix]):
         changes = [fix for fix in self if fix.box_change]
         self.change_box = unknown or bool(changes)
         self.movers = [fix for fix in self if fix.moves and not _stays(fix)]
-        self.deform = bool(changes) and all(fix.style.startswith("deform") for fix in changes)
+        self.deform = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
 
     def suspects(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""

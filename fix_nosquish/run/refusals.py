@@ -64,7 +64,7 @@ def weight(integrator: "Integrator") -> np.ndarray | None:
         if integrator.lammps.respa_dt
         else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
         if not integrator.host.follows
-        else f"for '{name}', which is no fix gravity defined before this fix"
+        else f"for '{name}', which is no fix gravity"
         if found is None
         else None
     )
