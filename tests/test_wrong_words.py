@@ -172,6 +172,7 @@ OF_FORCES = [
     ("variable a equal step/10", "v_a", "step"),
     ("variable a equal vcm(all,x)", "v_a", "vcm"),
     ("variable a internal 1.0\nvariable b equal v_a", "v_b", "v_a"),
+    ("variable a timer\nvariable b equal v_a", "v_b", "v_a"),
     ("compute a all temp", "c_a[1]", "c_a[1]"),
     ("compute a all temp\nvariable b equal c_a", "v_b", "c_a"),
     ("fix a all ave/time 1 1 1 c_thermo_temp\nvariable b equal f_a", "v_b", "f_a"),

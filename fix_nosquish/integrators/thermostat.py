@@ -235,7 +235,6 @@ class Thermostat(Part):
         keeps_momentum: whether it leaves the total momentum at zero.
         reversible: whether a run with it can go back in time.
         takes_zero: whether it can keep a temperature of zero.
-        unprepared: the message for `acts` returning -1.
     """
 
     operation: ClassVar[Operation | None] = None
@@ -246,7 +245,7 @@ class Thermostat(Part):
     on_piston: ClassVar[Callable] = not_on_piston
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
-    family, unprepared = "Rescaling", ""
+    family = "Rescaling"
     keeps_momentum, reversible, takes_zero = True, False, False
 
     def __init_subclass__(cls) -> None:
@@ -263,9 +262,6 @@ class Thermostat(Part):
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
-
-    def complaint(self, found: int) -> str:
-        return self.unprepared if found == -1 else ""
 
 
 def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:

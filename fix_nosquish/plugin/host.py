@@ -126,7 +126,7 @@ class Host(hosts.Host):
         return array(address, (3,), float) if address else None
 
     def definition(self, word: str) -> str:
-        return self._bridge.definition(self._bridge.fix, word.encode()).decode()
+        return self._bridge.definition(self._bridge.fix, word.encode()).decode(errors="replace")
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         self._words = len(words)

@@ -34,10 +34,12 @@ _COMPUTES = (
 )
 _IN_FORMULAS = re.compile(
     "PI|a?(sin|cos|tan)|atan2|abs|ceil|exp|floor|ln|log|round|sign|sqrt|ternary|ave|max|min|slope|"
-    "sum|trap|[xyz](lo|hi)?|l[xyz]|xy|xz|yz|vol|atoms|density|id|mass|mol|q|type"
+    "sum|trap|[xyz](lo|hi)?|l[xyz]|xy|xz|yz|vol|atoms|density|id|mass|mol|q|type|"
+    "undefined|inf|nan"  # what an equal-style variable has been
 )
 _NAMES = re.compile(r"[vcfCF]_\w+(?:\[\d+\])*|(?<![\w.])[A-Za-z]\w*")
-_CONSTANT = "index", "loop", "world", "universe", "uloop", "string", "getenv"  # styles of variables
+_DEFINED = re.compile(r"style = (\w+), +def =(.*)")
+_STYLES = "equal", "vector", "index", "loop", "world", "universe", "uloop", "string", "getenv"
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
 
@@ -111,17 +113,15 @@ def without_energy(integrator: "Integrator") -> str | None:
 
 def not_of_positions(integrator: "Integrator") -> str | None:
     """What to say of external forces that positions alone may not decide; None if they do."""
-    host, seen = integrator.host, set()
-    left = [(word, True) for word in integrator.external.said.words.values()]
-    while left:
-        word, in_vectors = left.pop(0)
+    host, words = integrator.host, integrator.external.said.words.values()
+    parts = [(word, True) for word in words]
+    for word, in_vectors in parts:  # which grow
         name, *indices = re.findall(r"\w+", word)
         if name[:2] == "v_":
-            style, formula = _definition(host.definition(name))
+            ((style, formula),) = _DEFINED.findall(host.definition(name)) or [("equal", "")]
             more = [(part, style == "vector") for part in _NAMES.findall(formula)]
-            left += [part for part in more if part not in seen]
-            seen.update(more)
-            fits = style in ("", "equal", "vector", *_CONSTANT)
+            parts += [part for part in more if part not in parts]
+            fits = style in _STYLES
         elif name[:2] == "c_":
             fits = host.definition(name) in _COMPUTES
         else:  # f_ID[i] is a column where the formula is of vectors, else a number of the fix
@@ -134,15 +134,6 @@ def not_of_positions(integrator: "Integrator") -> str | None:
                 f"f_{host.fix_id}), numbers, and computes such as com and dipole/chunk"
             )
     return None
-
-
-def _definition(text: str) -> tuple[str, str]:
-    """A variable's style and formula, by what LAMMPS's command info tells; both may be empty."""
-    style, _, formula = text.partition("style = ")[2].partition(" def =")
-    style = style.split(",")[0]
-    if style == "equal":  # behind it is the value
-        formula = formula.rpartition(" ")[0]
-    return style, formula if style in ("equal", "vector") else ""
 
 
 # ----------------------------------------------------------------- where they come from
