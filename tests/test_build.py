@@ -314,6 +314,26 @@ def test_another_update(tmp_path, run_ice):
     assert "--no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish" in errors[0]
 
 
+def test_another_version_of_lammps(tmp_path, run_ice):
+    """Locks out silence where the suffix has no effect, and LAMMPS's own fix runs, because the
+    plugin is for another version of LAMMPS."""
+    package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
+    *others, plugin = sorted(package.glob("plugin/for_*"))
+    for other in others:
+        shutil.rmtree(other)
+    headers = "-DLAMMPS_SMALLBIG", f"-I{PREFIX}/include/lammps", f"-I{mpi_folder()}"
+    subprocess.run(
+        ["g++", "-shared", "-fPIC", "-DCOMPILED_FOR_LAMMPS=20240829", *headers,
+         package / "plugin/loader.cpp", "-o", plugin / "python_moveplugin.so"],
+        check=True,
+    )  # fmt: skip
+    plugin.rename(plugin.with_name("for_2024_8_29_3_0"))
+    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-sf", "nosquish", "-in"]
+    run, _ = run_ice("rigid/nve molecule", start, check=True)
+    assert "compiled for lammps 2024.8.29.3.0, and lammps" in run.screen
+    assert "with '-sf nosquish' uses its own" in run.screen and "replaces" not in run.log
+
+
 def test_lmp_outlives_the_thread_that_started_it(tmp_path):
     """Locks out a native lmp that is killed when its parent's thread ends: only the command lmp
     takes it along."""

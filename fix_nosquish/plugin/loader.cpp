@@ -42,5 +42,6 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *enter)
   }
   const char *obstacle = getenv("FIX_NOSQUISH_OBSTACLE");
   problem = obstacle ? obstacle : problem + ", so it is not used. Install fix_nosquish again for this LAMMPS: see docs/install.md";
+  problem += ". Until then LAMMPS does not know its fixes, and with '-sf nosquish' uses its own";
   if (!lammps_extract_setting(lmp, "world_rank")) fprintf(stderr, "fix_nosquish: %s\n", problem.c_str());
 }
