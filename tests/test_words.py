@@ -635,3 +635,63 @@ def test_each_word_of_lammps_has_a_row():
     for name, words in MODIFY.items():
         rows = {f"{name} {word.split()[0]}" for word in BESIDE[name]}
         assert {f"{name} {word}" for word in words.split()} <= rows | answered
+
+
+TIMES = """units {}
+atom_style molecular
+region box block 0 20 0 20 0 20
+create_box 1 box
+mass 1 20.0
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2 1 1
+create_atoms 1 single 1 2 1
+create_atoms 1 single 9 9 9
+create_atoms 1 single 9 9 8
+create_atoms 1 single {} 9 9
+set atom 1*3 mol 1
+set atom 4*6 mol 2
+pair_style zero 3
+pair_coeff * *
+velocity all create 300 4928
+timestep {}
+fix 1 all nosquish/{}
+run 0
+"""
+NVT, NPT = "nvt molecule temp 300 300 {} ", "npt molecule temp 300 300 {} seed 5 iso 1 1 {}"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("units", "dt", "fix", "says"),
+    [
+        ("real", 1.0, NVT.format(0.1) + "seed 5", "TDAMP 0.1 is 0.1 time steps of 1,"),
+        ("real", 1.0, NVT.format(0.5) + "thermostat csvr seed 5", "TDAMP 0.5 is 0.5 time steps"),
+        ("metal", 0.001, NVT.format(100) + "thermostat nh", "TDAMP 100 is 1e+05 time steps"),
+        ("metal", 0.001, NPT.format(0.1, 1000), "PDAMP 1000 is 1e+06 time steps"),
+        ("real", 1.0, NPT.format(100, 1), "the box changes 1 times in PDAMP"),
+        ("real", 0.001, "nve molecule", "the time step is 0.001 fs: with units real, timestep is"),
+        ("metal", 1.0, "nve molecule", "the time step is 1000 fs: with units metal, timestep is"),
+        ("real", 1.0, NPT.format(100, 1000), ""),
+        ("metal", 0.001, NPT.format(0.1, 1), ""),
+    ],
+)
+def test_times_in_another_unit(run_lammps, units, dt, fix, says, ranks):
+    """Locks out silence at a damping time or a time step that is 1,000 times off, as of fs for
+    ps, and a warning of one that is right."""
+    log = run_lammps(TIMES.format(units, 8, dt, fix), ranks=ranks).log
+    warnings = re.findall("^WARNING: .*", log, re.M)
+    assert any(says in line for line in warnings) if says else not warnings, warnings
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("edge", "words", "warned"), [(20, "", 0), (11, "", 1), (11, "torque 2 off off off", 0)]
+)
+def test_body_as_wide_as_the_box(run_lammps, edge, words, warned, ranks):
+    """Locks out silence where a body meets its own images as it turns, and a warning where keyword
+    torque keeps it from turning, as the warning advises."""
+    text = TIMES.format("real", 15, 1.0, f"nve molecule {words}")
+    text = text.replace("0 20 0 20 0 20", f"0 20 0 {edge} 0 20").replace("9 9 8", "3 9 9")
+    log = run_lammps(text, ranks=ranks).log
+    said = re.findall(r"body of molecule 2 is 12 wide, and the periodic box 11: where it", log)
+    assert len(said) == warned, log[-900:]

@@ -14,7 +14,7 @@ from ..errors import RunError, refuse
 from ..host.command import PRESSURES, TILTS
 from ..loops.compiled import F1, L1, Cell, I, Kind
 from ..run.other_fixes import READERS, WITH_SWITCHES
-from .thermostat import Part
+from .thermostat import MOST_STEPS, Part, far_off
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
@@ -95,6 +95,7 @@ class Barostat(Part):
                     f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
                     f"lacks these: the box follows a wrong pressure: {remedy}"
                 )
+        yield from far_off("PDAMP", max(self.damping, self.lammps.dt), self.lammps, 10 * MOST_STEPS)
         dt, every = self.lammps.dt, self.ensemble.box_every
         if (parts := self.damping / (every * dt)) < FEWEST_PARTS:
             longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"

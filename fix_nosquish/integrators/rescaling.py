@@ -156,8 +156,9 @@ class Rescaling(Thermostat):
         return {"degrees": self._degrees(), "separate": self.command.separate}
 
     def warnings(self) -> Iterator[str]:
-        """A line on motions that are at rest as a run begins, and would wait for ever in a gas;
-        collective."""
+        """Also a line on motions that are at rest as a run begins, and would wait for ever in a
+        gas; collective."""
+        yield from super().warnings()
         parameters = self.ensemble.parameters
         if parameters is None:  # with a LAMMPS's own fix python/move, before a run
             return

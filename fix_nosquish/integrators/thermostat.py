@@ -44,6 +44,7 @@ BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the syste
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
+MOST_STEPS = 5e4  # in TDAMP without a warning
 # what a part has from its ensemble
 OF_ENSEMBLE = "lammps", "command", "own_number", "host", "bodies", "communicator", "other_fixes"
 
@@ -132,6 +133,17 @@ def note_heat(mpi, parameters, numbers, group, before, after):
     if mpi.rank == 0:
         given = 0.5 * numbers.inertia[group] * (after * after - before * before)
         parameters.heat += given / numbers.unit
+
+
+def far_off(name: str, time: float, lammps: Any, most: float) -> Iterable[str]:
+    """A line on a damping time that is less than a time step, or more than so many: it may be in
+    another unit of time than LAMMPS's."""
+    steps = time / abs(lammps.dt) if lammps.dt else 1.0
+    if not 1.0 <= steps <= most:
+        yield (
+            f"WARNING: {name} {time:g} is {steps:.3g} time steps of {lammps.dt:g}, and 100 to "
+            f"10000 are usual: it is in the unit of time of units {lammps.units}"
+        )
 
 
 class Part:
@@ -262,6 +274,10 @@ class Thermostat(Part):
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
+
+    def warnings(self) -> Iterable[str]:
+        """A line on a TDAMP that is far off."""
+        return far_off("TDAMP", self.lammps.number(self.command.temp[2]), self.lammps, MOST_STEPS)
 
 
 def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:

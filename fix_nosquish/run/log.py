@@ -1,6 +1,6 @@
 """What the log says of the bodies as a run begins: what they are, what is done, what is odd."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 APART = "relax the bodies by fix nosquish/fire and a run, or move them apart"
 ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
 ALL = 1  # the bit of LAMMPS's group all
+_TIMES = {"real": ("fs", 1.0), "metal": ("ps", 1000.0)}  # units of time, and femtoseconds in them
+_SHORTEST, _LONGEST = 0.005, 200.0  # time steps in fs that somebody may want
 _FAST = 1.0  # radians in a time step that call for a warning
 # of the distance between atoms: unless these overlap, no force moves a body further in a step
 _PUSHED = 0.1
@@ -233,7 +235,36 @@ def _warnings(integrator: "Integrator") -> list[str]:
             f"{0.2 * integrator.dt / turn:.2g}, or a better start. A body that is almost linear "
             "can be made linear"
         )
-    return lines
+    return [*lines, *_wide(integrator), *_time_step(integrator.lammps)]
+
+
+def _wide(integrator: "Integrator") -> Iterator[str]:
+    """A line on a body that is as wide as the periodic box; collective."""
+    bodies, lammps, mask = integrator.bodies, integrator.lammps, integrator.mask
+    distance = np.linalg.norm(bodies.displace[:3], axis=0)
+    width = 2 * np.maximum(bodies.sharers.highest(bodies.body, distance)[0], 0.0)
+    if mask is not None:
+        width = width * mask[3:].any(axis=0)
+    widest, body = _largest(width, bodies, integrator.communicator)
+    heights = 1 / np.linalg.norm(lammps.box.inverse, axis=1)
+    heights = heights[: lammps.dimension][lammps.box.periodic[: lammps.dimension]]
+    if widest > min(heights, default=np.inf):
+        yield (
+            f"WARNING: {integrator.membership.name(body)} is {widest:.4g} wide, and the periodic "
+            f"box {min(heights):.4g}: where it turns it meets its own images. Use a larger box, or "
+            "keyword torque for a body that does not turn"
+        )
+
+
+def _time_step(lammps: Lammps) -> Iterator[str]:
+    """A line on a time step that is in another unit than LAMMPS takes it."""
+    unit, femtoseconds = _TIMES.get(lammps.units, ("", 1.0))
+    step = abs(lammps.innermost_dt) * femtoseconds
+    if unit and step > 0 and not _SHORTEST <= step <= _LONGEST:
+        yield (
+            f"WARNING: the time step is {step:.4g} fs: with units {lammps.units}, timestep is in "
+            f"{unit}"
+        )
 
 
 def forces_at_start(integrator: "Integrator") -> Start:
