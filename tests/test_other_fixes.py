@@ -477,6 +477,48 @@ def test_values_read_before_a_step_begins(simulate):
         np.testing.assert_array_equal(read.thermo[name], plain.thermo[name], err_msg=name)
 
 
+# ---- those that read velocities, in whatever way
+
+PULL = "fix_modify 1 external force {} 0 0"
+READERS = {
+    "equal-style variable": PULL.format("v_v"),
+    "compute": "compute ch bodies chunk/atom molecule compress yes\n"
+    f"compute cm bodies vcm/chunk ch\n{PULL.format('c_cm[1]')}",
+    "compute in a vector": "compute ch bodies chunk/atom molecule compress yes\n"
+    f"compute cm bodies vcm/chunk ch\nvariable w vector c_cm[1]\n{PULL.format('v_w')}",
+    "average": "fix a all ave/time 1 1 1 v_v\nvariable w equal f_a\n" + PULL.format("v_w"),
+    "another fix of ours": "unfix 1\nfix 3 one nosquish/nve molecule\n"
+    f"group rest subtract bodies one\nfix 1 rest nosquish/nve molecule\n{PULL.format('v_v')}",
+    "dynamic group": "variable on atom sin(1e3*v_v)>0\nunfix 2\n"
+    "group moving dynamic single var on\nfix 2 moving nve",
+    "moving region": "region r block -2 2 INF INF INF INF move v_v NULL NULL units box\n"
+    "fix 3 bodies addforce 1 0 0 region r",
+    "addforce": "fix 3 bodies addforce v_v 0 0",
+    "move": "variable z equal 0\nunfix 2\nfix 2 single move variable v_v v_z v_z v_z v_z v_z",
+    "deform": "fix 3 all deform 1 x variable v_v v_v remap x",
+    "scaled pair style": "pair_style hybrid/scaled v_v lj/cut 1.5\npair_coeff * * lj/cut 1 1",
+}
+
+
+@pytest.mark.parametrize("ranks, words", [(1, ""), (2, "temp 1 1 1 seed 3")])
+@pytest.mark.parametrize("reader", READERS)
+def test_trajectory_does_not_depend_on_thermo(run_all, reader, ranks, words):
+    """Locks out velocities that are those of the last output, for whatever reads them within a
+    step: the trajectory then depends on how often there is output."""
+    system = mixture("solid planar pair row single")
+    fix = f"fix 1 bodies nosquish/{'nvt' if words else 'nve'} molecule {words}"
+    start = f"group one molecule 1\nvariable v equal 0.3*vcm(one,x)\n{fix}\nfix 2 single nve\n"
+    often, rarely = run_all(
+        system,
+        {
+            every: f"{start}{READERS[reader]}\nthermo {every}\ntimestep {system.dt}\nrun 30"
+            for every in (1, 100)
+        },
+        ranks=ranks,
+    ).values()
+    assert (often.x == rarely.x).all() and (often.v == rarely.v).all()
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("change", ["diameter", "none"])
 def test_masses_that_change(run_lammps, change, ranks):

@@ -20,7 +20,7 @@ class OtherFix(NamedTuple):
     between: bool  # it is called between initial_integrate and final_integrate
     end_of_step: bool  # it is called at the end of every nevery-th step
     nevery: int
-    final_integrate: bool  # it is called where final_integrate is
+    integrates: bool  # it is called where initial_integrate or final_integrate is
     box_change: bool  # it changes the box
     called: bool  # it is called in steps, at all
     constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
@@ -30,7 +30,7 @@ class OtherFix(NamedTuple):
     has_virial: bool  # it knows the virial of its forces
     virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
     moves: bool  # it may change positions before the forces of a step, and integrates none
-    varies: bool  # it is a field that is not the same everywhere
+    varies: bool  # what it does may depend on variables, of those styles that the plugin looks at
     counts_heat: bool  # it is a thermostat that counts the energy that it takes
 
     def has(self, groups: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ struct Arrays {
 // what is to be known of another fix: see OtherFix in host.py
 struct FixFacts {
   const char *id, *style;
-  int32_t groupbit, time_integrate, between, end_of_step, nevery, final_integrate, box_change, called, constrains;
+  int32_t groupbit, time_integrate, between, end_of_step, nevery, integrates, box_change, called, constrains;
   int32_t has_energy, energy_in_pe, post_force, has_virial, virial_in_press, moves, varies, counts_heat;
 };
 

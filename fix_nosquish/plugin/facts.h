@@ -38,13 +38,24 @@ class Facts : public Part {
     *static_cast<FixFacts *>(facts) = !other || other == fix
         ? FixFacts()
         : FixFacts{other->id, other->style, other->groupbit, other->time_integrate, hooks(between), hooks(END_OF_STEP), other->nevery,
-                   hooks(FINAL_INTEGRATE), (other->box_change & ~Fix::BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
+                   hooks(INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA), (other->box_change & ~Fix::BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
                    hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
                    other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,
                    other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate,
-                   utils::strmatch(other->style, "^efield") && other->memory_usage() > 0.0,    // its variables' values
-                   other->ecouple_flag};
+                   varies(other), other->ecouple_flag};
     return true;
+  }
+
+  // Does a fix efield have values of variables? Of fix deform and fix balance it is not known whether they use one that there is.
+
+  bool varies(Fix *other) const
+  {
+    auto is = [other](const char *style) { return utils::strmatch(other->style, style); };
+    Variable &variable = *input->variable;
+    bool found = is("^deform/") || (is("^efield") && other->memory_usage() > 0.0);
+    for (int k = 0; k < number_of(variable); k++)
+      found |= (is("^deform") && variable.equalstyle(k)) || (is("^balance") && variable.atomstyle(k));
+    return found;
   }
 
   // What constrains atoms says so by the degrees of freedom that it removes. What moves them by itself may not know it yet.

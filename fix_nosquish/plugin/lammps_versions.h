@@ -58,15 +58,25 @@ template <auto member> struct PrivateMember {
 auto vectors_of(LAMMPS_NS::Variable &);
 template struct PrivateMember<&LAMMPS_NS::Variable::vecs>;
 
+inline int number_of(LAMMPS_NS::Variable &variable)
+{
+  return variable.nvar;
+}
+
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {
-  for (int k = 0; k < variable.nvar; k++)
+  for (int k = 0; k < number_of(variable); k++)
     if (variable.vectorstyle(k)) vectors_of(variable)[k].currentstep = -1;
 }
 #else
 struct Variables : LAMMPS_NS::Variable {
   static auto &of(LAMMPS_NS::Variable &variable) { return variable.*(&Variables::variables); }
 };
+
+inline int number_of(LAMMPS_NS::Variable &variable)
+{
+  return (int) Variables::of(variable).size();
+}
 
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {

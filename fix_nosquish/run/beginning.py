@@ -13,7 +13,12 @@ from ..errors import RunError, refuse
 from ..loops import machine_code
 from . import cards, external, log, making, refusals, rotation, velocities
 from .minimization import Minimization
-from .other_fixes import OtherFixes, refuse_constraints, refuse_other_integrators
+from .other_fixes import (
+    OtherFixes,
+    reading_pair_style,
+    refuse_constraints,
+    refuse_other_integrators,
+)
 from .output import BodyFile
 from .passes import Passes
 from .schedule import GATHERS, LATE, LEVELS, LOOKS, MID_STEP, RESETS, SEEN, WATCHED, Phase
@@ -28,7 +33,10 @@ def _look_at_fixes(integrator: "Integrator") -> None:
     host, lammps = integrator.host, integrator.lammps
     ours = {mate.host.fix_id for mate in integrator.mates}
     fixes = integrator.other_fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step)
-    integrator.half_step_velocities = host.ghost_velocity or fixes.half_step
+    reading = [mate for mate in integrator.mates if mate.external.may_read_atoms(ours)]
+    integrator.half_step_velocities = bool(fixes.half_step or reading or reading_pair_style(host))
+    if any(mate is not integrator for mate in reading):  # it may end its step behind this one
+        fixes.velocities_every = (1,)
     follows = fixes.deform and not integrator.box_every and not lammps.respa_dt
     integrator.told_box = host.told_box if follows else None
     integrator.streams = integrator.told_box is not None and bool(host.stream_group)

@@ -6,6 +6,7 @@ by their IDs, so that they need not follow a body to another rank.
 """
 
 import re
+from collections.abc import Collection
 from typing import TYPE_CHECKING, NamedTuple
 from zlib import crc32
 
@@ -91,6 +92,11 @@ class External:
 
     def __init__(self) -> None:
         self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
+
+    def may_read_atoms(self, ours: Collection[str | None]) -> bool:
+        """Whether a word may depend on atoms: all but columns of fixes of this package, `ours`."""
+        words = self.said.words.values()
+        return any(word[0] != "f" or word[2:].partition("[")[0] not in ours for word in words)
 
     @property
     def moves_centres(self) -> bool:

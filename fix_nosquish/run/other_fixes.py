@@ -19,14 +19,20 @@ _PACKAGES = "GPU", "OMP", "INTEL"
 # fixes that change the box and tell rigid fixes, or do not in a run
 _TELLING = "deform", "press/berendsen"
 _FOLLOWED = (*_TELLING, "box/relax")
-# fixes that read no velocities but those of their own atoms; and these between the halves of a step
-_BLIND = "nve", "rigid", "shake", "rattle", "ilves"
+# fixes that read no velocities but those of their own atoms; and these between the halves of a
+# step, if they do not vary; fixes of dynamic groups, which act there without a hook; pair styles
+# that read velocities, besides those for which ghost atoms have some
+_BLIND = "nve", "rigid", "shake", "rattle", "ilves", "brownian", "recenter", "tmd"
 _BLIND_BETWEEN = (*_BLIND, "balance", "deform")
+_OF_GROUP = "GROUP"
+_READING_PAIRS = "hybrid/scaled", "dsmc", "smd/"
 # fixes that keep a temperature
 _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "qtb"
-# fixes that act at the end of a step and change no velocity; and those that do not even read one
+# fixes that act at the end of a step and change no velocity; and those that do not even read one,
+# if they do not vary
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 _IDLE = "deform", "colvars"
+_UNCHANGING = *READERS, *_TELLING, "dt/reset"
 # what to do with bodies that have keyword force or torque, beside a box that changes
 WITH_SWITCHES = (
     "keywords force and torque are for a box that does not change. Leave bodies that do not move "
@@ -116,15 +122,14 @@ class OtherFixes(list[OtherFix]):
         self.packages = {fix.style for fix in known if fix.style in _PACKAGES}
         self.change_forces = unknown or any(fix.post_force for fix in self)
         ending: list[OtherFix | Swaps] = [
-            *(fix for fix in self if fix.end_of_step and fix.style not in _IDLE),
+            *(fix for fix in self if fix.end_of_step and (fix.varies or fix.style not in _IDLE)),
             *_swaps(command, step),
         ]
-        self.late = [
-            fix for fix in ending if not fix.style.startswith((*READERS, *_TELLING, "dt/reset"))
-        ]
-        between = [fix for fix in self if fix.between]
-        self.half_step = unknown or not all(f.style.startswith(_BLIND_BETWEEN) for f in between)
-        each = any(fix.final_integrate and not fix.style.startswith(_BLIND) for fix in self)
+        self.late = [fix for fix in ending if not fix.style.startswith(_UNCHANGING)]
+        between = [fix for fix in self if fix.between or fix.style == _OF_GROUP]
+        blind = [fix.style.startswith(_BLIND_BETWEEN) and not fix.varies for fix in between]
+        self.half_step = unknown or not all(blind)
+        each = any(fix.integrates and not fix.style.startswith(_BLIND) for fix in self)
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
         changes = [fix for fix in self if fix.box_change]
         self.change_box = unknown or bool(changes)
@@ -158,6 +163,11 @@ class OtherFixes(list[OtherFix]):
                 potential = fix.has_energy and not moves
                 return fix, f"fix_modify {fix.id} energy yes" if potential else "unfix it"
         return None
+
+
+def reading_pair_style(host: Host) -> bool:
+    """Whether a pair style in use may read the atoms' velocities."""
+    return host.ghost_velocity or any(map(host.pair_style, _READING_PAIRS))
 
 
 def pushing_pair_style(host: Host, newton: bool) -> str | None:
