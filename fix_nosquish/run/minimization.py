@@ -67,7 +67,7 @@ class Minimization:
         """The forces on the coordinates, (n, 6), from those on the bodies; collective."""
         bodies = self._bodies
         turning = bodies.turning_torque() * self.per_radius[:, self._here()]
-        return self._of_all(np.concatenate([bodies.force, turning]) * bodies.sharers.owned).T
+        return self._of_all(np.concatenate([bodies.acting[:3], turning]) * bodies.sharers.owned).T
 
     def move(self, direction: np.ndarray) -> None:
         """Move this rank's bodies by a direction (n, 6) from where the line search began.
