@@ -547,3 +547,27 @@ run 60
     pair = "a pair\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n1 1\n2 1\n"
     run = run_lammps(script, files={"pair.mol": pair}, ranks=ranks, check=change == "none")
     assert ("bodies keep their masses in a run" in run.screen) is (change == "diameter")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    "fix, said",
+    [
+        ("set 6 0 group all x v_x", r"atom \d+ is 0.1 away from where its .* fix s \(style set\)"),
+        ("set 6 0 group all type v_t", "bodies keep their masses"),
+        ("atom/swap 6 40 4 2.0 types 1 2 ke no", "bodies keep their masses"),
+        ("set 30 0 group all type v_t", "bodies keep their masses"),
+        ("set 6 0 group all vx v_x", ""),
+    ],
+)
+def test_atoms_that_a_fix_sets(run_lammps, fix, said, ranks):
+    """Locks out atoms that a fix moves in a run and that are put back without a word, and bodies
+    that keep their masses while atoms get those of other types, also where two atoms exchange
+    theirs or the run is over: temperatures and energies would be those of other masses."""
+    system = mixture("solid planar pair row")
+    script = (
+        f"{system.setup}\nvariable x atom x+0.1\nvariable t atom 4-type\n"
+        f"timestep {system.dt}\nfix 1 all nosquish/nve molecule\nfix s all {fix}\nrun 30"
+    )
+    done = run_lammps(script, files=system.files, ranks=ranks, check=not said)
+    assert bool(said) == ("ERROR" in done.screen) and re.search(said, done.screen)

@@ -188,7 +188,9 @@ def _begin_minimization(integrator: "Integrator") -> None:
 
 def start_run(integrator: "Integrator") -> None:
     """Begin to move, now that the first forces are known; collective."""
-    integrator.unchanged.refuse_new_masses(integrator)
+    if integrator.unchanged.masses_may_change:
+        integrator.unchanged.refuse_new_masses(integrator)
+    integrator.unchanged.note_masses(integrator)
     refuse_constraints(integrator)
     refusals.refuse_weight_twice(integrator)
     integrator.do("gather")

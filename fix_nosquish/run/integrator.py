@@ -358,7 +358,8 @@ class Integrator(Registered, Declaration):
         self.host.noted()
         if self.switches:
             bodies.cells["mask"].set(cast(np.ndarray, self.mask))
-        self.unchanged.refuse_new_masses(self)
+        if self.unchanged.masses_may_change:
+            self.unchanged.refuse_new_masses(self)
         if self.rigid_flag:
             body = np.full(len(self.lammps.groups), -1, np.int32)
             body[bodies.index] = bodies.body
@@ -405,6 +406,8 @@ class Integrator(Registered, Declaration):
         """Have the atoms as the bodies are, now that the run is over."""
         self.stepped |= self.steps_made
         self.unchanged.refuse_new_masses(self)
+        if self.host.follows:
+            self.bodies.refuse_moved_atoms(self.lammps)
         self.come_to_rest()
         if not self.host.facts & SEEN:
             self.set_velocities()

@@ -56,7 +56,7 @@ _MOVING = {
 _STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy", "reaxff/"
 # fixes that change velocities at the end of a step, and surely no places; those that run the user's
 # code, and one whose own words can name another group of atoms to be moved
-_VELOCITIES = "momentum", "temp/", "heat", "ehex", "thermal/", "viscosity"
+_VELOCITIES = "momentum", "langevin", "temp/", "heat", "ehex", "thermal/", "viscosity"
 _USERS = "python/", "external"
 _SHIFTING = "recenter"
 # fixes without an energy that change nothing of the bodies
@@ -138,7 +138,7 @@ class OtherFixes(list[OtherFix]):
 
     def suspects(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""
-        late = {fix.id for fix in self.late if not fix.style.startswith(_VELOCITIES)}
+        late = {fix.id for fix in self.late if may_move(fix)}
         return [
             fix
             for fix in self
@@ -178,6 +178,11 @@ def pushing_pair_style(host: Host, newton: bool) -> str | None:
     """
     styles = _NOT_CONSERVING if newton else (*_NOT_CONSERVING, *_NOT_WITHOUT_NEWTON)
     return next(filter(host.pair_style, styles), None)
+
+
+def may_move(fix: OtherFix | Swaps) -> bool:
+    """Whether a fix that acts at the end of a step may move atoms there."""
+    return not fix.style.startswith((*_VELOCITIES, "temper"))
 
 
 def _is_harmless(fix: OtherFix) -> bool:

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from .integrator import Integrator
 
 _ROUNDING = 1e-9  # of a total mass
+PHI = 0.5 * (5**0.5 - 1)  # multiples of it are spread over [0, 1)
+# fixes that change types of atoms, and so perhaps their masses
+_OF_TYPES = "set", "atom/swap", "atom_swap", "bond/react", "sgcmc", "mol/swap"
 
 
 def refuse_missing_template(integrator: "Integrator") -> None:
@@ -119,9 +122,14 @@ def refuse_turnover(integrator: "Integrator") -> None:
 class Unchanged:
     """What of box and masses must stay as it is when bodies are made.
 
+    Masses, and the places of atoms, are compared at the end of each run, whatever fixes there are,
+    so nothing changes them unseen.  An earlier look needs a fix that may change them: masses are
+    compared where atoms are followed after LAMMPS has re-neighboured, too, and places where a step
+    begins behind a fix that has acted at the end of the last one (`velocities.take_late`).
+
     Attributes:
         box_may_change: whether another fix may change the box without bodies that move with it.
-        masses_may_change: whether another fix may change masses of atoms.
+        masses_may_change: whether another fix is one of those that change masses or types of atoms.
     """
 
     box_may_change = masses_may_change = False
@@ -129,13 +137,18 @@ class Unchanged:
     def begin_run(self, integrator: "Integrator") -> None:
         """A run begins: find out what may change in it."""
         fixes, lammps = integrator.other_fixes, integrator.lammps
-        adapts = any(fix.style.startswith("adapt") for fix in fixes)
         self.box_may_change = fixes.change_box and integrator.told_box is None
-        self.masses_may_change = adapts and lammps.setting("rmass_flag") > 0
+        adapts = ("adapt",) if lammps.setting("rmass_flag") > 0 else ()
+        self.masses_may_change = any(fix.style.startswith(_OF_TYPES + adapts) for fix in fixes)
 
     def note(self, integrator: "Integrator") -> None:
         """The bodies are those that there are now."""
-        self._mass, self._box = _mass_of_atoms(integrator), integrator.lammps.box
+        self._box = integrator.lammps.box
+        self.note_masses(integrator)
+
+    def note_masses(self, integrator: "Integrator") -> None:
+        """Atoms have their masses of now, whatever they were before the run; collective."""
+        self._mass = _mass_of_atoms(integrator)
 
     def refuse_new_box(self, integrator: "Integrator", held: bool | np.ndarray) -> None:
         """End the run if one of the box vectors that are held, (3,) bool, has changed."""
@@ -154,22 +167,23 @@ class Unchanged:
 
     def refuse_new_masses(self, integrator: "Integrator") -> None:
         """End the run if the bodies' atoms have other masses than at its begin; collective."""
-        if not self.masses_may_change:
-            return
         now, step = _mass_of_atoms(integrator), integrator.lammps.step
-        if abs(now - self._mass) > _ROUNDING * self._mass:
+        if (abs(now - self._mass) > _ROUNDING * self._mass).any():
             raise RunError(
-                f"the atoms of the bodies have a mass of {now:.9g} in all by step {step}, and had "
-                f"one of {self._mass:.9g} when the run began: bodies keep their masses in a run. "
-                "Change masses between runs (fix adapt does so in one)",
+                f"atoms of the bodies have other masses by step {step} than when the run began "
+                f"({now[0]:.9g} in all, and {self._mass[0]:.9g}): bodies keep their masses in a "
+                "run. Change masses and types of atoms between runs (fix adapt, fix set and fix "
+                "atom/swap do so in one)",
                 everywhere=True,
             )
 
 
-def _mass_of_atoms(integrator: "Integrator") -> float:
-    """Of all bodies' atoms; collective."""
-    mass = integrator.lammps.masses[integrator.bodies.index].sum()
-    return integrator.communicator.total(np.array([mass]))[0]
+def _mass_of_atoms(integrator: "Integrator") -> np.ndarray:
+    """Of all bodies' atoms, and with a weight of each, so that no two change places, (2,);
+    collective."""
+    bodies = integrator.bodies
+    mass = integrator.lammps.masses[bodies.index]
+    return integrator.communicator.total(np.array([mass.sum(), mass @ (1 + bodies.tag * PHI % 1)]))
 
 
 def bad_forces(integrator: "Integrator", step: int) -> RunError:

@@ -9,7 +9,7 @@ from ..box import deform
 from ..errors import refuse
 from ..motion import step
 from . import log, making
-from .other_fixes import TEMPER
+from .other_fixes import TEMPER, may_move
 from .schedule import Phase
 
 if TYPE_CHECKING:
@@ -63,6 +63,8 @@ def take_late(integrator: "Integrator", at: int) -> None:
     """If a fix has changed the atoms' velocities at the end of this step, have the bodies move with
     them; collective."""
     due = [fix for fix in integrator.other_fixes.late if at % fix.nevery == 0]
+    if integrator.host.follows and any(map(may_move, due)):
+        integrator.bodies.refuse_moved_atoms(integrator.lammps)
     added = _change(integrator) if due else None
     if added is None:
         return
