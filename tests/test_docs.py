@@ -181,7 +181,7 @@ def source():
         ("fix.md", "### What is refused", 10),
         ("fix-nvt.md", "## Restrictions", 8),
         ("fix-npt.md", "## Restrictions", 4),
-        ("fix-nph.md", "## Restrictions", 1),
+        ("fix-nph.md", "## Restrictions", 0),
         ("fix-hmc.md", "## Restrictions", 8),
         ("fix-fire.md", "## Restrictions", 3),
     ],
