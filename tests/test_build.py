@@ -328,7 +328,8 @@ def test_another_version_of_lammps(tmp_path, run_ice):
         check=True,
     )  # fmt: skip
     plugin.rename(plugin.with_name("for_2024_8_29_3_0"))
-    start = ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-sf", "nosquish", "-in"]
+    path = f"PYTHONPATH={tmp_path}", "LAMMPS_PLUGIN_PATH="  # and no plugin of this process
+    start = ["env", *path, str(BIN / "lmp"), "-sf", "nosquish", "-in"]
     run, _ = run_ice("rigid/nve molecule", start, check=True)
     assert "compiled for lammps 2024.8.29.3.0, and lammps" in run.screen
     assert "with '-sf nosquish' uses its own" in run.screen and "replaces" not in run.log
