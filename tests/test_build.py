@@ -160,27 +160,25 @@ def test_install_prefix(tmp_path, run_ice):
 
 
 @pytest.mark.parametrize(
-    "header, before, more",
+    "header, before",
     [
-        ("lammps.h", "class KokkosLMP", "double another[4];"),
-        ("update.h", "bigint eflag_global", "double another[4];"),
-        ("domain.h", "double h[6]", "double another[4];"),
-        ("force.h", "Pair *pair;", "double another[4];"),
-        ("comm.h", "double cutghost[3]", "double another[4];"),
-        ("neighbor.h", "int style;", "double another[4];"),
-        ("atom.h", "int q_flag", "double another[4];"),
-        ("modify.h", "int nfix, maxfix", "double another[4];"),
-        ("compute.h", "int tempflag", "double another[4];"),
-        ("universe.h", "int me, nprocs;", "double another[4];"),
-        ("output.h", "int thermo_every;", "double another[4];"),
-        ("timer.h", "double _timeout;", "double another[4];"),
-        ("fix.h", "double virial[6]", "double another[4];"),
-        ("fix.h", "virtual void setup_pre_force(int)", "virtual void another() {}"),
+        ("lammps.h", "class KokkosLMP"),
+        ("update.h", "bigint eflag_global"),
+        ("domain.h", "double h[6]"),
+        ("force.h", "Pair *pair;"),
+        ("comm.h", "double cutghost[3]"),
+        ("neighbor.h", "int style;"),
+        ("atom.h", "int q_flag"),
+        ("modify.h", "int nfix, maxfix"),
+        ("compute.h", "int tempflag"),
+        ("universe.h", "int me, nprocs;"),
+        ("output.h", "int thermo_every;"),
+        ("timer.h", "double _timeout;"),
     ],
 )
-def test_another_build_of_the_same_version(tmp_path, run_ice, header, before, more):
-    """Locks out memory that the plugin overwrites, or methods that are taken for others, where
-    LAMMPS was built anew with other members in its classes: its version is the same."""
+def test_another_build_of_the_same_version(tmp_path, run_ice, header, before):
+    """Locks out memory that the plugin overwrites where LAMMPS was built anew with other members in
+    its classes: its version is the same."""
     folder = tmp_path / "patched/include/lammps"
     folder.mkdir(parents=True)
     for there in (PREFIX / "include/lammps").iterdir():
@@ -188,7 +186,7 @@ def test_another_build_of_the_same_version(tmp_path, run_ice, header, before, mo
     text = (folder / header).read_text()
     assert text.count(before) == 1
     (folder / header).unlink()
-    (folder / header).write_text(text.replace(before, f"{more} {before}"))
+    (folder / header).write_text(text.replace(before, f"double another[4]; {before}"))
     place = tmp_path / "build_here"
     place.mkdir()
     done = build(

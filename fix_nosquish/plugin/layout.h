@@ -2,9 +2,10 @@
    a patch, may have other members, and nothing in its version number tells. So what LAMMPS's library interface gives is compared
    with what this code finds by itself: addresses, which are safe to compare whatever they are, before anything behind them.
 
-   What cannot be compared, because the library interface tells nothing of it: the virials, tail corrections and flags in Pair, Bond,
-   Angle, Dihedral, Improper and KSpace, and where their methods are (used at constant pressure and by hybrid Monte Carlo); members
-   of Output behind the number of dumps; Group, Input and Error. Timer is compared where it is used: see halt.h. */
+   What cannot be compared, because the library interface tells nothing of it: members and methods of Fix; the virials, tail
+   corrections and flags in Pair, Bond, Angle, Dihedral, Improper and KSpace, and where their methods are (used at constant pressure
+   and by hybrid Monte Carlo); members of Output behind the number of dumps; Group, Input and Error. Timer is compared where it is
+   used: see halt.h. */
 
 #ifndef FIX_NOSQUISH_LAYOUT_H
 #define FIX_NOSQUISH_LAYOUT_H
@@ -27,9 +28,7 @@
 #include "update.h"
 
 #include <cstring>
-#include <dlfcn.h>
 #include <functional>
-#include <new>
 #include <string>
 #include <utility>
 #include <vector>
@@ -98,7 +97,6 @@ class Layout : private Pointers {
          }},
         {"Modify", [this] { return lists_of_modify(); }},
         {"Compute", [this] { return computes(); }},
-        {"Fix", [this] { return fix(); }},
         {"Universe", [this] { return is("universe_rank", universe->me) && is("universe_size", universe->nprocs); }},
         {"Output",
          [this] { return is("thermo_every", output->thermo_every) && lammps_id_count(lmp, "dump") == output->ndump; }},
@@ -141,45 +139,6 @@ class Layout : private Pointers {
       if ((pressure || energy) && (one->pressflag != pressure || one->peflag != energy)) return false;
     }
     return true;
-  }
-
-  // Fix is what this plugin's fix derives from: LAMMPS makes its part of the object, and calls its methods by their numbers.
-
-  struct Probe : Fix {
-    Probe(LAMMPS *lmp, char **words) : Fix(lmp, 3, words) {}
-    int setmask() override { return 0; }
-
-    static const int UNWRITTEN = 0x5a5a5a5a;
-    bool whole() const { return copymode != UNWRITTEN && dynamic != UNWRITTEN; }    // LAMMPS has written the last members
-
-    // An entry of LAMMPS's table that is here under another number tells of a method before it that is not in both.
-
-    bool same_methods() const
-    {
-      const auto symbol = static_cast<void **>(dlsym(RTLD_DEFAULT, "_ZTVN9LAMMPS_NS3FixE"));
-      const auto own = *reinterpret_cast<void *const *const *>(this);
-      const auto last = &Probe::memory_usage;    // as compilers have it: one more than its place in the table
-      std::uintptr_t offset = 0;
-      memcpy(&offset, &last, sizeof offset);
-      const size_t n = (offset - 1) / sizeof(void *) + 1;
-      for (size_t i = 0; symbol && i < n; i++)
-        for (size_t j = 0; j < n; j++)
-          if (own[j] == symbol[2 + i] && own[i] != symbol[2 + i]) return false;
-      return true;
-    }
-  };
-
-  bool fix() const
-  {
-    const size_t size = sizeof(Probe), room = size + 4096;
-    std::vector<char> place(room, Probe::UNWRITTEN & 0xff);
-    std::string id = "layout", group = "all", style = "python/move";
-    char *words[] = {&id[0], &group[0], &style[0]};
-    const auto probe = new (place.data()) Probe(lmp, words);
-    bool alike = probe->whole() && probe->same_methods();
-    for (size_t k = size; k < room; k++) alike &= place[k] == place[room - 1];
-    if (alike) probe->~Probe();    // else who knows what it frees
-    return alike;
   }
 };
 
