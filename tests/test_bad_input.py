@@ -151,12 +151,12 @@ CASES = {
     ),
     "variable in the quotes": Case(
         "all molecule mrot ${n}",
-        ("inside quotes, where '${n}' stands", "without quotes", "v_n"),
+        ("inside quotes: '${n}'", "without quotes", "v_n"),
         before="variable n equal 2",
     ),
     "variable before a point": Case(
         "all molecule infile ${f}.txt",
-        ("no variable's value inside quotes, where '${f}.txt' stands",),
+        ("variables inside quotes: '${f}.txt'",),
     ),
     "value not a number": Case("all molecule mrot two", ("'two'", "whole number of at least 1")),
     "value of zero": Case("all molecule mrot 0", ("'0'", "whole number of at least 1")),

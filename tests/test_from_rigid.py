@@ -141,7 +141,7 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
 @pytest.mark.parametrize(
     "before, words, after, says",
     [
-        (GRAVITY, "NVE all molecule gravity h", "", "'h', which is no fix gravity"),
+        (GRAVITY, "NVE all molecule gravity h", "", "'h' is not a fix gravity"),
         (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
         (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
     ],

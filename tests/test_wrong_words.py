@@ -159,7 +159,7 @@ BESIDE_TRAJECTORIES = [
         'fix 2 ("NVE rest molecule") moves bodies beside hybrid Monte Carlo',
     ),
     ("comm_modify vel yes", "needs forces that do not depend on velocities"),
-    ("run_style respa 2 2", "the integrator HMC takes one force a step"),
+    ("run_style respa 2 2", "the integrator HMC does not support run_style respa"),
 ]
 # of forces that hybrid Monte Carlo is given: variables, words, and which of them is refused
 OF_FORCES = [

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from ..ranks.sharing import Sharers
@@ -126,12 +126,11 @@ def find_members(
     atoms = np.flatnonzero(ids_of_atoms > OUT) if atoms is None else atoms
     ids_of_atoms = ids_of_atoms[atoms]
     tag, mass = lammps.tags[atoms].astype(np.int64), lammps.masses[atoms]
-    if not membership.command.mol and not communicator.count(len(atoms)):
-        raise RunError(
-            f"there is no atom to form a body of in group '{membership.command.group}': "
-            "fill the group before the fix, or give keyword mol if a fix inserts the bodies",
-            everywhere=True,
-        )
+    refuse(
+        not membership.command.mol and not communicator.count(len(atoms)),
+        f"there is no atom to form a body of in group '{membership.command.group}': "
+        "fill the group before the fix, or give keyword mol if a fix inserts the bodies",
+    )
     _refuse_odd_atoms(membership, atoms, tag, mass, lammps.unknown(shapes))
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     sharers = sharers_of(communicator, ids)

@@ -4,7 +4,7 @@ from typing import NamedTuple, cast
 
 import numpy as np
 
-from ..errors import RunError, refuse
+from ..errors import refuse
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
@@ -63,18 +63,16 @@ class Membership:
         self._of_atoms = (command.flexible,) if command.flexible else ()
         self._groups = tuple(dict.fromkeys((command.group, *self._of_bodies, *self._of_atoms)))
         for group in self._groups:
-            if not lammps.has("group", group):
-                raise RunError(
-                    f"there is no group '{group}': define it before the fix", everywhere=True
-                )
+            refuse(
+                not lammps.has("group", group),
+                f"there is no group '{group}': define it before the fix",
+            )
         custom = command.arguments[0] if command.style == "custom" else ""
         self.variable = custom[2:] if custom[:1] == "v" else ""
-        if self.variable and not lammps.has("variable", self.variable):
-            raise RunError(
-                f"there is no variable '{self.variable}' (custom {custom}): "
-                "define it before the fix",
-                everywhere=True,
-            )
+        refuse(
+            self.variable and not lammps.has("variable", self.variable),
+            f"there is no variable '{self.variable}' (custom {custom}): define it before the fix",
+        )
         self.find_groups()
 
     def find_groups(self) -> None:

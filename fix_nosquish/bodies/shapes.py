@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..motion.frames import matrices, product, quaternions
 from .bodies import OFF_BODY
 from .extended import DIPOLE, ORIENT, OWN_MOMENT
@@ -219,14 +219,13 @@ def _say(
     """
     part, distance, body = members.furthest(which, far / size, far, members.ids)
     name = members.membership.name(int(body))
-    if part > most:
-        raise RunError(
-            f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
-            f"the body's shape has it, {part:.2g} times its size. Keep the atoms' IDs and the "
-            "boundary, and change the box with 'remap'; or, if the new shape is meant, unfix this "
-            "fix and define it again",
-            everywhere=True,
-        )
+    refuse(
+        part > most,
+        f"{name} was torn apart between the runs: an atom is {distance:.3g} away from where "
+        f"the body's shape has it, {part:.2g} times its size. Keep the atoms' IDs and the "
+        "boundary, and change the box with 'remap'; or, if the new shape is meant, unfix this "
+        "fix and define it again",
+    )
     count = members.communicator.count(which.sum())
     return (
         f"Bodies that were deformed between the runs: {count}; "

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..ranks.lookup import gone
 from ..ranks.migration import IN_NO_BODY
 from ..ranks.sharing import places
@@ -34,12 +34,11 @@ def turn_over(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
         bodies.change(lammps, dropped)
         return [], np.empty(0, np.int64)
     new, notes, _ = build(recipe, atoms=came)
-    if new.spin > bodies.spin or new.oriented > bodies.oriented:
-        raise RunError(
-            f"by step {lammps.step} atoms of finite size or with a dipole came, but the bodies had "
-            "none when the run began: give the fix line keyword mol",
-            everywhere=True,
-        )
+    refuse(
+        new.spin > bodies.spin or new.oriented > bodies.oriented,
+        f"by step {lammps.step} atoms of finite size or with a dipole came, but the bodies had "
+        "none when the run began: give the fix line keyword mol",
+    )
     _refuse_joining(bodies.id[~dropped], new, membership)
     bodies.change(lammps, dropped, new)
     return notes.warnings, notes.given

@@ -197,10 +197,7 @@ class Lammps:
 
     def _global(self, name: str) -> int:
         address = self.lib.lammps_extract_global(self.handle, name.encode())
-        if not address:
-            raise RunError(
-                f"this LAMMPS does not give its {name}: it is too old for the fix", everywhere=True
-            )
+        refuse(not address, f"this LAMMPS does not give its {name}: it is too old for the fix")
         return address
 
     def _scalar(self, name: str, ctype: Any) -> Any:
@@ -460,10 +457,10 @@ class Lammps:
     def _named(self, word: str) -> str:
         """The name in v_NAME, of a variable that there is."""
         name = word[2:]
-        if not self.has("variable", name):
-            raise RunError(
-                f"there is no variable '{name}' ({word}): define it before the fix", everywhere=True
-            )
+        refuse(
+            not self.has("variable", name),
+            f"there is no variable '{name}' ({word}): define it before the fix",
+        )
         return name
 
     def _evaluate(self, name: str, group: str | None, style: int) -> int:

@@ -49,7 +49,7 @@ def _class_in(text: str, known: Collection[str], module: str) -> str:
     if variable:
         name = variable.split("{")[-1].split("}")[0].strip("$")
         raise RunError(
-            f"LAMMPS puts no variable's value inside quotes, where '{variable}' stands. Write the "
+            f"LAMMPS does not substitute variables inside quotes: '{variable}'. Write the "
             "line without quotes, as fix ID GROUP nosquish/nvt ..., or, for a number or a file "
             f"name, v_{name if name.isidentifier() else 'NAME'}",
             everywhere=True,

@@ -89,5 +89,5 @@ class Langevin(Thermostat):
 
     operation, work = Operation(thermalise, prepared=True), WORK
     on_piston = thermalise_piston
-    method, family = "Langevin's thermostat", "Langevin"
+    method = "Langevin's thermostat"
     keeps_momentum, takes_zero = False, True

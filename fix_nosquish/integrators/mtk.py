@@ -379,9 +379,7 @@ class Mtk(Barostat):
         return Piston.of(self.state)
 
     def own_words(self) -> list:
-        # what classes were called when restart files were given these words
-        thermostat, alone = self.ensemble.thermostat, self.ensemble.__class__.__name__
-        return [f"{thermostat.family}NPT" if thermostat else alone, *self.axes]
+        return ["mtk", *self.axes]
 
     def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
         seen, moved = self.loops_of_others(cells)

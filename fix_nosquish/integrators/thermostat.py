@@ -243,7 +243,6 @@ class Thermostat(Part):
         scheme, prepares: the step at constant volume, and the loop before O; they follow from
             these.
 
-        family: what its state was called in restart files before `kind`; see `mtk`.
         keeps_momentum: whether it leaves the total momentum at zero.
         reversible: whether a run with it can go back in time.
         takes_zero: whether it can keep a temperature of zero.
@@ -257,7 +256,6 @@ class Thermostat(Part):
     on_piston: ClassVar[Callable] = not_on_piston
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
-    family = "Rescaling"
     keeps_momentum, reversible, takes_zero = True, False, False
 
     def __init_subclass__(cls) -> None:

@@ -151,8 +151,9 @@ def _of_target(target: str, capsule: object) -> Any:
         raise RunError(text, everywhere=True) from None
     instance = factory(capsule)
     for method in REQUIRED:
-        if not callable(getattr(instance, method, None)):
-            raise RunError(f"{target!r} has no method {method}()", everywhere=True)
+        refuse(
+            not callable(getattr(instance, method, None)), f"{target!r} has no method {method}()"
+        )
     return instance
 
 

@@ -7,7 +7,7 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host import hosts
 from ..host.hosts import OtherFix
 from ..loops.compiled import array
@@ -181,8 +181,10 @@ class Host(hosts.Host):
         self._bridge.ask_for_energy(self._bridge.fix, step)
 
     def go_back(self) -> None:
-        if not self._bridge.go_back(self._bridge.fix):
-            raise RunError("LAMMPS has found an error where atoms go back to", everywhere=True)
+        refuse(
+            not self._bridge.go_back(self._bridge.fix),
+            "LAMMPS has found an error where atoms go back to",
+        )
 
     def carry(self, lammps: Any, bodies: Any) -> None:
         """The class asks for it with an attribute ``carries``: how many numbers go with an atom."""

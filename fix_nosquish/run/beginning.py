@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 
 from ..box import deform
-from ..errors import RunError, refuse
+from ..errors import refuse
 from ..loops import machine_code
 from . import cards, external, log, making, refusals, rotation, velocities
 from .minimization import Minimization
@@ -79,12 +79,11 @@ def _open_table(integrator: "Integrator") -> None:
     if not asked or integrator.file:
         return
     path = lammps.text(asked.file)
-    if any(mate.file and mate.file.path == path for mate in integrator.mates):
-        raise RunError(
-            f"two fixes write their table of bodies (keyword output) to {path}: "
-            "give each a file of its own",
-            everywhere=True,
-        )
+    refuse(
+        any(mate.file and mate.file.path == path for mate in integrator.mates),
+        f"two fixes write their table of bodies (keyword output) to {path}: "
+        "give each a file of its own",
+    )
     refuse(
         integrator.respa_dt and not integrator.host.calls_setup,
         "keyword output needs the plugin's fix python/move under run_style respa: "

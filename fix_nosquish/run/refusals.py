@@ -31,22 +31,19 @@ def refuse_missing_template(integrator: "Integrator") -> None:
 def refuse_time_step(integrator: "Integrator") -> None:
     """End the run if the integrator cannot take the time step that there is."""
     dt = integrator.lammps.dt
-    if (dt < 0 and not integrator.backwards) or (dt == 0 and integrator.box_every):
-        raise RunError(
-            f"the time step is {dt:g}, and the integrator {integrator.name} needs one above zero: "
-            "look at the command timestep",
-            everywhere=True,
-        )
+    refuse(
+        (dt < 0 and not integrator.backwards) or (dt == 0 and integrator.box_every),
+        f"the time step is {dt:g}, and the integrator {integrator.name} needs one above zero: "
+        "look at the command timestep",
+    )
 
 
 def refuse_levels(integrator: "Integrator") -> None:
     """End a run of run_style respa if the integrator takes one force a step."""
-    if integrator.lammps.respa_dt and not integrator.respa:
-        raise RunError(
-            f"the integrator {integrator.name} takes one force a step, "
-            "not those of levels: use run_style verlet",
-            everywhere=True,
-        )
+    refuse(
+        integrator.lammps.respa_dt and not integrator.respa,
+        f"the integrator {integrator.name} does not support run_style respa: use run_style verlet",
+    )
 
 
 def weight(integrator: "Integrator") -> np.ndarray | None:
@@ -58,21 +55,20 @@ def weight(integrator: "Integrator") -> np.ndarray | None:
     name = integrator.command.gravity
     if not name:
         return None
-    found = integrator.host.gravity(name)
+    cannot, instead = "keyword gravity cannot be used with", f"Remove 'disable' from fix {name}"
     problem = (
-        f"{integrator.method}, whose energy would lack the weight's: "
-        f"use fix {name} without its word disable, and fix_modify {name} energy yes"
+        f"{cannot} {integrator.method}, because energies would lack that of the weight. "
+        f"{instead}, and use fix_modify {name} energy yes"
         if integrator.needs_energy
-        else "with run_style respa: use fix gravity without its word disable"
+        else f"{cannot} run_style respa. {instead} instead"
         if integrator.lammps.respa_dt
-        else "with a LAMMPS's own fix python/move: use fix gravity without its word disable"
+        else f"{cannot} LAMMPS's own fix python/move. {instead} instead"
         if not integrator.host.follows
-        else f"for '{name}', which is no fix gravity"
-        if found is None
-        else None
+        else ""
     )
-    if problem:
-        raise integrator.command.wrong(f"keyword gravity does not serve {problem}")
+    found = None if problem else integrator.host.gravity(name)
+    if found is None:
+        raise integrator.command.wrong(problem or f"keyword gravity: '{name}' is not a fix gravity")
     return found
 
 
@@ -94,13 +90,12 @@ def refuse_streams(integrator: "Integrator") -> None:
     """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
     if not integrator.streams:
         return
-    if not integrator.crosses or integrator.needs_energy:
-        raise RunError(
-            "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-            f"{integrator.name} does not do so. Use fix nosquish/nve, and "
-            "fix langevin with fix_modify temp for a temperature",
-            everywhere=True,
-        )
+    refuse(
+        not integrator.crosses or integrator.needs_energy,
+        "fix deform has remap v, with which bodies get another velocity at periodic faces: "
+        f"{integrator.name} does not do so. Use fix nosquish/nve, and "
+        "fix langevin with fix_modify temp for a temperature",
+    )
     atoms, streams = integrator.membership.atoms(), integrator.host.stream_group & 0xFFFFFFFF
     refuse(
         integrator.communicator.any((integrator.lammps.groups[atoms] & streams == 0).any()),
@@ -110,13 +105,12 @@ def refuse_streams(integrator: "Integrator") -> None:
 
 def refuse_turnover(integrator: "Integrator") -> None:
     """End the run, in which bodies came or are gone, if the integrator does not do so."""
-    if integrator.start or integrator.box_every or integrator.needs_energy:
-        raise RunError(
-            f"bodies came or are gone by step {integrator.lammps.step}, which the integrator "
-            f"{integrator.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
-            "or insert and delete between runs, with reinit yes",
-            everywhere=True,
-        )
+    refuse(
+        integrator.start or integrator.box_every or integrator.needs_energy,
+        f"bodies came or are gone by step {integrator.lammps.step}, which the integrator "
+        f"{integrator.name} does not do in a run: use fix nosquish/nve or fix nosquish/nvt, "
+        "or insert and delete between runs, with reinit yes",
+    )
 
 
 class Unchanged:

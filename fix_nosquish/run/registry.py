@@ -4,7 +4,7 @@ import weakref
 from itertools import count
 from typing import TYPE_CHECKING, Any, cast
 
-from ..errors import RunError
+from ..errors import RunError, refuse
 from ..host.hosts import Host
 from ..host.lammps import Lammps, pointer
 
@@ -35,12 +35,11 @@ def of_fix(lmp: Any, fix_id: str) -> "Integrator":
         # LAMMPS's own fix tells no ID
         if one.host.fix_id == fix_id or (one.host.fix_id is None and len(found) == 1):
             return one
-    if found and found[0].host.fix_id is None:
-        raise RunError(
-            "a LAMMPS's own fix python/move does not tell which of several fixes has the ID "
-            f"{fix_id}: use the keyword output of each",
-            everywhere=True,
-        )
+    refuse(
+        found and found[0].host.fix_id is None,
+        "a LAMMPS's own fix python/move does not tell which of several fixes has the ID "
+        f"{fix_id}: use the keyword output of each",
+    )
     raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bodies.bodies import Bodies
 from ..bodies.membership import FLEXIBLE
-from ..errors import RunError
+from ..errors import refuse
 from ..host.command import Command
 from ..ranks.communicator import Alone
 
@@ -37,15 +37,13 @@ def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choic
     ids = np.sort(communicator.gather_to_all(bodies.id[bodies.listed])) if asked else np.empty(0)
     for name, rows, switch in asked:
         first, last = switch.first or 1, switch.last or len(ids)
-        if (switch.first or switch.last) and not 1 <= first <= last <= len(ids):
-            raise RunError(
-                f"keyword {name}: bodies {first} to {last} were asked for, and there are "
-                f"bodies 1 to {len(ids)}",
-                everywhere=True,
-            )
+        refuse(
+            (switch.first or switch.last) and not 1 <= first <= last <= len(ids),
+            f"keyword {name}: bodies {first} to {last} were asked for, and there are "
+            f"bodies 1 to {len(ids)}",
+        )
         off, flat = ("x and y are", switch.on[:2]) if rows is _TORQUE else ("z is", switch.on[2:])
-        if bodies.planar and any(flat):
-            raise RunError(f"keyword {name}: {off} off in two dimensions: say off", everywhere=True)
+        refuse(bodies.planar and any(flat), f"keyword {name}: {off} off in two dimensions: say off")
         lowest = ids[first - 1] if switch.first else -2 * FLEXIBLE
         highest = ids[last - 1] if switch.last else FLEXIBLE - 1
         found.append(Choice(lowest, highest, rows, switch.on))

@@ -72,7 +72,7 @@ def take_late(integrator: "Integrator", at: int) -> None:
         deform.speed_up.bind_to(integrator.passes.cells, sign=-1.0)()
     energies = take(integrator)
     before, now = integrator.lammps.mvv2e * integrator.communicator.total(energies)
-    if log.projected(before - now, before):
+    if log.projected(before - now, before) and any(fix.counts_heat for fix in due):
         _refuse_drawn(integrator, due, added, before - now)
     integrator.set_velocities()
     integrator.known.clear()
