@@ -13,7 +13,7 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import RunError, refuse
+from ..errors import refuse
 from ..host.command import is_number
 from ..loops.compiled import F1, F2, Cell
 
@@ -44,8 +44,9 @@ _STYLES = "equal", "vector", "index", "loop", "world", "universe", "uloop", "str
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
 
-def _wrong(problem: str) -> RunError:
-    return RunError(f"fix_modify external: {problem}", everywhere=True)
+def _refuse(problem: object, why: str) -> None:
+    """As `refuse`, for what fix_modify external says."""
+    refuse(problem, f"fix_modify external: {why}")
 
 
 class Said(NamedTuple):
@@ -152,8 +153,7 @@ def modify_external(integrator: "Integrator", text: str) -> None:
         RunError: naming the word, and what is expected; the words of before stay.
     """
     external = integrator.external
-    if integrator.lammps.running:
-        raise _wrong("a run is under way: give it between runs")
+    _refuse(integrator.lammps.running, "a run is under way: give it between runs")
     said = _read(text.split())
     if said is _NOTHING_SAID:
         external.given = _NOTHING_GIVEN
@@ -216,31 +216,37 @@ def _read(words: list[str]) -> Said:
     left, parts = [*words], set()
     while left:
         part = left.pop(0)
-        if part in parts:
-            raise _wrong(f"{part} is given twice")
+        _refuse(part in parts, f"{part} is given twice")
         parts.add(part)
         if part == "virial":
             yes_or_no = left.pop(0) if left else "nothing"
-            if yes_or_no not in ("yes", "no"):
-                raise _wrong(f"'{yes_or_no}' was given where virial expects yes or no")
+            _refuse(
+                yes_or_no not in ("yes", "no"),
+                f"'{yes_or_no}' was given where virial expects yes or no",
+            )
         elif part in _PARTS:
             for column in _PARTS[part]:
                 word = left.pop(0) if left else "nothing"
                 if is_number(word):
                     numbers[column] = float(word)
-                elif _STANDS_FOR_NUMBERS.fullmatch(word):
-                    named[column] = word
                 else:
-                    raise _wrong(f"'{word}' was given behind {part}, where {_EXPECTED}")
-        elif part not in ("python", "none"):
-            raise _wrong(
+                    _refuse(
+                        not _STANDS_FOR_NUMBERS.fullmatch(word),
+                        f"'{word}' was given behind {part}, where {_EXPECTED}",
+                    )
+                    named[column] = word
+        else:
+            _refuse(
+                part not in ("python", "none"),
                 f"'{part}' was given where force FX FY FZ, torque TX TY TZ, energy E, virial "
-                "yes or no, python, or none is expected"
+                "yes or no, python, or none is expected",
             )
     if parts == {"none"}:
         return _NOTHING_SAID
-    if "none" in parts or not parts & {"force", "torque", "python"}:
-        raise _wrong("expected at least one of force, torque and python, or none alone")
+    _refuse(
+        "none" in parts or not parts & {"force", "torque", "python"},
+        "expected at least one of force, torque and python, or none alone",
+    )
     return Said(numbers, named, "python" in parts, yes_or_no == "yes", "energy" in parts)
 
 
@@ -311,13 +317,14 @@ def push(integrator: "Integrator") -> None:
     wrenches[:], energy = said.numbers[:ENERGY], said.numbers[ENERGY]
     wrenches[np.searchsorted(ids, given.ids)] += given.wrenches
     for (column, word), value in zip(said.words.items(), host.values(), strict=True):
-        if value.ndim and len(value) != len(ids):
-            raise _wrong(
-                f"{word} has {len(value)} values, and there are {len(ids)} bodies: give it a "
-                "value for each body, in the order of f_ID[i][j]"
-            )
-        if not np.isfinite(value).all():
-            raise _wrong(f"{word} is not finite in step {integrator.lammps.step}")
+        _refuse(
+            value.ndim and value.size != len(ids),
+            f"{word} has {value.size} values, and there are {len(ids)} bodies: give it a value for "
+            "each body, in the order of f_ID[i][j]",
+        )
+        _refuse(
+            not np.isfinite(value).all(), f"{word} is not finite in step {integrator.lammps.step}"
+        )
         if column == ENERGY:
             energy = value.sum()
         else:

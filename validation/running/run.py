@@ -168,8 +168,8 @@ def job(
 def without_suffix(line: str) -> str:
     """A command with which LAMMPS's fixes and computes stay its own: of the command suffix without
     nosquish; other suffixes stay."""
-    word, *names = line.split()
-    if word != "suffix" or SUFFIX not in names:
+    names = line.split()[1:]
+    if not line.startswith("suffix ") or SUFFIX not in names:
         return line
     kept = [name for name in names if name not in ("hybrid", SUFFIX)]
     return f"suffix {kept[0] if kept else 'none'}"  # not off: the script may switch it on again
