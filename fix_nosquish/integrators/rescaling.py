@@ -156,7 +156,7 @@ class Rescaling(Thermostat):
         return {"degrees": self._degrees(), "separate": self.command.separate}
 
     def warnings(self) -> Iterator[str]:
-        """Also a line on motions that are at rest as a run begins, and would wait for ever in a
+        """Also a line on motions that are at rest as a run begins, and would wait forever in a
         gas; collective."""
         yield from super().warnings()
         parameters = self.ensemble.parameters

@@ -237,7 +237,8 @@ class Thermostat(Part):
         work: how many more rows of a block they need to work with.
         acts: what comes before O once a step, an inlined function (mpi, parameters, state, dt,
             gained).  `state` is the thermostat's own, and `gained` what twice the kinetic energy
-            has become more since O's `measures`.  It returns 0, or less to end the run.
+            has become more since O's `measures`.  It returns 0, or less to end the run
+            with `complaint`.
         on_piston: what it does to a piston, an inlined function (mpi, parameters, cell, state, dt);
             see `mtk.PistonBox`.
         scheme, prepares: the step at constant volume, and the loop before O; they follow from
