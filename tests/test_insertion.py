@@ -268,6 +268,18 @@ def test_between_runs(compared):
         assert_same([*ours, *theirs])
 
 
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_new_atom_ids_between_runs(compared, ranks):
+    """Locks out a run that ends in error because bodies of the last one have atoms with new IDs."""
+    deleted = "run 30\ngroup out molecule 2 5\ndelete_atoms group out\n{}run 40"
+    theirs, ours = (
+        compared(fix, first=MOLECULES.format(9), run=deleted.format(reset), ranks=ranks)[0][0]
+        for fix, reset in ((THEIRS, ""), (f'{OURS[:-1]} reinit no"', "reset_atoms id\n"))
+    )
+    for name in "Temp", "PotEng", "TotEng":
+        np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9)
+
+
 # as LAMMPS's example rigid/in.rigid.gravity has it
 OWN = MOLECULE.replace(
     "3 atoms\n", "3 atoms\n2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0.1 -0.05 0.2 inertia\n"

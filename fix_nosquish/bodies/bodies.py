@@ -197,6 +197,10 @@ class Bodies:
     def tag(self) -> np.ndarray:
         return self.displace[3].astype(np.int64)
 
+    def take_tags(self, lammps: Lammps) -> None:
+        """Know the atoms by the IDs that they have now."""
+        self.displace[3] = lammps.tags[self.index]
+
     @property
     def listed(self) -> np.ndarray:
         """Which bodies are counted here and are no flexible atoms, (n,)."""

@@ -189,6 +189,8 @@ def start_run(integrator: "Integrator") -> None:
     """Begin to move, now that the first forces are known; collective."""
     if integrator.unchanged.masses_may_change:
         integrator.unchanged.refuse_new_masses(integrator)
+    if integrator.goes_on:
+        integrator.bodies.take_tags(integrator.lammps)
     integrator.unchanged.note_masses(integrator)
     refuse_constraints(integrator)
     refusals.refuse_weight_twice(integrator)
