@@ -80,7 +80,10 @@ inline int number_of(LAMMPS_NS::Variable &variable)
 
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {
-  for (auto &one : Variables::of(variable)) one.vec.currentstep = -1;
+  for (auto &one : Variables::of(variable)) {
+    one.vec.currentstep = -1;
+    if (!one.vec.values) one.vec.nmax = 0;    // 4 Jul 2026 keeps that of a deleted variable, whose place the next one takes
+  }
 }
 #endif
 
