@@ -315,6 +315,16 @@ def test_a_run_that_is_halted(run_lammps):
     assert "WARNING: the run has ended in step 15, within a trajectory" in done.log
 
 
+def test_minimize_is_no_trajectory(run_lammps):
+    """Locks out a minimization that is refused unless its steps are a multiple of a trajectory's,
+    and one that is said to have ended within a trajectory."""
+    system = mixture(side=2)
+    words = fix("temp 2 steps 10 seed 5")
+    done = run_lammps(f"{system.setup}\n{words}minimize 0 0 5 100\nrun 15\n", files=system.files)
+    assert done.thermo["Step"][-1] == 20
+    assert "within a trajectory" not in done.log
+
+
 @pytest.mark.parametrize(
     ("more", "says"),
     [

@@ -134,7 +134,7 @@ class HMC(NVE):
         if not 0 < mix <= 1:
             raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
         self._plan(lammps.step)
-        if lammps.running and self.host.last_step > lammps.step:
+        if lammps.running and not self.host.dmax and self.host.last_step > lammps.step:
             self._refuse_part()
         kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
@@ -267,7 +267,7 @@ class HMC(NVE):
 
     def end_run(self) -> None:
         """As of `Integrator`; a run that something else has ended may end within a trajectory."""
-        if self.lammps.step >= self.host.begins:
+        if self.steps_made and self.lammps.step >= self.host.begins:
             self.host.log(
                 f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
                 "steps were not tested, and count as if they were accepted\n"
