@@ -126,15 +126,15 @@ CASES = {
     "conductivity": Case(
         CO2,
         "fix h all thermal/conductivity 50 z 20\n",
-        "use two fixes heat or ehex, with a region for each",
+        "use two fixes heat, with a region for each",
         "fix h all heat 20 5e-2 region hot\nfix c all heat 20 -5e-2 region cold\n",
         heat_is_carried,
     ),
-    "conductivity, ehex": Case(
+    "ehex": Case(
         CO2,
-        "fix h all thermal/conductivity 50 z 20\n",
-        "use two fixes heat or ehex, with a region for each",
         "fix h all ehex 20 5e-2 region hot\nfix c all ehex 20 -5e-2 region cold\n",
+        "use fix heat, which changes velocities only",
+        "fix h all heat 20 5e-2 region hot\nfix c all heat 20 -5e-2 region cold\n",
         heat_is_carried,
     ),
     "viscosity": Case(

@@ -189,9 +189,9 @@ def start_run(integrator: "Integrator") -> None:
     """Begin to move, now that the first forces are known; collective."""
     if integrator.unchanged.masses_may_change:
         integrator.unchanged.refuse_new_masses(integrator)
-    if integrator.goes_on:
+    if integrator.goes_on:  # with the IDs and masses that a script has given atoms between runs
         integrator.bodies.take_tags(integrator.lammps)
-    integrator.unchanged.note_masses(integrator)
+        integrator.unchanged.note_masses(integrator)
     refuse_constraints(integrator)
     refusals.refuse_weight_twice(integrator)
     integrator.do("gather")

@@ -405,8 +405,9 @@ class Integrator(Registered, Declaration):
     def end_run(self) -> None:
         """Have the atoms as the bodies are, now that the run is over."""
         self.stepped |= self.steps_made
-        self.unchanged.refuse_new_masses(self)
-        if self.host.follows:
+        if self.other_fixes or not self.host.follows:  # else nothing has touched the atoms
+            self.unchanged.refuse_new_masses(self)
+        if self.other_fixes:
             self.bodies.refuse_moved_atoms(self.lammps)
         self.come_to_rest()
         if not self.host.facts & SEEN:

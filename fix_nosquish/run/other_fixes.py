@@ -43,10 +43,11 @@ WITH_SWITCHES = (
 # fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
 # and what serves in the place of each
 _SWAPPING = {
-    "thermal/conductivity": "use two fixes heat or ehex, with a region for each",
+    "thermal/conductivity": "use two fixes heat, with a region for each",
     "viscosity": "use fix accelerate/cos, or fix deform with remap v and fix nosquish/nve",
 }
 _MOVING = {
+    "ehex": "use fix heat, which changes velocities only",
     "recenter": "use fix momentum with linear 1 1 1, which keeps them from drifting away, or take "
     "the centre of mass off what you write",
     "wall/": "use a wall with a force, such as fix wall/harmonic",
@@ -54,9 +55,11 @@ _MOVING = {
 }
 # those of which it is known that they leave the atoms where they are; any other may not
 _STAYING = "bond/", "ti/spring", "lb/fluid", "alchemy", "reaxff/"
+# those that move atoms at the end of a step, by a correction of third order
+_LATE_MOVING = "ehex"
 # fixes that change velocities at the end of a step, and surely no places; those that run the user's
 # code, and one whose own words can name another group of atoms to be moved
-_VELOCITIES = "momentum", "langevin", "temp/", "heat", "ehex", "thermal/", "viscosity"
+_VELOCITIES = "momentum", "langevin", "temp/", "heat", "thermal/", "viscosity"
 _USERS = "python/", "external"
 _SHIFTING = "recenter"
 # fixes without an energy that change nothing of the bodies
@@ -106,7 +109,7 @@ class OtherFixes(list[OtherFix]):
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
         deform: whether all that change it tell rigid fixes, as fix deform does.
-        movers: those that may move atoms besides their integrator, before the forces of a step.
+        movers: those that may move atoms besides their integrator.
     """
 
     def __init__(
@@ -133,7 +136,8 @@ class OtherFixes(list[OtherFix]):
         self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
         changes = [fix for fix in self if fix.box_change]
         self.change_box = unknown or bool(changes)
-        self.movers = [fix for fix in self if fix.moves and not _stays(fix)]
+        moving = [fix for fix in self if fix.moves or fix.style.startswith(_LATE_MOVING)]
+        self.movers = [fix for fix in moving if not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
 
     def suspects(self) -> list[OtherFix]:

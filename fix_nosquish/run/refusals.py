@@ -116,8 +116,8 @@ def refuse_turnover(integrator: "Integrator") -> None:
 class Unchanged:
     """What of box and masses must stay as it is when bodies are made.
 
-    Masses, and the places of atoms, are compared at the end of each run, whatever fixes there are,
-    so nothing changes them unseen.  An earlier look needs a fix that may change them: masses are
+    Masses, and the places of atoms, are compared at the end of each run that has other fixes, so
+    none of these changes them unseen.  An earlier look needs a fix that may change them: masses are
     compared where atoms are followed after LAMMPS has re-neighboured, too, and places where a step
     begins behind a fix that has acted at the end of the last one (`velocities.take_late`).
 
