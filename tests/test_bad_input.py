@@ -221,7 +221,8 @@ CASES = {
     ),
     "new molecule with the ID of a body": Case(
         expected=("came into the body of molecule 27", "given another ID", "unfix this fix"),
-        after="run 2\nset atom 79*81 mol 1\ncreate_atoms 0 single 0.5 0.5 0.5 mol bent 77",
+        after="run 2\nset atom 79 mol 1\ncreate_atoms 0 single 0.5 0.5 0.5 mol bent 77\n"
+        "set atom 82*84 mol 27",
     ),
     "group without atoms": Case(
         "none molecule", ("no atom", "group 'none'", "fill the group"), before="group none empty"

@@ -280,6 +280,18 @@ def test_new_atom_ids_between_runs(compared, ranks):
         np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9)
 
 
+@pytest.mark.parametrize("ranks", [1, 2, 4])
+@pytest.mark.parametrize("fix", ["fix 1 mols rigid/nve/small/nosquish molecule mol bent", OURS])
+def test_molecule_ids_that_were_reset(compared, fix, ranks):
+    """Locks out an end of the run where a new molecule gets the ID that a body was defined with,
+    whose atoms have another one since: it is a body of its own, as with LAMMPS's fix."""
+    run = "run 30\ngroup out molecule 2 5\ndelete_atoms group out\nreset_atoms mol all\nrun 70"
+    first = MOLECULES.format(9)
+    left = compared(fix, THEIRS, changes=DEPOSIT, first=first, run=run, ranks=ranks)
+    assert left[0][0]["Atoms"][-1] > left[0][0]["Atoms"].min()
+    assert_same(left)
+
+
 # as LAMMPS's example rigid/in.rigid.gravity has it
 OWN = MOLECULE.replace(
     "3 atoms\n", "3 atoms\n2.1 mass\n0.2 0.1 -0.15 com\n0.9 1.1 1.3 0.1 -0.05 0.2 inertia\n"

@@ -155,6 +155,7 @@ class Membership:
                 by_rule = self._by_rule(self._values())
             ids[came] = by_rule[came]
             self._refuse(came, ids[came])
+            self._number_anew(ids, came)
         return np.where(ids == FLEXIBLE, FLEXIBLE + self.lammps.tags.astype(np.int64), ids)
 
     def _refuse(self, came: np.ndarray, ids: np.ndarray) -> None:
@@ -166,10 +167,7 @@ class Membership:
         groups, tags = self.lammps.groups[came], self.lammps.tags[came]
         rigid, flexible = (some[came] for some in self._rigid_and_flexible())
         inside = np.array([groups & bit != 0 for bit in self._bits])
-        names, kept, now = np.array(self._of_bodies), self.kept, self._by_rule(self._standing())
-        renamed = kept[(kept != now) & (kept > OUT) & (now > _UNKNOWN)]
-        renamed = self.communicator.gather_to_all(np.unique(renamed))
-        refuse_atoms, name = self.communicator.refuse, self.name
+        names, refuse_atoms, name = np.array(self._of_bodies), self.communicator.refuse, self.name
         refuse_atoms(
             rigid & flexible,
             lambda k: (
@@ -188,14 +186,34 @@ class Membership:
             rigid & ((ids < _LEAST_ID) | (ids >= FLEXIBLE)),
             lambda k: f"{name(ids[k])} has too large an ID: less than 2^52 is possible",
         )
-        refuse_atoms(
-            rigid & np.isin(ids, renamed),
+
+    def _number_anew(self, ids: np.ndarray, came: np.ndarray) -> None:
+        """Give bodies that came another ID than the rule's, where a body has that ID whose atoms
+        were given others, as by reset_atoms mol; collective.
+
+        Args:
+            ids: (natoms,) as of `kept`; here they change.
+            came: (n,) indices of the atoms that came.
+        Raises:
+            RunError: on all ranks, if only some of that body's atoms were given another ID.
+        """
+        gathered, kept = self.communicator.gather_to_all, self.kept
+        now, known = self._by_rule(self._standing()), (kept > OUT) & (kept < FLEXIBLE)
+        renamed = gathered(np.unique(kept[known & (kept != now) & (now > _UNKNOWN)]))
+        clashes = np.isin(ids[came], renamed)
+        self.communicator.refuse(
+            clashes & np.isin(ids[came], gathered(np.unique(now[known]))),
             lambda k: (
-                f"atom {tags[k]} came into {name(ids[k])}, whose atoms were given another ID since "
-                "this fix was defined: give new bodies IDs that no body of this fix has (fix "
-                "bond/react: reset_mol_ids no), or unfix this fix and define it again"
+                f"atom {self.lammps.tags[came[k]]} came into {self.name(ids[came[k]])}, some of "
+                "whose atoms were given another ID since this fix was defined: give new bodies "
+                "IDs that no body of this fix has, or unfix this fix and define it again"
             ),
         )
+        taken = np.unique(gathered(ids[came[clashes]]))
+        bodies = (ids > OUT) & (ids < FLEXIBLE)
+        highest = gathered(ids[bodies].max(initial=0, keepdims=True)).max()
+        which = came[clashes]
+        ids[which] = highest + 1 + np.searchsorted(taken, ids[which])
 
     def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
         """Which of this rank's atoms are in bodies, and which are flexible, by the rule: (natoms,)
