@@ -12,6 +12,7 @@ import subprocess
 import sys
 import weakref
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -305,7 +306,7 @@ def test_a_failed_fix_goes_away(capfd):
 
     class Fix:
         def __init__(self):
-            self.host = OwnFix(None, ALONE)
+            self.host = OwnFix(MagicMock(), ALONE)
 
         def fail(self):
             try:
