@@ -153,11 +153,10 @@ def hold(layout, k, mask):
 
     The mask of these, 1.0 or 0.0, is (6, bodies), or (6, 1) for all alike, or (6, 0) if all do.
     """
-    if mask.size:
+    first, last = layout.blocks[k, 0], layout.blocks[k + 1, 0] - 1
+    for row in range(mask.shape[0] if mask.shape[1] else 0):  # a short loop: most runs skip it
         for b in range(LANES):
-            on = _acting(layout, k, b, mask)
-            for row in range(6):
-                layout.block[FORCE + row, b] *= on[row]
+            layout.block[FORCE + row, b] *= mask[row, min(min(first + b, last), mask.shape[1] - 1)]
 
 
 @inlined
