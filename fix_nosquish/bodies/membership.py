@@ -201,6 +201,8 @@ class Membership:
         now, known = self._by_rule(self._standing()), (kept > OUT) & (kept < FLEXIBLE)
         renamed = gathered(np.unique(kept[known & (kept != now) & (now > _UNKNOWN)]))
         clashes = np.isin(ids[came], renamed)
+        if not self.communicator.any(clashes.any()):
+            return  # so insertion in a run gathers the IDs of no others
         self.communicator.refuse(
             clashes & np.isin(ids[came], gathered(np.unique(now[known]))),
             lambda k: (
