@@ -317,14 +317,15 @@ def push(integrator: "Integrator") -> None:
     wrenches[:], energy = said.numbers[:ENERGY], said.numbers[ENERGY]
     wrenches[np.searchsorted(ids, given.ids)] += given.wrenches
     for (column, word), value in zip(said.words.items(), host.values(), strict=True):
-        _refuse(
-            value.ndim and value.size != len(ids),
-            f"{word} has {value.size} values, and there are {len(ids)} bodies: give it a value for "
-            "each body, in the order of f_ID[i][j]",
-        )
-        _refuse(
-            not np.isfinite(value).all(), f"{word} is not finite in step {integrator.lammps.step}"
-        )
+        # in each step: so texts are made only where one is wanted
+        if value.ndim and value.size != len(ids):
+            _refuse(
+                True,
+                f"{word} has {value.size} values, and there are {len(ids)} bodies: give it a value "
+                "for each body, in the order of f_ID[i][j]",
+            )
+        if not np.isfinite(value).all():
+            _refuse(True, f"{word} is not finite in step {integrator.lammps.step}")
         if column == ENERGY:
             energy = value.sum()
         else:
