@@ -159,6 +159,32 @@ def test_install_prefix(tmp_path, run_ice):
         np.testing.assert_allclose(ours.thermo[name], rigid.thermo[name], rtol=1e-9, err_msg=name)
 
 
+def patched(tmp_path, header, pattern, instead, version):
+    """What starts a LAMMPS with a plugin that was compiled with another text in one of its headers.
+
+    Args:
+        pattern: a regular expression, which the header has once.
+        version: as which LAMMPS it was compiled.
+    """
+    folder = tmp_path / "patched/include/lammps"
+    folder.mkdir(parents=True)
+    for there in (PREFIX / "include/lammps").iterdir():
+        (folder / there.name).symlink_to(there)
+    text, count = re.subn(pattern, lambda _: instead, (folder / header).read_text())
+    assert count == 1
+    (folder / header).unlink()
+    (folder / header).write_text(text)
+    place = tmp_path / "build_here"
+    place.mkdir()
+    done = build(
+        place, NOSQUISH_LAMMPS=str(tmp_path / "patched"), NOSQUISH_LAMMPS_VERSION=version,
+        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+    made = next((place / "made").rglob("python_moveplugin.so"))
+    return started_with(of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
+
+
 @pytest.mark.parametrize(
     "header, before",
     [
@@ -179,23 +205,7 @@ def test_install_prefix(tmp_path, run_ice):
 def test_another_build_of_the_same_version(tmp_path, run_ice, header, before):
     """Locks out memory that the plugin overwrites where LAMMPS was built anew with other members in
     its classes: its version is the same."""
-    folder = tmp_path / "patched/include/lammps"
-    folder.mkdir(parents=True)
-    for there in (PREFIX / "include/lammps").iterdir():
-        (folder / there.name).symlink_to(there)
-    text = (folder / header).read_text()
-    assert text.count(before) == 1
-    (folder / header).unlink()
-    (folder / header).write_text(text.replace(before, f"double another[4]; {before}"))
-    place = tmp_path / "build_here"
-    place.mkdir()
-    done = build(
-        place, NOSQUISH_LAMMPS=str(tmp_path / "patched"), NOSQUISH_LAMMPS_VERSION=VERSION,
-        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout
-    made = next((place / "made").rglob("python_moveplugin.so"))
-    start = started_with(of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
+    start = patched(tmp_path, header, re.escape(before), f"double another[4]; {before}", VERSION)
     ends = "nosquish/fire molecule force 1e9 torque 1e9"  # at once, by LAMMPS's timer
     fix = ends if header == "timer.h" else "nosquish/nve molecule"
     run, errors = run_ice(fix, start, ranks=1 + (header == "atom.h"))
@@ -209,24 +219,9 @@ def test_another_build_of_the_same_version(tmp_path, run_ice, header, before):
 def test_a_lammps_that_lacks_a_function(tmp_path, run_ice, compiled_for):
     """Locks out a plugin that the system does not load, and nothing but the name of a C++ function,
     in a LAMMPS of another version: between 22 Jul 2025 and 4 Jul 2026 this one has changed."""
-    folder = tmp_path / "patched/include/lammps"
-    folder.mkdir(parents=True)
-    for there in (PREFIX / "include/lammps").iterdir():
-        (folder / there.name).symlink_to(there)
-    text = re.sub(
-        r"style_match\(.*\)", "style_match(const char *, ...)", (folder / "atom.h").read_text()
+    start = patched(
+        tmp_path, "atom.h", r"style_match\(.*\)", "style_match(const char *, ...)", compiled_for
     )
-    (folder / "atom.h").unlink()
-    (folder / "atom.h").write_text(text)
-    place = tmp_path / "build_here"
-    place.mkdir()
-    done = build(
-        place, NOSQUISH_LAMMPS=str(tmp_path / "patched"), NOSQUISH_LAMMPS_VERSION=compiled_for,
-        NOSQUISH_MPI=str(mpi_folder()), CXXFLAGS="-O0",
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout
-    made = next((place / "made").rglob("python_moveplugin.so"))
-    start = started_with(of_shell() | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
     run, errors = run_ice("nosquish/nve molecule", start, ranks=2)
     assert run.code and len(errors) == 1 and "'nosquish/nve'" in errors[0], run.screen
     (said,) = (line for line in run.screen.splitlines() if line.startswith("fix_nosquish: "))
