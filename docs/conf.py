@@ -1,13 +1,12 @@
 """How Sphinx builds these pages: sphinx-build -W --keep-going -n docs docs/_build/html"""
 
-import re
 import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "_ext"))
+sys.path.append(str(HERE.parent))  # after site-packages
 
-import committed  # noqa: E402
 from lammps_lexer import LammpsLexer  # noqa: E402
 
 import fix_nosquish  # noqa: E402
@@ -46,14 +45,6 @@ copybutton_prompt_text = r"\$ "
 copybutton_prompt_is_regexp = True
 
 
-def fill(app, docname, source):
-    """Fill pages that show results with what is committed; numbers like 1e-9 stay in one line."""
-    if "{{" in source[0]:
-        text = committed.render(source[0])
-        exponents = r"`[^`]*`|(?<=\de)-(?=\d)"  # not those in code
-        source[0] = re.sub(exponents, lambda one: "\u2011" if one[0] == "-" else one[0], text)
-
-
 def report(app, failure):
     """Write the page of all results beside the pages that are built."""
     if failure is None and app.builder.format == "html":
@@ -63,5 +54,4 @@ def report(app, failure):
 
 def setup(app):
     app.add_lexer("lammps", LammpsLexer)
-    app.connect("source-read", fill)
     app.connect("build-finished", report)

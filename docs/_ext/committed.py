@@ -1,8 +1,7 @@
-"""The committed results as tables and numbers of the documentation: no page has one typed in.
+"""The committed results as tables and sentences of the pages and the README: none is typed in.
 
-A page with such tables is a Jinja template; `render` fills it. Each function in TABLES is a
-Markdown table of that name. The README's table lies between two marks, and
-`python docs/_ext/committed.py` writes it anew.
+A page has such text between two marks, of which the first names a function of `FILLS` and its
+arguments.  `python docs/_ext/committed.py` writes all of them anew after results have changed.
 """
 
 import csv
@@ -10,13 +9,12 @@ import functools
 import json
 import math
 import re
+import shlex
 import statistics
 import sys
 from collections import Counter, defaultdict
 from dataclasses import replace
 from pathlib import Path
-
-import jinja2
 
 ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:
@@ -31,7 +29,8 @@ from validation.statistics.estimate import Estimate  # noqa: E402
 from validation.statistics.measures import difference  # noqa: E402
 
 RESULTS = ROOT / "validation" / "results"
-BEGIN, END = "<!-- table of the committed results: begin -->", "<!-- end -->"
+PAGES = ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))
+MARKS = re.compile(r"(<!-- results: (.*?) -->\n).*?(<!-- end of results -->)", re.DOTALL)
 OURS = "fix_nosquish.NVE"
 # schemes and steps of water whose error as a temperature the README has, as it names them
 WARM = {
@@ -267,17 +266,13 @@ def table(folder, title, *keys):
     return styled(pages.markdown(found, keys))
 
 
-def checks(folder, *titles, more=()):
-    """What is held against bounds, of the parts whose titles begin so; none: of all.
-
-    Args:
-        more: keys of further columns.
-    """
+def checks(folder, *titles):
+    """Numbers beside their bounds, of the parts whose titles begin with one of these; none: all."""
     found = said(folder)
     wanted = [title for title in found.parts.values() if title.startswith(titles or "")]
     parts = [one for one in found.all_tables if one.title in wanted]
     rows = [row for part in parts for row in part.rows]
-    keys = "subject", "what", "value", "bound", "verdict", *more
+    keys = "subject", "what", "value", "bound", "verdict"
     return styled(pages.markdown(replace(parts[0], rows=rows), keys))
 
 
@@ -458,10 +453,17 @@ def _made(found):
     )
 
 
-def scene(verb):
+def scene(folder):
     """What a verb ran, and how long; a sentence."""
-    found = summary(verb)
-    return f"The scene: {found['title']}, {found['settings']['time']:g} ps from each start."
+    found = summary(folder)
+    if "settings" in found:
+        return f"Scene: {found['title']}, {found['settings']['time']:g} ps from each start."
+    return f"Scene: {found['title']}, {found['starts']} starts."
+
+
+def answer(folder):
+    """The answer that a verb gives."""
+    return said(folder).answer
 
 
 def holding(verb, name="table"):
@@ -473,20 +475,7 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
-# ---- pages and the README
-
-
-def render(text):
-    """A page of which the braces are filled with what is committed."""
-    environment = jinja2.Environment(undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
-    names = {
-        function.__name__: function
-        for function in (
-            *(*TABLES, made, shake_made, scene, holding, checks, said, summary),
-            *(extreme_passed, significant, table),
-        )
-    }
-    return environment.from_string(text).render(**names)
+# ---- the README
 
 
 def _change(case, fix):
@@ -585,33 +574,32 @@ def _gain(ratio):
     return f"{value} ({low} to {high})"
 
 
-def readme(text):
-    """The README with its table as the committed results have it."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
-    return f"{before}{BEGIN}\n\n{readme_table()}\n\n{readme_sampling()}\n\n{END}{after}"
+# ---- pages
 
 
-TABLES = [
-    compare_water,
-    compare_peptide,
-    compare_dimer,
-    compare_times,
-    standing,
-    cases,
-    reported,
-    ensembles_density,
-    own_scripts,
-    factors,
-    step_zero,
-    beside_shake,
-    readme_table,
-]
+FILLS = {
+    function.__name__: function
+    for function in (
+        *(compare_water, compare_peptide, compare_dimer, compare_times, standing, cases, reported),
+        *(ensembles_density, own_scripts, factors, step_zero, beside_shake, shake_made, answer),
+        *(extreme_passed, made, scene, holding, checks, table, readme_table, readme_sampling),
+    )
+}
+
+
+def filled(text):
+    """A page with what the committed results say now between its marks."""
+
+    def fill(found):
+        name, *words = shlex.split(found[2])
+        return f"{found[1]}\n{FILLS[name](*words)}\n\n{found[3]}"
+
+    return MARKS.sub(fill, text)
 
 
 def main():
-    path = ROOT / "README.md"
-    path.write_text(readme(path.read_text()))
+    for path in PAGES:
+        path.write_text(filled(path.read_text()))
 
 
 if __name__ == "__main__":
