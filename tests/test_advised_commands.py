@@ -4,11 +4,14 @@ import html
 import json
 import re
 import shlex
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import needs_extra  # noqa: F401  the extra validation
 import pytest
+from conftest import BIN
 
 ROOT = Path(__file__).resolve().parent.parent
 if str(ROOT) not in sys.path:
@@ -26,10 +29,9 @@ def commands(text):
     """The commands in a text, page or JSON: each ends with its line, sentence, code or JSON string,
     or where the next one begins."""
     text = re.sub(r' --launch "[^"]*"', "", text)
-    found = re.findall(r"python -m validation ([^\n<`;\"\\]*)", text)
-    return sorted(
-        {re.sub(r"[.,:)]+$", "", one.split("python -m")[0].strip()) for one in found} - {"", "VERB"}
-    )
+    start = r"(?:^|[`\">/]|^ {4}|^(?:\$|#) |&& )nosquish "
+    found = re.findall(rf"(?m){start}(?!\S*/)([^\n<`;\"\\]*)", text)
+    return sorted({re.sub(r"[.,:)]+$", "", one.strip()) for one in found} - {"", "VERB"})
 
 
 def refused(words):
@@ -37,7 +39,7 @@ def refused(words):
     try:
         command.parser().parse_args(shlex.split(words))
     except SystemExit as end:
-        return None if end.code == 0 else f"refused: python -m validation {words}"
+        return None if end.code == 0 else f"refused: nosquish {words}"
     return None
 
 
@@ -117,3 +119,25 @@ def test_what_is_written_down():
             if why
         ]
         assert not wrong, f"{path.name}: {wrong}"
+
+
+def test_the_installed_command(tmp_path):
+    """Locks out pages whose command is not installed, or has another name."""
+    done = subprocess.run(
+        [BIN / "nosquish", "check", "none.in"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 1 and "none.in" in done.stderr
+
+
+def test_scenes_of_an_installed_harness(tmp_path):
+    """Locks out an installed harness that does not find the scenes of the checkout in which it is
+    started, or takes a user's folder for one."""
+    package = tmp_path / "fix_nosquish_validation"
+    package.mkdir()
+    shutil.copy(ROOT / "validation" / "__init__.py", package)
+    code = "import fix_nosquish_validation as it; print(it.INPUTS, it.RESULTS)"
+    code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {code}"
+    (tmp_path / "inputs").mkdir()
+    for folder, place in ((ROOT, ROOT), (ROOT / "docs", ROOT), (package, tmp_path)):
+        found = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
+        assert found.split() == [f"{place}/inputs", f"{place}/validation/results"]

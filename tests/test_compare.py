@@ -272,7 +272,7 @@ def summary_of(targets, *rows, **more):
     summary |= {"ns": "ns", "ranks": 1, "minutes": 5.0, "level": 0.95, "time": 100.0, "dt": 2.0}
     summary |= {"title": "a scene", "notes": [], "why": "nobody counts it", "unknown": {}}
     summary |= {"machine": {"cpu": "a processor", "cores": 2}, "versions": {"lammps": "2025"}}
-    return summary | {"command": "python -m validation compare water", "date": "2026"} | more
+    return summary | {"command": "nosquish compare water", "date": "2026"} | more
 
 
 def told(summary):

@@ -26,7 +26,7 @@ from validation.statistics.estimate import Estimate
 COMMITTED = ROOT / "validation" / "results"
 FOLDERS = sorted(path.parent for path in COMMITTED.rglob("summary.json"))
 WHERE = {
-    "command": "python -m validation cost water",
+    "command": "nosquish cost water",
     "date": "2026-01-01T00:00:00+00:00",
     "machine": {"cpu": "Abacus"},
     "versions": {"fix_nosquish": "0.1.0", "package": "0123456789ab"},
@@ -114,7 +114,7 @@ def test_tables_of_committed_summaries(folder, tmp_path):
     """Locks out a committed number that does not follow from the committed summary any more: the
     same code has to make the same CSV files of it, byte for byte."""
     summary = json.loads((folder / "summary.json").read_text())
-    verb = summary["command"].split()[3]
+    verb = summary["command"].split()[1]
     module = pytest.importorskip(f"validation.{verb}.report")
     if not callable(getattr(module, "said", None)):
         pytest.skip(f"{verb} is not converted yet")
@@ -274,7 +274,7 @@ def test_own_results_before_committed_ones_and_broken_ones_told(tmp_path, monkey
         "committed/cost-start": "{}",
         "own/cost-start": whole.replace("AMD EPYC", "Abacus"),
         "own/cut": whole[:999],
-        "own/odd": whole.replace("validation cost", "validation butter"),
+        "own/odd": whole.replace("nosquish cost", "nosquish butter"),
     }.items():
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "summary.json").write_text(text)

@@ -147,7 +147,7 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
     monkeypatch.setattr("validation.running.store.code", lambda: "other")
     found, _, command = run_them(["two"])
-    assert found == {"two": 2} and command == "python -m validation stress two --short"
+    assert found == {"two": 2} and command == "nosquish stress two --short"
     assert len(done) == 9
 
 

@@ -1,6 +1,6 @@
 """Comparisons of fix_nosquish with LAMMPS's own rigid and constraint fixes.
 
-Run ``python -m validation --help``.  These rooms import no verb, and of each other only those that
+Run ``nosquish --help``.  These rooms import no verb, and of each other only those that
 stand before them:
 
     statistics    from series and atoms to numbers with errors, and numbers between bounds
@@ -29,14 +29,30 @@ A new verb is a folder whose ``command.py`` has ``add(verbs)``; it is found by t
 import sys
 from pathlib import Path
 
-CHECKOUT = Path(__file__).resolve().parent.parent
-INPUTS = CHECKOUT / "inputs"
-RESULTS = CHECKOUT / "validation" / "results"  # those that come with the checkout
 INSTALLED = "fix_nosquish_validation"  # what pip installs the folder as; LAMMPS imports that
 NAME = __name__
-COMMAND = f"python -m {NAME}"
+COMMAND = "nosquish"
+FOLDER = Path(__file__).resolve().parent
 
-if Path(__file__).resolve().parent.name != INSTALLED:
+
+def _checkout() -> Path:
+    """The checkout that has the built-in scenes and the committed results: pip installs neither.
+
+    An installed harness takes the one that the working folder is in.
+    """
+    if FOLDER.name != INSTALLED:
+        return FOLDER.parent
+    for folder in Path.cwd(), *Path.cwd().parents:
+        if (folder / "inputs" / "water").is_dir() and (folder / "validation").is_dir():
+            return folder
+    return FOLDER.parent
+
+
+CHECKOUT = _checkout()
+INPUTS = CHECKOUT / "inputs"
+RESULTS = CHECKOUT / "validation" / "results"
+
+if FOLDER.name != INSTALLED:
     # Python looks into the checkout last: what is measured is the fix_nosquish that is installed
     others = [place for place in sys.path if Path(place).resolve() != CHECKOUT]
     sys.path[:] = [*others, str(CHECKOUT)]

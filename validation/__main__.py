@@ -1,4 +1,4 @@
-"""Command line: ``python -m validation VERB ...``."""
+"""Command line: ``nosquish VERB ...``."""
 
 import argparse
 import signal
@@ -51,7 +51,11 @@ def parser() -> argparse.ArgumentParser:
     )
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
     for file in sorted(Path(__file__).parent.glob("*/command.py")):
-        module = import_module(f".{file.parent.name}.command", NAME)
+        try:
+            module = import_module(f".{file.parent.name}.command", NAME)
+        except ModuleNotFoundError as error:  # of a package of the extra, or of ours
+            advice = ": pip install 'fix_nosquish[validation]' installs what it needs"
+            raise SystemExit(f"{COMMAND}: {error}{advice}") from error
         if hasattr(module, "add"):
             module.add(verbs)
         else:

@@ -4,7 +4,7 @@
 
 Molecules are put on a lattice, turned at random, and come to equilibrium with rigid bodies.  The
 octahedra of `clusters` need no file: their script makes them.  That takes a few minutes.
-`python -m validation compare in.water` in the folder `water` then tries the script.
+`nosquish compare in.water` in the folder `water` then tries the script.
 
 Random numbers have fixed seeds.  Needs this package with the extra `validation`.
 """

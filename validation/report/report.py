@@ -47,7 +47,7 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
 
 def said_of(summary: Mapping) -> tuple[str, Said]:
     """The verb of a summary, and what it says of it."""
-    verb = summary["command"].split()[3]  # of python -m NAME VERB, by either name
+    verb = summary["command"].split()[1]  # of "nosquish VERB ..."
     return verb, import_module(f"{NAME}.{verb}.report").said(summary)
 
 

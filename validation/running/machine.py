@@ -11,7 +11,7 @@ from datetime import datetime, timezone
 from importlib import metadata
 from pathlib import Path
 
-from .. import INSTALLED, NAME
+from .. import COMMAND, INSTALLED
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from . import startup
@@ -21,7 +21,7 @@ def circumstances() -> dict:
     """What was asked for, when, where and with what, as plain data."""
     # of this package's files, whatever its version number says
     return {
-        "command": shlex.join(["python", "-m", NAME, *sys.argv[1:]]),
+        "command": shlex.join([COMMAND, *sys.argv[1:]]),
         "date": now(),
         "machine": describe(),
         "versions": versions() | {"package": package_hash()[:12]},
