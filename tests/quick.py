@@ -116,5 +116,5 @@ NAMES = {name.strip() for names in QUICK.values() for name in names.strip().spli
 
 def name(item):
     """The one of NAMES that a test has, its file's, its own or its case's, or nothing."""
-    file, _, case = item.nodeid.removeprefix("tests/").partition("::")
+    file, _, case = f"{item.path.name}::{item.nodeid.partition('::')[2]}".partition("::")
     return next(iter(NAMES & {file, f"{file}::{case.partition('[')[0]}", f"{file}::{case}"}), None)

@@ -5,15 +5,13 @@ import re
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import quick
-from conftest import BIN
+from support.running import BIN, ROOT
 
 from validation.running import startup
 
-ROOT = Path(__file__).resolve().parent.parent
 COMMANDS = {"module": [sys.executable, "-m", "pytest"], "script": [str(BIN / "pytest")]}
 
 WHERE = """
@@ -99,7 +97,7 @@ def test_quick_tests_are_there(request):
     there = {path.name for path in request.config.files_there}
     gone = {name for name in request.config.not_there if name.partition("::")[0] in there}
     gone |= {
-        name for name in quick.NAMES if not (ROOT / "tests" / name.partition("::")[0]).exists()
+        name for name in quick.NAMES if not any((ROOT / "tests").rglob(name.partition("::")[0]))
     }
     assert not gone
 

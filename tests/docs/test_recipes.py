@@ -1,0 +1,212 @@
+"""The recipes of the documentation: each input in a short form, and a law that its result obeys."""
+
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from support.running import ROOT, mpirun
+
+FOLDER = ROOT / "inputs" / "recipes"
+RECIPES = sorted(path.name for path in FOLDER.iterdir() if path.is_dir())
+# variables that make the runs short
+SHORT = {
+    "diffusion": {"parts": 1, "steps": 20},
+    "field": {"x": 2, "steps": 4000},
+    "framework": {"warm": 50, "steps": 200},
+    "grafted": {"warm": 200, "steps": 200},
+    "gas": {"warm": 3000, "steps": 6000},
+    "nematic": {"warm": 50, "steps": 100},
+    "peptide": {"warm": 10, "steps": 10},
+    "pour": {"number": 10, "steps": 20000},
+    "shear": {"warm": 500, "steps": 1500},
+    "solute": {"warm": 50, "steps": 50},
+}
+EXPECTED = {  # warnings
+    "framework": {
+        "Neighbor exclusions used with KSpace solver may give inconsistent Coulombic energies"
+    },
+    "peptide": {"Restart file used different # of processors: 1 vs. 2"},
+}
+DUMPED = ("solute", "framework", "grafted")
+DUMP = "\nwrite_dump all custom end id mol type xu yu zu modify sort id format float %.15g\n"
+
+
+def to_nearest(atoms, kind, heavy):
+    """Of each atom of a type the distance to the nearest one of another type in its molecule."""
+    found = []
+    for _, molecule, own, *place in atoms:
+        if own == kind:
+            others = atoms[(atoms[:, 1] == molecule) & (atoms[:, 2] == heavy), 3:]
+            found.append(np.linalg.norm(others - place, axis=1).min())
+    return np.array(found)
+
+
+def solute(runs, folder):
+    """Water is rigid, and shake keeps the X-H bonds, in a box that has changed: the energy
+    of atoms, thermostats and barostat is constant."""
+    rows = runs[-1].thermo
+    for half in np.split(rows, [np.flatnonzero(np.diff(rows["Step"]) == 0)[0] + 1]):
+        assert np.ptp(half["Econserve"][1:]) < 1.0  # shake shifts the first; friction: 14
+    assert rows["Density"][-1] > 1.001 * rows["Density"][0]
+    atoms = np.loadtxt(folder / "end", skiprows=9)
+    for kind, heavy, length, number in (4, 3, 1.09, 40), (6, 5, 0.945, 8), (2, 1, 0.9572, 870):
+        bonds = to_nearest(atoms, kind, heavy)
+        assert len(bonds) == number
+        np.testing.assert_allclose(bonds, length, rtol=1e-4)  # shake's own error
+
+
+def field(runs, folder):
+    """The mean cosine at x = 2 is coth x - 1/x."""
+    cosine = np.loadtxt(folder / "cosine_2.txt")[20:, 1]
+    assert cosine.mean() == pytest.approx(1 / np.tanh(2) - 1 / 2, abs=0.02)
+
+
+def diffusion(runs, folder):
+    """The momentum is zero and stays so, and a displacement begins ballistically: 3 kT/m t^2."""
+    step, msd = np.loadtxt(folder / "msd_1.txt").T
+    time = (step[1:] - step[0]) * 3.0  # fs
+    assert msd[0] == 0
+    speed = msd[1] / time[0] ** 2  # A^2/fs^2; in 30 fs collisions take a part
+    free = 3 * 8.314463e-7 * 298.0 / 18.0154
+    assert 0.4 * free < speed < free
+
+
+def peptide(runs, folder):
+    """The continued run begins with the energies and the box of the end of the first one; the
+    energy of atoms, thermostat and barostat is constant."""
+    end, begin = runs[0].thermo[-1], runs[1].thermo[0]
+    for column in ("PotEng", "Density", "c_size", "Econserve"):
+        assert begin[column] == pytest.approx(end[column], rel=1e-7)
+    rows = runs[1].thermo
+    assert np.ptp(rows["Econserve"]) < 0.1 * np.sqrt(9065 / 2) * 0.0019872 * 300 * 3
+    assert rows["f_1[3]"][-1] == pytest.approx(300, rel=0.1)
+
+
+def nematic(runs, folder):
+    """Axes are unit vectors, and the energy of atoms, thermostat and piston is constant."""
+    _, _, xx, yy, zz, *_ = np.loadtxt(folder / "order.txt").T
+    np.testing.assert_allclose(xx + yy + zz, 1.0, rtol=1e-6)
+    rows = runs[0].thermo[:6]  # before the pressure falls
+    assert np.ptp(rows["Econserve"]) < 0.02 < np.ptp(rows["f_1[4]"])
+
+
+def shear(runs, folder):
+    """The stress is against the flow, rods align with it, and friction takes all the heat."""
+    _, viscosity, along, temperature = np.loadtxt(folder / "stress.txt").T
+    assert 1.0 < viscosity.mean() < 5.0 and 0.34 < along.mean() < 0.6
+    assert temperature.mean() == pytest.approx(1.0, abs=0.05)
+
+
+def framework(runs, folder):
+    """The framework stands where it was, molecules stay rigid and in their cages."""
+    atoms = np.loadtxt(folder / "end", skiprows=9)
+    rows = (folder / "data.framework").read_text().split("Atoms # full\n\n")[1].splitlines()
+    start = np.array([row.split()[4:] for row in rows], float)
+    np.testing.assert_allclose(atoms[: len(start), 3:], start, atol=1e-9)
+    np.testing.assert_allclose(to_nearest(atoms[len(start) :], 4, 3), 1.16, rtol=1e-9)
+
+
+def gas(runs, folder):
+    """The number of molecules is that of an ideal gas and the second virial coefficient."""
+    number = np.loadtxt(folder / "number.txt")[:, 1]
+    assert number.mean() == pytest.approx(118.8, rel=0.08)
+
+
+def pour(runs, folder):
+    """Bodies that fall freely keep their energy, contacts take it, and all lie on the floor."""
+    rows = runs[0].thermo
+    energy = rows["KinEng"] + rows["PotEng"]
+    assert rows["Atoms"][1] == rows["Atoms"][-1] == 30
+    assert energy[1:].max() < (1 + 1e-4) * energy[1] and energy[-1] < 0.2 * energy[1]
+    np.testing.assert_allclose(energy[1:100], energy[1], rtol=1e-4)
+    assert (np.loadtxt(folder / "end.dump", skiprows=9)[:, 4] > 0.4).all()
+
+
+def grafted(runs, folder):
+    """Cores are rigid, chains hold together, and the energy is constant."""
+    rows = runs[0].thermo
+    assert np.ptp(rows["Econserve"]) < 0.01
+    x = np.loadtxt(folder / "end", skiprows=9)[:, 3:].reshape(8, 168, 3)
+    core = x[:, :72] - x[:, :72].mean(axis=1, keepdims=True)
+    np.testing.assert_allclose(np.linalg.norm(core, axis=2), 2.2, rtol=0.02)
+    chains = x[:, 72:].reshape(8, 12, 8, 3)
+    assert np.linalg.norm(np.diff(chains, axis=2), axis=3).max() < 1.3
+
+
+LAWS = {
+    law.__name__: law
+    for law in (
+        *(solute, field, diffusion, peptide, nematic, shear),
+        *(framework, gas, pour, grafted),
+    )
+}
+
+
+def test_every_recipe_has_a_law_and_a_page():
+    """Locks out a recipe that no test runs, no page shows or no picture has."""
+    assert {*LAWS, "swimmers"} == {*RECIPES}
+    pages = ROOT / "docs" / "recipes"
+    for name in RECIPES:
+        assert (pages / f"{name}.png").stat().st_size < 60_000
+        assert f"inputs/recipes/{name}/" in (pages / f"{name}.md").read_text()
+
+
+@pytest.mark.parametrize(("ranks", "steps"), [(1, 400), (2, 80)])
+def test_forces_from_python(tmp_path, ranks, steps):
+    """Locks out a coupling that gives a body the force of another one, on two ranks, too: the field
+    aligns the axes, and the mean velocity is what push and alignment make."""
+    shutil.copytree(FOLDER / "swimmers", tmp_path, dirs_exist_ok=True)
+    command = [*mpirun(ranks), sys.executable, "swimmers.py", str(steps)]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=150)
+    _, along, velocity = np.loadtxt(tmp_path / "drift.txt")[steps // 2 :].T
+    cosine = 1 / np.tanh(2) - 1 / 2
+    assert along.mean() == pytest.approx(cosine, abs=0.08)
+    if steps > 100:  # some damping times
+        assert velocity.mean() == pytest.approx(4 * cosine / 2, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "ranks"),
+    [
+        *((name, 1) for name in LAWS if name != "peptide"),
+        *((name, 2) for name in ("solute", "peptide")),
+    ],
+)
+def test_recipe(run_lammps, tmp_path, name, ranks):
+    """Locks out a recipe that does not run by the commands at its head, that warns, or whose result
+    breaks a law of physics."""
+    files = {path.name: path.read_text(errors="replace") for path in (FOLDER / name).glob("*.*")}
+    given = SHORT[name] | {"inputs": ROOT / "inputs"}
+    options = [str(word) for item in given.items() for word in ("-var", *item)]
+    inputs = re.findall(r"^# lmp -in (\S+)", files[f"in.{name}"], re.M)
+    for builder in re.findall(r"^# python (\S+)", files[f"in.{name}"], re.M):
+        subprocess.run([sys.executable, FOLDER / name / builder], cwd=tmp_path, check=True)
+    runs = []
+    for script in inputs:
+        last = script == inputs[-1]
+        dump = DUMP * (last and name in DUMPED)
+        text = re.sub(r"^(thermo +)\d+", r"\g<1>10", files[script], flags=re.M) + dump
+        on = ranks if last else 1
+        runs.append(run_lammps(text, files=files, options=options, ranks=on))
+    warned = {
+        line for run in runs for line in re.findall(r"^WARNING: (.*?)(?: \(src.*)?$", run.log, re.M)
+    }
+    assert warned == EXPECTED.get(name, set())
+    LAWS[name](runs, tmp_path)
+
+
+@pytest.mark.parametrize(("way", "dt"), [("rigid", 4.0), ("shake", 2.0)])
+def test_comparison_with_shake(run_lammps, way, dt):
+    """Locks out an integrator that `compare.py` cannot run, and averages of another quantity than
+    they say: just after its start this is still TIP3P water of the density that it had."""
+    given = {"inputs": ROOT / "inputs", "way": way, "dt": dt, "warm": 0.04, "time": 0.04}
+    options = [str(word) for item in given.items() for word in ("-var", *item)]
+    last = run_lammps((FOLDER / "peptide" / "in.compare").read_text(), options=options).thermo[-1]
+    assert last["Step"] * dt == pytest.approx(80.0)
+    assert last["Density"] == pytest.approx(1.0268, abs=0.01)
+    assert last["c_oo[28][2]"] == pytest.approx(2.75, abs=0.15)  # of 4.9 neighbours
+    assert last["c_oo[34][3]"] == pytest.approx(4.95, abs=0.15)
+    assert last["c_size"] == pytest.approx(8.8, abs=0.1)

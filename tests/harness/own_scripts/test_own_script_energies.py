@@ -1,0 +1,133 @@
+"""A user's script as a scene: shapes, units, energies that its forces keep, what is counted."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support import (
+    needs_extra,  # noqa: F401  the extra validation
+    scripts,
+)
+from support.harness import take
+
+from validation.own import shapes, shifted
+from validation.running import run
+from validation.sample import scenes as sample_scenes
+
+
+def test_fastest_motions(tmp_path):
+    """Locks out torques about other axes than those of the moments, and mean squares of vectors in
+    the place of their components': with forces that are known the frequencies are."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    body = own.found.body.copy()
+    body[body == body.max()] = 0
+    own = replace(own, found=replace(own.found, body=body))
+    groups, _ = shapes.bodies(own)
+    ((_, group, r, moments, axes),) = groups
+    force, torque = np.zeros_like(own.atoms["x"]), 3.0 * axes[:, None, :, 0]
+    force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
+    force[body == 0] = 2.0
+    own = replace(own, atoms=own.atoms | {"f": force})
+    found, unit = shapes.fastest(own, groups), shapes.thermal(own) * shapes.mvv2e(own)
+    assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
+    free = own.atoms["mass"][body == 0].min()
+    assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
+
+
+def test_units_are_lammpss():
+    """Locks out a temperature that is a thousand times too low in units electron."""
+    code = (
+        "import json, sys\nfrom mpi4py import MPI\nfrom lammps import lammps\n"
+        "lmp, found = lammps(cmdargs=['-log', 'none', '-screen', 'none']), {}\n"
+        "for name in sys.argv[1:]:\n"
+        "    lmp.command('clear')\n    lmp.command(f'units {name}')\n"
+        "    found[name] = lmp.extract_global('mvv2e')\nprint(json.dumps(found))"
+    )
+    names = "real", "metal", "electron", "lj", "si", "cgs", "micro", "nano"
+    words = [sys.executable, "-c", code, *names]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=True)
+    assert json.loads(done.stdout.splitlines()[-1]) == {
+        name: shapes.MVV2E.get(name, 1.0) for name in names
+    }
+
+
+def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
+    """Locks out a pressure that lacks kT over the volume where the momentum is kept at zero, and
+    shares its limit with one that does not."""
+    own = taken("spce")
+
+    def held(own):
+        return {name: scheme.held for name, scheme in sample_scenes.of_script(own).schemes.items()}
+
+    random = {"nosquish", "rigid/small+langevin"}
+    kept = held(own)
+    assert random < set(kept) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(kept)
+    assert kept == {name: 0 if name in random else 3 for name in kept}
+    assert set(held(replace(own, said=own.said | {"dimension": 2})).values()) == {0, 2}
+    loose = replace(own.found, body=np.append(own.found.body[1:], 0))
+    walled = own.said | {"periodic": [True, True, False]}
+    path = scripts.spce(tmp_path)
+    path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
+    pulled = take(path, tmp_path / "out")
+    for pushed in replace(own, found=loose), replace(own, said=walled), pulled:
+        assert set(held(pushed).values()) == {0}
+
+
+def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_path):
+    """Locks out a shift that changes forces; and an energy that jumps at cutoffs, which hides what
+    the integrator does to it."""
+    own, told = taken("clusters"), []
+    other = shifted.shifted(own, told.append)
+    assert told == [other.notes[-1]] and "'pair_modify shift yes tail no' is added" in told[0]
+    ours = next(one for one in own.integrators.values() if one.kind == "ours")
+    ends, spreads = [], []
+    for number, one in enumerate((own, other)):
+        how: dict = {"dt": 0.001, "every": 10, "keeps": "motion"}
+        result = run.run(run.job(one.scene, ours, tmp_path / str(number), [1000], **how))
+        assert not result.error
+        ends.append(result.positions.x[-1])
+        spreads.append(np.std(result.thermo["TotEng"]))
+    assert np.array_equal(*ends)
+    assert spreads[1] < 0.1 * spreads[0]
+
+
+STYLE, AXIS = "pair_style lj/cut 2.5", (("x", "1", "1", "1000"),)
+OTHER = "pair_style lj/cut/coul/cut 3.0"
+TAIL = STYLE, "pair_modify tail yes mix arithmetic", "pair_style lj/cut 3.0"
+MOVE = "fix m a python/move 'fix_nosquish.{} a molecule temp 1.0 steps 8 seed 4'"
+SHIFTS = [  # commands, other fixes, the pressure that is kept, and whether the energy is shifted
+    ([STYLE], [], (), True),
+    ([STYLE], [], AXIS, True),
+    ([], [], (), False),
+    (["pair_style none"], [], (), False),
+    (["pair_style zero 3.0"], [], (), False),
+    ([STYLE, "pair_modify mix sixthpower shift yes"], [], (), False),
+    ([STYLE, "pair_modify shift yes", OTHER], [], (), True),
+    # LAMMPS keeps what was said of a style that is set again
+    ([STYLE, "pair_modify shift yes", "pair_style lj/cut 3.0"], [], (), False),
+    (TAIL, [], (), True),
+    (TAIL, [], AXIS, False),
+    (TAIL, ["fix p b nph iso 1 1 1000"], (), False),
+    (["read_restart r", STYLE], [], (), True),
+    (["read_restart r", STYLE], [], AXIS, False),
+    ([STYLE], ["fix g gas gcmc 100 0 5 0 29494 1.0 -0.5 0.1 mol ice"], (), False),
+    ([STYLE], ["fix g gas press/berendsen iso 1 1 1000"], (), False),
+    ([STYLE], [MOVE.format("HMC")], (), False),
+    ([STYLE], [MOVE.format("NVT")], (), True),
+]
+
+
+@pytest.mark.parametrize(("commands", "fixes", "press", "shifts"), SHIFTS)
+def test_pair_energies_that_cannot_be_shifted(taken, commands, fixes, press, shifts):
+    """Locks out a shift that LAMMPS refuses, one that is there already, one that takes the tail
+    from a barostat's pressure, one that changes what fix gcmc accepts, and one of no use, where
+    nobody counts what a fix gives."""
+    own = taken("clusters")
+    said = {"commands": commands, "fixes": dict(enumerate(fixes))}
+    found = replace(own.found, state=replace(own.found.state, press=press))
+    made = shifted.shifted(replace(own, said=said, found=found), tell=lambda note: None)
+    added = made.scene.then[len(own.scene.then) :]
+    assert added == ("pair_modify shift yes tail no",) * shifts

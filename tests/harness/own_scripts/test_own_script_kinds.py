@@ -1,0 +1,194 @@
+"""User's scripts of five kinds: they begin as in LAMMPS, and each integrator moves them."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support import (
+    needs_extra,  # noqa: F401  the extra validation
+    scripts,
+)
+from support.harness import Silent, take
+
+from validation.check import measure as check
+from validation.compare import case as cases
+from validation.running import lammps_log, run
+
+KINDS = ("spce", "co2", "rings", "polymer", "clusters")
+BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
+ENSEMBLE = {"spce": "nvt", "co2": "npt", "rings": "nve", "polymer": "nvt", "clusters": "nve"}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.timeout(600)
+def test_a_script_is_found_and_begins_as_in_lammps(kind, ranks, tmp_path):
+    """Locks out a scene that is another system than the script's: the first step's energies are
+    those that LAMMPS has where it stops in the script, and the user's files are as they were."""
+    path = getattr(scripts, kind)(tmp_path)
+    before = {one: one.read_bytes() for one in tmp_path.rglob("*") if one.is_file()}
+    out = tmp_path / "out"
+    own = take(path, out, ranks)
+    assert own.bodies == BODIES[kind]
+    assert own.found.state.ensemble == ENSEMBLE[kind]
+    assert own.reference in own.integrators
+    how = {"dt": own.scene.dt, "every": 1, "ranks": ranks}
+    yours = own.integrators[own.reference]
+    result = run.run(run.job(own.scene, yours, out / "yours", [2], **how))
+    assert result.error is None
+    after = {one: one.read_bytes() for one in tmp_path.rglob("*")
+             if one.is_file() and out not in one.parents}  # fmt: skip
+    assert before == after
+    assert result.thermo["PotEng"][0] == pytest.approx(own.said["potential"], rel=1e-9)
+    assert result.positions.bodies.max() == own.bodies
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.timeout(900)
+def test_each_integrator_moves_each_kind(kind, tmp_path, monkeypatch):
+    """Locks out a line that LAMMPS or our fix does not take: all integrators do some steps, from
+    the same temperature.
+
+    New memory is full of large numbers, so nobody uses it before it is set (as the keyword
+    langevin of LAMMPS's rigid/small does, of 22 Jul 2025).
+    """
+    monkeypatch.setenv("MALLOC_PERTURB_", "170")
+    path = getattr(scripts, kind)(tmp_path)
+    own = take(path, tmp_path / "out")
+    rows, interrupted = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert not interrupted
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    kelvin = [row["temperature"] for row in rows]
+    assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
+    kinds = {one.kind for one in own.integrators.values()}
+    assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)
+
+
+GCMC = """units real
+atom_style full
+region b block 0 20 0 20 0 20
+create_box 2 b
+mass 1 12
+mass 2 16
+molecule g mol.co2
+pair_style lj/cut 6
+pair_coeff * * 0.1 3
+neigh_modify exclude molecule/intra all
+create_atoms 0 random 9 88 NULL mol g 99 overlap 2
+velocity all create 300 771
+fix int all rigid/nvt/small molecule mol g temp 300 300 50
+fix mc all gcmc 5 9 0 0 5431 300 -1 1 mol g pressure 900 rigid int group all tfac_insert 1.6667
+run 9
+"""
+CO2 = """CO2
+
+3 atoms
+
+Coords
+
+1 0 0 0
+2 1.16 0 0
+3 -1.16 0 0
+
+Types
+
+1 1
+2 2
+3 2
+"""
+
+
+def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path):
+    """Locks out rows that know no template, so that molecules which come are no bodies: a fix
+    replaced that of a grand canonical script without its keyword mol, as one that others lack."""
+    (tmp_path / "mol.co2").write_text(CO2)
+    path = tmp_path / "in.gas"
+    path.write_text(GCMC)
+    own = take(path, tmp_path / "out")
+    own = replace(
+        own, integrators={key: own.integrators[key] for key in ("nosquish", own.reference)}
+    )
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None, None]
+    for name in "nosquish", own.reference:
+        folder = tmp_path / "out" / "runs" / run.folder_name(name)
+        counted = lammps_log.timings((folder / "log.lammps").read_text())[-1].atoms
+        assert counted > 27, name  # molecules came
+    assert "mol g" in own.integrators["nosquish"].lines[-1]
+    assert not any("mol g" in note for note in own.notes if note.startswith("Keywords"))
+
+
+FORMS = {
+    "off and on": ("suffix nosquish\nsuffix off\nsuffix on", True),
+    "off": ("suffix nosquish\nsuffix off", False),
+    "hybrid, the other first": ("suffix hybrid omp nosquish", True),  # omp has no such fix
+}
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_script_with_the_suffix_has_the_rows_of_one_without(form, taken, tmp_path):
+    """Locks out rows named after LAMMPS's fixes that ours have run, with our pressures, as the
+    script's suffix has it; and a script's own fix that is told, and left out of the energies, as
+    LAMMPS's. Each row is that of the script without a suffix."""
+    words, acts = FORMS[form]
+    path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix bodies", f"{words}\nfix bodies")
+    path.write_text(f"package omp 1\n{text}")
+    own, found = take(path, tmp_path / "out"), {}
+    for one in own, taken("rings"):
+        kept = {name: each for name, each in one.integrators.items()
+                if name in ("yours", "nosquish", "rigid/nve", "rigid/nve/small")}  # fmt: skip
+        out = Path(one.scene.overlay).parents[1]
+        rows, _ = check._starts(replace(one, integrators=kept), out, 1, 300.0, Silent())
+        assert [row["error"] for row in rows] == [None] * len(rows)
+        found[one is own] = {row["label"]: row["pressure"] for row in rows}
+    with_it, without = found[True], found[False]
+    yours = with_it.pop("yours: nosquish/nve", None)
+    assert with_it == pytest.approx(without, rel=1e-6) and len(without) == 3
+    assert without["nosquish/nve"] != pytest.approx(without["rigid/nve"], rel=1e-2)
+    assert yours == (pytest.approx(without["nosquish/nve"], rel=1e-6) if acts else None)
+    told = " ".join(check._suffix(own, tmp_path / "out", 1, 300.0))
+    says = "{} fix bodies (rigid/nve/small) {}"
+    acted, did_not = ("The suffix nosquish replaces", "by"), ("", "is LAMMPS's own")
+    assert says.format(*acted if acts else did_not) in told
+    usual = {"yours" if acts else "nosquish", "rigid/nve/small"}  # ours and LAMMPS's
+    assert set(cases.of_script(own).usual) == usual
+
+
+TEMPERATURES = {
+    "of spheres": "compute t all temp/sphere\nthermo_modify temp t",
+    "beside other words": "compute t all temp/sphere\nthermo_modify temp t lost warn flush yes",
+    "of a part": "compute c all temp/com\ncompute_modify c extra/dof -300\n"
+    "compute t all temp/sphere bias c\n"
+    "compute p all pressure t\n"
+    "thermo_style custom step temp press\nthermo_modify temp t press p line one",
+    "with other degrees of freedom": "compute t all temp/sphere\ncompute_modify t extra/dof 9\n"
+    "compute_modify thermo_temp extra/dof 100\nthermo_modify temp t",
+    "by fix_modify": "compute t all temp/sphere\nthermo_modify temp t\n"
+    "fix wall all wall/lj93 zlo EDGE 1 1 2.5\nfix_modify wall virial yes",
+}
+
+
+@pytest.mark.parametrize("which", TEMPERATURES)
+def test_temperature_and_pressure_are_the_scripts(which, tmp_path):
+    """Locks out temperatures and pressures of other computes than the script's, by which bodies of
+    spheres cannot even begin: held against what LAMMPS prints for the script itself."""
+    periodic = "wall" not in TEMPERATURES[which]
+    lines = f"{TEMPERATURES[which]}\nthermo_modify norm no"
+    path = scripts.spheres(tmp_path, lines)
+    if not periodic:
+        path.write_text(path.read_text().replace("lattice", "boundary p p f\nlattice"))
+    command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "log"]
+    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    theirs = lammps_log.thermo((tmp_path / "log").read_text())
+    own = take(path, tmp_path / "out")
+    assert own.said["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5)
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
+    for row in rows:
+        assert row["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5), row["label"]
+    assert own.integrators[rows[0]["name"]].kind == "rigid"  # the script's own
+    assert rows[0]["pressure"] == pytest.approx(theirs["Press"][0], rel=1e-4)

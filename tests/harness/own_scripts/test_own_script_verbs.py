@@ -1,0 +1,132 @@
+"""The harness's verbs with a user's script."""
+
+import json
+import re
+
+import pytest
+from support import (
+    needs_extra,  # noqa: F401  the extra validation
+    scripts,
+)
+
+from validation import command_line
+from validation.__main__ import main
+from validation.running import run, store
+from validation.scenes.integrators import Integrator
+
+
+def test_an_integrator_that_is_none_is_refused(capsys):
+    """Locks out a word behind --only that is passed over in silence, a label of the table that is
+    none, and an answer with names that this script does not have."""
+    with pytest.raises(SystemExit, match="2"):
+        command_line.chosen_of({"a": 1, "b": 2}, ["x"])
+    assert "there is no integrator x: choose from a, b" in capsys.readouterr().err
+    assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
+    known = {one.name: one for one in (Integrator("a", "a 1e-4 + b", ()), Integrator("c", "c", ()))}
+    for word in "a", "a 1e-4 + b":
+        assert command_line.chosen_of(known, ["c", word]) == [*known.values()]
+        assert command_line.chosen_of(known, [word]) == [known["a"]]
+    with pytest.raises(SystemExit, match="2"):
+        command_line.chosen_of(known, ["rigid/nve"])
+    assert capsys.readouterr().err.endswith('choose from a ("a 1e-4 + b"), c\n')
+
+
+@pytest.mark.parametrize("verb", ["cost", "check"])
+def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
+    """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
+    with other options they would do the same runs in the same places."""
+    path = scripts.rings(tmp_path)
+    out = tmp_path / "out"
+    with store.alone(out), pytest.raises(SystemExit, match=r"another command measures in .*--out"):
+        main([verb, str(path), "--out", str(out)])
+    assert [one.name for one in out.iterdir()] == ["alone.lock"]
+    with store.alone(out):  # it is free again
+        pass
+
+
+@pytest.mark.timeout(600)
+def test_cost_of_a_script(tmp_path, capsys):
+    """Locks out a verb that ends with a script: it writes its numbers."""
+    path = str(scripts.polymer(tmp_path))
+    out = tmp_path / "cost"
+    words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02"]
+    words += ["--only", "nosquish/nvt langevin", "rigid/nvt/small"]
+    assert main(["cost", path, "--short", "--out", str(out), *words]) == 0
+    (point,) = json.loads((out / "summary.json").read_text())["points"]
+    assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "stress gradient", "compare water", "sample water", "cost water",
+        "claims theory", "claims",
+        "check my.in",
+    ],
+)  # fmt: skip
+def test_every_verb_that_starts_ranks_takes_a_launcher(monkeypatch, words):
+    """Locks out an option that is there and does nothing, as it did for scenes, and a verb
+    that runs on the machine where a cluster's users may run nothing."""
+    verb, *_ = words.split()
+    monkeypatch.setattr(run, "_launch", None)
+    monkeypatch.setattr(f"validation.{verb}.command.run", lambda _: 0)
+    assert main([*words.split(), "--launch", "env srun -n {ranks}"]) == 0
+    assert run.launcher(3) == ["env", "srun", "-n", "3"]
+    assert main(words.split()) == 0
+    assert run.launcher(3)[1:] == ["-np", "3"]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "stress gradient", "compare water", "sample water", "cost water",
+        "claims theory", "claims", "report",
+        "check my.in",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("place", ["file/below", "/proc/none"])
+def test_an_output_folder_that_cannot_be_made_is_told(tmp_path, monkeypatch, capsys, words, place):
+    """Locks out a traceback, and one that comes when all has been measured."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "my.in").write_text("")
+    place += "/page.html" * (words == "report")
+    with pytest.raises(SystemExit) as end:
+        main([*words.split(), "--out", place])
+    assert end.value.code == 2
+    (said,) = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(r"output folder \S+: .*: give another folder by --out", said), said
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [
+        ("srun", "{ranks} is missing"),
+        ("nolauncher -n {ranks}", "there is no program nolauncher"),
+        ("", "{ranks} is missing"),
+    ],
+)
+def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
+    """Locks out runs on another number of ranks than the table says, and a traceback."""
+    with pytest.raises(SystemExit) as end:
+        main(["compare", "water", "--launch", command])
+    assert end.value.code == 2 and said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("claims", "claims theory", "report"),
+        *("cost", "sample", "stress"),
+        *("compare water", "compare nothing", "cost start", "sample water"),
+        "stress needles",
+    ],
+)
+def test_without_a_checkout_each_verb_says_that_there_are_no_scenes(words, tmp_path, monkeypatch):
+    """Locks out a bare traceback about a file of site-packages, and a list of scenes to choose from
+    that is empty."""
+    monkeypatch.setattr(command_line, "INPUTS", tmp_path / "inputs")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="built-in scenes come with a checkout"):
+        main(words.split())
+    assert not [*tmp_path.iterdir()]

@@ -1,0 +1,376 @@
+"""The verb ``check``: whether a user's script is sound, and which parts of its molecules are rigid.
+
+What it prints for rigid parts is put into the script, which LAMMPS then runs.
+"""
+
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+from support import (
+    needs_extra,  # noqa: F401  the extra validation
+    scripts,
+)
+from support.harness import take, with_lines
+from support.running import ROOT
+
+from validation.__main__ import main
+from validation.check import measure as check
+from validation.check import parts
+from validation.own import shapes
+from validation.running import lammps_log, run, whole
+from validation.statistics import measures
+
+
+def forces_within(own, out):
+    """How many pairs within a body have forces, and the remark."""
+    found = check._forces_within(own, shapes.bodies(own)[0], out, 1, 300.0)
+    return found.value, check._told(found).note
+
+
+# ---- is the script sound
+
+MESH = (
+    "variable q atom 0.2*(id%2)-0.1\nset group all charge v_q\npair_style lj/cut/coul/long 8.0\n"
+    "pair_coeff * * 0.11 3.75\nkspace_style pppm 1e-3\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("words", "pairs"),
+    [
+        ("", 0),  # LAMMPS's own factors are 0
+        ("special_bonds lj/coul 0 0 1\n", 3),  # opposite atoms of a ring
+        ("special_bonds lj 0 1 1 coul 0 0 0\n", 9),
+        ("special_bonds lj/coul 1 1 1\ngroup exclude type 1\n", 15),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n", 0),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude molecule/intra all\n"
+         "neigh_modify exclude none\n", 15),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}", 0),
+        (f"special_bonds lj/coul 0 0 1\n{MESH}", 3),
+        (f"special_bonds lj/coul 0 0 0\n{MESH}neigh_modify exclude molecule/intra all\n", 0),
+        ("special_bonds lj/coul 1 1 1\ngroup some id 1:3\n"
+         "neigh_modify exclude molecule/intra some\n", 12),
+        ("special_bonds lj/coul 1 1 1\nneigh_modify exclude type 1 1\n", 0),
+    ],
+)  # fmt: skip
+def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
+    """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, exclusions that are
+    none (also beside a mesh, where LAMMPS lists them), and silence where forces are computed; of a
+    ring of six atoms, as combinatorics has it."""
+    path = scripts.rings(tmp_path)
+    path.write_text(path.read_text().replace("special_bonds lj/coul 0 0 0\n", words))
+    value, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
+    assert value == pairs
+    assert ("exclude molecule/intra all leaves them out" in note) == (pairs > 0)
+
+
+def test_check_finds_what_does_not_fit(tmp_path):
+    """Locks out a script whose atoms stand still, whose thermostats are not counted or whose step
+    is far too long, and that passes; and a note on what is wrong where nothing is."""
+    path = scripts.rings(tmp_path)
+    path.write_text(
+        path.read_text()
+        .replace("fix bodies all rigid/nve/small molecule", "group some molecule 1:60\n"
+                 "fix bodies some rigid/nve/small molecule")
+        .replace("timestep 4", "timestep 400")
+    )  # fmt: skip
+    own = take(path, tmp_path / "out")
+    groups, gap = shapes.bodies(own)
+    kinds = shapes.kinds(own, groups)
+    checks = [*check._bodies(own, gap, kinds), *check._script(own)]
+    checks += check._step(own, groups, kinds)
+    found = {(one.subject, one.what): one.holds for one in checks}
+    assert found["atoms", "that no fix moves"] is False
+    assert found["thermostats", "of the bodies"] is True
+    assert [holds for (_, what), holds in found.items() if what.startswith("rms angle")] == [False]
+    for one in map(check._told, checks):
+        assert bool(one.note) == (one.part == "step" or not one.holds), one
+
+
+@pytest.mark.parametrize(
+    ("words", "holds"), [("delay 0", True), ("delay 10", False), ("check no", None)]
+)
+def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
+    """Locks out silence where LAMMPS looks every tenth step, which was often enough for 2 fs, and a
+    word that lists are in time where LAMMPS does not look."""
+    path = scripts.spce(tmp_path, lines=f"neigh_modify {words}\ntimestep 6.0")
+    own = take(path, tmp_path / "out")
+    own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
+    assert rows[0]["error"] is None
+    assert check._lists(rows).holds is holds
+
+
+def test_check_says_what_its_table_cannot(tmp_path, capsys):
+    """Locks out an energy that LAMMPS counts wrongly and that stands beside ours as if ours were a
+    thousand times better; three different steps that are all called safe; and a page, or a screen,
+    without it."""
+    path, out = scripts.spce(tmp_path), tmp_path / "out"
+    assert main(["check", str(path), "--out", str(out)]) == 0
+    summary = whole.read(out / "summary.json")
+    shown = {one["label"]: "change" in one for one in summary["integrators"]}
+    assert not shown["rigid/nvt/small"] and shown["nosquish/nvt langevin"]
+    told = "LAMMPS's econserve is not what it keeps"
+    assert told in capsys.readouterr().out
+    assert told in (out / "report.html").read_text().replace("&#39;", "'")
+    steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]
+    assert len(steps) == 3 and all("by this number alone, " in note for note in steps)
+
+
+def test_a_start_whose_run_has_no_numbers_fails(taken):
+    """Locks out "ok" of an integrator whose energy is nan after some steps: LAMMPS goes on."""
+    own = taken("spce")
+    names = "Step", "Temp", "Press", "KinEng", "PotEng", "TotEng", "Econserve"
+    thermo = {name: np.ones(5) for name in names} | {"Step": 2.0 * np.arange(5)}
+    result = SimpleNamespace(error=None, thermo=thermo, timings=[SimpleNamespace(late=0)])
+    ours = own.integrators["nosquish"]
+    row = check._row(own, ours, result)
+    assert row["error"] is None and row["temperature"] == 1.0
+    thermo["TotEng"] = np.array([1.0, 1.0, np.nan, np.inf, np.nan])
+    thermo["Press"] = np.array([1.0, 1.0, 1.0, np.nan, np.nan])
+    row = check._row(own, ours, result)
+    assert row["error"] == "no number from step 4 on: TotEng" and "change" not in row
+
+
+# ---- which parts can be rigid
+
+
+def test_rigid_parts_are_found_by_their_chemistry():
+    """Locks out a part that is none, or one that is missed: toluene, methylammonium, cyclohexane
+    and water, held against what chemistry says of them."""
+    bonds, mass, x = [], [], []
+
+    def atom(element, place, to=None):
+        mass.append(parts.ELEMENTS[element])
+        x.append(place)
+        if to:
+            bonds.append((1, to, len(x)))
+        return len(x)
+
+    def ring_of(places):
+        ring = [atom("C", place) for place in places]
+        bonds.extend((1, a, b) for a, b in zip(ring, ring[1:] + ring[:1]))
+        return ring
+
+    corners = 1.39 * np.array([[np.cos(a), np.sin(a), 0] for a in np.arange(6) * np.pi / 3])
+    ring = ring_of(corners)
+    hydrogens = [atom("H", 1.8 * place, at) for place, at in zip(corners[1:], ring[1:])]
+    methyl = atom("C", 2.1 * corners[0], ring[0])
+    of_methyl = [atom("H", [3.3, y, z], methyl) for y, z in ((1, 0), (-0.5, 0.9), (-0.5, -0.9))]
+    carbon = atom("C", [10, 0, 0])
+    nitrogen = atom("N", [11.5, 0, 0], carbon)
+    for at in carbon, nitrogen:
+        for place in range(3):
+            atom("H", [10.5 + place, 1, 1], at)
+    chair = ring_of(place + np.array([0, 10, (-1) ** i / 4]) for i, place in enumerate(corners))
+    for at in chair:
+        atom("H", [0, 12, 1], at), atom("H", [0, 12, -1], at)
+    water = [atom("O", [0, 0, 9])]
+    water += [atom("H", [1, 0, 9], water[0]), atom("H", [0, 1, 9], water[0])]
+    atoms = {"mass": np.array(mass), "x": np.array(x, float), "bonds": np.array(bonds)}
+    body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3)
+    assert counts == {"water": 1, "CH3": 2, "NH3": 1, "rings": 1}
+    found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
+    assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
+    assert body.max() == 5 and not body[np.array(chair) - 1].any()
+    for wanted, number in (["CH3"], 2), (["water", "XH"], 14), (["water", "rings", "XH"], 9):
+        body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, wanted)
+        assert counts[wanted[-1]] == number and body.max() == sum(counts.values())
+
+
+def test_parts_of_a_kind_get_one_shape():
+    """Locks out bodies of one kind that differ, mirror images of CH3 that spoil the mean, places
+    that are turned, and bodies that a periodic face tears."""
+    rng, cell = np.random.default_rng(4), 30.0 * np.eye(3)
+    angles = np.arange(3) * 2 * np.pi / 3
+    hydrogens = np.stack([np.full(3, 0.37), np.cos(angles), np.sin(angles)], axis=1)
+    methyl = np.concatenate([np.zeros((1, 3)), hydrogens])
+    x, types = [], np.tile([1, 2, 2, 2], 40)
+    for number in range(40):
+        shape = methyl[[0, 1, 3, 2]] if number % 3 == 0 else methyl
+        turned = Rotation.random(random_state=number).apply(shape)
+        x.append(turned + rng.uniform(0, 30, 3) + 0.02 * rng.normal(size=(4, 3)))
+    x = np.mod(np.concatenate(x), 30.0)
+    atoms = {"x": x, "type": types, "mass": np.where(types == 1, 12.011, 1.008)}
+    made, moved = parts.alike(atoms, np.repeat(np.arange(1, 41), 4), cell, [True] * 3)
+    assert 0.02 < moved < 0.2
+    r = made.reshape(40, 4, 3)
+    r = r[:, :1] + measures.nearest_image(r - r[:, :1], cell, [True] * 3)
+    apart = np.sort(np.linalg.norm(r[:, [0, 0, 0, 1, 1, 2]] - r[:, [1, 2, 3, 2, 3, 3]], axis=2))
+    np.testing.assert_allclose(apart, apart[:1].repeat(40, axis=0), atol=1e-12)
+    exact = np.sort(np.linalg.norm(methyl[[0, 0, 0, 1, 1, 2]] - methyl[[1, 2, 3, 2, 3, 3]], axis=1))
+    np.testing.assert_allclose(apart[0], exact, atol=0.02)
+
+
+REST = "group own_rest subtract all own_bodies"
+BODIES = "fix 1 own_bodies nosquish/{} custom v_own_body"
+NVT = f"{BODIES} temp 300 300 100".format("nvt")
+NPT = f"{BODIES} temp 300 300 100 iso 1 1 1000 thermostat nh barostat mtk".format("npt")
+MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what has to be printed
+    "nve": ("fix 1 all nve", [REST, "fix own_rest own_rest nve", BODIES.format("nve")]),
+    "langevin": ("fix 1 all nve\nfix 2 all langevin 300 300 100 5", [BODIES.format("nve")]),
+    "chains": ("fix 1 all nvt temp 300 300 100 tchain 5", [
+        "fix own_rest own_rest nvt temp 300 300 100 tchain 5", f"{NVT} thermostat nh",
+    ]),
+    "shake": ("fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all nvt temp 300 300 100", [
+        "fix own_held own_rest shake 1e-6 200 0 b 1 3 a 1", f"{NVT} thermostat nh",
+    ]),
+    "shake of water alone": (
+        "fix 4 all shake 1e-6 200 0 b 1 a 1\nfix_modify 4 virial yes\n"
+        "fix 1 all nvt temp 300 300 100", ["fix own_rest own_rest nvt temp 300 300 100"],
+    ),
+    "rattle": ("fix 1 all nve\nfix 4 all rattle 1e-6 200 0 b 1 3 a 1", [
+        "fix own_held own_rest rattle 1e-6 200 0 b 1 3 a 1",
+    ]),
+    "pressure": ("fix 1 all npt temp 300 300 100 iso 1 1 1000 drag 0.2", [
+        f"{NPT} flexible own_rest",
+    ]),
+    "pressure and shake": (
+        "fix 4 all shake 1e-6 200 0 b 1 3 a 1\nfix 1 all npt temp 300 300 100 iso 1 1 1000\n"
+        "compute_modify 1_temp extra/dof 3",
+        ["fix own_held own_rest shake 1e-6 200 0 b 1 3 a 1", f"{NPT} dilate own_rest"],
+    ),
+    "a part stands still": ("group frozen id 82\ngroup mobile subtract all frozen\n"
+        "fix 1 mobile nve", ["group own_rest subtract mobile own_bodies"],
+    ),
+    "a part stands still, at constant pressure": (
+        "group frozen id 82\ngroup mobile subtract all frozen\n"
+        "fix 1 mobile npt temp 300 300 100 iso 1 1 1000",
+        ["group own_others subtract all own_bodies own_rest",
+         f"{NPT} flexible own_rest dilate own_others"],
+    ),
+    "two fixes": ("group water molecule 1:27\ngroup solute subtract all water\n"
+        "fix 1 water nvt temp 300 300 100\nfix 2 solute nvt temp 280 280 50",
+        [f"{NVT} thermostat nh"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("which", MOVES)
+def test_what_is_printed_for_rigid_parts_runs_as_it_is(which, tmp_path, run_lammps, capsys):
+    """Locks out lines that our fix or LAMMPS refuses, and motion that is another one without a
+    word: a thermostat of another kind, what shake held, atoms that stood still."""
+    text = scripts.solute(tmp_path).read_text()
+    (first,) = [line for line in text.splitlines() if line.startswith("fix hold")]
+    (second,) = [line for line in text.splitlines() if line.startswith("fix move")]
+    fixes, lines = MOVES[which]
+    text = text.replace(f"{first}\n{second}", fixes).replace("run 100", "run 20")
+    text = text.replace("timestep 1", "timestep 0.5\ncompute d all displace/atom\nthermo 10\n"
+        "compute far all reduce max c_d[4]\ngroup one id 82\ncompute still one reduce max c_d[4]\n"
+        "thermo_style custom step temp press pe etotal econserve c_far c_still")  # fmt: skip
+    (tmp_path / "in.solute").write_text(text)
+    words = ["check", str(tmp_path / "in.solute"), "--rigid", "--out", str(tmp_path / "out")]
+    assert main(words) == 0
+    told = capsys.readouterr().out
+    printed = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    assert not [line for line in lines if line not in printed], printed
+    done = run_lammps(with_lines(text, told), options=("-log", "log.lammps"))
+    assert "27 rigid bodies with 81 atoms" in done.log
+    rows = done.thermo
+    assert rows["Step"][-1] == 20 and rows["c_far"][-1] > 0.01
+    assert (rows["c_still"][-1] == 0) == (which == "a part stands still")
+    holds = which in ("shake", "rattle", "pressure and shake")
+    assert bool(re.search(r"^ *2 = # of size 2 clusters$", done.log, re.M)) == holds
+    assert ("Keywords that ours does not have: drag 0.2" in told) == (which == "pressure")
+
+
+@pytest.mark.parametrize("name", ["plain", "Zürich", 'a"b', "two words"])
+def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys):
+    """Locks out bodies of other atoms than the script's where replicate, delete_atoms or a
+    minimization stand before the run, and files that LAMMPS does not find by the printed lines; the
+    script is then one that the harness takes."""
+    place = tmp_path / name
+    place.mkdir()
+    scripts.spce(place, number=3)
+    text = (
+        "units real\natom_style full\nread_data parts/spce.data\nreplicate 2 1 1\n"
+        "include parts/spce.ff\ngroup few molecule 1:3\ndelete_atoms group few\nreset_atoms id\n"
+        "velocity all create 298 1\ntimestep 1\nminimize 0 0 3 3\n"
+        "fix 1 all nvt temp 298 298 100\nrun 3\n"
+    )
+    (place / "in.made").write_text(text)
+    assert main(["check", str(place / "in.made"), "--rigid", "--out", str(place / "out")]) == 0
+    told = capsys.readouterr().out
+    assert "51 × water" in told
+    (place / "in.changed").write_text(with_lines(text, told))
+    command = [str(Path(sys.executable).with_name("lmp")), "-in", "in.changed", "-log", "log"]
+    subprocess.run(command, cwd=place, check=True, stdout=subprocess.DEVNULL)
+    log = (place / "log").read_text()
+    assert "51 rigid bodies with 153 atoms" in log
+    assert lammps_log.thermo(log)["Step"][-1] == 6
+    own = take(place / "in.changed", tmp_path / "again")
+    (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
+    assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
+
+
+def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys):
+    """Locks out printed lines that lose fix cmap or its terms of a script as CHARMM-GUI writes it,
+    where this fix begins before the box is made, and a harness that cannot begin such a script."""
+    shutil.copytree(ROOT / "inputs" / "recipes" / "peptide", tmp_path, dirs_exist_ok=True)
+    builder = [sys.executable, "build_cmap.py", ROOT / "inputs"]
+    subprocess.run(builder, cwd=tmp_path, check=True)
+    script = tmp_path / "in.shake"
+    words = ["--rigid", "water", "XH", "--out", str(tmp_path / "out")]
+    assert main(["check", str(script), *words]) == 0
+    told = capsys.readouterr().out
+    assert "1,417 × water, 76 × XH" in told
+    (tmp_path / "in.rigid").write_text(with_lines(script.read_text(), told))
+    shown = script.read_text().replace("econserve", "econserve f_cmap")
+    shown = shown.replace("run             ${steps}", "run 0")
+    before, after = (run_lammps(text).thermo[0] for text in (shown, with_lines(shown, told)))
+    for name in "PotEng", "f_cmap":
+        assert after[name] == pytest.approx(before[name], rel=1e-8)
+    assert before["f_cmap"] < -5
+    own = take(tmp_path / "in.rigid", tmp_path / "again")
+    place, yours = tmp_path / "yours", own.integrators[own.reference]
+    begun = run.run(run.job(own.scene, yours, place, [0], dt=own.scene.dt, every=1))
+    assert begun.thermo["PotEng"][0] == pytest.approx(before["PotEng"], abs=1e-3)
+
+
+def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
+    """Locks out a traceback, or parts that nothing holds together without a word: no bonds, no
+    rigid parts, units without elements, a script whose fixes say what is rigid, and bonds without
+    forces."""
+
+    def told(path, status=None):
+        words = ["check", str(path), "--rigid", "--out", str(tmp_path / "out")]
+        if status is None:
+            with pytest.raises(SystemExit) as end:
+                main(words)
+            return str(end.value.code)
+        assert main(words) == status
+        return capsys.readouterr().out
+
+    assert "cannot be told by masses in units lj" in told(scripts.polymer(tmp_path))
+    assert "the atoms have no bonds" in told(scripts.co2(tmp_path))
+    path = scripts.rings(tmp_path)
+    assert "No rigid part, so no file" in told(path, 1)
+    data = tmp_path / "rings.data"
+    data.write_text(data.read_text().replace("13.019", "12.011"))
+    assert "whose fixes do not say what is rigid" in told(path)
+    text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
+    path.write_text(text)
+    of_rings = told(path, 0)
+    assert "64 × rings" in of_rings and "have no force" not in of_rings
+    data.write_text(data.read_text().replace("384 bonds", "385 bonds") + "385 1 1 7\n")
+    assert "1 bonds between bodies and other atoms have no force" in told(path, 0)
+
+
+def test_check_of_atoms_that_a_fix_holds(tmp_path):
+    """Locks out a check that ends in a traceback where other atoms have no force, so that no step
+    is too long for them."""
+    path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
+                        lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
+    own = take(path, tmp_path / "out")
+    groups, _ = shapes.bodies(own)
+    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
+    assert found[1:] == ["centres", "turning"]

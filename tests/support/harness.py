@@ -1,0 +1,71 @@
+"""What tests of the harness share: a silent meter, and user's scripts, taken or refused."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+GAS = """units lj
+region box block 0 6 0 6 0 6
+create_box 1 box
+create_atoms 1 single 1 1 1
+create_atoms 1 single 2 1 1
+create_atoms 1 single 4 4 4
+create_atoms 1 single 4 4.8 4
+mass 1 1
+group a id 1 2
+group b id 3 4
+pair_style zero 2.0
+pair_coeff * *
+"""
+
+
+class Silent:
+    """A meter (``validation.console.Meter``) that shows nothing, and remembers what was begun."""
+
+    def __init__(self):
+        self.begun = []
+
+    def begin(self, label, total):
+        self.begun.append(label)
+
+    def at(self, step):
+        pass
+
+    def end(self, error):
+        pass
+
+
+def take(path, out, ranks=1, **ask):
+    """What the harness makes of a script."""
+    from validation.own import system  # an extra has what it needs
+
+    asked = system.Ask(str(path), str(Path(path).parent), **ask)
+    return system.take(asked, out, ranks, 300.0, tell=lambda line: None)
+
+
+def refused(text, tmp_path, **ask):
+    """The one message that ends the reading of a script with these commands."""
+    path = tmp_path / "in.bad"
+    path.write_text(text)
+    with pytest.raises(SystemExit) as end:
+        take(path, tmp_path / "out", **ask)
+    message = str(end.value.code)
+    assert "\n" not in message and message.startswith("in.bad: ")
+    return message
+
+
+def with_lines(text, told):
+    """A script with what a verb tells of it: lines in the place of the last of the fixes that go,
+    of its timestep, if it says so, and without commands that name these fixes."""
+    kept, lost = text.replace("&\n", "").splitlines(), []
+    (place,) = re.findall(r"These lines.* replace .*", told)
+    for named in re.findall(r"have to go, too: (.*)\.", told):
+        lost += named.split("; ")
+    ids = re.findall(r"fix (\S+) \(", place)
+    fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
+    assert ids and {line.split()[1] for line in fixes} == set(ids)
+    made = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    lost += [line for line in kept if line.startswith("timestep") and "timestep" in place]
+    kept[kept.index(fixes[-1])] = "\n".join(made)
+    return "\n".join(line for line in kept if line not in (*fixes, *lost)) + "\n"
