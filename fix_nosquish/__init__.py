@@ -16,6 +16,7 @@ from collections.abc import Callable, Collection
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from .errors import refuse
 from .host import quoted
 
 if TYPE_CHECKING:  # a name of the package costs no import of numpy
@@ -31,15 +32,27 @@ INTEGRATORS = {
     "NPT": "npt",
     "NPH": "nph",
     "HMC": "hmc",
-    "FIRE": "fire",
 }  # class: its module in `integrators`, which is imported when a fix line names the class
+NO_FIRE = (
+    "fix nosquish/fire was removed: define fix nosquish/nve, or another fix of this package, "
+    "instead, and replace 'run' by 'minimize 0.0 FTOL MAXITER MAXEVAL'. LAMMPS's minimize moves "
+    "and rotates rigid bodies, until neither the force on a body nor the torque divided by its "
+    "radius of gyration is above FTOL (force units)"
+)
 
 
 def _integrator(name: str) -> "type[Integrator]":
+    refuse(name == "FIRE", NO_FIRE)
     return getattr(import_module(f"{__name__}.integrators.{INTEGRATORS[name]}"), name)
 
 
-__getattr__ = quoted.door(__name__, INTEGRATORS, _integrator)
+_of_line = quoted.door(__name__, INTEGRATORS, _integrator)
+
+
+def __getattr__(text: str) -> Any:
+    """What LAMMPS's fix python/move gets for the words of a fix line."""
+    refuse(text.split()[:1] == ["FIRE"], NO_FIRE)
+    return _of_line(text)
 
 
 def of_fix_line(*classes: type) -> Callable[[str], Any]:

@@ -35,9 +35,9 @@ QUICK = {
         test_nve.py::test_pressure_does_not_depend_on_place[0.3-2]
         test_hmc.py::test_rejected[box-2]""",
     "minimization": """
-        test_fire.py::test_dimer[cg]
-        test_fire.py::test_minimize_with_components_off
-        test_fire.py::test_unchanged_script_with_minimize""",
+        test_minimize.py::test_dimer[cg]
+        test_minimize.py::test_minimize_with_components_off
+        test_minimize.py::test_unchanged_script_with_minimize""",
     "boxes and domains": """
         test_domains.py::test_boxes[tilted-2]
         test_domains.py::test_body_of_many_atoms[2]""",

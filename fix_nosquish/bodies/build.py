@@ -270,10 +270,7 @@ def _chosen(
     if command.moments is None:
         return moment, moment[:0]
     how, word = command.moments
-    if how == "alike":
-        each = (mass / members.natoms)[members.body]
-        value = np.einsum("nak,abn,nbk->kn", axes, members.inertia(each, kept.r), axes)
-    elif how == "step":
+    if how == "step":
         value = np.maximum(moment, least_moment(lammps, command))
     else:
         value = lammps.number(word)

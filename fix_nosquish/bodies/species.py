@@ -194,5 +194,5 @@ def _line(
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
         f"{text}. If like molecules are meant, give them one shape before the fix is defined "
-        "(minimize bends them, fix nosquish/fire does not)"
+        "(before that, minimize bends molecules)"
     )

@@ -99,8 +99,8 @@ class Moments(NamedTuple):
 
     Attributes:
         how: "equal": bodies get this principal moment; "scale": those of their atoms, times this;
-            "alike": those of atoms that weigh alike; "step": those that the time step needs.
-        word: a word for a number, "" for alike and step.
+            "step": those that the time step needs.
+        word: a word for a number, "" for step.
     """
 
     how: str
@@ -257,27 +257,12 @@ KEYWORDS = {
         _Words.take,
     ),
 }
-# keywords of a minimisation: tolerances, and those of min_modify
-QUENCH = {
-    **dict.fromkeys(
-        (
-            *("force FTOL", "torque TTOL", "dmax", "tmax", "tmin", "dtgrow", "dtshrink"),
-            *("alpha0", "alphashrink"),
-        ),
-        Keyword(_NUMBER, _Words.number, "quench"),
-    ),
-    "delaystep": Keyword(_COUNT, lambda words, expected: str(words.whole(expected)), "quench"),
-    "halfstepback": Keyword(
-        "yes or no", lambda words, expected: str(int(words.choice(expected))), "quench"
-    ),
-}
 # keywords that only some integrators have; where one has other values, they stand behind it
 OWN_KEYWORDS = {
     "temp": Keyword(f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers),
     "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
     "steps": Keyword(_COUNT, _integer),
     "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number),
-    **QUENCH,
     "thermostat": _one_of(THERMOSTATS),
     "seed": Keyword("a whole number from 1 to 2147483647", _integer),
     "tchain": Keyword(
@@ -335,7 +320,6 @@ _ELSEWHERE = {
     "seed": "this integrator uses no random numbers; fix nosquish/nvt, fix nosquish/npt and fix "
     "nosquish/hmc do",
     **dict.fromkeys(("steps", "mix"), "it is a keyword of fix nosquish/hmc"),
-    **dict.fromkeys(list(QUENCH)[2:], "it is a keyword of fix nosquish/fire"),
     "moments": "other moments change the dynamics: it is a keyword of fix nosquish/nvt, fix "
     "nosquish/npt and fix nosquish/hmc",
     "ptemp": f"the temperature of the bodies sets the mass of the piston of {_NPT_NPH}: leave it "
@@ -394,7 +378,6 @@ class Command:
         thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
         separate: whether translation and rotation have a thermostat each.
         moments: the principal moments that bodies get, None for those of their atoms.
-        quench: dictionary from keywords of a minimisation to words for numbers.
         pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
         every: steps between two changes of the box, None for a part of PDAMP.
@@ -428,7 +411,6 @@ class Command:
     tchain: int = 3
     separate: bool = False
     moments: Moments | None = None
-    quench: dict[str, str] = field(default_factory=dict)
     pressure: dict[str, tuple[str, ...]] = field(default_factory=dict)
     couple: str = "none"
     barostat: str = BAROSTATS[0]
@@ -506,11 +488,6 @@ class Command:
         given = values.keys() | values.get("own", {}).keys()
         needed = *(("temp", "steps", "seed") if "steps" in known else ()), *own
         _refuse_missing(line, given, {name: known[name].expected for name in needed})
-        if "dmax" in known:
-            left = "the largest {} on a body that may be left at the end, " + _NUMBER
-            expected = {name: left.format(name) for name in ("force", "torque")}
-            _refuse_missing(line, values.get("quench", ()), expected)
-            values["moments"] = Moments("alike")
         if "iso" in known:
             _check_pressure(line, values)
         return cls(line, group, style, arguments, **values)

@@ -73,8 +73,6 @@ class Host:
         orient_atom: (2,) int64, the address of a function that gives an atom an orientation, and
             its first argument; those behind are the atom's index and the address of a quaternion.
             None where LAMMPS has none.
-        stop: (2,) address of LAMMPS's function that ends the run behind this step, and its
-            argument; None where LAMMPS does not give it.
         told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
             them.
         rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
@@ -113,7 +111,6 @@ class Host:
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
     find_clusters: np.ndarray | None
-    stop: np.ndarray | None
     told_box: np.ndarray | None
     rate: np.ndarray | None
     stream_group: int

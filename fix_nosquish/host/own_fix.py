@@ -29,7 +29,7 @@ class OwnFix(Host):
     """
 
     fix_id = group = next_output = span = told = None
-    forces_virial = set_box = flip_box = told_box = find_clusters = stop = orient_atom = rate = None
+    forces_virial = set_box = flip_box = told_box = find_clusters = orient_atom = rate = None
     phase = facts = vflag = changes = pushes = stream_group = held = counts = dmax = 0
     begins = energy_step = rotor = -1
     calls_setup = follows = has_virial = scalar_pressure = False

@@ -124,7 +124,6 @@ struct Bridge {
   int (*go_back)(void *fix);    // move atoms by what is in place of their velocities, and compute forces; 1 if all is well
   int64_t (*set_box)(void *fix, const double *box);    // lowest and highest coordinates, xy, xz, yz
   int64_t (*find_clusters)(void *fix);    // fill the cell clusters
-  int64_t (*stop)(void *fix);    // end the run behind this step
   int64_t (*flip_box)(void *fix, const double *box);    // the same, and of vectors that are added: a to b, a to c, b to c
   int64_t (*gravity)(void *fix, const char *other);    // address of the acceleration that another fix gives, 0 if it has none
   int (*particles)(void *fix, double *numbers);    // of each local atom 7: see bodies/extended.py; 0 if its style is not known

@@ -83,7 +83,6 @@ void FixPythonMove::fill_bridge()
   bridge.flip_box = Lend<&Box::flip, &Self::box>();
   bridge.find_clusters = Lend<&Clusters::find, &Self::clusters>();
   bridge.set_array_rows = Lend<&Self::set_array_rows>();
-  bridge.stop = Lend<&Halt::ask, &Self::halt>();
   bridge.particles = Lend<&Particles::read, &Self::particles>();
   bridge.orient_atom = Lend<&Particles::orient, &Self::particles>();
   bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();

@@ -61,7 +61,7 @@ class Host(hosts.Host):
         self.span = tuple(array(address, (1,), np.int64) for address in steps)
         for name, size in ("forces_virial", 6), ("told_box", 9), ("rate", 6), ("told", 7):
             setattr(self, name, array(getattr(bridge, name), (size,), float))
-        for name in "set_box", "flip_box", "find_clusters", "stop", "orient_atom":
+        for name in "set_box", "flip_box", "find_clusters", "orient_atom":
             function = cast(getattr(bridge, name), c_void_p).value
             setattr(self, name, np.array([function, bridge.fix or 0]))
         self._point = bridge.point  # ctypes makes a function at each access

@@ -4,8 +4,7 @@
 
    What cannot be compared, because the library interface tells nothing of it: members and methods of Fix; the virials, tail
    corrections and flags in Pair, Bond, Angle, Dihedral, Improper and KSpace, and where their methods are (used at constant pressure
-   and by hybrid Monte Carlo); members of Output behind the number of dumps; Group, Input and Error. Timer is compared where it is
-   used: see halt.h. */
+   and by hybrid Monte Carlo); members of Output behind the number of dumps; Group, Input and Error. */
 
 #ifndef FIX_NOSQUISH_LAYOUT_H
 #define FIX_NOSQUISH_LAYOUT_H

@@ -178,7 +178,6 @@ void FixPythonMove::end_of_step()
 {
   stream_with_box();
   if (respa) with_virial([this] { call(bridge.end_of_step); });
-  halt.end_run();
 }
 
 // Another fix changes the box, and all that is in it (0 before, 1 behind). The box is then that of the class.
@@ -208,7 +207,6 @@ int64_t FixPythonMove::set_box(const double *numbers)
 
 void FixPythonMove::init()
 {
-  halt.begin_again();
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
     failures.refuse("its class has no methods for run_style respa");
@@ -237,7 +235,6 @@ void FixPythonMove::post_run()
 {
   stream_with_box();
   call(bridge.post_run);
-  halt.begin_again();
 }
 
 void FixPythonMove::write_restart(FILE *file)

@@ -10,7 +10,6 @@
 #include "facts.h"
 #include "failures.h"
 #include "forces.h"
-#include "halt.h"
 #include "interpreter.h"
 #include "molecules.h"
 #include "particles.h"
@@ -19,7 +18,6 @@
 
 #include "citeme.h"
 #include "group.h"
-#include "timer.h"
 #include "update.h"
 
 #include <array>
@@ -125,7 +123,6 @@ class FixPythonMove : public Fix {
   GoingBack back{lmp, this, bridge};
   External external{lmp, this, bridge};
   Restart state{lmp, this, bridge};
-  Halt halt{lmp, this, bridge};
   bool respa = false, minimized = false;    // of the last forces nothing is left on the atoms of the bodies
   std::vector<int> extensive;
   std::vector<double> of_atoms;    // the virial of each, nine numbers

@@ -165,10 +165,15 @@ def init(integrator: "Integrator") -> None:
 def _begin_minimization(integrator: "Integrator") -> None:
     """Tell LAMMPS of the bodies' coordinates in a minimization; collective."""
     host = integrator.host
+    unknown = "minimize needs the energy of all forces, which does not include that of "
     refuse(
-        integrator.gravity is not None or integrator.external.acts,
-        "minimize needs the energy of all forces, and that of keyword gravity and fix_modify "
-        "external is not part of it: use fix nosquish/fire and a run instead",
+        integrator.gravity is not None,
+        f"{unknown}keyword gravity: remove 'disable' from fix gravity and use 'fix_modify energy "
+        "yes' instead",
+    )
+    refuse(
+        integrator.external.acts,
+        f"{unknown}fix_modify external: use a run with fix nosquish/nvt at a low temperature",
     )
     refuse(
         any(fix.style.startswith("box/relax") for fix in integrator.other_fixes),
@@ -232,7 +237,7 @@ def tell_start(integrator: "Integrator") -> None:
     suspects = integrator.other_fixes.suspects()
     names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in suspects)
     bodies.suspects = names and f", perhaps {names}"
-    if start.cause and not (integrator.quenches or integrator.minimization):
+    if start.cause and not integrator.minimization:
         host.log(integrator.line.naming(f"WARNING: {start.cause}: {start.remedy}\n"))
 
 

@@ -43,7 +43,6 @@ class Declaration:
             messages. `own_number` has the number.
         respa: whether it can have the forces of the levels of run_style respa.
         thermostat: what keeps a temperature, so that no other fix may; None for nothing.
-        quenches: whether it ends a run by itself.
         backwards: whether the time step may be below zero, so that a run goes back in time.
         crosses: whether bodies may get another velocity where they cross a face, as with remap v of
             fix deform. A class with operations of its own says so anew.
@@ -83,7 +82,7 @@ class Declaration:
     keywords: tuple[str, ...] = ()
     own_keywords: Mapping[str, str] = MappingProxyType({})
     thermostat: object = None
-    quenches = crosses = needs_energy = couples = False
+    crosses = needs_energy = couples = False
     backwards, freedom_said = True, ""
     restart_state: np.ndarray | None = None
     modules: tuple[str, ...] = ()

@@ -16,7 +16,7 @@ from .thermo import freedom, removed_freedom
 if TYPE_CHECKING:
     from .integrator import Integrator
 
-APART = "relax the bodies by fix nosquish/fire and a run, or move them apart"
+APART = "relax the bodies with minimize while this fix is defined, or move them apart"
 ROUNDING = 1e-9  # of the kinetic energy, what projections on rigid motion take of it by rounding
 ALL = 1  # the bit of LAMMPS's group all
 _TIMES = {"real": ("fs", 1.0), "metal": ("ps", 1000.0)}  # units of time, and femtoseconds in them
@@ -185,8 +185,6 @@ def _often(steps: tuple[int, ...]) -> str:
 def _moments(moments: Moments, command: Command, lammps: Lammps) -> str:
     """What keyword moments makes of the principal moments."""
     how, word = moments
-    if how == "alike":
-        return "those of atoms that share the mass of their body alike"
     if how == "step":
         least = least_moment(lammps, command)
         chosen = f"at least {least:.4g}, for a step of {lammps.innermost_dt:g}"
@@ -211,7 +209,7 @@ def _warnings(integrator: "Integrator") -> list[str]:
             f"WARNING: the {notes.stray} atoms with molecule-ID 0 are one rigid body: "
             "give every body a molecule-ID of its own, or leave these atoms out of the group"
         )
-    warmed = integrator.thermostat or integrator.quenches or integrator.command.steps
+    warmed = integrator.thermostat or integrator.command.steps
     if notes.still and projected(notes.removed, notes.kinetic) and not warmed:
         lines.append(
             "WARNING: the bodies have atoms of finite size without spin, because velocity create "

@@ -73,7 +73,7 @@ def test_each_keyword_is_on_its_page(run_lammps):
     known = []
     pages = (
         ("NVE", "fix.md", 6), ("NVT", "fix-nvt.md", 4), ("NPT", "fix-npt.md", 7),
-        ("HMC", "fix-hmc.md", 1), ("FIRE", "fix-fire.md", 6),
+        ("HMC", "fix-hmc.md", 1),
     )  # fmt: skip
     for name, page, least in pages:
         line = f'fix 1 all python/move "fix_nosquish.{name} all molecule nonsense 1"\n'
@@ -170,7 +170,6 @@ def source():
         ("fix-npt.md", "## Restrictions", 4),
         ("fix-nph.md", "## Restrictions", 0),
         ("fix-hmc.md", "## Restrictions", 8),
-        ("fix-fire.md", "## Restrictions", 3),
     ],
 )
 def test_quoted_messages_are_those_of_the_package(source, page, heading, least):

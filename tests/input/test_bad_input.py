@@ -309,7 +309,7 @@ CASES = {
     ),
     "minimization with an unknown energy": Case(
         "all molecule",
-        ("needs the energy of all forces", "fix_nosquish.FIRE and a run"),
+        ("needs the energy of all forces", "a run with fix_nosquish.NVT"),
         after="fix_modify 1 external force 1 0 0\nminimize 0 0 10 10",
     ),
     "no forces after a minimization": Case(
@@ -362,7 +362,7 @@ CASES = {
             "moves it by",
             "in the first step, and atom",
             "is gone by step 1",
-            "relax the bodies by fix_nosquish.FIRE and a run",
+            "relax the bodies with minimize while this fix is defined",
         ),
         before="neigh_modify exclude molecule/intra all\nset atom 4 x 1.001 y 1.0 z 1.0\n"
         "set atom 5 x 1.601 y 1.0 z 1.0\nset atom 6 x 1.001 y 1.4 z 1.0\n"

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 from support.running import ROOT, read_thermo
 from support.systems import RIGID, mixture
-from test_fire import FORCES, atoms
 from test_insertion import MASSES, MOLECULE
 from test_native import STYLES
-from test_nvt import FREE, SMOOTH
+from test_nvt import FREE
 
 from fix_nosquish import of_style
 from fix_nosquish.errors import RunError
@@ -111,68 +110,6 @@ def test_couple(run, value):
         assert bool(abs(ratio[one] - ratio[other]) < 1e-12) is together
 
 
-WAY = {  # words of min_modify, and the same here
-    **{"tmax": "2", "tmin": "1", "dtgrow": "1.4", "dtshrink": "0.8", "alpha0": "0.1"},
-    **{"alphashrink": "0.5", "delaystep": "3"},
-}
-# so that each comes to act, and points go as there
-OTHERS = {"dmax": "10", "delaystep": "5", "tmax": "8", "tmin": "1e-2", "dtshrink": "0.1"}
-OTHERS["halfstepback"] = "no"
-
-
-@pytest.mark.parametrize("word", WAY)
-def test_way_of_a_quench(run_lammps, tmp_path, word):
-    """Locks out a word of min_modify that means something else here, or nothing."""
-    system = mixture("single", side=4, spacing=1.15)
-    start = f"clear\n{system.setup}\n{SMOOTH}mass * 1\ndisplace_atoms all random 0.1 0.1 0.1 8\n"
-    start += "timestep 0.002\n"
-    text = ""
-    for name, some in ("with", OTHERS | {word: WAY[word]}), ("without", OTHERS):
-        words = " ".join(f"{word} {value}" for word, value in some.items())
-        ours = fix("fire", needs=f"force 1e-13 torque 1e-13 {words}")
-        text += f"{start}{ours.format(group='all', words='molecule')}\nrun 150\n"
-        text += FORCES.format(f"ours.{name}")
-        text += f"{start}min_style fire\nmin_modify {words}\nminimize 0 0 150 9999\n"
-        text += FORCES.format(f"theirs.{name}")
-    run_lammps(text, files=system.files)
-    ours, theirs, plain = (
-        atoms(tmp_path / name)[2] for name in ("ours.with", "theirs.with", "ours.without")
-    )
-    assert np.abs(nearest(ours - theirs, system.h)).max() < 1e-9
-    assert np.abs(nearest(ours - plain, system.h)).max() > 1e-6
-
-
-WELL = """units lj
-atom_modify map array
-region box block -5 5 -5 5 -5 5
-create_box 1 box
-create_atoms 1 single 0 0 0
-mass 1 1
-pair_style zero 2
-pair_coeff * *
-fix 2 all spring/self 1
-displace_atoms all move 1 0 0
-timestep 0.2
-variable x equal x[1]
-fix 1 all nosquish/fire single force 1e-6 torque 1 dmax 9 delaystep 1 halfstepback {}
-thermo_style custom step v_x f_1[7]
-thermo_modify format float %.16g
-thermo 1
-run 20
-"""
-
-
-@pytest.mark.parametrize("word, part", [("yes", 0.5), ("no", 0.0)])
-def test_halfstepback(run_lammps, word, part):
-    """Locks out another way back than half a step, and one where none is asked for."""
-    table = run_lammps(WELL.format(word)).thermo
-    x, dt = table["v_x"], table["f_1[7]"]
-    back = next(n for n in range(2, 20) if (x[n] - x[n - 1]) * x[n] > 0)
-    v = (x[back] - x[back - 1]) / dt[back]
-    expected = x[back] - part * dt[back + 1] * v - dt[back + 1] ** 2 * x[back]
-    assert x[back + 1] == pytest.approx(expected, rel=1e-9)
-
-
 # of each entry in the tables of keywords the test that fails if it is read and forgotten:
 # mutants.toml forgets each
 ACTS = {
@@ -202,10 +139,6 @@ ACTS = {
     "temp T": "test_hmc.py::test_momenta",
     "steps": "test_hmc.py::test_mix",
     "mix": "test_hmc.py::test_mix",
-    **dict.fromkeys(("force FTOL", "torque TTOL"), "test_fire.py::test_overlapping_start"),
-    "dmax": "test_fire.py::test_no_step_is_too_far",
-    **dict.fromkeys(WAY, "test_words.py::test_way_of_a_quench"),
-    "halfstepback": "test_words.py::test_halfstepback",
 }
 
 

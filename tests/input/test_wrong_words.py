@@ -1,11 +1,10 @@
-"""Words of thermostats, barostats, hybrid Monte Carlo and the quench that cannot be, and what
+"""Words of thermostats, barostats and hybrid Monte Carlo that cannot be, and what
 cannot be beside them: each ends the run with one message, which names what is wrong."""
 
 from typing import NamedTuple
 
 import pytest
 from support.systems import mixture
-from test_fire import fix as fire
 from test_hmc import fix as hmc
 from test_moments import fix as moments
 from test_mtk import fix as mtk
@@ -177,28 +176,10 @@ OF_FORCES = [
     ("compute a all temp\nvariable b equal c_a", "v_b", "c_a"),
     ("fix a all ave/time 1 1 1 c_thermo_temp\nvariable b equal f_a", "v_b", "f_a"),
 ]
-OF_QUENCHES = [
-    ("", "keywords force and torque are missing: give force (the largest force on a body"),
-    ("torque v_f", "keyword force is missing"),
-    ("force v_f", "keyword torque is missing"),
-    ("force 0 torque 1", "keyword force: it is 0, and must be above zero"),
-    ("force 1 torque -1", "keyword torque: it is -1, and must be above zero"),
-    ("force 1 torque x", "'x' was given where"),
-    ("force 1 force 1 torque 1", "keyword force is given twice"),
-    ("force 1 torque 1 dmax 0", "keyword dmax: it is 0"),
-    ("force 1 torque 1 tmax 0", "keyword tmax is 0, and must be at least 1"),
-    ("force 1 torque 1 tmin 2", "keyword tmin is 2, and must be at least 0 and at most 1"),
-    ("force 1 torque 1 dtgrow 0", "keyword dtgrow is 0, and must be at least 1"),
-    ("force 1 torque 1 delaystep 0", "'0' was given where a whole number"),
-    ("force 1 torque 1 halfstepback maybe", "'maybe' was given where no or yes"),
-    ("force 1 torque 1 temp 1 1 1", "this integrator has no thermostat"),
-    ("force 1 torque 1 moments scale 2", "of fix_nosquish.NVT, fix_nosquish.NPT"),
-]
 # keywords of others that NVE would take and ignore
 OF_NVE = [
     ("temp 2 2 1", "has no thermostat: use fix_nosquish.NVT or fix_nosquish.NPT"),
     ("steps 10", "it is a keyword of fix_nosquish.HMC"),
-    ("dmax 1", "it is a keyword of fix_nosquish.FIRE"),
 ]
 
 REFUSED = [
@@ -288,17 +269,11 @@ REFUSED = [
         f"{TRAJECTORIES}run 20\nthermo_style custom step\nreset_timestep 0\nrun 20 pre no\n",
         "step 1 does not follow the last trajectory",
     ),
-    *(Refused(fire(words), says) for words, says in OF_QUENCHES),
+    Refused(native("FIRE all molecule force 1.5 torque 1"), "nosquish/fire was removed: define"),
     Refused(
-        f"{fire()}fix_modify 1 external force f_1[4] 0 0\n",
-        "FIRE finds a minimum of an energy, and f_1[4], in what fix_modify external gives",
-    ),
-    Refused(
-        f"{fire()}fix 2 all deform 1 x scale 1.1 remap x\n", "fix 2 (style deform) changes the box"
-    ),
-    *(
-        Refused(f"{fire()}variable x equal f_1[{column}]\nprint '${{x}}'\n", "'run 0' makes them")
-        for column in (5, 7)
+        "fix 1 all nosquish/fire molecule force 1 torque 1\n",
+        "fix nosquish/fire was removed: define fix nosquish/nve",
+        ranks=2,
     ),
     *(Refused(native(f"NVE all molecule {words}"), says) for words, says in OF_NVE),
     # noise of which a part is no rigid motion: bodies were too cold, by 3/4 in a case

@@ -240,18 +240,6 @@ def test_hybrid_monte_carlo(run_bodies, ranks):
     assert late.mean() == pytest.approx(1.5 * 2.0 * 27, rel=0.12)
 
 
-def test_quench(run_bodies):
-    """Locks out a quench that does not follow external forces: bodies end in the trap's centre."""
-    system = alone("planar", "single", "row")
-    fix = "fix 1 all nosquish/fire molecule force 1e-7 torque 1e-7\n"
-    lines = GAS + fix + trap(system, 1.0) + THERMO.format("") + "timestep 0.05\nrun 5000"
-    _, atoms, done = run_bodies(system, lines)
-    assert "as asked for" in done.log
-    for first, last in (0, 4), (4, 5), (5, 8):
-        m = system.mass[first:last]
-        assert m @ atoms[first:last, :3] / m.sum() == pytest.approx(0.5 * system.h.diagonal())
-
-
 # ---- ranks, runs, bodies that come and go
 
 

@@ -62,7 +62,6 @@ FIXES = {
     "nph": "fix 1 all nosquish/nph molecule aniso 1 1 200",
     "tri": f"fix 1 all nosquish/npt molecule {CELL} tri 1 1 100",
     "hmc": "fix 1 all nosquish/hmc molecule temp 400 steps 5 seed 5",
-    "fire": "fix 1 all nosquish/fire molecule force 1e-4 torque 1e-4",
     "respa": "run_style respa 2 2 pair 1 kspace 2\nfix 1 all nosquish/nve molecule",
     "suffix": "suffix hybrid kk nosquish\nfix 1 all rigid/nve molecule",
     "restart": f"fix 1 all {NVT} thermostat nh{END}{AGAIN}fix 1 all {NVT} thermostat nh",

@@ -20,7 +20,6 @@ STYLES = {
     "npt": f"temp 1.25 1.5 0.75 seed 4928 {BOX} compressibility 0.01",
     "nph": BOX,
     "hmc": "temp 1.25 steps 5 seed 4928",
-    "fire": "force 1.0e-3 torque 1.0e-3",
 }
 QUOTED = 'fix 1 {{group}} python/move "fix_nosquish.{} {{group}} {{words}}"'
 NATIVE = "fix 1 {{group}} nosquish/{} {{words}}"
@@ -102,13 +101,7 @@ ADVISED = {  # what is wrong: (the integrator, its words, lines behind the fix, 
         "nve",
         "",
         "fix_modify 1 external force 1 0 0\nminimize 0 0 1 1",
-        "use {fire} and a run",
-    ),
-    "bodies that overlap": (
-        "nve",
-        "",
-        "set atom 1 x 0.5 y 0.5 z 0.5\nset atom 6 x 0.6 y 0.5 z 0.5",
-        "bodies by {fire}",
+        "use a run with {nvt}",
     ),
     "one component of a torque": ("nvt", "temp 1 1 2 seed 4 torque * on on off", "", "use {nve}"),
 }
@@ -225,7 +218,6 @@ NAMED = {
     "nve": "temp ke_trans ke_rot temp_trans temp_rot",
     "nvt": "ecouple ke_trans ke_rot temp_trans temp_rot shadow",
     "hmc": "temp ke_trans ke_rot temp_trans temp_rot acceptance dH accepted",
-    "fire": "temp ke_trans ke_rot temp_trans temp_rot force torque dt",
 }
 
 if NUMBER >= 20260704:

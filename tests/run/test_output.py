@@ -773,7 +773,7 @@ def test_column_of_a_former_fix(refused, ranks):
     """Locks out a Python error, or another fix's value, where output outlives the words of the fix
     that gave it."""
     system = mixture(side=2, spacing=3)
-    fix = 'fix 1 all python/move "fix_nosquish.FIRE all molecule force 1 torque 1"'
+    fix = 'fix 1 all python/move "fix_nosquish.HMC all molecule temp 1 seed 4 steps 1"'
     script = (
         f"{system.setup}\n{fix}\nthermo_style custom step f_1[7]\nrun 0\nunfix 1\n"
         f"{OURS.format(group='all', words='molecule')}\nrun 10\n"

@@ -20,7 +20,7 @@ from . import script
 from .script import texts
 
 OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
-NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC", "FIRE"  # classes that have a fix style of the plugin
+NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC"  # classes that have a fix style of the plugin
 # the text in quotes; committed results have the older schemes as classes of fix_nosquish
 QUOTED = re.compile(rf"({'|'.join(('fix_nosquish', *OLDER.values()))})\.\w+\s+\S+\s+\S")
 CONSTRAINTS = "shake", "rattle"
