@@ -17,7 +17,7 @@ from support.running import ROOT
 from validation import __main__ as command
 from validation import pages
 from validation.pages import Cell, Column, Figure, Said, Table
-from validation.report import answers, report
+from validation.report import answers, replacements, report
 from validation.sample import criteria, rivals
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
@@ -174,6 +174,37 @@ def test_the_answer_follows_the_numbers():
     worse = ("ours", 4.0, 1.0, [(0.02, 1e-6), (0.5, 1e-6)], (1.0, 4.0))  # also off in U/N
     assert answers.table([sample(worse, ours[2], *RIVALS)]).rows[0]["dt"] == 8.0
     assert not answers.table([sample(*ours), WHERE]).rows
+
+
+def test_replacements_follow_the_numbers():
+    """Locks out a table for users whose speeds, errors or lines are not those of the points that it
+    names, and a row made of other points where one of the two was not measured.
+
+    By hand: 2 s of CPU time per ps are 43.2 ns/day and 0.5 s 172.8; U/N is off by 0.01 of a heat
+    capacity of 5 kB, which is 0.01 / (5 0.0019872) = 1.01 K.
+    """
+    line = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 298 298 50 seed SEED"'
+    usual = ("shake+langevin", 2.0, 2.0, [(0.02, 1e-6), (0.9, 1e-6)], (1.0, 5.0))
+    ours = ("langevin-20-equal-6", 12.0, 0.5, [(0.01, 1e-6), (0.9, 1e-6)], (1.0, 5.0))
+    summary = sample(usual, ours) | {"limits": {"capacity": Estimate(5.0, 1e-6).plain()}}
+    for row in summary["rows"]:
+        row["lines"] = ["fix bath", line]
+    (row,) = replacements.table([WHERE, summary]).rows
+    assert row["speed"] == "43.2 → 173" and row["times"] == "4"
+    assert re.match(r"2\.01\d* ± .* → 1\.006\d* ±", row["warmer"])
+    assert row["lines"][0] == "fix 1 water nosquish/nvt molecule temp 298 298 50 seed 4928"
+    assert row["lines"][1] == "timestep 12" and row["pressure"] == "does not apply"
+    assert not replacements.table([sample(usual)]).rows
+
+
+def test_page_of_all_is_short(tmp_path):
+    """Locks out a page of all results that nobody reads: of 20,000 words or more."""
+    sections, problems = report.gather(tmp_path)
+    report.write(sections, problems, tmp_path / "report.html")
+    text = re.sub(
+        r"<(script|style).*?</\1>|<[^>]*>", " ", (tmp_path / "report.html").read_text(), flags=re.S
+    )
+    assert not problems and 5000 < len(text.split()) < 20000
 
 
 def test_releases(tmp_path, monkeypatch):

@@ -182,5 +182,12 @@ def markdown(table: Table, keys: Iterable[str] = ()) -> str:
         )
 
     heads = line(f"{one.title}, {one.unit}" if one.unit else one.title for one in columns)
-    rows = [line(column.cell(row).text for column in columns) for row in table.rows]
+
+    def text(column, row):
+        cell = column.cell(row).text
+        return (
+            "\n".join(f"`{part}`" for part in cell.split("\n")) if column.kind == "code" else cell
+        )
+
+    rows = [line(text(column, row) for column in columns) for row in table.rows]
     return "\n".join([heads, "|" + "---|" * len(columns), *rows])

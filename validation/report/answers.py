@@ -22,7 +22,6 @@ COLUMNS = (
     Column("rival", "best rival", kind="text"),
     Column("rival dt", "its step", "fs", "number"),
     Column("gain", "speed-up", "95 % CI", "interval"),
-    Column("command", "command", kind="code"),
 )
 NOTE = (
     "The speed-up is the CPU time of the best rival divided by ours, until bias² + variance is "
@@ -79,12 +78,11 @@ def _answers(summary):
             "rival dt": goal["dt"],
             "gain": gain,
             "cost": best["cost"],
-            "command": summary["command"],
         }
 
 
 def sentences(rows: Sequence[Mapping]) -> list[str]:
-    """What the page begins with: one for each scene."""
+    """One for each scene."""
     told: dict[tuple, list[str]] = {}
     for row in rows:
         gain = f"{row['average']} {speed_up(row['gain'])}"

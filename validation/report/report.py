@@ -4,6 +4,7 @@ then what each verb says of its results."""
 import csv
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -11,11 +12,13 @@ import pandas as pd
 
 from .. import CHECKOUT, NAME, RESULTS
 from ..pages import Column, Said, Section, Table
+from ..pages.contents import MARGINS
 from ..pages.rendering import page
-from . import answers
+from . import answers, replacements
 
 TITLE = "Rigid bodies in LAMMPS: time step, speed-up and error"
 ORDER = "sample", "compare", "stress", "cost", "claims", "check"  # of the verbs' sections
+ROWS = 8  # of the longest table that the page of all has; folders have the others
 RELEASES = RESULTS / "releases.csv"
 BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  # of any file
 
@@ -68,15 +71,28 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
     page(
         path,
         TITLE,
-        sections,
+        [_brief(section) for section in sections],
         "overview.html",
-        answers=answers.sentences(best.rows),
+        first=replacements.table(summaries),
         best=best,
         releases=releases(),
         data=answers.figure(summaries),
         defeats=lost,
         problems=problems,
+        definitions={"±": MARGINS}
+        | dict(pair for section in sections for pair in section.said.notes.items()),
     )
+
+
+def _brief(section: Section) -> Section:
+    """A section without long tables, without what the page has once for all, and with each number
+    that is held against a bound once: those that do not hold, or cannot be told."""
+    tables = [one for one in section.said.tables if not one.long and len(one.rows) <= ROWS]
+    said = replace(section.said, tables=tables, notes={}, parts={})
+    summary = dict(section.summary)
+    for part, words in ("machine", {"cpu"}), ("versions", {"lammps", "fix_nosquish", "package"}):
+        summary[part] = {key: text for key, text in summary[part].items() if key in words}
+    return section._replace(said=said, summary=summary)
 
 
 def releases() -> Table:

@@ -1,0 +1,128 @@
+"""What to type in place of the usual lines, system by system: speed and error of both, from the
+summaries of `sample` and `cost`."""
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+from ..pages import Column, Table, digits
+from ..sample.observables import warmer
+from ..statistics.estimate import Estimate
+
+TITLE = "What to type, how fast it is, and its error"
+COLUMNS = (
+    Column("system", "you run, with", kind="text"),
+    Column("speed", "ns/day", "one core", "text"),
+    Column("times", "speed-up", kind="text"),
+    Column("warmer", "temperature error", "K", "text"),
+    Column("pressure", "pressure error", "atm", "text"),
+    Column("lines", "you type", kind="code"),
+)
+NOTE = (
+    "In each cell the usual lines are before the arrow, and fix nosquish after it. Speeds are "
+    "from CPU times, measured in turn. The error of the temperature is that of the mean potential "
+    "energy divided by the heat capacity. At constant pressure, the last column is the error of "
+    'the density. ± is the half width of the 95 % confidence interval. "Averages" are energies, '
+    "pressure and structure: the strong friction of langevin with a damping time of 50 fs slows "
+    "diffusion, and thermostat csvr does not."
+)
+NONE = "does not apply"
+
+
+class Swap(NamedTuple):
+    """Points of `sample`, scheme and step in fs: what users run, and what replaces it."""
+
+    system: str
+    scene: str
+    usual: tuple[str, float]
+    ours: tuple[str, float]
+
+
+SWAPS = (
+    Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
+    Swap("water, also dynamics", "water", ("rigid/nvt/small", 2.0), ("csvr", 4.0)),
+    Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
+    Swap("CO₂ and its kin, averages", "co2", ("rigid/nvt/small", 2.0), ("langevin-20", 10.0)),
+    Swap("benzene, averages", "benzene", ("rigid/nvt/small", 2.0), ("langevin-20", 10.0)),
+    Swap("protein in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
+)
+AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and the usual integrator there
+    ("colloids, NVE", "mixed", "rigid/nve/small"),
+    ("water, NVE", "water", "shake"),
+)
+
+
+def table(summaries: Iterable[Mapping]) -> Table:
+    """A row for each system that these results have."""
+    known = list(summaries)
+    return Table(TITLE, COLUMNS, [*_samples(known), *_costs(known)], note=NOTE)
+
+
+def _samples(summaries: Sequence[Mapping]) -> Iterator[dict]:
+    for swap in SWAPS:
+        for summary in summaries:
+            rows = summary.get("rows", ()) if summary.get("scene") == swap.scene else ()
+            points = {(row.get("scheme"), row["dt"]): row for row in rows if row.get("cost")}
+            if swap.usual in points and swap.ours in points:
+                yield _sampled(swap.system, points[swap.usual], points[swap.ours], summary)
+                break
+
+
+def _sampled(system, usual, ours, summary):
+    pair = usual, ours
+    costs = [row["cost"]["median"] for row in pair]
+    warmth = [warmer(row["biases"], summary["limits"]) for row in pair]
+    return {
+        "system": f"{system}\n{usual['label']}, {usual['dt']:g} fs",
+        "lines": [native(ours["lines"][-1]), f"timestep {ours['dt']:g}"],
+        "speed": _both([digits(86.4 / cost) for cost in costs]),
+        "times": digits(costs[0] / costs[1], 2),
+        "warmer": _both([one and one.text() for one in warmth]),
+        "pressure": _both([_pressure(row["biases"]) for row in pair]),
+    }
+
+
+def _pressure(biases):
+    """The error of the pressure, or of the density where the pressure is constant."""
+    if "density" in biases:
+        return f"{Estimate.of(biases['density']).text()} %"
+    return Estimate.of(biases["pressure"]).text() if "pressure" in biases else None
+
+
+def _both(texts):
+    return " → ".join(texts) if all(texts) else NONE
+
+
+def native(line: str) -> str:
+    """A fix line of the results, which are in quotes, as users type it."""
+    line = re.sub(
+        r'python/move "fix_nosquish\.(\w+) \w+ (.*)"',
+        lambda found: f"nosquish/{found[1].lower()} {found[2]}",
+        line,
+    )
+    line = line.replace(" thermostat langevin", "").replace(" points ", " flexible ")
+    return line.replace("SEED", "4928")
+
+
+def _costs(summaries: Sequence[Mapping]) -> Iterator[dict]:
+    for system, scene, usual in AT_CONSTANT_ENERGY:
+        for summary in summaries:
+            for point in summary.get("points", ()):
+                if (point.get("scene"), point.get("ranks")) == (scene, 1):
+                    yield from _timed(system, point, usual)
+                    break
+
+
+def _timed(system, point, usual):
+    known = {one["name"]: one for one in point["integrators"]}
+    ours, ratio = known["nosquish"], known.get(usual, {}).get("loop_ratio")
+    if ratio:
+        ends = [digits(1 / ratio[part]) for part in ("median", "max", "min")]
+        yield {
+            "system": f"{system}\n{known[usual]['label']}",
+            "lines": native(ours["lines"][-1]),
+            "speed": "not measured",
+            "times": f"{ends[0]} ({ends[1]}–{ends[2]})",
+            "warmer": NONE,
+            "pressure": NONE,
+        }
