@@ -16,11 +16,11 @@ ROOT = Path(__file__).resolve().parent.parent
 
 # for validation: the checkout's, not one that is installed; it puts this behind what is installed
 sys.path.insert(0, str(ROOT))
-sys.path += [str(path) for path in Path(__file__).parent.rglob("*") if path.is_dir()]
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("support")
 
 import quick
+import validation  # noqa: F401  it puts the checkout behind what is installed
 from support import scripts
 from support.endings import BENT, SECONDS, SPOIL, assert_ended
 from support.harness import take
@@ -28,8 +28,6 @@ from support.installed import compile_loops, tested
 from support.running import LAUNCHERS, ROOT, Run, mpirun
 from support.sessions import Session
 from support.systems import result, script
-
-import validation  # noqa: F401  it puts the checkout behind what is installed
 
 # no package has KOKKOS: these tests are for who has one
 collect_ignore = [] if os.environ.get("KOKKOS_LAMMPS") else ["plugin/test_kokkos.py"]

@@ -7,9 +7,9 @@ import subprocess
 import sys
 
 import pytest
+
 import quick
 from support.running import BIN, ROOT
-
 from validation.running import startup
 
 COMMANDS = {"module": [sys.executable, "-m", "pytest"], "script": [str(BIN / "pytest")]}

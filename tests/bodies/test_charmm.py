@@ -11,11 +11,11 @@ import sys
 
 import numpy as np
 import pytest
+
+from support.own_classes import MINE, TELLS, VIRIAL_LINES, assert_lammps_virial
 from support.running import ROOT
+from support.sampling import thermo
 from support.systems import LIKE_LAMMPS, OURS, RIGID, Result, close
-from test_hmc import MINE
-from test_npt import FORCES, TELLS, assert_lammps_virial
-from test_nvt import thermo
 
 STEPS, DT = 10, 0.25  # fs
 STYLES = {  # the words of each body style, and the groups that its fix moves
@@ -133,7 +133,7 @@ def test_virial_of_bonded_bodies(run_lammps, ranks):
     """Locks out a barostat that leaves out the virial of bonds, angles, dihedrals, impropers or of
     the mesh, or takes its components in another order; and a mesh that is for the box of before."""
     words = "molecule iso 1 5000 5 every 1 dilate all"
-    text = f"{SETUP}group rest subtract all rigid\nfix 2 rest nve\ntimestep 0.25\n{FORCES}"
+    text = f"{SETUP}group rest subtract all rigid\nfix 2 rest nve\ntimestep 0.25\n{VIRIAL_LINES}"
     text += f'fix 1 rigid python/move "mine.Tells rigid {words}"\n'
     how = {"files": {"mine.py": TELLS}, "ranks": ranks}
     for steps in 0, 10:
@@ -166,7 +166,9 @@ def test_cross_terms(run_lammps, tmp_path, ranks):
     for name in "Temp", "TotEng", "f_cmap":
         np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-10)
     assert theirs["f_cmap"][0] < -5 and np.ptp(theirs["f_cmap"]) > 0.1
-    text = crossed(f"{SETUP}group rest subtract all rigid\nfix 2 rest nve\ntimestep 0.25\n{FORCES}")
+    text = crossed(
+        f"{SETUP}group rest subtract all rigid\nfix 2 rest nve\ntimestep 0.25\n{VIRIAL_LINES}"
+    )
     text += 'fix 1 rigid python/move "mine.Tells rigid molecule iso 1 5000 5 every 1 dilate all"\n'
     told = run_lammps(f"{text}run 10\n", files={"mine.py": TELLS}, ranks=ranks)
     assert_lammps_virial(told)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.systems import OURS, SMALL, close
 
 from fix_nosquish.bodies import shapes
+from support.systems import OURS, SMALL, close
 from validation.running import startup
 
 

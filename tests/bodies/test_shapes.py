@@ -7,8 +7,8 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.systems import MASSES, OURS, assemble, mixture
 
+from support.systems import MASSES, OURS, assemble, mixture
 from validation.scenes.data_file import data_file
 
 ALL = "solid planar pair row single"

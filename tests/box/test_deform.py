@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from support.systems import LIKE_LAMMPS, RIGID, mixture
-from test_nvt import SMOOTH, thermo
-from test_output import of, read
 
+from support.body_table import read_table, vector
+from support.sampling import SMOOTH, thermo
+from support.systems import LIKE_LAMMPS, RIGID, mixture
 from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target
 
@@ -153,13 +153,13 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
     )
     rows = run_lammps(script, files=system.files, ranks=ranks).thermo
     assert rows["Xy"][1] < rows["Xy"][0] and rows["Xz"][-1] > rows["Xz"][0], "no flip"
-    table = read(tmp_path / "bodies.csv")
-    flags = of(table, "ix", "iy", "iz")
+    table = read_table(tmp_path / "bodies.csv")
+    flags = vector(table, "ix", "iy", "iz")
     for k, step in enumerate(range(0, 101, 50)):
         h = np.diag([rows[f"L{axis}"][k] for axis in "xyz"])
         h[0, 1], h[0, 2], h[1, 2] = (rows[tilt][k] for tilt in ("Xy", "Xz", "Yz"))
         here = table["step"] == step
-        told = of(table[here], "x", "y", "z") + flags[here] @ h.T
+        told = vector(table[here], "x", "y", "z") + flags[here] @ h.T
         atoms = np.loadtxt(tmp_path / f"dump.{step}", skiprows=9)
         for place, body in zip(told, table["body"][here]):
             mine = atoms[atoms[:, 1] == body]

@@ -10,6 +10,7 @@ import re
 
 import numpy as np
 import pytest
+
 from support.running import read_thermo
 from support.systems import (
     AFTER,
@@ -18,6 +19,7 @@ from support.systems import (
     System,
     assemble,
     assert_same,
+    droplet,
     mixture,
     turned,
 )
@@ -30,23 +32,6 @@ OWNER = (
 
 
 # ---- boxes
-
-
-def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
-    """27 bodies in a box with these faces; along non-periodic directions it ends `margin`
-    from the outermost atoms."""
-    rng, free = np.random.default_rng(seed), np.array([face != "p" for face in boundary.split()])
-    edge = np.where(free, 1e3, 3.0 * np.array(spacing))
-    bodies = []
-    for kind, site in zip(
-        itertools.cycle(["solid", "planar"]), itertools.product(range(3), repeat=3)
-    ):
-        bodies.append(turned(kind, np.multiply(spacing, site), bodies, np.diag(edge), rng))
-    x = np.concatenate([x for _, x, _ in bodies])
-    low = np.where(free, x.min(axis=0) - margin, 0.0)
-    edge = np.where(free, x.max(axis=0) + margin - low, edge)
-    bodies = [(kind, x - low, types) for kind, x, types in bodies]
-    return assemble(bodies, np.diag(edge), setup=f"boundary {boundary}\n{setup}")
 
 
 def apart_at(speed):

@@ -4,9 +4,10 @@ import re
 
 import numpy as np
 import pytest
+
 from support.running import read_thermo
+from support.sampling import SMOOTH
 from support.systems import mixture, sizes
-from test_nvt import SMOOTH
 
 KEPT = "dump end all custom {0} end id mol mass xu yu zu vx vy vz\n"  # as they are in a run
 KEPT += "dump_modify end sort id format float %.17g\n"

@@ -7,10 +7,10 @@ import subprocess
 import committed
 import numpy as np
 import pytest
-from support.running import ROOT
 
 from fix_nosquish import INTEGRATORS
 from fix_nosquish.run.schedule import When
+from support.running import ROOT
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]

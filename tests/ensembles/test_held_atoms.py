@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.spatial.transform import Rotation
-from test_build import NUMBER
-from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo
 
+from support.builds import NUMBER
+from support.fixes import THERMOSTATS
+from support.sampling import DUMP, FREE, SMOOTH, distance_of_ends, thermo
 from validation.scenes.data_file import data_file
 
 SHAPES = (  # of a body, of two kinds that shake holds, and of an atom by itself
@@ -127,7 +128,7 @@ def test_ranks_and_bonds(run_lammps, tmp_path, barostat):
     before, behind = f"{begin}{NVE}{line}{end}", f"{begin}{line}{NVE}{end}"
     h = np.diag([7.8] * 3)
     h[0, 1] = 0.3 * 7.8
-    assert ends_alike(run_lammps, tmp_path, [(before, n) for n in (1, 2, 4)], files, h) < 1e-9
+    assert distance_of_ends(run_lammps, tmp_path, [(before, n) for n in (1, 2, 4)], files, h) < 1e-9
     assert_bonds(tmp_path / "end")
     run_lammps(behind, files=files)
     assert_bonds(tmp_path / "end")

@@ -1,56 +1,31 @@
 """HMC: what a rejected trajectory leaves, what is sampled, ranks, restart, what it refuses."""
 
-import re
 import sys
 from math import erfc, sqrt
 
 import numpy as np
 import pytest
 from scipy import stats
+
+from support.fixes import POINTS, fix_hmc, fix_nvt
+from support.own_classes import MINE
 from support.running import read_thermo
-from support.systems import AFTER, SHAPES, mixture
-from test_domains import droplet
-from test_nvt import DUMP, FREE, POINTS, SMOOTH, ends_alike, gas, motion, thermo
-from test_nvt import fix as nvt_fix
-
-# integrators whose tests of trajectories say what is asked here
-MINE = """
-from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.hmc import HMC
-
-class Rejects(HMC):
-    def take_energy(self):
-        self._before = -1e300
-        return super().take_energy()
-
-class Turns(HMC):
-    def take_energy(self):
-        self.bodies.v[:] *= -1
-        self.bodies.p[:] *= -1
-        self._before = 1e300
-        return super().take_energy()
-
-__getattr__ = of_fix_line(Rejects, Turns)
-"""
-COLUMNS = "id mol mass xu yu zu fx fy fz vx vy vz ix iy iz"
-
-
-def dump(every, columns=COLUMNS):
-    """The lines for frames every so many steps, in the file `frames`."""
-    line = f"dump 1 all custom {every} frames {columns}\n"
-    return line + "dump_modify 1 sort id format float %.17g\n"
-
-
-def frames(path):
-    """The atoms of each frame, (frames, atoms, columns)."""
-    parts = re.split(r"ITEM: TIMESTEP\n", (path / "frames").read_text())[1:]
-    return np.array([np.loadtxt(part.splitlines(), skiprows=8) for part in parts])
-
-
-def fix(words, name="fix_nosquish.HMC", group="all"):
-    """The lines of the fix, with variables that its words may name."""
-    variables = "variable half equal 0.5\nvariable none equal 1e-300\n"
-    return f'{variables}fix 1 all python/move "{name} {group} molecule {words}"\n'
+from support.sampling import (
+    DIPOLES,
+    DUMP,
+    FIELD,
+    FREE,
+    PLACES,
+    SMOOTH,
+    assert_directions,
+    body_momenta,
+    distance_of_ends,
+    dump_lines,
+    gas,
+    read_frames,
+    thermo,
+)
+from support.systems import AFTER, SHAPES, droplet, mixture
 
 
 def of_trajectories(every):
@@ -65,7 +40,7 @@ def test_reversible(run_lammps, tmp_path):
     """Locks out a trajectory that does not come back when its momenta are reversed: what makes the
     test of the energy right at any step."""
     system = mixture(side=2, spacing=2.9)
-    words = fix("temp 2 steps 150 seed 7 mix v_none", "mine.Turns")
+    words = fix_hmc("temp 2 steps 150 seed 7 mix v_none", "mine.Turns")
     script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
     script += f"run 150\n{DUMP.format('middle')}run 150\n{DUMP.format('end')}"
     run_lammps(script, files=system.files | {"mine.py": MINE})
@@ -92,13 +67,13 @@ def test_rejected(run_lammps, tmp_path, case, ranks):
         before, group, words = POINTS, "stiff", f"{words} flexible loose"
     if case == "plane":
         flat = "fix 2 all enforce2d\n"
-    words = fix(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 200)
+    words = fix_hmc(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 200)
     away_from_faces = f"displace_atoms all move 0.1 0.1 {0.0 if flat else 0.1}\n"
     script = f"{system.setup}\n{away_from_faces}{SMOOTH}{before}velocity all create 400 9\n"
     script += "fix push all addforce 0.3 0 0\nfix_modify push energy yes\n"
-    script += f"timestep 0.0015\n{words}{dump(200)}run 400\n"
+    script += f"timestep 0.0015\n{words}{dump_lines(200)}run 400\n"
     done = run_lammps(script, files=system.files | {"mine.py": MINE}, ranks=ranks)
-    start, away, end = frames(tmp_path)
+    start, away, end = read_frames(tmp_path)
     of_start, of_away, of_end = done.thermo
     box = np.diag(system.h)[: 2 if case == "plane" else 3].min()
     assert np.abs(away - start)[:, 3:6].max() > box / 2
@@ -119,11 +94,11 @@ def test_rejected_in_a_box_that_grows(run_lammps, tmp_path, ranks):
     """Locks out faces that stay where a rejected trajectory had taken them: those that follow the
     atoms go back with them."""
     system = droplet("s s s")
-    words = fix("temp 4 steps 100 seed 7 mix v_none", "mine.Rejects") + thermo("lx ly lz", 50)
+    words = fix_hmc("temp 4 steps 100 seed 7 mix v_none", "mine.Rejects") + thermo("lx ly lz", 50)
     script = f"{system.setup}\n{SMOOTH}velocity all create 40 9\ntimestep 0.004\n{words}"
     files = system.files | {"mine.py": MINE}
-    rows = run_lammps(f"{script}{dump(50)}run 100\n", files=files, ranks=ranks).thermo
-    start, away, end = frames(tmp_path)
+    rows = run_lammps(f"{script}{dump_lines(50)}run 100\n", files=files, ranks=ranks).thermo
+    start, away, end = read_frames(tmp_path)
     assert np.abs(away - start)[:, 3:6].max() > 1
     np.testing.assert_allclose(end[:, 3:6], start[:, 3:6], atol=1e-11, rtol=0)
     for name in "Lx", "Ly", "Lz", "PotEng":
@@ -137,7 +112,7 @@ def test_looking_changes_nothing(run_lammps, tmp_path, steps):
     """Locks out a trajectory that goes on otherwise where something looks at it, and an energy that
     LAMMPS tallies only if something else asks for it."""
     system, ends = mixture(side=3, spacing=2.9), []
-    words = fix(f"temp 2 steps {steps} seed 7 mix v_half")
+    words = fix_hmc(f"temp 2 steps {steps} seed 7 mix v_half")
     for every in (100, 1):
         script = f"{system.setup}\n{SMOOTH}timestep 0.04\n{words}{of_trajectories(every)}"
         done = run_lammps(f"{script}run 100\n{DUMP.format('end')}", files=system.files)
@@ -158,10 +133,10 @@ def test_momenta(run_lammps, tmp_path):
     """Locks out momenta of a wrong strength for a mass, a moment, a kind of body, and some that
     are not drawn: without forces they stay as they are drawn."""
     system = gas()
-    words = fix("temp 2 steps 5 seed 771")
+    words = fix_hmc("temp 2 steps 5 seed 771")
     script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 5\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
-    mass, momentum, _, along = motion(tmp_path / "end")
+    mass, momentum, _, along = body_momenta(tmp_path / "end")
     along = along[np.isfinite(along)]
     for numbers in (*(momentum / np.sqrt(2.0 * mass)[:, None]).T, along / sqrt(2.0)):
         assert stats.kstest(numbers, "norm").pvalue > 1e-3
@@ -172,33 +147,15 @@ def test_mix(run_lammps, tmp_path):
     """Locks out another share of noise than the one asked for: a trajectory keeps the root of
     1 - mix of the momenta that free bodies have."""
     system = gas()
-    words = "variable most equal 0.75\n" + fix("temp 2 steps 5 seed 771 mix v_most")
+    words = "variable most equal 0.75\n" + fix_hmc("temp 2 steps 5 seed 771 mix v_most")
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
     run_lammps(script + DUMP.format("second"), files=system.files)
-    (mass, one, *_), (_, two, *_) = motion(tmp_path / "first"), motion(tmp_path / "second")
+    (mass, one, *_), (_, two, *_) = (
+        body_momenta(tmp_path / "first"),
+        body_momenta(tmp_path / "second"),
+    )
     kept = (one * two / mass[:, None]).sum() / (one**2 / mass[:, None]).sum()
     assert abs(kept - 0.5) < 4 * sqrt(0.75 / one.size), kept
-
-
-DIPOLES = 6.0  # the force on each of two atoms of a body
-PLACES = "id mol zu xu yu"  # along the field first
-FIELD = f"""group up id 1:100000:5
-group down id 2:100000:5
-fix up up addforce 0 0 {DIPOLES}
-fix down down addforce 0 0 -{DIPOLES}
-fix_modify up energy yes
-fix_modify down energy yes
-"""
-
-
-def assert_directions(path, bodies):
-    """In FIELD at a temperature of 2 the directions of `frames` have Langevin's distribution."""
-    atoms = frames(path)[1:, :, 2:].reshape(-1, bodies, 5, 3)
-    apart = atoms[:, :, 0] - atoms[:, :, 1]
-    length = np.linalg.norm(apart, axis=2)
-    a, up = DIPOLES * length[0, 0] / 2.0, (apart[:, :, 0] / length).ravel()
-    below = lambda z: (np.exp(a * z) - np.exp(-a)) / (np.exp(a) - np.exp(-a))  # noqa: E731
-    assert stats.kstest(up, below).pvalue > 1e-3
 
 
 @pytest.mark.parametrize(("mix", "seed"), [("1", 7), ("v_half", 8)])
@@ -207,9 +164,9 @@ def test_orientations(run_lammps, tmp_path, mix, seed):
     state that is not wholly that of before: in a field that pulls two atoms apart, directions have
     Langevin's distribution at a step at which a third of the trajectories is rejected."""
     system = mixture("solid", side=3, temperature=2.0)
-    words = fix(f"temp 2 steps 5 seed {seed} mix {mix}") + of_trajectories(4000)
+    words = fix_hmc(f"temp 2 steps 5 seed {seed} mix {mix}") + of_trajectories(4000)
     script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.6\nrun 100\n"
-    script += f"{dump(20, PLACES)}run 4000\n"
+    script += f"{dump_lines(20, PLACES)}run 4000\n"
     rows = run_lammps(script, files=system.files).thermo
     assert_directions(tmp_path, 27)
     assert 0.5 < rows["f_1[5]"][-1] < 0.8
@@ -250,7 +207,7 @@ def test_acceptance(run_lammps):
     the mean (Creutz, Phys. Rev. D 38, 1228, 1988), and from its mean follows how many trajectories
     are accepted (Gupta et al., Phys. Lett. B 242, 437, 1990)."""
     system = mixture("solid", side=4, spacing=2.4)
-    words = fix("temp 1 steps 10 seed 7") + of_trajectories(10)
+    words = fix_hmc("temp 1 steps 10 seed 7") + of_trajectories(10)
     script = f"{system.setup}\n{SMOOTH}timestep 0.03\n{words}run 9000\n"
     rows = run_lammps(script, files=system.files).thermo[101:]
     change, accepted = rows["f_1[6]"], rows["f_1[7]"]
@@ -271,7 +228,9 @@ def test_same_end(run_lammps, tmp_path, kinds):
     restart file on another number of ranks, with what was counted."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     words = "temp 2 steps 10 seed 13 mix v_half"
-    bodies = fix(words) if kinds == "bodies" else fix(f"{words} flexible loose", group="stiff")
+    bodies = (
+        fix_hmc(words) if kinds == "bodies" else fix_hmc(f"{words} flexible loose", group="stiff")
+    )
     start = f"{SMOOTH}timestep 0.025\n{bodies}{of_trajectories(10)}"
     begin, end = f"{system.setup}\n{POINTS}{start}", DUMP.format("end")
     runs = [(f"{begin}run 120\n{end}", ranks) for ranks in (1, 2, 4, 8)]
@@ -282,7 +241,7 @@ def test_same_end(run_lammps, tmp_path, kinds):
     def run(*given, **how):
         accepted.append(run_lammps(*given, **how).thermo["f_1[5]"][-1])
 
-    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
+    assert distance_of_ends(run, tmp_path, runs, system.files, system.h) < 1e-10
     assert 0 < accepted[0] < 1
     np.testing.assert_allclose(accepted, accepted[0], rtol=1e-12)
 
@@ -291,8 +250,8 @@ def test_restart_of_a_thermostat(run_lammps):
     """Locks out counts that are what a thermostat has left, and the other way round, and a chain
     that is filled with what another thermostat has left."""
     system = mixture(side=2, spacing=2.9)
-    lines = fix("temp 2 steps 5 seed 7"), nvt_fix("seed 7 thermostat csvr", "2 2 2e-1")
-    chain = nvt_fix("thermostat nh", "2 2 2e-1")
+    lines = fix_hmc("temp 2 steps 5 seed 7"), fix_nvt("seed 7 thermostat csvr", "2 2 2e-1")
+    chain = fix_nvt("thermostat nh", "2 2 2e-1")
     for first, second, says in (
         (*lines, "has the state of another thermostat"),
         (*lines[::-1], "has no state of hybrid Monte Carlo"),
@@ -310,7 +269,7 @@ def test_a_run_that_is_halted(run_lammps):
     """Locks out steps without a test and without a word, where another fix ends the run."""
     system = mixture(side=2)
     halt = "variable now equal step\nfix 2 all halt 5 v_now >= 15 error continue\n"
-    words = fix("temp 2 steps 10 seed 5")
+    words = fix_hmc("temp 2 steps 10 seed 5")
     done = run_lammps(f"{system.setup}\n{words}{halt}run 40\n", files=system.files)
     assert "WARNING: the run has ended in step 15, within a trajectory" in done.log
 
@@ -319,7 +278,7 @@ def test_minimize_is_no_trajectory(run_lammps):
     """Locks out a minimization that is refused unless its steps are a multiple of a trajectory's,
     and one that is said to have ended within a trajectory."""
     system = mixture(side=2)
-    words = fix("temp 2 steps 10 seed 5")
+    words = fix_hmc("temp 2 steps 10 seed 5")
     done = run_lammps(f"{system.setup}\n{words}minimize 0 0 5 100\nrun 15\n", files=system.files)
     assert done.thermo["Step"][-1] == 20
     assert "within a trajectory" not in done.log
@@ -340,7 +299,7 @@ def test_minimize_is_no_trajectory(run_lammps):
 def test_output_within_a_trajectory(run_lammps, more, says):
     """Locks out averages over configurations that no test has passed, without a word."""
     system = mixture(side=2)
-    script = f"{system.setup}\n{fix('temp 2 steps 10 seed 5')}{more}run 40\n"
+    script = f"{system.setup}\n{fix_hmc('temp 2 steps 10 seed 5')}{more}run 40\n"
     log = run_lammps(script, files=system.files).log
     assert log.count("of hybrid Monte Carlo: what is there was not tested") == bool(says)
     assert not says or says in log
@@ -351,7 +310,7 @@ def test_others_that_are_harmless(run_lammps):
     system = mixture(side=2)
     others = FIELD + "fix 2 all ave/time 5 2 10 c_thermo_pe\nfix 3 all store/state 10 x y z\n"
     others += "fix 4 all balance 20 1.1 shift xyz 5 1.1\n"
-    words = fix("temp 2 steps 10 seed 5") + of_trajectories(10)
+    words = fix_hmc("temp 2 steps 10 seed 5") + of_trajectories(10)
     rows = run_lammps(f"{system.setup}\n{others}{words}run 40\n", files=system.files, ranks=2)
     assert rows.thermo["f_1[5]"][-1] > 0
 
@@ -372,7 +331,7 @@ def test_forces_of_positions(run_lammps):
     """Locks out the refusal of external forces that positions alone decide: numbers, places of the
     bodies, computes of these, and variables of all that."""
     system = mixture(side=2)
-    script = f"{system.setup}\n{fix('temp 2 steps 10 seed 5')}{TRAP}"
+    script = f"{system.setup}\n{fix_hmc('temp 2 steps 10 seed 5')}{TRAP}"
     script += of_trajectories(10)
     rows = run_lammps(f"{script}run 40\n", files=system.files, ranks=2)
     assert rows.thermo["f_1[5]"][-1] > 0
@@ -398,7 +357,7 @@ def test_an_error_where_the_energy_is_asked_for(run_lammps, tmp_path):
     and a Python driver goes on."""
     (tmp_path / "drive.py").write_text(DRIVEN)
     system = mixture(side=2, spacing=2.9)
-    script = f"{system.setup}\n{fix('temp 300 steps 5 seed 3')}run 5\n"
+    script = f"{system.setup}\n{fix_hmc('temp 300 steps 5 seed 3')}run 5\n"
     run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
     assert "compute 1_energy is gone" in run.screen
     assert "STEP 6" in run.screen, run.screen

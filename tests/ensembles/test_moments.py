@@ -5,18 +5,22 @@ from math import sqrt
 import numpy as np
 import pytest
 from scipy import stats
+
+from support.body_table import read_table, vector
+from support.fixes import CHOSEN, THERMOSTATS, fix_moments
+from support.sampling import (
+    DUMP,
+    FIELD,
+    FREE,
+    PLACES,
+    SMOOTH,
+    assert_directions,
+    body_momenta,
+    dump_lines,
+    gas,
+    thermo,
+)
 from support.systems import mixture
-from test_hmc import FIELD, PLACES, assert_directions, dump
-from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, gas, motion, thermo
-from test_nvt import fix as nvt_fix
-from test_output import of, read
-
-CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four", "step": "moments step"}
-
-
-def fix(*words):
-    """As of NVT, with the variable that `CHOSEN` names."""
-    return "variable four equal 4\n" + nvt_fix(*words)
 
 
 @pytest.mark.parametrize(("name", "chosen"), [("langevin", "equal"), ("separate", "scale")])
@@ -25,12 +29,12 @@ def test_velocities_of_atoms(run_lammps, tmp_path, name, chosen):
     axis have the distribution of the atoms' own moments, and temp is the target.  The table of
     bodies has the atoms' angular momenta."""
     system = gas()
-    words = fix(f"{THERMOSTATS[name]} {CHOSEN[chosen]} output 60 table")
+    words = fix_moments(f"{THERMOSTATS[name]} {CHOSEN[chosen]} output 60 table")
     words += thermo("f_1[3] f_1[4]", 60)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
     rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
-    *_, turns, along = motion(tmp_path / "end")
-    told = of(read(tmp_path / "table")[-len(turns) :], "angmomx", "angmomy", "angmomz")
+    *_, turns, along = body_momenta(tmp_path / "end")
+    told = vector(read_table(tmp_path / "table")[-len(turns) :], "angmomx", "angmomy", "angmomz")
     np.testing.assert_allclose(told, turns, rtol=0, atol=1e-9)
     along = along[np.isfinite(along)]
     assert stats.kstest(along / sqrt(2.0), "norm").pvalue > 1e-3
@@ -42,9 +46,9 @@ def test_orientations(run_lammps, tmp_path):
     """Locks out torques or rotations of other axes than those of the moments: in a field that
     pulls two atoms apart, directions have Langevin's distribution."""
     system = mixture("solid", side=6, temperature=2.0)
-    words = fix(f"{THERMOSTATS['langevin']} {CHOSEN['equal']}", "2 2 2e-1")
+    words = fix_moments(f"{THERMOSTATS['langevin']} {CHOSEN['equal']}", "2 2 2e-1")
     script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.01\nrun 1000\n"
-    run_lammps(f"{script}{dump(500, PLACES)}run 5000\n", files=system.files)
+    run_lammps(f"{script}{dump_lines(500, PLACES)}run 5000\n", files=system.files)
     assert_directions(tmp_path, 216)
 
 
@@ -55,7 +59,9 @@ def test_pressure(run_lammps, dimension):
     kinds = "planar pair row single" if dimension == 2 else "solid planar pair row single"
     system = mixture(kinds, side=3, dimension=dimension)
     flat = "fix 2 all enforce2d\n" if dimension == 2 else ""
-    words = fix(f"seed 5 {CHOSEN['scale']}", "2 2 1") + flat + thermo("press f_1[1] vol", 10)
+    words = (
+        fix_moments(f"seed 5 {CHOSEN['scale']}", "2 2 1") + flat + thermo("press f_1[1] vol", 10)
+    )
     rows = run_lammps(f"{system.setup}\n{FREE}timestep 0.002\n{words}run 50\n", files=system.files)
     rows = rows.thermo
     of_translation = 2 * rows["f_1[1]"] / dimension / rows["Volume"]
@@ -67,7 +73,9 @@ def test_moments_decide_the_step(run_lammps):
     of the step over the time of a rotation, so larger moments stand a longer step."""
     system, spread = mixture("solid", side=3, spacing=2.4), {}
     for chosen in ("moments scale 1", "moments scale 16"):
-        words = fix(f"{THERMOSTATS['nh']} {chosen}", "1 1 5e-1") + thermo("econserve etotal", 2)
+        words = fix_moments(f"{THERMOSTATS['nh']} {chosen}", "1 1 5e-1") + thermo(
+            "econserve etotal", 2
+        )
         script = f"{system.setup}\n{SMOOTH}timestep 0.008\n{words}run 1000\n"
         result = run_lammps(script, files=system.files)
         spread[chosen] = result.thermo["Econserve"][100:].std()
@@ -82,7 +90,7 @@ def test_moments_of_the_step(run_lammps):
     system = mixture("solid planar pair", side=2)
 
     def energies(chosen, dt):
-        words = fix(f"seed 5 {chosen}", "1 2 1") + thermo("f_1[2]", 10)
+        words = fix_moments(f"seed 5 {chosen}", "1 2 1") + thermo("f_1[2]", 10)
         script = f"{system.setup}\n{FREE}timestep {dt}\n{words}run 50\n"
         result = run_lammps(script, files=system.files)
         return result.thermo["f_1[2]"], result.log
@@ -104,7 +112,7 @@ def test_moments_of_another_step(run_lammps, name):
     page says; it is that of a half kick, and with the same moments there is none."""
     system, jumps = mixture(side=3, spacing=2.9), {}
     for chosen in ("moments step", "moments equal 3"):
-        words = fix(f"{THERMOSTATS[name]} {chosen}", "2 2 2e-1") + thermo("econserve", 5)
+        words = fix_moments(f"{THERMOSTATS[name]} {chosen}", "2 2 2e-1") + thermo("econserve", 5)
         script = f"{system.setup}\n{SMOOTH}{words}timestep 0.02\nrun 50\ntimestep 0.04\nrun 0\n"
         rows = run_lammps(script, files=system.files).thermo
         before, after = np.flatnonzero(rows["Step"] == 50)

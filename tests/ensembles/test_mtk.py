@@ -6,40 +6,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import stats
-from support.systems import AFTER, mixture
-from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, REVERSE, SMOOTH, THERMOSTATS, spreads, thermo
 
 from fix_nosquish.integrators import mtk, nose_hoover, thermostat
 from fix_nosquish.integrators.rescaling import Scales
+from support.fixes import MTK_CELL, THERMOSTATS, fix_mtk, fix_npt
+from support.sampling import DUMP, FREE, REVERSE, SMOOTH, spreads, thermo
+from support.systems import AFTER, mixture
 
-WORDS = {
-    "NPH": "",
-    "langevin": "temp 2 2 2e-1 seed 771",
-    "csvr": "temp 2 2 2e-1 thermostat csvr seed 771",
-    "fast csvr": "temp 2 2 1e-2 thermostat csvr seed 771",
-    "separate csvr": "temp 2 2 2e-1 thermostat csvr seed 771 separate yes",
-    "nh": "temp 2 2 2e-1 thermostat nh",
-    "separate": "temp 2 2 2e-1 thermostat nh separate yes",
-}
-CELL = "iso 12e-2 12e-2 4e-1 every 5"
 PRESSED = "iso 12e-2 12e-2 2e-1"
 FLAT_KINDS = "planar pair row single"
-
-
-def fix(name, cell=CELL, more=""):
-    """The fix line."""
-    words = "NPH all molecule" if name == "NPH" else "NPT all molecule barostat mtk"
-    line = f"{words} {WORDS[name]} {cell} {more}"
-    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
 
 
 @pytest.mark.parametrize(
     ("name", "cell"),
     [
-        ("NPH", CELL.replace("every 5", "every 1")),
+        ("NPH", MTK_CELL.replace("every 5", "every 1")),
         ("NPH", "x 12e-2 12e-2 4e-1 z 3e-1 5e-1 4e-1 every 1"),
-        ("nh", CELL.replace("every 5", "every 1")),
+        ("nh", MTK_CELL.replace("every 5", "every 1")),
         ("separate", "aniso 12e-2 12e-2 4e-1 couple xz every 1"),
         ("NPH", "tri 12e-2 12e-2 4e-1 every 1"),
         ("nh", "tri 12e-2 12e-2 4e-1 couple xy every 1"),
@@ -51,7 +34,7 @@ def test_conserved_energy(run_lammps, name, cell):
     tilted = {"tri", "xz"} & set(cell.split())
     system = mixture(side=3, spacing=2.9, tilt=0.3 if tilted else 0.0)
     begin = f"{system.setup}\n{SMOOTH}"
-    ratios, rows = spreads(run_lammps, begin, fix(name, cell), system.files)
+    ratios, rows = spreads(run_lammps, begin, fix_mtk(name, cell), system.files)
     assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
     assert ratios == pytest.approx([4, 4], rel=0.15)
 
@@ -62,7 +45,7 @@ def test_effective_energy(run_lammps, name, every):
     """Locks out heat of the bodies' or of the piston's thermostat that `econserve` lacks, and one
     that follows from another kinetic energy than that of the step's middle."""
     system = mixture(side=3, spacing=2.9)
-    words = fix(name, CELL.replace("every 5", f"every {every}"))
+    words = fix_mtk(name, MTK_CELL.replace("every 5", f"every {every}"))
     words += thermo("etotal econserve vol", 20)
     script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
     rows = run_lammps(script, files=system.files).thermo
@@ -76,8 +59,8 @@ def test_effective_energy(run_lammps, name, every):
 def test_reversible(run_lammps, tmp_path, name, every, shape):
     """Locks out a piston, or a place of it in the step, that is not symmetric in time."""
     system = mixture(side=2, spacing=2.9, tilt=0.2 if shape == "tri" else 0.0)
-    cell = CELL.replace("every 5", f"every {every}").replace("iso", shape)
-    words = fix(name, cell, "reinit no")
+    cell = MTK_CELL.replace("every 5", f"every {every}").replace("iso", shape)
+    words = fix_mtk(name, cell, "reinit no")
     words += thermo("vol", 303)
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 0\n{DUMP.format('start')}"
     done = run_lammps(script, files=system.files, launcher=[sys.executable, "-c", REVERSE])
@@ -90,15 +73,15 @@ def test_reversible(run_lammps, tmp_path, name, every, shape):
 SOFT = "compressibility 8"
 FLAT = "iso 35e-2 35e-2 4e-1"
 GASES = {
-    "crescale langevin": of_npt("seed 771", f"{PRESSED} every 2 {SOFT}"),
+    "crescale langevin": fix_npt("seed 771", f"{PRESSED} every 2 {SOFT}"),
     # nothing else brings energy from rotation to translation
-    "crescale separate csvr": of_npt(THERMOSTATS["separate"], f"{PRESSED} every 2 {SOFT}"),
-    "crescale x": of_npt("seed 771", f"x 12e-2 12e-2 2e-1 every 2 {SOFT}"),
-    "crescale flat": of_npt("seed 771", f"{FLAT.replace('4e', '2e')} every 2 compressibility 3"),
-    "mtk langevin": fix("langevin", CELL.replace("every 5", "every 2")),
-    "mtk separate csvr": fix("separate csvr", CELL.replace("every 5", "every 2")),
-    "mtk x": fix("langevin", "x 12e-2 12e-2 4e-1 every 2"),
-    "mtk flat": fix("langevin", f"{FLAT} every 2"),
+    "crescale separate csvr": fix_npt(THERMOSTATS["separate"], f"{PRESSED} every 2 {SOFT}"),
+    "crescale x": fix_npt("seed 771", f"x 12e-2 12e-2 2e-1 every 2 {SOFT}"),
+    "crescale flat": fix_npt("seed 771", f"{FLAT.replace('4e', '2e')} every 2 compressibility 3"),
+    "mtk langevin": fix_mtk("langevin", MTK_CELL.replace("every 5", "every 2")),
+    "mtk separate csvr": fix_mtk("separate csvr", MTK_CELL.replace("every 5", "every 2")),
+    "mtk x": fix_mtk("langevin", "x 12e-2 12e-2 4e-1 every 2"),
+    "mtk flat": fix_mtk("langevin", f"{FLAT} every 2"),
 }
 
 
@@ -139,7 +122,9 @@ def test_gas_with_fix_langevin(run_lammps):
     LAMMPS's virial does not count the forces of fix langevin, so the part of them that acts within
     bodies must not be taken from it."""
     system = mixture(side=3, temperature=2.0)
-    words = "fix 2 all langevin 2 2 0.2 883 zero no\n" + fix("NPH", CELL.replace("4e-1", "2e-1"))
+    words = "fix 2 all langevin 2 2 0.2 883 zero no\n" + fix_mtk(
+        "NPH", MTK_CELL.replace("4e-1", "2e-1")
+    )
     script = f"{system.setup}\n{FREE}timestep 0.004\n{words}{thermo('vol', 200)}run 60000\n"
     rows = run_lammps(script, files=system.files).thermo[20:]
     assert stats.kstest(rows["Volume"], "gamma", (28, 0, 2.0 / 0.12)).pvalue > 1e-3
@@ -167,7 +152,7 @@ def test_temperature_of_the_piston(run_lammps, name):
     """Locks out a thermostat that keeps the piston at another temperature than the bodies: the mean
     square of its rate of strain is k T over its inertia."""
     system, dt, every, damping = mixture(side=2), 0.004, 5, 0.4
-    words = fix(name) + thermo("vol", every)
+    words = fix_mtk(name) + thermo("vol", every)
     script = f"{system.setup}\n{FREE}timestep {dt}\n{words}run 40000\n"
     volumes = run_lammps(script, files=system.files).thermo["Volume"][400:]
     rate = np.diff(np.log(volumes)) / (3 * every * dt)
@@ -179,7 +164,7 @@ def test_files_before_bodies_move(run_lammps, tmp_path):
     """Locks out a data file that cannot be written before there is a temperature, and a piston
     whose inertia is that of another one than when the run begins."""
     system = mixture(side=2, spacing=2.9)
-    begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix('NPH')}"
+    begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix_mtk('NPH')}"
     heat, ends = "velocity all set 0 0 0\nWRITEvelocity all create 2 7 loop geom\n", []
     for write in "", "write_data early\n":
         script = f"{begin}{heat.replace('WRITE', write)}run 50\n{DUMP.format('end')}"
@@ -193,9 +178,11 @@ def test_state_of_another_barostat(run_lammps):
     system = mixture(side=2, spacing=2.9)
     begin = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
     kept = "run 20\nwrite_restart middle\nunfix 1\nwrite_restart stateless\n"
-    run_lammps(f"{begin}{fix('langevin')}{kept}", files=system.files)
-    for cell, told in ((CELL, False), (CELL.replace("iso", "x"), True)):
-        words = f"{SMOOTH}{AFTER}timestep 0.004\n{fix('langevin', cell)}{thermo('vol', 20)}run 20\n"
+    run_lammps(f"{begin}{fix_mtk('langevin')}{kept}", files=system.files)
+    for cell, told in ((MTK_CELL, False), (MTK_CELL.replace("iso", "x"), True)):
+        words = (
+            f"{SMOOTH}{AFTER}timestep 0.004\n{fix_mtk('langevin', cell)}{thermo('vol', 20)}run 20\n"
+        )
         runs = [run_lammps(f"read_restart {name}\n{words}") for name in ("middle", "stateless")]
         assert ("has the state of another thermostat or barostat" in runs[0].log) == told
         volumes = [run.thermo["Volume"][-1] for run in runs]

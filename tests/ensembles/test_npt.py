@@ -4,19 +4,11 @@ import re
 
 import numpy as np
 import pytest
-from support.systems import mixture, sizes
-from test_nvt import DUMP, FREE, SMOOTH, gas, thermo
-from test_nvt import THERMOSTATS as OF_NVT
-from test_other_fixes import charged
 
-THERMOSTATS = OF_NVT | {"chains": "seed 771 thermostat nh tchain 5"}  # the barostat draws
-CELL = "iso 12e-2 12e-2 2e-1 every 5 compressibility 8"
-
-
-def fix(words, cell=CELL, temperature="2 2 2e-1"):
-    """The fix line."""
-    line = f"NPT all molecule temp {temperature} {words} {cell}"
-    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
+from support.fixes import NPT_CELL, NPT_THERMOSTATS, fix_npt
+from support.own_classes import TELLS, VIRIAL_LINES, assert_lammps_virial
+from support.sampling import DUMP, FREE, SMOOTH, gas, thermo
+from support.systems import charged, mixture, sizes
 
 
 @pytest.mark.parametrize("words", ["barostat mtk", "compressibility 8"])
@@ -24,7 +16,7 @@ def test_ramp(run_lammps, words):
     """Locks out a pressure that does not go from PSTART to PSTOP over the run, or over the steps
     that run's start and stop name: the volume of a gas follows it."""
     system = gas()
-    line = fix("seed 771", f"iso 12e-2 48e-2 2e-1 every 2 {words}") + thermo("vol", 100)
+    line = fix_npt("seed 771", f"iso 12e-2 48e-2 2e-1 every 2 {words}") + thermo("vol", 100)
     script = f"{system.setup}\n{FREE}timestep 0.01\n{line}run 1000\nrun 500 start 0 stop 2000\n"
     rows = run_lammps(script, files=system.files).thermo
     for step, pressure in ((1000, 0.48), (1500, 0.39)):
@@ -35,7 +27,7 @@ def test_ramp(run_lammps, words):
 @pytest.mark.parametrize(
     ("name", "cell"),
     [
-        ("chains", CELL),
+        ("chains", NPT_CELL),
         ("langevin", "aniso 12e-2 12e-2 4e-1 couple xz every 2 compressibility 2"),
         ("chains", "tri 12e-2 12e-2 4e-1 every 1 compressibility 4"),
     ],
@@ -45,7 +37,7 @@ def test_effective_energy(run_lammps, name, cell):
     forces' work alone makes it rise by k T in PDAMP."""
     system = mixture(side=3, spacing=2.9, tilt=0.2)
     cell = cell.replace("2e-1 every 5 compressibility 8", "4e-1 every 1 compressibility 4")
-    words = fix(THERMOSTATS[name], cell) + thermo("etotal econserve vol", 20)
+    words = fix_npt(NPT_THERMOSTATS[name], cell) + thermo("etotal econserve vol", 20)
     script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
     rows = run_lammps(script, files=system.files).thermo
     assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
@@ -59,7 +51,7 @@ def test_only_named_axes_change(run_lammps):
         ("x 12e-2 12e-2 2e-1 compressibility 8", ()),
         ("aniso 12e-2 12e-2 2e-1 compressibility 8 couple xz", ("Lx", "Lz")),
     ):
-        words = fix(THERMOSTATS["langevin"], cell) + thermo("lx ly lz xy xz yz", 100)
+        words = fix_npt(NPT_THERMOSTATS["langevin"], cell) + thermo("lx ly lz xy xz yz", 100)
         script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 1000\n"
         rows = run_lammps(script, files=system.files).thermo
         scale = {k: rows[k] / rows[k][0] for k in ("Lx", "Ly", "Lz")}
@@ -76,7 +68,7 @@ def test_only_named_axes_change(run_lammps):
 def test_bodies_keep_their_shape(run_lammps, tmp_path):
     """Locks out shapes that are stretched with the box."""
     system = mixture("solid", side=3, spacing=2.9)
-    words = fix(THERMOSTATS["langevin"])
+    words = fix_npt(NPT_THERMOSTATS["langevin"])
     script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
     run_lammps(script + f"run 500\n{DUMP.format('end')}", files=system.files)
     start, end = (np.loadtxt(tmp_path / name, skiprows=9)[:, 3:6] for name in ("start", "end"))
@@ -89,7 +81,7 @@ def test_forces_that_the_virial_lacks(run_lammps):
     nothing."""
     system = mixture("pair", side=2)
     field = "variable pull atom 5.0*(-1)^id\nfix 2 all addforce v_pull 0 0\n"
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{field}{fix('seed 5')}"
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{field}{fix_npt('seed 5')}"
     told = {
         words: run_lammps(f"{script}{words}run 10\n", files=system.files).log
         for words in ("", "fix_modify 2 virial yes\n")
@@ -99,33 +91,6 @@ def test_forces_that_the_virial_lacks(run_lammps):
     assert "use 'fix_modify 2 virial yes'" in told[""]
 
 
-# tells what a barostat has of LAMMPS's forces, and that with the constraints' virial it is LAMMPS's
-TELLS = """
-from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.nph import NPH
-
-class Tells(NPH):
-    def post_run(self):
-        super().post_run()
-        virial = self.host.forces_virial + self.communicator.total(self.virial)
-        numbers = " ".join(f"{number:.17g}" for number in virial * self.lammps.nktv2p)
-        self.host.log(f"VIRIAL {numbers}\\n")
-
-__getattr__ = of_fix_line(Tells)
-"""
-
-
-def assert_lammps_virial(run):
-    """The last virial that a class of TELLS has told is that of compute pressure, c_f."""
-    told = np.array(run.log.rsplit("VIRIAL ", 1)[1].split("\n")[0].split(), float)
-    last = run.thermo[-1]
-    theirs = np.array([last[f"c_f[{k}]"] for k in range(1, 7)]) * last["Volume"]
-    np.testing.assert_allclose(told, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
-
-
-FORCES = "compute f all pressure NULL virial\n" + thermo("elong vol c_f[*]", 1)
-
-
 @pytest.mark.parametrize("virial", ["yes", "no"])
 def test_virial_of_others(run_lammps, virial):
     """Locks out a barostat without the correction for the pair style's tail, or with the virial of
@@ -133,7 +98,9 @@ def test_virial_of_others(run_lammps, virial):
     system = mixture(side=3)
     words = 'fix 1 all python/move "mine.Tells all molecule iso 1 1 2e-1 every 2"\n'
     push = f"fix 2 all addforce 1.0 0.5 -2.0\nfix_modify 2 virial {virial}\n"
-    script = f"{system.setup}\npair_modify tail yes\n{push}timestep 0.002\n{words}{FORCES}run 4\n"
+    script = (
+        f"{system.setup}\npair_modify tail yes\n{push}timestep 0.002\n{words}{VIRIAL_LINES}run 4\n"
+    )
     files = system.files | {"mine.py": TELLS}
     assert_lammps_virial(run_lammps(script, files=files))
 
@@ -144,7 +111,7 @@ def test_pressures_that_are_printed(run_lammps, ranks, every):
     """Locks out pressures without the constraint virial, in steps in which the barostat asks for
     one too: they are the same whatever else is printed, and of atoms as of all."""
     system = mixture(side=3)
-    words = fix("seed 771", f"iso 12e-2 12e-2 2e-1 every {every} compressibility 8")
+    words = fix_npt("seed 771", f"iso 12e-2 12e-2 2e-1 every {every} compressibility 8")
     found = {}
     for steps in 1, 2, 6:
         script = f"{system.setup}\ntimestep 0.002\n{words}{thermo('press', steps)}run 12\n"
@@ -165,7 +132,7 @@ def test_equal_numbers_in_other_words(run_lammps):
     system = mixture(side=2)
     words = "x 1 v_p 1000 y 10e-1 1 1e3 couple xy compressibility 1"
     run_lammps(
-        f"{system.setup}\nvariable p equal 1\n{fix('seed 5', words)}run 0\n", files=system.files
+        f"{system.setup}\nvariable p equal 1\n{fix_npt('seed 5', words)}run 0\n", files=system.files
     )
 
 
@@ -178,9 +145,9 @@ def test_pressure_that_is_no_tensor(refused, run_lammps):
     setup += "kspace_style msm 1e-2\n"
     words = "1 1 2e-1 compressibility 1"
     says = "kspace_style msm gives the mean pressure of all axes only"
-    refused(f"{setup}{fix('seed 5', f'aniso {words}')}run 0\n", says, system.files)
-    fits = fix("seed 5", f"iso {words}")
-    fits += "run 1\nunfix 1\nkspace_modify pressure/scalar no\n" + fix("seed 5", f"x {words}")
+    refused(f"{setup}{fix_npt('seed 5', f'aniso {words}')}run 0\n", says, system.files)
+    fits = fix_npt("seed 5", f"iso {words}")
+    fits += "run 1\nunfix 1\nkspace_modify pressure/scalar no\n" + fix_npt("seed 5", f"x {words}")
     run_lammps(f"{setup}{fits}run 1\n", files=system.files)
 
 
@@ -194,7 +161,7 @@ def test_volume_out_of_proportion(run_lammps, pressure, ratio, style):
     system = mixture(side=3, spacing=2.9)
     lines = {}
     for p, steps in (pressure, 4000), ("12e-2", 500):
-        line = fix("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
+        line = fix_npt("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
         if style != "python/move":
             line = re.sub(r'python/move "fix_nosquish\.NPT \S+ (.*)"', rf"{style} \1", line)
         script = f"{system.setup}\n{FREE}timestep 0.004\n{line}run {steps}\nrun 10\n"
@@ -216,15 +183,15 @@ def test_how_often_the_box_changes(run_lammps):
     system = mixture(side=2)
     script = f"{system.setup}\ntimestep 2e-4\n"
     for every in "", "every 50", "every 51":
-        words = fix("seed 5", f"iso 1 1 2e-1 compressibility 1 {every} details yes")
+        words = fix_npt("seed 5", f"iso 1 1 2e-1 compressibility 1 {every} details yes")
         script += f"{words}run 0\nunfix 1\n"
-    words = fix("seed 5", "iso 1 1 2e-1 compressibility 1 details yes") + thermo("vol", 1)
+    words = fix_npt("seed 5", "iso 1 1 2e-1 compressibility 1 details yes") + thermo("vol", 1)
     done = run_lammps(f"{script}{words}run 0\ntimestep 4e-4\nrun 40\n", files=system.files)
     assert re.findall(r"change of the box every (\d+) steps", done.log) == ["20", "50", "51", "20"]
     assert re.findall("WARNING: the box changes (.*) times", done.log) == ["19.6"]
     volumes = done.log.rsplit("Volume", 1)[1].split("Loop time")[0].splitlines()[1:-1]
     assert len({row.split()[-1] for row in volumes}) == 5  # at the start, and after 0, 10, 20, 30
-    short = fix("seed 5", "iso 1 1 2e-3 compressibility 1")
+    short = fix_npt("seed 5", "iso 1 1 2e-3 compressibility 1")
     done = run_lammps(f"{system.setup}\ntimestep 2e-4\n{short}run 0\n", files=system.files)
     assert "changes 10 times in PDAMP" in done.log and "a PDAMP of at least 0.004" in done.log
 
@@ -235,7 +202,7 @@ def test_continued_with_a_mesh(run_lammps, tmp_path):
     system = charged(mixture(side=3, spacing=2.9))
     setup = re.sub("pair_style .*", "pair_style lj/cut/coul/long 2.5", system.setup)
     setup += "\nset group all charge 0.3\nset atom 1*42 charge -0.3\nkspace_style pppm 1e-4\n"
-    line = fix("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
+    line = fix_npt("seed 5", "iso 2 2 1e-1 every 1 compressibility 4") + thermo("econserve vol", 40)
     jumps, ends = {}, {}
     for mesh in "", "kspace_modify mesh 24 24 24 gewald 1.2\n":
         for runs in "run 80\n", "run 40\nrun 40\n":

@@ -2,69 +2,29 @@
 
 import re
 import sys
-from functools import cache
 from math import exp, sqrt
 from zlib import crc32
 
 import numpy as np
 import pytest
 from scipy import stats
-from support.systems import AFTER, Result, apart, mixture
 
 from fix_nosquish.integrators import csvr
 from fix_nosquish.integrators.rescaling import Scales
 from fix_nosquish.motion import philox
-
-THERMOSTATS = {
-    "langevin": "seed 771",
-    "csvr": "seed 771 thermostat csvr",
-    "nh": "thermostat nh",
-    "separate": "seed 771 thermostat csvr separate yes",
-    "chains": "thermostat nh separate yes tchain 5",
-}
-FREE = "pair_style zero 0.5\npair_coeff * *\n"  # no forces
-SMOOTH = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1.0 1.0\n"  # no jump at the cutoff
-DUMP = "write_dump all custom {} id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
-
-
-@cache
-def gas():
-    """Bodies of all kinds, enough for a distribution."""
-    return mixture(side=6, temperature=2.0)
-
-
-def fix(words, temperature="2 2 4e-3", group="all"):
-    """The fix line, with a temperature, its goal and the damping time."""
-    return f'fix 1 {group} python/move "fix_nosquish.NVT all molecule temp {temperature} {words}"\n'
-
-
-def thermo(columns, every):
-    return (
-        f"thermo_style custom step temp pe {columns}\n"
-        f"thermo {every}\nthermo_modify format float %.16g norm no\n"
-    )
-
-
-def motion(path):
-    """What a dump says of the bodies.
-
-    Returns:
-        mass (n,), momentum, angular momentum in space, both (n, 3), and each of its components
-        along a principal axis, from the smallest moment on, divided by the root of the moment,
-        (n, 3): nan where there is no moment.
-    """
-    atoms = np.loadtxt(path, skiprows=9)
-    momenta, turns, along, masses = [], [], [], []
-    for body in np.unique(atoms[:, 1]):
-        m, x, v = np.split(atoms[atoms[:, 1] == body, 2:], [1, 4], axis=1)
-        x = x - (m * x).sum(axis=0) / m.sum()
-        momentum, turn = (m * v).sum(axis=0), np.cross(x, m * v).sum(axis=0)
-        moments, axes = np.linalg.eigh((m * x**2).sum() * np.eye(3) - (m * x).T @ x)
-        moments[moments <= 1e-6 * max(moments.max(), 1e-9)] = np.nan
-        along.append(axes.T @ turn / np.sqrt(moments))
-        momenta.append(momentum), turns.append(turn), masses.append(m.sum())
-    return np.array(masses), np.array(momenta), np.array(turns), np.array(along)
-
+from support.fixes import POINTS, THERMOSTATS, fix_nvt, fix_nvt_with_points
+from support.sampling import (
+    DUMP,
+    FREE,
+    REVERSE,
+    SMOOTH,
+    body_momenta,
+    distance_of_ends,
+    gas,
+    spreads,
+    thermo,
+)
+from support.systems import AFTER, mixture
 
 # ------------------------------------------------------------------ random numbers
 
@@ -104,10 +64,10 @@ def test_what_is_drawn(run_lammps, tmp_path):
     """Locks out compiled numbers that are not those of seed, body and step: a body at rest has
     after one step the velocity that the noise alone gives it."""
     system = mixture(side=2)
-    words = fix(THERMOSTATS["langevin"])
+    words = fix_nvt(THERMOSTATS["langevin"])
     script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 1\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
-    mass, momentum, *_ = motion(tmp_path / "end")
+    mass, momentum, *_ = body_momenta(tmp_path / "end")
     expected = []
     for body in range(1, len(mass) + 1):
         w = philox.words(float(body), 1, 0, 771, crc32(b"all molecule") & 0xFFFFFFFE)
@@ -126,7 +86,7 @@ def test_the_configurations_part_of_the_shadow_hamiltonian(run_lammps, tmp_path,
     """Locks out forces of another step than the one that is printed, torques about other axes, a
     body that two ranks count, and another factor: from the atoms' forces, with axes of numpy's."""
     system = mixture(side=4)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{fix(THERMOSTATS['csvr'])}"
+    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{fix_nvt(THERMOSTATS['csvr'])}"
     dump = DUMP.format("end").replace("vx vy vz", "fx fy fz")
     rows = run_lammps(
         f"{script}{thermo('f_1[5]', 7)}run 7\n{dump}", files=system.files, ranks=ranks
@@ -153,12 +113,12 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
     are no forces: each velocity and each component of the angular momentum is normal, and they are
     independent."""
     system = gas()
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{fix(THERMOSTATS[name])}run 60\n"
+    script = f"{system.setup}\n{FREE}timestep 0.002\n{fix_nvt(THERMOSTATS[name])}run 60\n"
     # momenta forget as exp(-t / 2 steps); the others leave each its direction
     frames = range(8 if name == "langevin" else 1)
     script += "".join(DUMP.format(f"end{k}") + "run 20\n" for k in frames)
     run_lammps(script, files=system.files)
-    found = [motion(tmp_path / f"end{k}") for k in frames]
+    found = [body_momenta(tmp_path / f"end{k}") for k in frames]
     moves = np.concatenate([one[1] / np.sqrt(2.0 * one[0])[:, None] for one in found])
     turns = np.concatenate([one[3] for one in found]) / sqrt(2.0)
     spins = np.concatenate([one[2] for one in found])
@@ -174,10 +134,10 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
 def test_in_the_plane(run_lammps, tmp_path):
     """Locks out noise out of the plane, and rotation about another axis than z."""
     system = mixture("planar pair row single", side=10, dimension=2, temperature=0.5)
-    words = fix(THERMOSTATS["langevin"]) + "fix 2 all enforce2d\n"
+    words = fix_nvt(THERMOSTATS["langevin"]) + "fix 2 all enforce2d\n"
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
     run_lammps(script + DUMP.format("end"), files=system.files)
-    mass, momentum, turn, _ = motion(tmp_path / "end")
+    mass, momentum, turn, _ = body_momenta(tmp_path / "end")
     assert not momentum[:, 2].any()
     assert np.abs(turn[:, :2]).max() < 1e-12
     atoms = np.loadtxt(tmp_path / "end", skiprows=9)
@@ -200,12 +160,12 @@ def test_friction_of_langevin(run_lammps, tmp_path, style):
     another one for rotation: momenta are forgotten as exp(-t / TDAMP).  And draws that repeat
     within a step: free bodies have the temperature."""
     system = gas()
-    words = fix(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
+    words = fix_nvt(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
     script = f"{system.setup}\n{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}"
     rows = run_lammps(f"{script}run 5\n{DUMP.format('second')}", files=system.files).thermo
     for column, axes in ("f_1[3]", 3), ("f_1[4]", 2):
         assert rows[column][1] == pytest.approx(2, rel=5 * sqrt(2 / (axes * 216)))
-    one, two = motion(tmp_path / "first"), motion(tmp_path / "second")
+    one, two = body_momenta(tmp_path / "first"), body_momenta(tmp_path / "second")
     for before, after in zip(one[1:3], two[1:3]):
         kept = (before * after).sum() / (before**2).sum()
         spread = sqrt((1 - exp(-1.0)) / (before**2).sum() ** 2 * (before**4).sum())
@@ -217,7 +177,7 @@ def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
     """Locks out a thermostat that keeps the mean and not the distribution, as one that scales to
     the target does, and degrees of freedom that are miscounted: few bodies, with forces."""
     system = mixture(side=2, spacing=2.9)
-    words = fix(THERMOSTATS[name], f"2 2 {damping}") + thermo("f_1[1] f_1[2]", every)
+    words = fix_nvt(THERMOSTATS[name], f"2 2 {damping}") + thermo("f_1[1] f_1[2]", every)
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n"
     rows = run_lammps(script, files=system.files).thermo[200:]
     energy = rows["f_1[1]"] + rows["f_1[2]"]
@@ -241,63 +201,23 @@ def test_mean_of_a_rescaling(degrees):
 # ------------------------------------------------------------------ what is conserved
 
 
-def spreads(run_lammps, begin, line, files, time=2):
-    """How much more econserve spreads when a time step is doubled, twice, from 0.001 on, while the
-    energy itself changes by far more; and the last run's thermo table."""
-    found = []
-    for dt in (0.001, 0.002, 0.004):
-        words = line + thermo("etotal econserve vol", round(0.02 / dt))
-        script = f"{begin}timestep {dt}\n{words}run {round(time / dt)}\n"
-        rows = run_lammps(script, files=files).thermo
-        found.append(rows["Econserve"].std())
-        assert np.ptp(rows["TotEng"]) > 50 * found[-1]
-    return [found[1] / found[0], found[2] / found[1]], rows
-
-
 @pytest.mark.parametrize("name", ["langevin", "csvr", "nh", "chains"])
 def test_effective_energy(run_lammps, name):
     """Locks out an energy of the thermostat that leaves something out: econserve keeps its value
     but for an error that goes as the square of the step, while the energy itself changes."""
     system = mixture(side=3, spacing=2.9)
-    line = fix(THERMOSTATS[name], "2 2 2e-1")
+    line = fix_nvt(THERMOSTATS[name], "2 2 2e-1")
     ratios, _ = spreads(run_lammps, f"{system.setup}\n{SMOOTH}", line, system.files)
     if name in ("nh", "chains"):  # the noise of the others has another path for each time step
         assert ratios == pytest.approx([4, 4], rel=0.15)
     assert np.prod(ratios) > 5
 
 
-# a box that changes in each fifth step does so in the same steps on the way back
-REVERSE = """
-import sys
-import numpy as np
-from lammps import lammps
-from fix_nosquish.run.integrator import Integrator
-
-lmp = lammps()
-lmp.file(sys.argv[1])
-lmp.command("run 303")
-fix = Integrator.of_fix(lmp, "1")
-fix.host.point()
-fix.do("close")
-fix.bodies.v[:] *= -1
-fix.bodies.p[:] *= -1
-if fix.thermostat:
-    fix.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
-if getattr(fix, "has_piston", False):
-    fix.barostat.piston.rates *= -1
-fix.passes.level_dt.set(-fix.dt)
-fix.do("close")
-lmp.command("run 303")
-columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
-lmp.command("write_dump all custom end " + columns)
-"""
-
-
 @pytest.mark.parametrize("name", ["nh", "chains"])
 def test_chains_are_reversible(run_lammps, tmp_path, name):
     """Locks out a chain, or a place of it in the step, that is not symmetric in time."""
     system = mixture(side=2, spacing=2.9)
-    words = fix(THERMOSTATS[name] + " reinit no", "2 2 1e-1")
+    words = fix_nvt(THERMOSTATS[name] + " reinit no", "2 2 1e-1")
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 0\n{DUMP.format('start')}"
     command = [sys.executable, "-c", REVERSE]
     run_lammps(script, files=system.files, launcher=command)
@@ -330,7 +250,7 @@ def test_both_halves_are_one_motion(run_lammps, tmp_path):
     system, files = mixture(side=2, spacing=2.9), {"halves.py": HALVES}
     held = THERMOSTATS["csvr"] + " force 2 off on on torque 3 off off off"
     for words in THERMOSTATS["csvr"], THERMOSTATS["nh"], THERMOSTATS["separate"], held:
-        line, ends = fix(words + " rotor exact", "2 2 5e-2"), []
+        line, ends = fix_nvt(words + " rotor exact", "2 2 5e-2"), []
         for one in line, line.replace("fix_nosquish.NVT", "halves.Halves"):
             script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{one}run 60\n{DUMP.format('end')}"
             run_lammps(script, files=system.files | files, timeout=280)  # the first one compiles
@@ -345,7 +265,7 @@ def test_temperature_is_that_of_the_middle(run_lammps):
     """Locks out velocities of the step's end, which are too cold: at a long step the printed
     temperature is the target, and a first run starts with the velocities that atoms have."""
     system = mixture("solid", side=5, spacing=2.4)
-    words = fix("seed 3", "1 1 5e-2") + thermo("f_1[3] f_1[4] f_1", 10)
+    words = fix_nvt("seed 3", "1 1 5e-2") + thermo("f_1[3] f_1[4] f_1", 10)
     script = f"{system.setup}\n{SMOOTH}velocity all create 1.5 7 loop geom\n{words}timestep 0.012\n"
     rows = run_lammps(script + "run 6000\n", files=system.files).thermo
     assert rows["Temp"][0] == pytest.approx(1.5, rel=0.15)  # as rigid motion, of few bodies
@@ -364,7 +284,7 @@ def test_time_step_that_changes(run_lammps, name):
     step in which the time step changes: econserve keeps its value there as elsewhere. And bodies
     that go on with the old one."""
     system = mixture(side=3, spacing=2.9)
-    words = fix(THERMOSTATS[name], "2 2 2e-1") + RESET + thermo("dt econserve time v_x", 1)
+    words = fix_nvt(THERMOSTATS[name], "2 2 2e-1") + RESET + thermo("dt econserve time v_x", 1)
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\nvelocity all set 0.3 NULL NULL sum yes\n"
     script += f"variable x equal xcm(all,x)\n{words}run 100\n"
     rows = run_lammps(script, files=system.files).thermo
@@ -387,11 +307,11 @@ def test_velocities_that_other_fixes_change(run_lammps, tmp_path, reset, steps, 
     """Locks out velocities that another fix gives atoms at the end of a step, of the last one or of
     one in which the time step changes, too, and that the bodies ignore."""
     system = mixture(side=3, spacing=2.9)
-    words = "velocity all set 0.3 NULL NULL sum yes\n" + fix("seed 3", "2 2 2e3")
+    words = "velocity all set 0.3 NULL NULL sum yes\n" + fix_nvt("seed 3", "2 2 2e3")
     words += reset + "fix 2 all momentum 10 linear 1 1 1\n"
     script = f"{system.setup}\ntimestep 0.002\n{words}run {steps}\n"
     log = run_lammps(script + DUMP.format("end"), files=system.files, ranks=ranks).log
-    momentum = motion(tmp_path / "end")[1]
+    momentum = body_momenta(tmp_path / "end")[1]
     assert "the bodies take them over" in log
     assert abs(momentum.sum(axis=0)[0]) < 1e-2 * np.abs(momentum[:, 0]).sum()
 
@@ -401,7 +321,7 @@ def test_step_of_a_force_that_is_not_finite(refused, every):
     """Locks out the number of the step before, where the end of a step is left to the next one."""
     system = mixture(side=2, spacing=2.9)
     push = "variable f equal exp(800*(step>6))-1\ngroup g id 7\nfix 2 g addforce v_f 0 0\n"
-    script = f"{system.setup}\n{fix('seed 3')}{push}thermo {every}\nrun 20\n"
+    script = f"{system.setup}\n{fix_nvt('seed 3')}{push}thermo {every}\nrun 20\n"
     refused(script, "is not finite at step 7", system.files)
 
 
@@ -424,7 +344,7 @@ def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
     with 'pre no' or in one run.  A restart file keeps the step, too."""
     system = mixture(side=3, spacing=2.9)
     seed = "seed 771 " if cell == "crescale" and name == "nh" else ""
-    line = fix(f"{THERMOSTATS.get(name, '')} {seed}{CELLS[cell]}", "2 2 2e-1")
+    line = fix_nvt(f"{THERMOSTATS.get(name, '')} {seed}{CELLS[cell]}", "2 2 2e-1")
     if cell:
         line = line.replace("NVT", "NPT")
     if name == "NPH":
@@ -440,7 +360,7 @@ def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
         (f"{begin}{line}{first}write_restart middle\n{second}{end}", 2),
         (f"{begin}{line}{first}write_restart middle\n{restarted}{AFTER}{line}{second}{end}", 1),
     ]
-    assert ends_alike(run_lammps, tmp_path, scripts, system.files, system.h) < 1e-10
+    assert distance_of_ends(run_lammps, tmp_path, scripts, system.files, system.h) < 1e-10
     rows = run_lammps(scripts[-1][0], files=system.files).thermo
     border = rows["Econserve"][rows["Step"] == 53]
     assert len(border) == 3  # the last one of a run, and the first ones of two
@@ -451,7 +371,7 @@ def test_levels_before_and_after(run_lammps):
     """Locks out a half kick that is left out, or done twice, where a run with run_style respa comes
     before or after one without: econserve is continuous."""
     system = mixture(side=3, spacing=2.9)
-    line = fix(THERMOSTATS["nh"], "2 2 2e-1") + thermo("econserve", 10)
+    line = fix_nvt(THERMOSTATS["nh"], "2 2 2e-1") + thermo("econserve", 10)
     levels, plain = "run_style respa 2 2 pair 2\n", "run_style verlet\n"
     script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}"
     runs = f"run 50\n{levels}run 0\n{plain}run 50\n{levels}run 50\n{plain}run 50\n"
@@ -461,18 +381,7 @@ def test_levels_before_and_after(run_lammps):
         np.testing.assert_allclose(border, border[0], rtol=1e-11)
 
 
-def ends_alike(run_lammps, tmp_path, scripts, files, h):
-    """How far the atoms at the ends of several runs, (script, ranks), are from those of the
-    first."""
-    ends = []
-    for script, ranks in scripts:
-        run_lammps(script, ranks=ranks, files=files)
-        atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-        ends.append(Result(atoms[:, 3:6], atoms[:, 6:], None, ""))
-    return max(max(apart(one, ends[0], h), np.abs(one.v - ends[0].v).max()) for one in ends[1:])
-
-
-FORGETS = fix(THERMOSTATS["langevin"], "2 2 1e-2")
+FORGETS = fix_nvt(THERMOSTATS["langevin"], "2 2 1e-2")
 TRIES = 'fix 1 all python/move "fix_nosquish.HMC all molecule temp 2 steps 5 seed 771"\n'
 
 
@@ -498,7 +407,7 @@ def test_noise_does_not_repeat(run_lammps, tmp_path, line, between):
     script += f"reset_timestep 0\n{again}{DUMP.format('two')}"
     script += f"{between if between != 'clear' else ''}\nreset_timestep 0\nrun 20\n"
     run_lammps(script + DUMP.format("three"), files=system.files)
-    found = [motion(tmp_path / name)[1].ravel() for name in ("one", "two", "three")]
+    found = [body_momenta(tmp_path / name)[1].ravel() for name in ("one", "two", "three")]
     assert np.abs(np.corrcoef(found) - np.eye(3)).max() < 0.4  # 192 numbers
 
 
@@ -517,7 +426,7 @@ def test_ramp(run_lammps):
     """Locks out a temperature that does not go from TSTART to TSTOP over the run, or over the steps
     that run's start and stop name."""
     system = gas()
-    words = fix("seed 3", "1 3 4e-3") + thermo("f_1[3]", 50)
+    words = fix_nvt("seed 3", "1 3 4e-3") + thermo("f_1[3]", 50)
     runs = "run 200\nrun 100 start 0 stop 600\nrun 100\n"
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}{runs}"
     rows = run_lammps(script, files=system.files).thermo
@@ -535,10 +444,10 @@ def test_components_that_are_off(run_lammps, tmp_path):
     """Locks out noise on what keywords force and torque switch off: these components stay."""
     system = mixture("solid", side=3, spacing=2.9)
     words = " force 1*5 off on on torque 6*9 off off off"
-    script = f"{system.setup}\ntimestep 0.002\n{fix(THERMOSTATS['langevin'] + words)}run 0\n"
+    script = f"{system.setup}\ntimestep 0.002\n{fix_nvt(THERMOSTATS['langevin'] + words)}run 0\n"
     script += f"{DUMP.format('start')}run 50\n{DUMP.format('end')}"
     run_lammps(script, files=system.files)
-    one, two = motion(tmp_path / "start"), motion(tmp_path / "end")
+    one, two = body_momenta(tmp_path / "start"), body_momenta(tmp_path / "end")
     np.testing.assert_allclose(one[1][:5, 0], two[1][:5, 0], rtol=1e-12)
     np.testing.assert_allclose(one[2][5:9], two[2][5:9], rtol=1e-10)
     assert np.abs(one[1][:5, 1:] - two[1][:5, 1:]).min() > 1e-3
@@ -553,7 +462,7 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
     script = (
         f"{system.setup}\n{FREE}velocity all set 0 0 0\n"
         "velocity all create 2 7 loop geom rot yes\n"
-        f"timestep 0.002\n{fix(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n"
+        f"timestep 0.002\n{fix_nvt(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n"
     )
     rows = run_lammps(script, files=system.files).thermo
     kept = rows["f_1[2]"][0] / 2  # about: the part of those that cannot turn
@@ -573,7 +482,7 @@ def test_momentum_that_is_no_heat(run_lammps, ranks):
         (drift, "csvr", True), (drift, "langevin", False), ("", "csvr", False), (drift, "nh", True),
     ):  # fmt: skip
         start = "velocity all create 2 7 loop geom mom yes\n" + more
-        script = f"{system.setup}\n{start}{fix(THERMOSTATS[words], '2 2 2e-1')}run 0\n"
+        script = f"{system.setup}\n{start}{fix_nvt(THERMOSTATS[words], '2 2 2e-1')}run 0\n"
         assert (said in run_lammps(script, files=system.files, ranks=ranks).log) is warns
 
 
@@ -598,7 +507,7 @@ def test_time_of_rescaling(run_lammps, name):
     system, damping = gas(), 0.4
     words, goal = (THERMOSTATS["csvr"], 1.0) if name == "csvr" else ("thermostat nh tchain 1", 1.8)
     script = f"{system.setup}\n{FREE}timestep 0.002\nvariable goal equal {goal}\n"
-    script += fix(words, "v_goal v_goal 4e-1") + thermo("", 10) + "run 2000\n"
+    script += fix_nvt(words, "v_goal v_goal 4e-1") + thermo("", 10) + "run 2000\n"
     rows = run_lammps(script, files=system.files).thermo
     times, off = 0.002 * rows["Step"], rows["Temp"] / goal - 1.0
     if name == "csvr":
@@ -617,7 +526,7 @@ def test_noise_of_two_fixes(run_lammps, tmp_path):
     script = f"{system.setup}\n{FREE}{groups}velocity all set 0 0 0\ntimestep 0.002\n"
     script += line.format(1, "a b") + line.format(2, "c d") + f"run 1\n{DUMP.format('end')}"
     run_lammps(script, files=system.files)
-    momenta = motion(tmp_path / "end")[1][:4]
+    momenta = body_momenta(tmp_path / "end")[1][:4]
     assert np.abs(momenta).min() > 0
     assert np.abs(momenta[:2] - momenta[2:]).min() > 1e-6
 
@@ -645,21 +554,12 @@ def test_a_thermostat_waits(run_lammps, name, separate, ranks):
 # ------------------------------------------------------------------ atoms as points
 
 
-POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
-
-
-def with_points(words, temperature="2 2 2e-1"):
-    """The lines for bodies and, besides, the atoms of five molecules as points."""
-    line = f"NVT stiff molecule temp {temperature} {words} flexible loose"
-    return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
-
-
 def test_energy_for_each_atom(run_lammps):
     """Locks out an energy of the thermostat that is not divided by the number of atoms where
     'thermo_modify norm yes' has all energies divided, or a temperature that is."""
     system, rows = mixture(side=2), {}
     for norm in "yes", "no":
-        words = fix(THERMOSTATS["csvr"]) + thermo("f_1 f_1[3]", 10)
+        words = fix_nvt(THERMOSTATS["csvr"]) + thermo("f_1 f_1[3]", 10)
         script = f"{system.setup}\ntimestep 0.004\n{words}thermo_modify norm {norm}\nrun 10\n"
         rows[norm] = run_lammps(script, files=system.files).thermo[-1]
     whole, each = rows["no"], rows["yes"]
@@ -686,7 +586,7 @@ def test_points_have_the_temperature(run_lammps, tmp_path):
     """Locks out points without noise, or with that of another mass."""
     system = gas()
     groups = "group loose molecule 1:150\ngroup stiff subtract all loose\n"
-    words = with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
+    words = fix_nvt_with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
     script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}"
     log = run_lammps(script, files=system.files).log
     atoms = np.loadtxt(tmp_path / "end", skiprows=9)
@@ -704,7 +604,7 @@ def test_forces_in_the_table(run_lammps, tmp_path, name, ranks):
     at the step: a dump of every step, which has the forces gathered, changes nothing."""
     system, tables = mixture(side=2, spacing=2.9), []
     for dump in "", "dump 1 all custom 1 all id fx fy fz\n":
-        words = fix(THERMOSTATS[name] + " output 5 table", "1 1 1") + "thermo 1000\n"
+        words = fix_nvt(THERMOSTATS[name] + " output 5 table", "1 1 1") + "thermo 1000\n"
         script = f"{system.setup}\n{words}timestep 0.002\n{dump}run 20\n"
         run_lammps(script, files=system.files, ranks=ranks)
         tables.append(np.genfromtxt(tmp_path / "table", delimiter=",", skip_header=1))
@@ -773,7 +673,7 @@ def assert_degrees(run_lammps, scripts, expected, **how):
 def test_what_changes_the_total_momentum(run_lammps, place):
     """Locks out a momentum that is counted out though a fix may change it, whatever its name, and
     one that is counted though all that acts is known to leave it alone."""
-    scripts, ours = [], fix(THERMOSTATS["csvr"], "1 1 5e-1")
+    scripts, ours = [], fix_nvt(THERMOSTATS["csvr"], "1 1 5e-1")
     for line, *_ in PUSHES.values():
         both = (line + "\n", ours) if place == "before" else (ours, line + "\n")
         scripts.append("clear" + DIPOLES + "variable goal internal 1\n" + "".join(both) + "run 0\n")
@@ -807,7 +707,7 @@ PAIRS = {
 def test_pair_styles_that_change_the_total_momentum(run_lammps):
     """Locks out a momentum that is counted out though a pair style has friction or noise of each
     particle by itself, alone or in a hybrid style, or of pairs that are computed twice."""
-    scripts, ours = [], fix(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
+    scripts, ours = [], fix_nvt(THERMOSTATS["csvr"], "1 1 5e-1").replace("molecule", "custom v_own")
     for pair in PAIRS:
         newton, rest = pair.split("\n", 1)
         scripts.append(
@@ -825,7 +725,7 @@ def test_momentum_that_changes_in_a_run(run_lammps, ranks):
     for where, warns in ("region half", True), ("", False):
         script = (
             f"{DIPOLES}region half block 0 15 0 15 0 7\nfix ef all efield 0 0 3 {where}\n"
-            f"{fix(THERMOSTATS['csvr'], '1 1 5e-1')}run 0\nrun 2000\n"
+            f"{fix_nvt(THERMOSTATS['csvr'], '1 1 5e-1')}run 0\nrun 2000\n"
         )
         log = run_lammps(script, ranks=ranks).log
         assert log.count(said) == warns, log

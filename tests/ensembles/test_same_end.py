@@ -5,15 +5,20 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
+from support.fixes import (
+    CHOSEN,
+    NPT_THERMOSTATS,
+    THERMOSTATS,
+    TRI_FIXES,
+    fix_moments,
+    fix_mtk,
+    fix_npt,
+    fix_nvt,
+    fix_nvt_with_points,
+)
+from support.sampling import DUMP, FREE, SMOOTH, distance_of_ends, thermo
 from support.systems import AFTER, mixture
-from test_moments import CHOSEN
-from test_moments import fix as of_moments
-from test_mtk import fix as of_mtk
-from test_npt import THERMOSTATS as OF_NPT
-from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, SMOOTH, THERMOSTATS, ends_alike, thermo, with_points
-from test_nvt import fix as of_nvt
-from test_tri import FIXES
 
 SLOWLY = "2 2 2e-1"
 
@@ -28,24 +33,25 @@ class Case(NamedTuple):
 
 
 CASES = {
-    **{f"nvt {name}": Case(of_nvt(words, SLOWLY)) for name, words in THERMOSTATS.items()},
+    **{f"nvt {name}": Case(fix_nvt(words, SLOWLY)) for name, words in THERMOSTATS.items()},
     **{
-        f"points {name}": Case(with_points(THERMOSTATS[name]), 0.0) for name in ("langevin", "csvr")
+        f"points {name}": Case(fix_nvt_with_points(THERMOSTATS[name]), 0.0)
+        for name in ("langevin", "csvr")
     },
     # without forces bodies come far, and with them what they have for chosen moments
     **{
-        f"moments {name}": Case(of_moments(f"seed 771 {words}", SLOWLY), pair=FREE, dt=0.01)
+        f"moments {name}": Case(fix_moments(f"seed 771 {words}", SLOWLY), pair=FREE, dt=0.01)
         for name, words in CHOSEN.items()
     },
     **{
-        f"crescale {name}": Case(of_npt(OF_NPT[name]), tilt)
+        f"crescale {name}": Case(fix_npt(NPT_THERMOSTATS[name]), tilt)
         for name, tilt in (("langevin", 0.3), ("csvr", 0.0), ("chains", 0.3))
     },
     **{
-        f"mtk {name}": Case(of_mtk(name), tilt)
+        f"mtk {name}": Case(fix_mtk(name), tilt)
         for name, tilt in (("NPH", 0.3), ("langevin", 0.0), ("csvr", 0.3), ("nh", 0.0))
     },
-    **{f"tri {name}": Case(line) for name, line in FIXES.items()},
+    **{f"tri {name}": Case(line) for name, line in TRI_FIXES.items()},
 }
 
 
@@ -71,5 +77,5 @@ def test_same_end(run_lammps, tmp_path, name):
     def run(script, **how):
         conserved.append(run_lammps(script, **how).thermo["Econserve"][-1])
 
-    assert ends_alike(run, tmp_path, runs, system.files, system.h) < 1e-10
+    assert distance_of_ends(run, tmp_path, runs, system.files, system.h) < 1e-10
     np.testing.assert_allclose(conserved, conserved[0], rtol=1e-10)

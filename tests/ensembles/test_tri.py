@@ -5,21 +5,10 @@ import re
 import numpy as np
 import pytest
 from scipy import stats
-from support.systems import mixture
-from test_mtk import fix as of_mtk
-from test_npt import fix as of_npt
-from test_nvt import DUMP, FREE, SMOOTH, spreads, thermo
 
-CELL = "tri 12e-2 12e-2 2e-1 every 5"
-FIXES = {
-    "NPH": of_mtk("NPH", CELL),
-    "mtk langevin": of_mtk("langevin", CELL),
-    "mtk csvr": of_mtk("csvr", CELL),
-    "mtk nh": of_mtk("nh", CELL),
-    "crescale langevin": of_npt("seed 771", f"{CELL} compressibility 8"),
-    "crescale csvr": of_npt("seed 771 thermostat csvr", f"{CELL} compressibility 8"),
-    "crescale nh": of_npt("seed 771 thermostat nh", f"{CELL} compressibility 8"),
-}
+from support.fixes import TRI_CELL, TRI_FIXES, fix_mtk, fix_npt
+from support.sampling import DUMP, FREE, SMOOTH, spreads, thermo
+from support.systems import mixture
 
 # ------------------------------------------------------------------ the distribution of shapes
 
@@ -96,7 +85,7 @@ def test_shapes_of_a_box(run_lammps, words):
 def test_shapes_in_two_dimensions(run_lammps):
     """Locks out tilts with z in two dimensions, and a tilt that does not change there."""
     system = mixture("planar pair row single", side=3, dimension=2, tilt=0.2)
-    words = of_mtk("langevin", "tri 35e-2 35e-2 4e-1 every 5") + thermo("lx ly lz xy xz yz", 100)
+    words = fix_mtk("langevin", "tri 35e-2 35e-2 4e-1 every 5") + thermo("lx ly lz xy xz yz", 100)
     script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\nrun 2000\n"
     rows = run_lammps(script, files=system.files).thermo
     assert np.ptp(rows["Lz"]) == np.ptp(rows["Xz"]) == np.ptp(rows["Yz"]) == 0
@@ -161,7 +150,7 @@ def test_flips(run_lammps, tmp_path, name):
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     files = {"data.bodies": of_other_vectors(system, system.h @ [[1, 1, -2], [0, 1, 1], [0, 0, 1]])}
     begin = f"{system.setup}\n{SMOOTH}neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes\n"
-    words = "timestep 0.004\n" + FIXES[name] + thermo("lx ly lz xy xz yz", 50)
+    words = "timestep 0.004\n" + TRI_FIXES[name] + thermo("lx ly lz xy xz yz", 50)
     columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g\n"
     script = f"{begin}{words}run 100\nwrite_dump all custom end {columns}"
     ends = []
@@ -227,9 +216,9 @@ def test_what_moves_with_the_box(run_lammps, tmp_path, barostat, group):
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     begin, dilate = with_others(system, group)
     if barostat == "mtk":
-        line = of_mtk("NPH", GENTLY, dilate)
+        line = fix_mtk("NPH", GENTLY, dilate)
     else:
-        line = of_npt("seed 5", f"{GENTLY} compressibility 2 {dilate}")
+        line = fix_npt("seed 5", f"{GENTLY} compressibility 2 {dilate}")
     line = line.replace(" all molecule", " ours molecule")
     words = line + thermo("xlo xhi ylo yhi zlo zhi xy xz yz", 100)
     columns = "id mol x y z modify sort id format float %.17g"
@@ -259,7 +248,7 @@ def test_energy_with_others(run_lammps, group):
     """Locks out forces that a piston lacks, or has too much, of atoms that stay where they are."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     begin, dilate = with_others(system, group)
-    line = of_mtk("NPH", GENTLY, dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", GENTLY, dilate).replace(" all molecule", " ours molecule")
     ratios, _ = spreads(run_lammps, begin, line, system.files, time=0.6)
     assert ratios == pytest.approx([4, 4], rel=0.2)
 
@@ -272,7 +261,7 @@ def test_gas_of_which_some_move_by_another_fix(run_lammps):
     # atoms that another thermostat holds at the same temperature
     begin = f"{system.setup}\n{FREE}group ours molecule 1:6\ngroup others subtract all ours\n"
     nve = "fix 2 others nve\nfix 3 others langevin 2 2 0.2 9182\n"
-    line = of_npt("seed 771", "iso 12e-2 12e-2 2e-1 every 5 compressibility 8 dilate all")
+    line = fix_npt("seed 771", "iso 12e-2 12e-2 2e-1 every 5 compressibility 8 dilate all")
     words = line.replace(" all molecule", " ours molecule") + thermo("vol", 200)
     done = run_lammps(f"{begin}{nve}timestep 0.004\n{words}run 80000\n", files=system.files)
     rows = done.thermo[20:]
@@ -286,7 +275,7 @@ def test_faces_that_pass_atoms_that_stay(run_lammps, tmp_path):
     system = mixture(side=3, spacing=2.9)
     begin, dilate = with_others(system, "left")
     begin = begin.replace("molecule 10 12 20", "molecule 1 4 7 12 13 23:27")
-    line = of_mtk("NPH", "iso 3 3 8e-1 every 1", dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", "iso 3 3 8e-1 every 1", dilate).replace(" all molecule", " ours molecule")
     script = f"{begin}timestep 0.004\n{line}{thermo('vol', 100)}run 100\n{DUMP.format('end')}"
     ends = {}
     for ranks in (1, 2, 4):
@@ -302,7 +291,7 @@ def test_changed_forces_of_atoms_that_stay(run_lammps):
     noise: these do not move, so the box is the same without that fix."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     begin, dilate = with_others(system, "left")
-    line = of_mtk("NPH", CELL, dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", TRI_CELL, dilate).replace(" all molecule", " ours molecule")
     volumes = []
     for fixes in "", "fix 2 others setforce 0 0 0\n", "fix 2 others langevin 2 2 0.2 883\n":
         for ranks in 1, 2:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.running import BIN, ROOT
 

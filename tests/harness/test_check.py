@@ -15,13 +15,13 @@ from unittest.mock import MagicMock
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take, with_lines
 from support.running import ROOT
-
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import parts

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
-
 from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
 from validation.claims.plan import Bench, Series, Simulation

@@ -12,11 +12,9 @@ import pytest
 from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
 from numpy.polynomial import Polynomial
 from scipy.linalg import expm
-from support.systems import OURS as NVE
-from support.systems import apart, mixture
-from test_nve import hot_rods
-from test_respa import TWO, smooth
-from test_rotor import (
+
+from fix_nosquish.motion import block
+from support.rotors import (
     ASYMMETRIC,
     S,
     body_momentum,
@@ -26,8 +24,8 @@ from test_rotor import (
     step_cells,
     tops,
 )
-
-from fix_nosquish.motion import block
+from support.systems import OURS as NVE
+from support.systems import TWO, apart, hot_rods, mixture, smooth
 from validation.scenes.integrators import target
 
 MN, GEAR = (

@@ -10,10 +10,10 @@ from functools import partial
 
 import numpy as np
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from support.running import BIN, read_thermo
-
 from validation import pages
 from validation.cost import measure, plan, report
 from validation.running import lammps_log, machine, rounds, run, startup

@@ -7,8 +7,8 @@ import json
 from pathlib import Path
 
 import pytest
-from support import needs_extra  # noqa: F401  the extra validation
 
+from support import needs_extra  # noqa: F401  the extra validation
 from validation import RESULTS
 from validation.__main__ import main
 from validation.statistics import measures

@@ -11,9 +11,9 @@ import subprocess
 
 import pytest
 from matplotlib.figure import Figure as Drawing
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.running import ROOT
-
 from validation import __main__ as command
 from validation import pages
 from validation.pages import Cell, Column, Figure, Said, Table

@@ -9,10 +9,10 @@ from pathlib import Path
 import committed
 import numpy as np
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from support.running import ROOT
-
 from validation.__main__ import main
 from validation.running import run
 from validation.scenes import SCENES, bodies

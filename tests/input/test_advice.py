@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from support.endings import assert_ended
 
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.other_fixes import OtherFixes
+from support.endings import assert_ended
 
 CO2 = """
 units real

@@ -7,13 +7,13 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support import systems
-from support.endings import SECONDS, assert_ended
-from support.systems import LIKE_LAMMPS, OURS, RIGID, apart, close, mixture
-from test_bad_input import Case
 
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.command import Command, Line
+from support import systems
+from support.bad_input import Case
+from support.endings import SECONDS, assert_ended
+from support.systems import LIKE_LAMMPS, OURS, RIGID, apart, close, mixture
 from validation.scenes.data_file import data_file
 
 

@@ -10,16 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from support.running import ROOT, read_thermo
-from support.systems import RIGID, mixture
-from test_insertion import MASSES, MOLECULE
-from test_native import STYLES
-from test_nvt import FREE
 
 from fix_nosquish import of_style
 from fix_nosquish.errors import RunError
 from fix_nosquish.host import command
 from fix_nosquish.host.command import Command, Line
+from support.fixes import STYLES
+from support.insertion import MASSES, MOLECULE
+from support.running import ROOT, read_thermo
+from support.sampling import FREE
+from support.systems import RIGID, mixture
 from validation.scenes.boxes import nearest
 
 BODIES = mixture("solid planar", temperature=3.0)

@@ -4,14 +4,20 @@ cannot be beside them: each ends the run with one message, which names what is w
 from typing import NamedTuple
 
 import pytest
+
+from support.fixes import (
+    NPT_CELL,
+    POINTS,
+    THERMOSTATS,
+    fix_hmc,
+    fix_moments,
+    fix_mtk,
+    fix_npt,
+    fix_nvt,
+    fix_nvt_with_points,
+)
+from support.sampling import SMOOTH
 from support.systems import mixture
-from test_hmc import fix as hmc
-from test_moments import fix as moments
-from test_mtk import fix as mtk
-from test_npt import CELL
-from test_npt import fix as npt
-from test_nvt import POINTS, SMOOTH, THERMOSTATS, with_points
-from test_nvt import fix as nvt
 
 KINDS = "planar pair row single"
 SYSTEMS = {
@@ -45,7 +51,7 @@ def native(words):
 LOOSE = "group loose molecule 1\ngroup stiff subtract all loose\n"
 STIFF = "group stiff molecule 1 2 3\ngroup rest subtract all stiff\n"
 COLD = "velocity all set 0 0 0\n"
-TRAJECTORIES = hmc("temp 2 steps 10 seed 5")
+TRAJECTORIES = fix_hmc("temp 2 steps 10 seed 5")
 BREAKS = "an axis of the box would change by more than a factor of 2"
 FAR = "iso 1e9 1e9 4e-1 every 5"
 
@@ -185,27 +191,29 @@ OF_NVE = [
 REFUSED = [
     *(Refused(native(f"NVT all molecule {words}"), says) for words, says in OF_THERMOSTATS),
     *(
-        Refused(f"{before}\n{nvt(THERMOSTATS['csvr'])}", says, ranks=2)
+        Refused(f"{before}\n{fix_nvt(THERMOSTATS['csvr'])}", says, ranks=2)
         for before, says in BESIDE_THERMOSTATS
     ),
     Refused(
-        nvt(f"{THERMOSTATS['csvr']} torque * off off on"),
+        fix_nvt(f"{THERMOSTATS['csvr']} torque * off off on"),
         "keyword torque has one component off and another one on",
         ranks=2,
     ),
     Refused(
-        f"{nvt(THERMOSTATS['csvr'])}thermo_style custom step\nrun 5\nreset_timestep 0\n"
+        f"{fix_nvt(THERMOSTATS['csvr'])}thermo_style custom step\nrun 5\nreset_timestep 0\n"
         "run 5 pre no\n",
         "the step counter has gone back",
         ranks=2,
     ),
     *(
-        Refused(f"{before}\n{with_points(THERMOSTATS['langevin']).replace(POINTS, '')}", says)
+        Refused(
+            f"{before}\n{fix_nvt_with_points(THERMOSTATS['langevin']).replace(POINTS, '')}", says
+        )
         for before, says in OF_POINTS
     ),
-    *(Refused(moments(f"seed 1 {words}"), says) for words, says in OF_MOMENTS),
-    *(Refused(npt("seed 5", words), says) for words, says in OF_BAROSTATS),
-    Refused(npt("", f"thermostat nh {CELL}"), "2147483647, because this barostat draws"),
+    *(Refused(fix_moments(f"seed 1 {words}"), says) for words, says in OF_MOMENTS),
+    *(Refused(fix_npt("seed 5", words), says) for words, says in OF_BAROSTATS),
+    Refused(fix_npt("", f"thermostat nh {NPT_CELL}"), "2147483647, because this barostat draws"),
     *(Refused(COLD + native(line), says) for line, says in OF_PISTONS),
     *(Refused(native(line), says, system) for line, says, system in OF_TILTS),
     *(
@@ -224,36 +232,39 @@ REFUSED = [
         f"{LOOSE}{native('NPH stiff molecule iso 1 1 1 dilate')}",
         "the fix line ends where the ID of a group, whose atoms",
     ),
-    *(Refused(f"{before}\n{npt('seed 5')}", says) for before, says in BESIDE_BAROSTATS),
+    *(Refused(f"{before}\n{fix_npt('seed 5')}", says) for before, says in BESIDE_BAROSTATS),
     Refused(
-        LOOSE + npt("seed 5").replace(" all molecule", " stiff molecule"), "atoms are in no body"
+        LOOSE + fix_npt("seed 5").replace(" all molecule", " stiff molecule"),
+        "atoms are in no body",
     ),
     Refused(
         f'{LOOSE}fix 2 loose python/move "fix_nosquish.NVE loose molecule"\n'
-        + npt("seed 5").replace(" all molecule", " stiff molecule"),
+        + fix_npt("seed 5").replace(" all molecule", " stiff molecule"),
         "would not follow the box that this fix changes",
     ),
     Refused(
-        f"{npt('seed 5')}change_box all triclinic\n",
+        f"{fix_npt('seed 5')}change_box all triclinic\n",
         "Cannot change box ortho/triclinic with certain fixes defined",
     ),
-    Refused(f"{npt('seed 5')}run 5\nuncompute 1_virial\n", "compute 1_virial is gone"),
+    Refused(f"{fix_npt('seed 5')}run 5\nuncompute 1_virial\n", "compute 1_virial is gone"),
     *(
         Refused(f"{SMOOTH}timestep 0.004\n{line}run 50\n", BREAKS, "near", 2)
         for line in (
-            *(mtk(name, FAR) for name in ("NPH", "langevin", "nh")),
-            npt("seed 5", f"{FAR} compressibility 1"),
+            *(fix_mtk(name, FAR) for name in ("NPH", "langevin", "nh")),
+            fix_npt("seed 5", f"{FAR} compressibility 1"),
         )
     ),
     Refused(
-        f"{SMOOTH}timestep 0.004\n{mtk('NPH')}thermo_style custom step vol\nrun 53\n"
+        f"{SMOOTH}timestep 0.004\n{fix_mtk('NPH')}thermo_style custom step vol\nrun 53\n"
         "reset_timestep 1000\nrun 20 pre no\n",
         "has not tallied the virial",
         "near",
     ),
-    *(Refused(hmc(words), says) for words, says in OF_TRAJECTORIES),
+    *(Refused(fix_hmc(words), says) for words, says in OF_TRAJECTORIES),
     *(
-        Refused(f"{STIFF}{before}\n{hmc('temp 2 steps 10 seed 5', group='stiff')}", says, ranks=2)
+        Refused(
+            f"{STIFF}{before}\n{fix_hmc('temp 2 steps 10 seed 5', group='stiff')}", says, ranks=2
+        )
         for before, says in BESIDE_TRAJECTORIES
     ),
     *(

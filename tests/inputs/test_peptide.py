@@ -9,6 +9,7 @@ import subprocess
 import mdtraj
 import numpy as np
 import pytest
+
 from support.running import BIN, ROOT
 
 FOLDER = ROOT / "inputs" / "peptide"

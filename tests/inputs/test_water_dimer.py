@@ -1,6 +1,7 @@
 """The light water dimer: bound, and no pair of atoms left out."""
 
 import numpy as np
+
 from support.running import ROOT
 
 FOLDER = ROOT / "inputs" / "water_dimer"

@@ -12,6 +12,7 @@ import re
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
 from support.systems import (
     LIKE_LAMMPS,
     OURS,
@@ -22,6 +23,7 @@ from support.systems import (
     apart,
     assemble,
     assert_same,
+    hot_rods,
     mixture,
     tensor,
     turned,
@@ -404,20 +406,6 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
 
 
 # ---- migration
-
-
-def hot_rods():
-    """Three coiled rods of 40 atoms over nearly the whole length of the box,
-    and a hot bath of other bodies."""
-    h, s, rng = np.diag([27.0, 9.0, 9.0]), np.arange(40), np.random.default_rng(4)
-    coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
-    rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
-    bodies = [("rod", np.add(coil, [x, y, z]), 1 + s % 3) for (y, z), x in rods.items()]
-    kinds = itertools.cycle(["pair", "solid", "single", "row"])
-    for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
-        if (y, z) not in rods:
-            bodies.append(turned(next(kinds), [x, y, z], bodies, h, rng))
-    return assemble(bodies, h, temperature=8.0)
 
 
 @pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (1, 2, 1)], ids=str)

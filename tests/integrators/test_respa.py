@@ -8,20 +8,11 @@ steps.
 
 import numpy as np
 import pytest
-from support.systems import OURS, apart, assert_same, close, mixture, tensor, water
-from test_output import of, read
 
-TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
+from support.body_table import read_table, vector
+from support.systems import OURS, TWO, apart, assert_same, close, mixture, smooth, tensor, water
+
 THREE = "run_style respa 3 2 2 inner 1 1.2 1.5 middle 2 1.8 2.2 outer 3"
-
-
-def smooth(kinds="solid planar pair row single"):
-    """A mixture with a potential that is nearly smooth at the cutoff,
-    so that errors fall with dt^2."""
-    system = mixture(kinds, temperature=0.5)
-    return system._replace(
-        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
-    )
 
 
 def chains():
@@ -207,13 +198,13 @@ def test_output(simulate, tmp_path, steps):
     LAMMPS itself does not look: the forces in it are the atoms' total."""
     system = smooth()
     simulate(system, OURS, steps, words="molecule output 7 table", before=TWO, ranks=2)
-    table = read(tmp_path / "table")
+    table = read_table(tmp_path / "table")
     assert set(table["step"]) == {0, 7} and len(table) == 2 * system.molecule.max()
     dump = "write_dump all custom forces id mol fx fy fz modify sort id format float %.16g"
     simulate(system, OURS, 7, before=TWO, after=f"{dump} # of {steps}", ranks=2)
     f = np.loadtxt(tmp_path / "forces", skiprows=9)
     totals = [np.bincount(f[:, 1].astype(int), column)[1:] for column in f[:, 2:].T]
-    close(of(table[table["step"] == 7], "fx", "fy", "fz"), np.transpose(totals), 1e-9)
+    close(vector(table[table["step"] == 7], "fx", "fy", "fz"), np.transpose(totals), 1e-9)
 
 
 def test_velocities_changed_at_the_last_step(simulate):

@@ -3,6 +3,8 @@ against fix rigid/nve and the motion in LJ units."""
 
 import numpy as np
 import pytest
+
+from fix_nosquish.integrators import crescale
 from support.systems import (
     LIKE_LAMMPS,
     OURS,
@@ -14,8 +16,6 @@ from support.systems import (
     mixture,
     tensor,
 )
-
-from fix_nosquish.integrators import crescale
 from validation.scenes.integrators import target
 
 # Length, mass, energy; mass v^2 / energy by LAMMPS's definition; joules in its unit of energy.  Of

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+
 from support.running import ROOT
 from support.systems import OURS, apart, mixture
 

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-import test_own_fix
 from llvmlite import binding as llvm
 
 from fix_nosquish.loops import compiled, machine_code, own
+from support.debian import debian, obstacle
 from validation.running import startup
 
 BIN = Path(sys.executable).parent
@@ -666,10 +666,10 @@ def test_the_library_serves_all(run_lammps, fresh):
         run_lammps(SCRIPT, ranks=2, launcher="lmp"),
         run_lammps(SPHERES, launcher="lmp"),
     ]
-    if not test_own_fix.obstacle():
+    if not obstacle():
         path = f"PYTHONPATH={fresh}:{Path(np.__file__).parents[1]}"
         for ranks in 1, 2:
-            words = [word for word in test_own_fix.debian(ranks)[1:] if "PYTHONPATH" not in word]
+            words = [word for word in debian(ranks)[1:] if "PYTHONPATH" not in word]
             runs.append(run_lammps(SCRIPT, launcher=["env", path, *words]))
     assert not [run.screen for run in runs if "compiles its loops" in run.screen]
     assert files(fresh) == []

@@ -4,18 +4,10 @@ Hamilton's equations obeys."""
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.systems import OURS, apart, mixture
-from test_rotor import (
-    ASYMMETRIC,
-    body_momentum,
-    energy,
-    product,
-    space_momentum,
-    tops,
-)
-from test_rotor import advance as advance_by
 
 from fix_nosquish.motion.operations import EXACT
+from support.rotors import ASYMMETRIC, advance, body_momentum, energy, product, space_momentum, tops
+from support.systems import OURS, apart, mixture
 from validation.scenes import bodies as shapes_of
 from validation.scenes.boxes import nearest
 from validation.scenes.integrators import target
@@ -41,9 +33,9 @@ WORDS = {
 ANGLES = 1e-12, 1e-4, 0.01, 0.1, 0.3, 1.0, 5.0  # rad in a step
 
 
-def advance(q, p, moments, dt, steps=1):
+def advance_exactly(q, p, moments, dt, steps=1):
     """`one_atom_bodies` without forces: their q and p after some exact steps."""
-    return advance_by(q, p, moments, dt, steps, EXACT)
+    return advance(q, p, moments, dt, steps, EXACT)
 
 
 def near_separatrix(L, moments, distance):
@@ -93,7 +85,7 @@ def apart_from_reference(q, p, moments, time):
     want_q = product(q.astype(np.longdouble), turn)
     want_p = 2 * product(want_q, np.concatenate([0 * then[:1], then]))
     # in one step all have one dt, so they differ in their momenta
-    got_q, got_p = advance(q, p * time, moments, 1.0)
+    got_q, got_p = advance_exactly(q, p * time, moments, 1.0)
     off_q = np.abs(got_q - want_q).max(axis=0)
     off_p = np.abs(got_p / time - want_p).max(axis=0) / np.linalg.norm(p, axis=0)
     return np.maximum(off_q, off_p).astype(float), response.astype(float)
@@ -140,7 +132,7 @@ def test_whole_periods(axis, time):
     L[axis] *= 3
     p = 2 * product(q, np.concatenate([0 * L[:1], L]))
     turn, then = reference(L, ASYMMETRIC, np.full(8, time))
-    got_q, got_p = advance(q, p, ASYMMETRIC, time)
+    got_q, got_p = advance_exactly(q, p, ASYMMETRIC, time)
     size = np.linalg.norm(L, axis=0)
     bound = 1e-14 * abs(time) * np.maximum(1, size)
     assert (np.abs(got_q - product(q.astype(np.longdouble), turn)).max(axis=0) < bound).all()
@@ -156,10 +148,10 @@ def test_each_lane_for_itself():
     q, p = tops(150, ASYMMETRIC, 7)
     p *= 10.0 ** rng.uniform(-3, 1, 150)
     p[:, ::10] = 0.0
-    together = advance(q, p, moments, 0.3)
+    together = advance_exactly(q, p, moments, 0.3)
     for b in range(150):
         one = slice(b, b + 1)
-        for got, want in zip(together, advance(q[:, one], p[:, one], moments[:, one], 0.3)):
+        for got, want in zip(together, advance_exactly(q[:, one], p[:, one], moments[:, one], 0.3)):
             np.testing.assert_array_equal(got[:, one], want)
     np.testing.assert_array_equal(together[0][:, ::10], q[:, ::10])
 
@@ -168,7 +160,7 @@ def test_broken_runs_end():
     """Locks out a search for a period that never ends where a run has broken."""
     q, p = tops(4, ASYMMETRIC, 8)
     p[:, 0], p[:, 1], p[:, 2] = np.nan, np.inf, 1e200
-    advance(q, p, ASYMMETRIC, 0.3)
+    advance_exactly(q, p, ASYMMETRIC, 0.3)
 
 
 @pytest.mark.parametrize(("dt", "steps"), [(0.1, 300_000), (2.0, 10_000)])
@@ -178,7 +170,7 @@ def test_many_steps(dt, steps):
     moments = np.repeat(ASYMMETRIC[:, None], 4, axis=1)
     q, p = tops(4, ASYMMETRIC, 10)
     L, start, size = space_momentum(q, p), energy(q, p, ASYMMETRIC), np.linalg.norm(p, axis=0)
-    q, p = advance(q, p, moments, dt, steps)
+    q, p = advance_exactly(q, p, moments, dt, steps)
     assert np.abs(np.linalg.norm(q, axis=0) - 1).max() < 1e-12
     assert (np.abs(body_momentum(q, p)[0]) / size).max() < 1e-12
     assert (np.abs(space_momentum(q, p) - L) / size).max() < 1e-12

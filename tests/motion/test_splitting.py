@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from support.systems import mixture
 
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.operations import kick
 from fix_nosquish.motion.step import Operation, stages
+from support.systems import mixture
 
 PAUSE = Operation(kick, prepared=True, measures=kick)
 KNOWN = NVE.operations | {

@@ -5,11 +5,11 @@ import sys
 
 import numpy as np
 import pytest
-import test_insertion as insertion
+
+from support import insertion
+from support.debian import debian, obstacle
 from support.running import ROOT
 from support.systems import SHAPES, assemble, mixture
-from test_own_fix import debian, obstacle
-
 from validation.statistics import motion
 
 ALL = "solid planar pair row single"

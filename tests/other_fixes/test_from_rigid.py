@@ -7,9 +7,9 @@ import re
 
 import numpy as np
 import pytest
+
 from support.running import read_thermo
 from support.systems import LIKE_LAMMPS, RIGID, SMALL, mixture
-
 from validation.scenes.integrators import target
 
 THERMO = (

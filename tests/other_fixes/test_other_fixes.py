@@ -8,10 +8,11 @@ import re
 
 import numpy as np
 import pytest
+
+from support.builds import NUMBER
 from support.running import read_thermo
 from support.scripts import spce
-from support.systems import LIKE_LAMMPS, OURS, RIGID, Result, differ, mixture, water
-from test_build import NUMBER
+from support.systems import LIKE_LAMMPS, OURS, RIGID, Result, charged, differ, mixture, water
 
 TOOK = "The velocities of the bodies' atoms were changed at the end of step"
 COLUMNS = (
@@ -74,21 +75,6 @@ START = (
     "thermo_style custom step temp press pe etotal\ngroup one molecule 2 3 4\n"
     "variable f equal 2.0*cos(step/5)\nfix 0 bodies rigid/nve molecule\nrun 0\nunfix 0"
 )
-
-
-def charged(system):
-    """The same atoms, with atom_style full."""
-    text, done = [], False
-    for line in system.files["data.bodies"].splitlines():
-        words = line.split()
-        done = done or line == "Velocities"
-        text.append(
-            " ".join([*words[:3], "0.0", *words[3:]]) if len(words) == 9 and not done else line
-        )
-    files = {"data.bodies": "\n".join(text).replace("# molecular", "# full") + "\n"}
-    return system._replace(
-        setup=system.setup.replace("atom_style molecular", "atom_style full"), files=files
-    )
 
 
 def test_forces(run_all):

@@ -12,6 +12,8 @@ import sys
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
+from support.bad_input import Case
 from support.endings import BENT, assert_ended
 from support.systems import (
     LIKE_LAMMPS,
@@ -25,8 +27,6 @@ from support.systems import (
     tensor,
     turned,
 )
-from test_bad_input import Case
-
 from validation.stress import cases, reported
 
 FREE = "pair_style zero 2.5\npair_coeff * *\n"

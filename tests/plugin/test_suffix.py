@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+
 from support.running import read_thermo
 from support.systems import AFTER, mixture, script
 

@@ -98,7 +98,6 @@ def run_counted():
 def start(ranks, folder, program):
     """Run Python on some ranks in a folder. Returns: what each of them gave to MPI."""
     from support.running import BIN
-
     from validation.running import counting
 
     environment = os.environ | counting.environment(folder / "counts")

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
-from support.overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
-from support.systems import mixture, sizes
-from test_nvt import SMOOTH
 
+from support.overlapping import DEPTH, MASSES, SIZE, WATER, overlapping
+from support.sampling import SMOOTH
+from support.systems import mixture, sizes
 from validation.scenes.data_file import data_file
 
 FORCES = (

@@ -8,44 +8,11 @@ import sys
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+
+from support.body_table import MOMENTS, NAMES, read_table, vector
 from support.endings import SECONDS, assert_ended
 from support.systems import LIKE_LAMMPS, OURS, RIGID, mixture
 
-GENERAL = [
-    "step",
-    "time",
-    "body",
-    "natoms",
-    "mass",
-    "x",
-    "y",
-    "z",
-    "ix",
-    "iy",
-    "iz",
-    "vx",
-    "vy",
-    "vz",
-    "q0",
-    "q1",
-    "q2",
-    "q3",
-]
-MOMENTS = [
-    "angmomx",
-    "angmomy",
-    "angmomz",
-    "omegax",
-    "omegay",
-    "omegaz",
-    "fx",
-    "fy",
-    "fz",
-    "tqx",
-    "tqy",
-    "tqz",
-]
-NAMES = [*GENERAL, *MOMENTS]
 FILE = "variable table string bodies.csv"
 
 
@@ -53,22 +20,6 @@ FILE = "variable table string bodies.csv"
 def leave_files(known):
     """Every run leaves its own files: none is known from another test."""
     known.clear()
-
-
-def read(path):
-    """The table as a structured array, with the names without frame and unit, by numpy alone."""
-    with open(path) as file:
-        header = file.readline().rstrip("\n").split(",")
-    assert [name.split(" (")[0] for name in header] == NAMES
-    table = np.genfromtxt(path, delimiter=",", names=True)
-    assert len(table.dtype.names) == len(NAMES)
-    table = np.atleast_1d(table)
-    table.dtype.names = NAMES
-    return table
-
-
-def of(table, *names):
-    return np.stack([table[name] for name in names], axis=-1)
 
 
 # ---- the file
@@ -84,12 +35,12 @@ def compare_centre(row, system, mine, x, v, f):
     mass, total = system.mass[mine], system.mass[mine].sum()
     np.testing.assert_allclose(row["mass"], total, rtol=1e-12)
     # in the box, but for what it has moved since atoms were last put there
-    place, image = of(row, "x", "y", "z"), of(row, "ix", "iy", "iz")
+    place, image = vector(row, "x", "y", "z"), vector(row, "ix", "iy", "iz")
     close(place + system.h @ image, mass @ x[mine] / total, 1e-9 * np.abs(x).max())
     part = place / np.diag(system.h)
     assert (part > -0.1).all() and (part < 1.1).all()
-    close(of(row, "vx", "vy", "vz"), mass @ v[mine] / total, 1e-10 * np.abs(v).max())
-    close(of(row, "fx", "fy", "fz"), f[mine].sum(axis=0), 1e-10 * np.abs(f).max())
+    close(vector(row, "vx", "vy", "vz"), mass @ v[mine] / total, 1e-10 * np.abs(v).max())
+    close(vector(row, "fx", "fy", "fz"), f[mine].sum(axis=0), 1e-10 * np.abs(f).max())
 
 
 def compare_rotation(row, system, mine, x, v, f):
@@ -98,20 +49,20 @@ def compare_rotation(row, system, mine, x, v, f):
     mass, total = system.mass[mine], system.mass[mine].sum()
     r, velocity = x[mine] - mass @ x[mine] / total, mass @ v[mine] / total
     momentum, large = mass @ np.cross(r, v[mine] - velocity), mass @ np.abs(v[mine])
-    close(of(row, "angmomx", "angmomy", "angmomz"), momentum, 3e-9 * np.abs(large).max())
+    close(vector(row, "angmomx", "angmomy", "angmomz"), momentum, 3e-9 * np.abs(large).max())
     torque = np.cross(r, f[mine]).sum(axis=0)
-    close(of(row, "tqx", "tqy", "tqz"), torque, 3e-9 * np.abs(f).max())
+    close(vector(row, "tqx", "tqy", "tqz"), torque, 3e-9 * np.abs(f).max())
     # every atom goes as v + omega x r
-    told = of(row, "omegax", "omegay", "omegaz")
+    told = vector(row, "omegax", "omegay", "omegaz")
     close(velocity + np.cross(told, r), v[mine], 1e-9 * np.abs(v).max())
     # the principal frame: the tensor of inertia is diagonal there, largest first
     square = (r**2).sum(axis=1)[:, None, None] * np.eye(3)
     inertia = (mass[:, None, None] * (square - r[:, :, None] * r[:, None])).sum(axis=0)
-    turn = Rotation.from_quat(of(row, "q1", "q2", "q3", "q0")).as_matrix()
+    turn = Rotation.from_quat(vector(row, "q1", "q2", "q3", "q0")).as_matrix()
     inside = turn.T @ inertia @ turn
     close(inside, np.diag(np.diag(inside)), 1e-9 * (np.abs(inertia).max() + 1))
     assert (np.diff(np.diag(inside)) <= 1e-9 * np.abs(inertia).max()).all()
-    q = of(row, "q0", "q1", "q2", "q3")
+    q = vector(row, "q0", "q1", "q2", "q3")
     np.testing.assert_allclose(q @ q, 1, rtol=1e-12)
 
 
@@ -132,7 +83,7 @@ def test_values(simulate, tmp_path):
         before=f"{FILE}\n{dump}",
         ranks=2,
     )
-    table = read(tmp_path / "bodies.csv")
+    table = read_table(tmp_path / "bodies.csv")
     bodies = np.unique(system.molecule)
     assert len(table) == 3 * len(bodies)
     for step in 0, 20, 40:
@@ -185,18 +136,18 @@ def test_orientation_goes_on(simulate, tmp_path):
         before="\n".join([FILE, dump]),
         ranks=4,
     )
-    table = read(tmp_path / "bodies.csv")
+    table = read_table(tmp_path / "bodies.csv")
     places = []
     for step in 0, 30:
         atoms = np.loadtxt(tmp_path / f"dump.{step}", skiprows=9)
         rows = table[table["step"] == step][system.molecule - 1]
-        centre = of(rows, "x", "y", "z") + of(rows, "ix", "iy", "iz") @ system.h.T
+        centre = vector(rows, "x", "y", "z") + vector(rows, "ix", "iy", "iz") @ system.h.T
         r = atoms[:, 1:4] + atoms[:, 4:7] @ system.h.T - centre
-        places.append(Rotation.from_quat(of(rows, "q1", "q2", "q3", "q0")).inv().apply(r))
+        places.append(Rotation.from_quat(vector(rows, "q1", "q2", "q3", "q0")).inv().apply(r))
     np.testing.assert_allclose(places[0], places[1], rtol=0, atol=1e-11)
     assert (
         np.abs(
-            of(table[-27:], "q0", "q1", "q2", "q3") - of(table[:27], "q0", "q1", "q2", "q3")
+            vector(table[-27:], "q0", "q1", "q2", "q3") - vector(table[:27], "q0", "q1", "q2", "q3")
         ).max()
         > 1e-3
     )
@@ -209,26 +160,26 @@ def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
     system, tables = mixture(tilt=0.3), []
     for n in 1, ranks:
         simulate(system, OURS, 30, words="molecule output 10 v_table", before=FILE, ranks=n)
-        tables.append(read(tmp_path / "bodies.csv"))
+        tables.append(read_table(tmp_path / "bodies.csv"))
     one, many = tables
     for name in NAMES[:5]:
         np.testing.assert_array_equal(many[name], one[name], err_msg=name)
-    turns = [Rotation.from_quat(of(t, "q1", "q2", "q3", "q0")).as_matrix() for t in tables]
+    turns = [Rotation.from_quat(vector(t, "q1", "q2", "q3", "q0")).as_matrix() for t in tables]
     linear = (one["natoms"] > 1) & (one["natoms"] < 4)
     np.testing.assert_allclose(turns[1][~linear], turns[0][~linear], rtol=0, atol=1e-8)
     np.testing.assert_allclose(
         turns[1][linear, :, 2], turns[0][linear, :, 2], rtol=0, atol=1e-8
     )  # the axis on which the atoms are
     for names in (["vx", "vy", "vz"], MOMENTS[:3], MOMENTS[3:6], MOMENTS[6:9], MOMENTS[9:]):
-        reference = of(one, *names)
+        reference = vector(one, *names)
         np.testing.assert_allclose(
-            of(many, *names),
+            vector(many, *names),
             reference,
             rtol=0,
             atol=1e-8 * np.abs(reference).max(),
             err_msg=names[0],
         )
-    centre = [of(t, "x", "y", "z") + of(t, "ix", "iy", "iz") @ system.h.T for t in tables]
+    centre = [vector(t, "x", "y", "z") + vector(t, "ix", "iy", "iz") @ system.h.T for t in tables]
     np.testing.assert_allclose(*centre, rtol=0, atol=1e-9 * np.abs(centre[0]).max())
 
 
@@ -239,7 +190,7 @@ def test_steps_of_several_runs(simulate, tmp_path):
     system = mixture("solid planar pair")
     after = "run 9\nrun 3 pre no\nrun 0\nrun 4\nreset_timestep 60\nrun 5"
     simulate(system, OURS, 20, words="molecule output 8 table", after=after, ranks=2)
-    table = read(tmp_path / "table")
+    table = read_table(tmp_path / "table")
     steps = table["step"].reshape(-1, 27)
     assert (steps == steps[:, :1]).all() and (
         table["body"].reshape(-1, 27) == np.arange(1, 28)
@@ -256,7 +207,7 @@ def test_order_of_rows(simulate, tmp_path):
         + "\nfix 3 all property/atom i_body\nvariable b atom 20-3*mol\nset group all i_body v_b"
     )
     simulate(system, OURS, 5, words="custom i_body output 5 v_table", before=before, ranks=4)
-    table = read(tmp_path / "bodies.csv")
+    table = read_table(tmp_path / "bodies.csv")
     np.testing.assert_array_equal(table["body"], np.tile(20 - 3 * np.arange(27, 0, -1), 2))
     np.testing.assert_array_equal(
         table["natoms"][:27], [(system.molecule == m).sum() for m in range(27, 0, -1)]
@@ -380,7 +331,7 @@ def test_disk_that_fills_up(simulate, tmp_path, disk, said, ranks):
     )
     assert_ended(run, ("keyword output", "bodies.csv", said), tmp_path)
     assert (tmp_path / "bodies.csv").read_text().endswith("\n")
-    table = read(tmp_path / "bodies.csv")
+    table = read_table(tmp_path / "bodies.csv")
     last = int(table["step"][-1])
     assert last >= 2 and len(table) == 27 * (last + 1)
     assert f"whole up to step {last}" in run.screen
@@ -440,7 +391,7 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         timeout=SECONDS,
     )
     assert "no fix 7" in run.screen and "before the first run" in run.screen
-    table = read(tmp_path / "bodies.csv")
+    table = read_table(tmp_path / "bodies.csv")
     fields = "step time body natoms mass x image v q angmom omega force torque"
     for name in "start", "end", "later":
         rows = np.load(tmp_path / f"{name}.npy")
@@ -455,10 +406,10 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         same = table[table["step"] == (0 if name == "start" else 20)]
         plain = np.column_stack([rows[field] for field in fields.split()])
         if name == "later":  # write_restart may have put the atoms into the box
-            centre = of(same, "x", "y", "z") + of(same, "ix", "iy", "iz") @ system.h.T
+            centre = vector(same, "x", "y", "z") + vector(same, "ix", "iy", "iz") @ system.h.T
             close(rows["x"] + rows["image"] @ system.h.T, centre, 1e-12)
         else:
-            np.testing.assert_array_equal(plain, of(same, *NAMES))
+            np.testing.assert_array_equal(plain, vector(same, *NAMES))
 
 
 # ---- f_ID
@@ -555,7 +506,7 @@ def test_force_on_held_bodies(simulate, tmp_path, fix, ranks):
         if local:
             close(thermo[f"c_m{j}"], thermo[f"v_m{j}"], 1e-12)
         if "output" in fix:
-            table = read(tmp_path / "bodies.csv")
+            table = read_table(tmp_path / "bodies.csv")
             close(table[NAMES[j - 7]][table["body"] == i], found, 1e-12)
 
 

@@ -3,6 +3,7 @@ on other numbers of ranks."""
 
 import numpy as np
 import pytest
+
 from support import systems
 from support.systems import AFTER, OURS, Result, differ, mixture
 

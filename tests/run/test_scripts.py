@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+
 from support.endings import BENT
 from support.running import read_thermo
 

@@ -5,6 +5,7 @@ The fixture `simulate` runs one of them with a fix and gives its atoms and therm
 one result is computed once.
 """
 
+import itertools
 import re
 from pathlib import Path
 
@@ -115,3 +116,61 @@ def tensor(result: Result) -> np.ndarray:
     """The six pressure components of all printed steps, (steps, 6)."""
     names = "Pxx", "Pyy", "Pzz", "Pxy", "Pxz", "Pyz"
     return np.stack([result.thermo[name] for name in names], axis=1)
+
+
+def droplet(boundary, *, setup="", margin=0.05, spacing=2.55, seed=1):
+    """27 bodies in a box with these faces; along non-periodic directions it ends `margin`
+    from the outermost atoms."""
+    rng, free = np.random.default_rng(seed), np.array([face != "p" for face in boundary.split()])
+    edge = np.where(free, 1e3, 3.0 * np.array(spacing))
+    bodies = []
+    for kind, site in zip(
+        itertools.cycle(["solid", "planar"]), itertools.product(range(3), repeat=3)
+    ):
+        bodies.append(turned(kind, np.multiply(spacing, site), bodies, np.diag(edge), rng))
+    x = np.concatenate([x for _, x, _ in bodies])
+    low = np.where(free, x.min(axis=0) - margin, 0.0)
+    edge = np.where(free, x.max(axis=0) + margin - low, edge)
+    bodies = [(kind, x - low, types) for kind, x, types in bodies]
+    return assemble(bodies, np.diag(edge), setup=f"boundary {boundary}\n{setup}")
+
+
+def charged(system):
+    """The same atoms, with atom_style full."""
+    text, done = [], False
+    for line in system.files["data.bodies"].splitlines():
+        words = line.split()
+        done = done or line == "Velocities"
+        text.append(
+            " ".join([*words[:3], "0.0", *words[3:]]) if len(words) == 9 and not done else line
+        )
+    files = {"data.bodies": "\n".join(text).replace("# molecular", "# full") + "\n"}
+    return system._replace(
+        setup=system.setup.replace("atom_style molecular", "atom_style full"), files=files
+    )
+
+
+def hot_rods():
+    """Three coiled rods of 40 atoms over nearly the whole length of the box,
+    and a hot bath of other bodies."""
+    h, s, rng = np.diag([27.0, 9.0, 9.0]), np.arange(40), np.random.default_rng(4)
+    coil = np.stack([0.62 * s, 0.4 * np.cos(0.9 * s), 0.4 * np.sin(0.9 * s)]).T
+    rods = {(1.5, 1.5): 0.0, (4.5, 4.5): 9.0, (7.5, 1.5): 20.0}
+    bodies = [("rod", np.add(coil, [x, y, z]), 1 + s % 3) for (y, z), x in rods.items()]
+    kinds = itertools.cycle(["pair", "solid", "single", "row"])
+    for x, y, z in itertools.product(np.arange(9) * 3.0, (1.5, 4.5, 7.5), (1.5, 4.5, 7.5)):
+        if (y, z) not in rods:
+            bodies.append(turned(next(kinds), [x, y, z], bodies, h, rng))
+    return assemble(bodies, h, temperature=8.0)
+
+
+TWO = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
+
+
+def smooth(kinds="solid planar pair row single"):
+    """A mixture with a potential that is nearly smooth at the cutoff,
+    so that errors fall with dt^2."""
+    system = mixture(kinds, temperature=0.5)
+    return system._replace(
+        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
+    )

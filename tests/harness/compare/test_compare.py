@@ -8,14 +8,14 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
+from support.comparison import row
 from support.harness import GAS, Silent, take, with_lines
 from support.running import read_thermo
-from test_compare_choice import row
-
 from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check

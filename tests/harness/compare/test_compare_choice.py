@@ -6,31 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from support import needs_extra  # noqa: F401  the extra validation
 
+from support import needs_extra  # noqa: F401  the extra validation
+from support.comparison import row
 from validation.compare import choice, law, measure, plan
 from validation.compare.choice import choose, level_of_each
 from validation.experiment import Point
-from validation.statistics import measures
 from validation.statistics.estimate import Estimate
 
 NAMES = "nosquish-2", "nosquish", "rigid"
 STEPS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
-
-
-def row(dt, name="nosquish", cost=(1.0,), **errors):
-    """A row with errors of (value, standard error)."""
-    told = {key: Estimate(*one).plain() for key, one in errors.items()}
-    return {
-        **{"integrator": name, "label": name, "dt": dt, "lines": [f"fix 1 all {name} molecule"]},
-        **{"failed": None, "failures": 0, "starts": 2, "time": 100.0, "ours": "nos" in name},
-        **{"is_reference": False, "asked": True, "alone": False, "cpu": None, "without": []},
-        **{
-            "cost": None if cost is None else measures.spread(cost),
-            "place": "These lines replace fix 1 (nve)",
-        },
-        **{"errors": told, "signed": told, "by_itself": told, "lost": [], "command": ""},
-    }
 
 
 # ---- against a search over everything

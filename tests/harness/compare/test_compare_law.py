@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from support import needs_extra  # noqa: F401  the extra validation
 
+from support import needs_extra  # noqa: F401  the extra validation
 from validation.compare import law
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate

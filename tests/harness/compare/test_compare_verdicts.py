@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import signal
-from support import needs_extra  # noqa: F401  the extra validation
 
+from support import needs_extra  # noqa: F401  the extra validation
 from validation.compare import case as cases
 from validation.compare import choice, errors
 from validation.compare.errors import Numbers, Series

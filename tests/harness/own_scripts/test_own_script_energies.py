@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take
-
 from validation.own import shapes, shifted
 from validation.running import run
 from validation.sample import scenes as sample_scenes

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import GAS, refused, take
-
 from validation.own import system
 from validation.running import run, starts
 

@@ -4,12 +4,12 @@ the scripts that `scripts` writes.
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import GAS, Silent, take
-
 from validation.check import measure as check
 from validation.own import finding, schemes, shapes
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import Silent, take
-
 from validation.check import measure as check
 from validation.compare import case as cases
 from validation.running import lammps_log, run

@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import GAS, Silent, refused, take
-
 from validation.check import measure as check
 from validation.own import finding, schemes, script, shapes, system
 from validation.running import machine, run

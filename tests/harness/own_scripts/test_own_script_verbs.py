@@ -4,11 +4,11 @@ import json
 import re
 
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
-
 from validation import command_line
 from validation.__main__ import main
 from validation.running import run, store

@@ -5,7 +5,6 @@ from pathlib import Path
 
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
-
 from validation import experiment
 from validation.experiment import Point, Trajectory
 from validation.running import run

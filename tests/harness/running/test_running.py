@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from support import needs_extra  # noqa: F401  the extra validation
 from support.running import ROOT
-
 from validation.running import lammps_log, run
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file

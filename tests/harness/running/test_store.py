@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
-from support.running import ROOT
 
+from support.running import ROOT
 from validation.running import machine, run, store, whole
 from validation.running.store import Store
 

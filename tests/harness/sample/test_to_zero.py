@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+
 from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take
 from support.running import ROOT
-
 from validation import INPUTS, __main__
 from validation.experiment import Point
 from validation.running import run
