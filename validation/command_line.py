@@ -21,7 +21,7 @@ class Script(str):
 
 
 class Parser(argparse.ArgumentParser):
-    """Of a verb: refuses names of integrators that its scenes do not have, see `only_of`."""
+    """Of a verb: refuses names of integrators that its scenes do not have, see `add_only`."""
 
     def parse_known_args(self, *words: Any, **more: Any) -> Any:
         """As of argparse, whose types look at a word before those behind it are known."""
@@ -30,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         given = [one for some in values.values() if isinstance(some, list) for one in some]
         script = any(isinstance(one, Script) for one in (*given, *values.values()))
         if not script and "run_number" in values:
-            refuse(found, OF_SCRIPTS, "is for a script of your own")
+            refuse_options(found, OF_SCRIPTS, "is for a script of your own")
         if values.get("only") and "integrators" in values and not script:
             known = found.integrators()
             for one in (one for one in found.only if known and one not in known):
@@ -39,7 +39,7 @@ class Parser(argparse.ArgumentParser):
         return found, unknown
 
 
-def verb(
+def add_verb(
     verbs: Verbs, name: str, function: Callable[[argparse.Namespace], int], **texts: Any
 ) -> argparse.ArgumentParser:
     """The parser of a verb, which ``function`` of the parsed arguments runs to its exit status."""
@@ -48,12 +48,12 @@ def verb(
     return parser
 
 
-OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `own` adds
+OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `add_script_options` adds
 # options of other names
 SPELT = {"variables": "-var", "run_number": "--run", "folder": "--from", "limits": "--from"}
 
 
-def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
+def refuse_options(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
     """End with a message if an option is given; ``names`` are those of the options' values."""
     parser = arguments.parser
     for name in names:
@@ -61,17 +61,17 @@ def refuse(arguments: argparse.Namespace, names: Collection[str], why: str) -> N
             parser.error(f"{SPELT.get(name, f'--{name}')} {why}")
 
 
-def status(interrupted: bool, failed: bool) -> int:
+def exit_status(interrupted: bool, failed: bool) -> int:
     """The exit status."""
     return INTERRUPTED if interrupted else int(failed)
 
 
-def chosen(names: Collection[str], wanted: Collection[str] | None) -> list[str]:
+def in_order(names: Collection[str], wanted: Collection[str] | None) -> list[str]:
     """Those of ``names`` that are wanted, in their own order; all if none is named."""
     return [name for name in names if name in (wanted or names)]
 
 
-def whole(word: str) -> int:
+def positive_integer(word: str) -> int:
     """A positive whole number."""
     value = int(word)
     if value < 1:
@@ -79,7 +79,7 @@ def whole(word: str) -> int:
     return value
 
 
-def positive(word: str) -> float:
+def positive_number(word: str) -> float:
     """A positive number."""
     value = float(word)
     if not 0 < value < float("inf"):
@@ -87,21 +87,21 @@ def positive(word: str) -> float:
     return value
 
 
-def wholes(words: str) -> tuple[int, ...]:
+def positive_integers(words: str) -> tuple[int, ...]:
     """Positive whole numbers with commas between them."""
-    return tuple(whole(word) for word in words.split(","))
+    return tuple(positive_integer(word) for word in words.split(","))
 
 
-def positives(words: str) -> tuple[float, ...]:
+def positive_numbers(words: str) -> tuple[float, ...]:
     """Positive numbers with commas between them."""
-    return tuple(positive(word) for word in words.split(","))
+    return tuple(positive_number(word) for word in words.split(","))
 
 
-def number(
+def add_number(
     parser: argparse.ArgumentParser, option: str, default: float, metavar: str, text: str
 ) -> None:
     """An option with a positive number: a whole one if the default is."""
-    kind = whole if isinstance(default, int) else positive
+    kind = positive_integer if isinstance(default, int) else positive_number
     parser.add_argument(
         option,
         type=kind,
@@ -111,21 +111,21 @@ def number(
     )
 
 
-def ranks(parser: argparse.ArgumentParser, default: int = 2, of: str = "each run") -> None:
+def add_ranks(parser: argparse.ArgumentParser, default: int = 2, of: str = "each run") -> None:
     """The option --ranks."""
-    number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
+    add_number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
 
 
-def only_of(
+def add_only(
     parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
 ) -> None:
     """The option --only, of scenes with ``known()`` integrators, at which `Parser` looks, and of a
-    script, whose integrators are not known before it is read: see `chosen_of`."""
+    script, whose integrators are not known before it is read: see `select`."""
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
     parser.set_defaults(integrators=known)
 
 
-def chosen_of(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
+def select(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
     """Those of the integrators that --only names, by name or label; all if it names none.
 
     Raises:
@@ -144,7 +144,7 @@ def chosen_of(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]
     return [one for name, one in known.items() if name in some]
 
 
-def need_scenes() -> None:
+def require_scenes() -> None:
     """Let nothing begin that needs built-in scenes, where there are none.
 
     Raises:
@@ -167,7 +167,7 @@ def _is_path(word: str) -> bool:
     return "." in word or "/" in word or Path(word).is_file()
 
 
-def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str]:
+def scene_or_script_type(known: Callable[[], Collection[str]]) -> Callable[[str], str]:
     """A type of argparse: the name of a scene, or the path of a LAMMPS input script.
 
     ``known()``, the scenes' names, is called when a word is there only.
@@ -176,7 +176,7 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
     def word(text):
         own = is_script(text, known)
         if own and not _is_path(text):
-            need_scenes()
+            require_scenes()
             raise argparse.ArgumentTypeError(
                 f"there is no scene {text}, and no input script: choose from {', '.join(known())}"
             )
@@ -185,7 +185,7 @@ def scene_or_script(known: Callable[[], Collection[str]]) -> Callable[[str], str
     return word
 
 
-def script(parser: argparse.ArgumentParser) -> None:
+def add_script(parser: argparse.ArgumentParser) -> None:
     """The argument that is a script of one's own, of verbs that have no scenes."""
 
     def word(text):
@@ -196,7 +196,7 @@ def script(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", type=word, metavar="SCRIPT", help="a LAMMPS input script")
 
 
-def own(parser: argparse.ArgumentParser) -> None:
+def add_script_options(parser: argparse.ArgumentParser) -> None:
     """The options that say more of a script of one's own."""
     group = parser.add_argument_group("for a script of your own")
     help = "set a variable of the script, as LAMMPS's option -var does"
@@ -211,24 +211,26 @@ def own(parser: argparse.ArgumentParser) -> None:
         more: dict = {"action": "append"} if option == "--fix" else {}
         group.add_argument(option, metavar=metavar, help=help, **more)
     help = "use the N-th run with rigid bodies; earlier runs are executed (default 1)"
-    group.add_argument("--run", type=whole, default=1, metavar="N", dest="run_number", help=help)
+    group.add_argument(
+        "--run", type=positive_integer, default=1, metavar="N", dest="run_number", help=help
+    )
 
 
-def targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
+def add_targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
     """The option --target, names with values."""
 
     def target(word):
         measure, found, value = word.partition("=")
         if not found:
             raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
-        return measure, positive(value)
+        return measure, positive_number(value)
 
     parser.add_argument(
         "--target", nargs="+", type=target, metavar="MEASURE=VALUE", help=text, **more
     )
 
 
-def launch(parser: argparse.ArgumentParser) -> None:
+def add_launch(parser: argparse.ArgumentParser) -> None:
     """The option --launch."""
 
     def command(words):
@@ -248,12 +250,14 @@ def launch(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def silence(parser: argparse.ArgumentParser, default: float) -> None:
+def add_silence(parser: argparse.ArgumentParser, default: float) -> None:
     """The option --silence."""
-    number(parser, "--silence", default, "S", "end a run that has written nothing for S seconds")
+    add_number(
+        parser, "--silence", default, "S", "end a run that has written nothing for S seconds"
+    )
 
 
-def short_or_full(parser: argparse.ArgumentParser, full: str) -> None:
+def add_length(parser: argparse.ArgumentParser, full: str) -> None:
     """The options --short, the default, and --full."""
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
@@ -262,8 +266,8 @@ def short_or_full(parser: argparse.ArgumentParser, full: str) -> None:
     length.add_argument("--full", action="store_true", help=full)
 
 
-def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> None:
-    """The option --out; with ``short`` another default for --short, see `folder`."""
+def add_out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> None:
+    """The option --out; with ``short`` another default for --short, see `output_folder`."""
     other = f"; --short: {default}-short" if short else ""
     parser.set_defaults(usual=default)
     parser.add_argument(
@@ -271,12 +275,12 @@ def out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> N
     )
 
 
-def folder(arguments: argparse.Namespace, short: bool = False) -> Path:
+def output_folder(arguments: argparse.Namespace, short: bool = False) -> Path:
     """The output folder, which is made."""
-    return made(arguments, arguments.out or Path(arguments.usual + "-short" * short))
+    return make_folder(arguments, arguments.out or Path(arguments.usual + "-short" * short))
 
 
-def made(arguments: argparse.Namespace, found: Path) -> Path:
+def make_folder(arguments: argparse.Namespace, found: Path) -> Path:
     """A folder, which is made.
 
     Raises:

@@ -56,7 +56,7 @@ class Observable:
 
 
 @dataclass
-class Done:
+class Outcome:
     """What became of trajectories.
 
     Attributes:
@@ -87,7 +87,7 @@ def perform(
     *,
     judge: Callable[[run.Result], str | None] = failure,
     ladders: bool = True,
-) -> Done:
+) -> Outcome:
     """Run what is not there yet, and say what became of each trajectory.
 
     Processes with the same command share the trajectories, through locks in the store's folder.
@@ -102,7 +102,7 @@ def perform(
     Returns:
         after a Ctrl-C, what had ended before it.
     """
-    done, every = Done(), list(trajectories)
+    done, every = Outcome(), list(trajectories)
     starts = [trajectory for trajectory in every if trajectory.point is None]
     points = [trajectory for trajectory in every if trajectory.point is not None]
     try:
@@ -130,7 +130,7 @@ def _needs(trajectory: Trajectory, other: Trajectory, ladders: bool) -> bool:
     return other.point.scheme == scheme and other.point.dt <= dt
 
 
-def _has_failed(trajectory: Trajectory, done: Done, judge) -> bool:
+def _has_failed(trajectory: Trajectory, done: Outcome, judge) -> bool:
     """Whether a trajectory has failed, here or in another process."""
     if trajectory.name not in done.jobs:
         job = trajectory.job()
@@ -139,7 +139,7 @@ def _has_failed(trajectory: Trajectory, done: Done, judge) -> bool:
     return trajectory.name in done.failed
 
 
-def _run(trajectory: Trajectory, done: Done, meter: run.Meter, judge) -> None:
+def _run(trajectory: Trajectory, done: Outcome, meter: run.Meter, judge) -> None:
     """Run a trajectory, or take over what is there, with its progress shown."""
     job = trajectory.job()
     meter.begin(trajectory.label, sum(job.runs))
@@ -150,7 +150,7 @@ def _run(trajectory: Trajectory, done: Done, meter: run.Meter, judge) -> None:
     _end(trajectory.name, job, result, done, judge)
 
 
-def _end(name: str, job: run.Job, result: run.Result, done: Done, judge) -> None:
+def _end(name: str, job: run.Job, result: run.Result, done: Outcome, judge) -> None:
     done.jobs[name] = job
     done.versions |= result.versions
     if why := judge(result):

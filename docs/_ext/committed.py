@@ -22,8 +22,12 @@ if str(ROOT) not in sys.path:
 
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
-from validation.report import answers, report  # noqa: E402
-from validation.sample import rivals, to_zero  # noqa: E402
+from validation.report import report  # noqa: E402
+from validation.sample import (  # noqa: E402
+    answers,
+    extrapolation,
+    rivals,
+)
 from validation.sample.observables import BY_KEY, warmer  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 from validation.statistics.measures import difference  # noqa: E402
@@ -370,10 +374,10 @@ def step_zero():
     body = []
     for scheme in "langevin-5", "langevin-20", "csvr":
         some = [row for row in found["rows"] if row["scheme"] == scheme and row["dt"] in steps]
-        zero = to_zero.told(some, found["settings"]["time"])
+        zero = extrapolation.extrapolate(some, found["settings"]["time"])
         body.append([some[0]["label"], *(estimate(zero[key]) for key in keys)])
     body.append(["the limit of all points", *(estimate(found["limits"][key]) for key in keys)])
-    heads = (f"{BY_KEY[key].title}, {to_zero.unit(key)}" for key in keys)
+    heads = (f"{BY_KEY[key].title}, {extrapolation.unit(key)}" for key in keys)
     told = ", ".join(map(str, steps))
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
 

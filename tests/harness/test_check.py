@@ -25,14 +25,14 @@ from support.running import ROOT
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import parts
-from validation.own import shapes
-from validation.running import lammps_log, run, whole
+from validation.running import json_files, lammps_log, run
 from validation.statistics import measures
+from validation.user_script import shapes
 
 
 def forces_within(own, out):
     """How many pairs within a body have forces, and the remark."""
-    found = check._forces_within(own, shapes.bodies(own)[0], out, 1, 300.0)
+    found = check._forces_within(own, shapes.body_groups(own)[0], out, 1, 300.0)
     return found.value, check._told(found).note
 
 
@@ -84,8 +84,8 @@ def test_check_finds_what_does_not_fit(tmp_path):
         .replace("timestep 4", "timestep 400")
     )  # fmt: skip
     own = take(path, tmp_path / "out")
-    groups, gap = shapes.bodies(own)
-    kinds = shapes.kinds(own, groups)
+    groups, gap = shapes.body_groups(own)
+    kinds = shapes.body_kinds(own, groups)
     checks = [*check._bodies(own, gap, kinds), *check._script(own)]
     checks += check._step(own, groups, kinds)
     found = {(one.subject, one.what): one.holds for one in checks}
@@ -116,7 +116,7 @@ def test_check_says_what_its_table_cannot(tmp_path, capsys):
     without it."""
     path, out = scripts.spce(tmp_path), tmp_path / "out"
     assert main(["check", str(path), "--out", str(out)]) == 0
-    summary = whole.read(out / "summary.json")
+    summary = json_files.read(out / "summary.json")
     shown = {one["label"]: "change" in one for one in summary["integrators"]}
     assert not shown["rigid/nvt/small"] and shown["nosquish/nvt langevin"]
     told = "LAMMPS's econserve is not what it keeps"
@@ -308,7 +308,7 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     assert "51 rigid bodies with 153 atoms" in log
     assert lammps_log.thermo(log)["Step"][-1] == 6
     own = take(place / "in.changed", tmp_path / "again")
-    (kind,) = shapes.kinds(own, shapes.bodies(own)[0])
+    (kind,) = shapes.body_kinds(own, shapes.body_groups(own)[0])
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
 
 
@@ -371,6 +371,6 @@ def test_check_of_atoms_that_a_fix_holds(tmp_path):
     path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
                         lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
     own = take(path, tmp_path / "out")
-    groups, _ = shapes.bodies(own)
-    found = [one.subject for one in check._step(own, groups, shapes.kinds(own, groups))]
+    groups, _ = shapes.body_groups(own)
+    found = [one.subject for one in check._step(own, groups, shapes.body_kinds(own, groups))]
     assert found[1:] == ["centres", "turning"]

@@ -17,8 +17,8 @@ from support.running import ROOT
 from validation import __main__ as command
 from validation import pages
 from validation.pages import Cell, Column, Figure, Said, Table
-from validation.report import answers, replacements, report
-from validation.sample import criteria, rivals
+from validation.report import replacements, report
+from validation.sample import answers, criteria, rivals
 from validation.statistics.check import Check
 from validation.statistics.estimate import Estimate
 

@@ -68,7 +68,7 @@ def test_drift_without_noise_and_of_few_values():
 
 def test_of_one_or_two_values_no_error_is_known():
     """Locks out a number for sure, of a single start or of two samples."""
-    assert measures.of_few([2.0]) == (2.0, np.inf, None)
+    assert measures.mean_of_few([2.0]) == (2.0, np.inf, None)
     assert measures.ratio([1.0], [2.0]).margin == np.inf
     assert measures.mean([3.0]).margin == np.inf
     for x in [1.0], [1.0, 2.0]:
@@ -154,7 +154,7 @@ def test_margin_of_few_is_students(number, table):
     """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two)
     or 90 % (four); a table of Student's t beside it."""
     rows = np.random.default_rng(number).normal(size=(4000, number))
-    found = [measures.of_few(row) for row in rows]
+    found = [measures.mean_of_few(row) for row in rows]
     assert found[0].margin / found[0].error == pytest.approx(table, rel=1e-3)
     assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.012)
     assert measures.margin(1.0) == pytest.approx(1.960, abs=1e-3)
@@ -169,7 +169,7 @@ def test_sum_of_numbers_with_few_values_each(sizes, second):
     rng, covered = np.random.default_rng(5), []
     for _ in range(3000):
         one, other = (
-            measures.of_few(size * rng.normal(size=number))
+            measures.mean_of_few(size * rng.normal(size=number))
             for number, size in zip(sizes, (1.0, second))
         )
         error, freedom = measures.combined(one[1:], other[1:])

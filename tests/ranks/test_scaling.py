@@ -98,9 +98,9 @@ def run_counted():
 def start(ranks, folder, program):
     """Run Python on some ranks in a folder. Returns: what each of them gave to MPI."""
     from support.running import BIN
-    from validation.running import counting
+    from validation.running import message_counts
 
-    environment = os.environ | counting.environment(folder / "counts")
+    environment = os.environ | message_counts.environment(folder / "counts")
     command = [str(BIN / "mpirun"), "-np", str(ranks), sys.executable, *program]
     done = subprocess.run(
         command,
@@ -113,7 +113,7 @@ def start(ranks, folder, program):
         timeout=120,
     )
     assert done.returncode == 0, done.stdout
-    return counting.read(folder / "counts")
+    return message_counts.read(folder / "counts")
 
 
 @pytest.fixture(scope="module")

@@ -38,10 +38,10 @@ class Silent:
 
 def take(path, out, ranks=1, **ask):
     """What the harness makes of a script."""
-    from validation.own import system  # an extra has what it needs
+    from validation.user_script import loader  # an extra has what it needs
 
-    asked = system.Ask(str(path), str(Path(path).parent), **ask)
-    return system.take(asked, out, ranks, 300.0, tell=lambda line: None)
+    asked = loader.ScriptOptions(str(path), str(Path(path).parent), **ask)
+    return loader.load(asked, out, ranks, 300.0, tell=lambda line: None)
 
 
 def refused(text, tmp_path, **ask):

@@ -9,7 +9,7 @@ PARTS = "water", "CH3", "NH3", "rings", "XH"
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "check",
         run,
@@ -22,7 +22,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all numbers are within their bounds (with --rigid: if parts were "
         "found), 1 if not, 130 after Ctrl-C.",
     )
-    command_line.script(parser)
+    command_line.add_script(parser)
     parser.add_argument(
         "--rigid",
         nargs="*",
@@ -31,22 +31,22 @@ def add(verbs: command_line.Verbs) -> None:
         help="find parts that can be rigid, of: %(choices)s (default all but XH, which is any "
         "heavy atom with its hydrogens, for steps of about 4 fs)",
     )
-    command_line.ranks(parser, 1)
-    command_line.silence(parser, 60.0)
-    command_line.out(parser, "results/check-SCRIPT")
-    command_line.own(parser)
-    command_line.launch(parser)
+    command_line.add_ranks(parser, 1)
+    command_line.add_silence(parser, 60.0)
+    command_line.add_out(parser, "results/check-SCRIPT")
+    command_line.add_script_options(parser)
+    command_line.add_launch(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from .. import pages
-    from ..own import system
     from ..pages import console
     from ..running import store
+    from ..user_script import loader
     from . import measure, report, rigid  # heavy: not for --help
 
-    ask, out = system.begin(arguments, arguments.scene)
+    ask, out = loader.parse_options(arguments, arguments.scene)
     with store.alone(out):
         if arguments.rigid is not None:
             wanted = arguments.rigid or PARTS[:-1]
@@ -54,12 +54,12 @@ def run(arguments: Namespace) -> int:
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
             print("\n".join(told))
             return int(not any(counts.values()))
-        own = system.take(ask, out, arguments.ranks, arguments.silence)
+        script = loader.load(ask, out, arguments.ranks, arguments.silence)
         screen = console.console()
-        with console.Meter(screen, len(own.integrators) * measure.STEPS) as meter:
-            summary = measure.check(own, out, arguments.ranks, arguments.silence, meter)
+        with console.Meter(screen, len(script.integrators) * measure.STEPS) as meter:
+            summary = measure.check(script, out, arguments.ranks, arguments.silence, meter)
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
     lost = any(found["verdict"] == "does not hold" for found in summary["checks"])
-    return command_line.status(summary["interrupted"], lost)
+    return command_line.exit_status(summary["interrupted"], lost)

@@ -12,14 +12,14 @@ import numpy as np
 
 from .. import COMMAND
 from ..experiment import Trajectory, perform
-from ..own import counted, finding, schemes, shapes
-from ..own.script import SUFFIX, line_of, texts
-from ..own.shapes import Group, Kind
-from ..own.system import Own
 from ..running import machine, run
 from ..running.store import Store
 from ..scenes.integrators import Integrator
 from ..statistics.check import Check
+from ..user_script import candidates, conserved_energy, rigid_atoms, shapes
+from ..user_script.commands import SUFFIX, join_words, split_words
+from ..user_script.loader import UserScript
+from ..user_script.shapes import BodyGroup, BodyKind
 
 STEPS = 20  # with each integrator
 # rad: a body that turns further in a step is not followed any more
@@ -38,20 +38,20 @@ IDLE = (
 TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the script"}
 
 
-def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
+def check(script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
     """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
-    groups, gap = shapes.bodies(own)
-    kinds = shapes.kinds(own, groups)
-    rows, interrupted = _starts(own, out, ranks, silence, meter)
-    checks = [*_bodies(own, gap, kinds), *_step(own, groups, kinds), *_script(own)]
-    checks += [_lists(rows), _forces_within(own, groups, out, ranks, silence)]
+    groups, gap = shapes.body_groups(script)
+    kinds = shapes.body_kinds(script, groups)
+    rows, interrupted = _starts(script, out, ranks, silence, meter)
+    checks = [*_bodies(script, gap, kinds), *_step(script, groups, kinds), *_script(script)]
+    checks += [_lists(rows), _forces_within(script, groups, out, ranks, silence)]
     return machine.circumstances() | {
-        "title": own.scene.title,
-        "notes": own.notes,
-        "suffix": [*_suffix(own, out, ranks, silence)],
-        "units": own.scene.units,
-        "dt": own.scene.dt,
-        "temperature": shapes.temperature(own),
+        "title": script.scene.title,
+        "notes": script.notes,
+        "suffix": [*_suffix(script, out, ranks, silence)],
+        "units": script.scene.units,
+        "dt": script.scene.dt,
+        "temperature": shapes.temperature(script),
         "kinds": [asdict(kind) for kind in kinds],
         "checks": [_told(found).plain() for found in checks],
         "integrators": rows,
@@ -59,30 +59,32 @@ def check(own: Own, out: Path, ranks: int, silence: float, meter: run.Meter) -> 
     }
 
 
-def _job(own: Own, integrator: Integrator, folder: Path, steps: int, **how) -> run.Job:
-    origin = machine.origin(own.scene, integrator)
-    how |= {"dt": own.scene.dt, "every": 1, "keeps": "nothing", "origin": origin}
-    return run.job(own.scene, integrator, folder, [steps], **how)
+def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, **how) -> run.Job:
+    origin = machine.origin(script.scene, integrator)
+    how |= {"dt": script.scene.dt, "every": 1, "keeps": "nothing", "origin": origin}
+    return run.job(script.scene, integrator, folder, [steps], **how)
 
 
 def _starts(
-    own: Own, out: Path, ranks: int, silence: float, meter: run.Meter
+    script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter
 ) -> tuple[list[dict], bool]:
     """A row for each integrator: what it makes of the start, and of some steps; and whether a
     Ctrl-C ended it."""
-    integrators, runs = own.integrators.values(), out / "runs"
+    integrators, runs = script.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
     every = [
         Trajectory(
             one.name,
             one.label,
-            partial(_job, own, one, runs / run.folder_name(one.name), STEPS, **how),
+            partial(_job, script, one, runs / run.folder_name(one.name), STEPS, **how),
         )
         for one in integrators
     ]
     done = perform(every, Store(out), meter)
     ended = {one.name: one for one in integrators if one.name in done.jobs}
-    rows = [_row(own, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()]
+    rows = [
+        _row(script, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()
+    ]
     return rows, done.interrupted
 
 
@@ -91,9 +93,9 @@ def _told(found: Check) -> Check:
     return replace(found, note="") if found.holds and found.part != "step" else found
 
 
-def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
+def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterator[Check]:
     """Kinds, images, neighbours."""
-    units = own.units
+    units = script.units
     for kind in kinds:
         note = (
             "bodies of these atoms differ in shape: each keeps the one that it has. Molecules get "
@@ -107,7 +109,7 @@ def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
             high=ALIKE,
             note=note,
         )
-    half = float(np.min(np.diag(np.array(own.said["cell"]))) / 2)
+    half = float(np.min(np.diag(np.array(script.reading["cell"]))) / 2)
     size = max(kind.size for kind in kinds)
     note = "a body is nearly as wide as the box: its image flags decide where its atoms are"
     yield Check(
@@ -120,25 +122,27 @@ def _bodies(own: Own, gap: float, kinds: Sequence[Kind]) -> Iterator[Check]:
     )
 
 
-def _step(own: Own, groups: Sequence[Group], kinds: Sequence[Kind]) -> Iterator[Check]:
+def _step(
+    script: UserScript, groups: Sequence[BodyGroup], kinds: Sequence[BodyKind]
+) -> Iterator[Check]:
     turns = max(kinds, key=lambda kind: kind.angle)
-    safe = own.scene.dt * TURN / max(turns.angle, 1e-300)
-    note = f"by this number alone, {safe:.3g} {own.units.time} and below is safe"
+    safe = script.scene.dt * TURN / max(turns.angle, 1e-300)
+    note = f"by this number alone, {safe:.3g} {script.units.time} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
-    found = shapes.fastest(own, groups)
+    found = shapes.fastest_motions(script, groups)
     for name, frequency in found.items():
         note = (
-            f"by this number alone, {STIFF / frequency:.3g} {own.units.time} and below is safe, if "
-            "the start is in equilibrium. One that is not shows more"
+            f"by this number alone, {STIFF / frequency:.3g} {script.units.time} and below is safe, "
+            "if the start is in equilibrium. One that is not shows more"
         )
         what = "frequency of the stiffest motion × step"
-        yield Check("step", name, what, frequency * own.scene.dt, high=STIFF, note=note)
+        yield Check("step", name, what, frequency * script.scene.dt, high=STIFF, note=note)
 
 
-def _script(own: Own) -> Iterator[Check]:
+def _script(script: UserScript) -> Iterator[Check]:
     """Groups, other fixes."""
-    movers = shapes.moved(own)
+    movers = shapes.atoms_moved_by_fixes(script)
     count = np.sum([*movers.values()], axis=0)
     idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
     yield Check(
@@ -157,15 +161,16 @@ def _script(own: Own) -> Iterator[Check]:
         high=0,
         note=f"two of these fixes move the same atoms: {', '.join(movers)}",
     )
-    heats = finding.thermostats(own.said, own.atoms, own.found)
-    number = len(heats) + bool(own.found.state.temp)
+    heats = rigid_atoms.other_thermostats(script.reading, script.atoms, script.rigid)
+    number = len(heats) + bool(script.rigid.state.temp)
     yield Check(
         "script",
         "thermostats",
         "of the bodies",
         number,
         high=1,
-        note=f"more than one thermostat acts on the bodies: {', '.join((*own.found.ids, *heats))}",
+        note="more than one thermostat acts on the bodies: "
+        f"{', '.join((*script.rigid.ids, *heats))}",
     )
 
 
@@ -184,7 +189,7 @@ def _lists(rows: Sequence[Mapping]) -> Check:
 
 
 def _forces_within(
-    own: Own, groups: Sequence[Group], out: Path, ranks: int, silence: float
+    script: UserScript, groups: Sequence[BodyGroup], out: Path, ranks: int, silence: float
 ) -> Check:
     """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
     first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds.
@@ -198,7 +203,11 @@ def _forces_within(
         "compute own_pairs own_sample property/local patom1 patom2",
         f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
     ]
-    kspace = [words for words in map(texts, own.said["commands"]) if words[0] == "kspace_style"]
+    kspace = [
+        words
+        for words in map(split_words, script.reading["commands"])
+        if words[0] == "kspace_style"
+    ]
     if kspace and kspace[-1][1] != "none":
         size = 2 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
         more += [
@@ -210,7 +219,13 @@ def _forces_within(
         ]
     result = run.once(
         _job(
-            own, own.integrators[own.reference], folder, 0, ranks=ranks, silence=silence, more=more
+            script,
+            script.integrators[script.reference],
+            folder,
+            0,
+            ranks=ranks,
+            silence=silence,
+            more=more,
         ),
         failures=True,
     )
@@ -225,15 +240,18 @@ def _forces_within(
         return counts(None, note=f"not counted: {result.error}")
     rows = (folder / "pairs").read_text().partition("ITEM: ENTRIES")[2].splitlines()[1:]
     pairs = np.array([row.split() for row in rows], float).astype(int).reshape(-1, 2) - 1
-    first, second = own.found.body[pairs.T]
-    return counts(int(np.sum(first == second)), note=IDLE.format(own.found.group))
+    first, second = script.rigid.body[pairs.T]
+    return counts(int(np.sum(first == second)), note=IDLE.format(script.rigid.group))
 
 
-def _suffix(own: Own, out: Path, ranks: int, silence: float) -> Iterator[str]:
+def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterator[str]:
     """Whether the suffix nosquish has replaced the script's fix, or would replace it, in sentences;
     none for a fix that has no such suffix."""
-    (line, *_), found = own.found.lines, own.found
-    style, suffixes = finding.style_of(line), (one.split() for one in own.said["commands"])
+    (line, *_), found = script.rigid.lines, script.rigid
+    style, suffixes = (
+        rigid_atoms.style_of(line),
+        (one.split() for one in script.reading["commands"]),
+    )
     asked = [" ".join(words) for words in suffixes if words[0] == "suffix" and "nosquish" in words]
     fix = f"fix {found.ids[0]} ({style.removesuffix(SUFFIX)})"
     if style.endswith(SUFFIX):
@@ -247,16 +265,16 @@ def _suffix(own: Own, out: Path, ranks: int, silence: float) -> Iterator[str]:
             "it, until another one or 'suffix off', and of two suffixes the first one is preferred."
         )
     elif found.kind == "rigid":
-        yield _with_suffix(own, fix, out / "runs" / "suffix", ranks, silence)
+        yield _with_suffix(script, fix, out / "runs" / "suffix", ranks, silence)
 
 
-def _with_suffix(own: Own, fix: str, folder: Path, ranks: int, silence: float) -> str:
+def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence: float) -> str:
     """What ``lmp -sf nosquish`` makes of the script's fix, which LAMMPS is asked for."""
-    found, line = own.found, own.found.lines[0]
-    words = texts(line)
-    ours = line_of((*words[:3], finding.style_of(line) + SUFFIX, *words[4:]))
-    trial = schemes.yours(replace(found, kind="ours", lines=(ours,)))
-    result = run.once(_job(own, trial, folder, 0, ranks=ranks, silence=silence), failures=True)
+    found, line = script.rigid, script.rigid.lines[0]
+    words = split_words(line)
+    ours = join_words((*words[:3], rigid_atoms.style_of(line) + SUFFIX, *words[4:]))
+    trial = candidates.script_integrator(replace(found, kind="ours", lines=(ours,)))
+    result = run.once(_job(script, trial, folder, 0, ranks=ranks, silence=silence), failures=True)
     if result.error:
         return f"'lmp -sf nosquish -in SCRIPT' does not replace {fix}: {result.error}"
     log = (folder / "log.lammps").read_text()
@@ -269,7 +287,7 @@ def _with_suffix(own: Own, fix: str, folder: Path, ranks: int, silence: float) -
     )
 
 
-def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
+def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict:
     """What an integrator makes of the start, and of some steps."""
     thermo = result.thermo
     error = result.error or _no_number(thermo)
@@ -277,11 +295,11 @@ def _row(own: Own, integrator: Integrator, result: run.Result) -> dict:
         "name": integrator.name,
         "label": integrator.label,
         "error": error,
-        "uncounted": counted.wrongly(integrator),
+        "uncounted": conserved_energy.misses_own_error(integrator),
     }
     if error or not thermo:
         return row
-    heat = own.said["boltzmann"] * thermo["Temp"][0]
+    heat = script.reading["boltzmann"] * thermo["Temp"][0]
     row |= {
         "temperature": float(thermo["Temp"][0]),
         "freedom": round(float(2 * thermo["KinEng"][0] / max(heat, 1e-300))),

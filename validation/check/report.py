@@ -1,8 +1,8 @@
 """What `check` says of its summary."""
 
-from ..own import counted
 from ..pages import Column, Said, Table
 from ..scenes.units import UNITS
+from ..user_script import conserved_energy
 from .measure import STEPS, TITLES
 
 
@@ -18,7 +18,7 @@ def said(summary: dict) -> Said:
         f"Check: {summary['title']}",
         "Is this script sound: its bodies, its step, its fixes?",
         answer,
-        lines=[*summary["notes"], *counted.left_out(uncounted), *summary["suffix"]],
+        lines=[*summary["notes"], *conserved_energy.omission_notice(uncounted), *summary["suffix"]],
         tables=[_kinds(summary), _starts(summary)],
         checks=checks,
         parts=TITLES,

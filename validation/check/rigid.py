@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..own import finding, schemes, system
-from ..own.finding import Found
-from ..own.script import texts
 from ..scenes.integrators import OURS
+from ..user_script import candidates, loader, rigid_atoms
+from ..user_script.commands import split_words
+from ..user_script.rigid_atoms import RigidAtoms
 from . import parts
 
 GROUP, BODY = "own_bodies", "own_body"
@@ -37,7 +37,7 @@ DIFFER = (
 
 
 def written(
-    ask: system.Ask, out: Path, silence: float, wanted: Collection[str]
+    ask: loader.ScriptOptions, out: Path, silence: float, wanted: Collection[str]
 ) -> tuple[dict[str, int], list[str]]:
     """How many parts there are of each kind, and sentences and lines for the user.
 
@@ -50,7 +50,7 @@ def written(
         SystemExit: with one message, what is wrong and the way out.
     """
     asked = replace(ask, group=GROUP, bodies=STYLE)  # at its first run, whatever moves atoms there
-    said, atoms, _ = system.read(asked, out, 1, silence)
+    said, atoms, _ = loader.read(asked, out, 1, silence)
     if not len(atoms.get("bonds", ())):
         raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")
     if said["units"] not in ("real", "metal"):
@@ -63,8 +63,8 @@ def written(
     mask = atoms["mask"].astype(np.int64) | inside.astype(np.int64) << len(said["groups"])
     known = atoms | {"mask": mask, f"v_{BODY}": body}
     try:
-        found = finding.find(said | {"groups": groups}, known, ask.fix, GROUP, STYLE)
-    except finding.Unclear as unclear:
+        found = rigid_atoms.find(said | {"groups": groups}, known, ask.fix, GROUP, STYLE)
+    except rigid_atoms.AmbiguousScript as unclear:
         raise SystemExit(f"{ask.name}: {unclear}") from None
     x, moved = parts.alike(atoms, body, cell, periodic)
     files = {out / f"{ask.name}.bodies": _bodies(body), out / f"{ask.name}.shapes": _dump(x, atoms)}
@@ -81,10 +81,10 @@ def written(
     ]
     gone = dict(zip(found.ids, found.lines))
     told = [
-        f"{schemes.place(gone)}:",
+        f"{candidates.replacement_notice(gone)}:",
         *(f"    {line}" for line in lines),
         ALIKE.format(moved) if moved <= FAR else DIFFER,
-        *schemes.naming(gone, said["commands"], lines),
+        *candidates.removal_notice(gone, said["commands"], lines),
     ]
     if found.dropped:
         told.append(f"Keywords that ours does not have: {', '.join(found.dropped)}.")
@@ -114,29 +114,33 @@ def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
     return "".join((*(f"ITEM: {item}\n" for item in (*head, f"ATOMS id {PLACES}")), *text))
 
 
-def _moving(found: Found, said: Mapping, atoms: parts.Atoms) -> list[str]:
+def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
     """The lines that move the bodies, and what the script's fixes have moved beside them."""
-    ours = {one.name: one for one in schemes.schemes(found, said["units"])[0] if one.kind == "ours"}
-    chains = f"{OURS}-nh" if finding.style_of(found.mover) in CHAINS else OURS
+    ours = {
+        one.name: one
+        for one in candidates.integrators(found, said["units"])[0]
+        if one.kind == "ours"
+    }
+    chains = f"{OURS}-nh" if rigid_atoms.style_of(found.mover) in CHAINS else OURS
     made = [line.format(group=GROUP, bodies=STYLE) for line in ours[chains].lines]
-    moved = finding.in_group(said, atoms, texts(found.mover)[2])
+    moved = rigid_atoms.in_group(said, atoms, split_words(found.mover)[2])
     if found.state.press and not (moved | (found.body > 0)).all():  # the box scales all others, too
-        taken = f"{GROUP} {schemes.REST}" if f"flexible {schemes.REST}" in made[-1] else GROUP
-        line = made.pop().replace(f" dilate {schemes.REST}", "")
+        taken = f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in made[-1] else GROUP
+        line = made.pop().replace(f" dilate {candidates.REST}", "")
         made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]
     return made
 
 
-def _torn(found: Found, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
+def _torn(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
     """What is to be said of bonds between bodies and other atoms that nothing holds."""
     bonds = np.asarray(atoms["bonds"])
     first, second = found.body[bonds[:, 1:].T - 1]
-    styles = [words[1] for words in map(texts, said["commands"]) if words[0] == "bond_style"]
+    styles = [words[1] for words in map(split_words, said["commands"]) if words[0] == "bond_style"]
     loose = np.full(len(bonds), styles[-1:] == ["zero"])
     for line in found.lines:
-        if finding.kind_of(line) == "constraints":
-            mask = finding.in_group(said, atoms, texts(line)[2])
-            loose |= finding.held_bonds(atoms, mask)
+        if rigid_atoms.kind_of(line) == "constraints":
+            mask = rigid_atoms.in_group(said, atoms, split_words(line)[2])
+            loose |= rigid_atoms.held_bonds(atoms, mask)
     if number := int((loose & (first != second)).sum()):
         yield (
             f"{number:,} bonds between bodies and other atoms have no force, or shake held them: "

@@ -10,7 +10,7 @@ LISTS = ("theory", "paper", "published")
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "claims",
         run,
@@ -32,17 +32,17 @@ def add(verbs: command_line.Verbs) -> None:
         help=f"any of {', '.join(LISTS)}, or a part of one by the beginning of its name, such as "
         "theory/reversal or paper/dimer (default: all)",
     )
-    command_line.short_or_full(parser, "as long as the committed results: some days")
+    command_line.add_length(parser, "as long as the committed results: some days")
     parser.add_argument(
         "--time",
-        type=command_line.positive,
+        type=command_line.positive_number,
         metavar="PS",
         help="length of the trajectories of published, and of the liquid in paper",
     )
-    command_line.ranks(parser, of="the runs of paper and published")
-    command_line.silence(parser, 300.0)
-    command_line.out(parser, "results")
-    command_line.launch(parser)
+    command_line.add_ranks(parser, of="the runs of paper and published")
+    command_line.add_silence(parser, 300.0)
+    command_line.add_out(parser, "results")
+    command_line.add_launch(parser)
 
 
 def _list(word):
@@ -58,14 +58,14 @@ def run(arguments: Namespace) -> int:
     from ..pages import console
     from . import measure, plan, report  # heavy: not for --help
 
-    command_line.need_scenes()
+    command_line.require_scenes()
     wanted: dict[str, list[str]] = {}
     for word in arguments.lists or LISTS:
         name, _, part = word.partition("/")
         wanted.setdefault(name, []).append(part)
     if not {"paper", "published"} & wanted.keys():
-        command_line.refuse(arguments, ("time", "ranks"), "is for paper and published")
-    out, screen, failed = command_line.folder(arguments), console.console(), False
+        command_line.refuse_options(arguments, ("time", "ranks"), "is for paper and published")
+    out, screen, failed = command_line.output_folder(arguments), console.console(), False
     for name, parts in wanted.items():
         short = "-short" * (not arguments.full and not arguments.out)
         how = arguments.full, arguments.time, arguments.ranks, arguments.silence
@@ -83,4 +83,4 @@ def run(arguments: Namespace) -> int:
         failed |= measure.wrong(claims, summary)
         if summary["interrupted"]:
             break
-    return command_line.status(summary["interrupted"], failed)
+    return command_line.exit_status(summary["interrupted"], failed)

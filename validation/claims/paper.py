@@ -227,7 +227,7 @@ def _average(one: Series) -> float:
 def _drift(series: Sequence[Series]) -> Estimate:
     """The mean drift of trajectories; of several starts its error is from their scatter."""
     fits = [measures.drift(one.time, one.total) for one in series]
-    return fits[0] if len(fits) == 1 else measures.of_few([fit.value for fit in fits])
+    return fits[0] if len(fits) == 1 else measures.mean_of_few([fit.value for fit in fits])
 
 
 def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:

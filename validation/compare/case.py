@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..own import counted, schemes, shapes
-from ..own.system import Own
 from ..running import starts
 from ..scenes import SCENES, TEMPERATURE, Scene, peptide
 from ..scenes.integrators import OURS, SWEPT, Integrator
 from ..scenes.units import BOLTZMANN, UNITS
+from ..user_script import candidates, conserved_energy, shapes
+from ..user_script.loader import UserScript
 
 # of the usual step: the energy's changes in it count.  Errors of the step are as large as they get
 # by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
@@ -105,7 +105,7 @@ class Case:
         bath: whether a thermostat keeps the temperature.
         lost: targets that say nothing of the case, each with why.
         unknown: of an integrator the targets that its runs do not tell; ``why`` is why.
-        own: the script, if it is one.
+        script: the script, if it is one.
     """
 
     word: str
@@ -121,7 +121,7 @@ class Case:
     unknown: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     why: str = ""
     notes: tuple[str, ...] = ()
-    own: Own | None = None
+    script: UserScript | None = None
 
     @property
     def kt(self) -> float:
@@ -147,12 +147,12 @@ class Case:
         """Lines of an input script for an integrator, the place where they stand, and what is to be
         said of commands that they cannot have beside them."""
         lines = integrator.commands(self.scene)
-        if self.own is None:
+        if self.script is None:
             return lines, "These lines replace what moves the atoms", []
-        found = self.own.found
+        found = self.script.rigid
         gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
-        lost = schemes.naming(gone, self.own.said["commands"], lines)
-        return lines, schemes.place(gone), [] if integrator.then else lost
+        lost = candidates.removal_notice(gone, self.script.reading["commands"], lines)
+        return lines, candidates.replacement_notice(gone), [] if integrator.then else lost
 
 
 def of_scene(name: str, folder: Path) -> Case:
@@ -188,51 +188,53 @@ def _on_mesh(name: str) -> Scene:
     return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
 
 
-def of_script(own: Own) -> Case:
+def of_script(script: UserScript) -> Case:
     """A user's script.
 
     Raises:
         LookupError: its atoms are at rest, and nothing can be told.
     """
-    if not shapes.temperature(own) > 0:
+    if not shapes.temperature(script) > 0:
         raise LookupError(
-            f"the atoms are at rest at '{own.said['run']}', so there is no "
+            f"the atoms are at rest at '{script.reading['run']}', so there is no "
             "temperature to measure errors by: give them velocities (velocity all create T SEED), "
             "and let them come to equilibrium"
         )
-    known = own.integrators
-    ours = next((key for key, one in known.items() if one.kind == "ours"), own.reference)
-    rivals = own.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
+    known = script.integrators
+    ours = next((key for key, one in known.items() if one.kind == "ours"), script.reference)
+    rivals = script.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
     rival = next((key for key in rivals if key in known and known[key].kind != "ours"), OURS)
     return Case(
-        word=own.ask.script,
-        scene=own.scene,
+        word=script.ask.script,
+        scene=script.scene,
         integrators=known,
         reference=ours,
         usual=tuple(name for name in known if name in (ours, rival)),
-        steps=tuple(factor * own.scene.dt for factor in FACTORS),
-        temperature=shapes.temperature(own),
-        boltzmann=own.said["boltzmann"],
-        bath=bool(own.found.state.temp),
-        lost=_lost(own),
-        unknown={key: ENERGIES for key, one in known.items() if counted.wrongly(one)},
-        why=counted.WHY,
-        notes=own.notes,
-        own=own,
+        steps=tuple(factor * script.scene.dt for factor in FACTORS),
+        temperature=shapes.temperature(script),
+        boltzmann=script.reading["boltzmann"],
+        bath=bool(script.rigid.state.temp),
+        lost=_lost(script),
+        unknown={
+            key: ENERGIES for key, one in known.items() if conserved_energy.misses_own_error(one)
+        },
+        why=conserved_energy.WHY,
+        notes=script.notes,
+        script=script,
     )
 
 
-def _lost(own: Own) -> dict[str, str]:
+def _lost(script: UserScript) -> dict[str, str]:
     lost: dict[str, str] = {}
-    lacking = counted.lacking(own)
+    lacking = conserved_energy.uncounted_fixes(script)
     if lacking:
         why = COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
         lost |= dict.fromkeys((*ENERGIES, "energy_sd"), why)
-    if own.said["sized"]:  # such atoms turn, too, and their velocities do not tell it
+    if script.reading["sized"]:  # such atoms turn, too, and their velocities do not tell it
         lost["temperature"] = "its atoms may have moments of inertia of their own"
-    if not own.found.state.press:
+    if not script.rigid.state.press:
         lost["density"] = "its box does not change"
-    if not all(own.said["periodic"]) or own.bodies < 10:
+    if not all(script.reading["periodic"]) or script.bodies < 10:
         lost["rdf"] = "its box is not periodic, or has less than ten bodies"
     return lost
 

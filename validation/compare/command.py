@@ -11,7 +11,7 @@ BUDGET = 8.0  # minutes
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "compare",
         run,
@@ -23,7 +23,7 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if a step is within the targets by its 95 % confidence intervals, "
         "1 if none is, 2 if an argument is wrong, 130 after Ctrl-C.",
     )
-    kind = command_line.scene_or_script(lambda: SCENES)
+    kind = command_line.scene_or_script_type(lambda: SCENES)
     parser.add_argument(
         "scene",
         type=kind,
@@ -34,47 +34,47 @@ def add(verbs: command_line.Verbs) -> None:
         "largest acceptable errors, such as energy=0.05 drift=0.01; an unknown name lists all "
         "(default: those of drift, temperature, energy, density and rdf that can be measured)"
     )
-    command_line.targets(parser, text)
+    command_line.add_targets(parser, text)
     text = "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(
         SWEPT
     )
-    command_line.only_of(parser, lambda: (*SWEPT, "all"), text)
+    command_line.add_only(parser, lambda: (*SWEPT, "all"), text)
     text = "time steps in fs, or in the script's units (default for a script: its own step and up "
     text += "to 6 times that)"
-    parser.add_argument("--steps", type=command_line.positives, metavar="DT,DT", help=text)
+    parser.add_argument("--steps", type=command_line.positive_numbers, metavar="DT,DT", help=text)
     text = "minutes for everything, estimated from the time of a step at the beginning"
-    command_line.number(parser, "--budget", BUDGET, "MINUTES", text)
-    command_line.ranks(parser, 1)
-    command_line.silence(parser, 120.0)
-    command_line.out(parser, "results/compare-SCENE")
-    command_line.own(parser)
-    command_line.launch(parser)
+    command_line.add_number(parser, "--budget", BUDGET, "MINUTES", text)
+    command_line.add_ranks(parser, 1)
+    command_line.add_silence(parser, 120.0)
+    command_line.add_out(parser, "results/compare-SCENE")
+    command_line.add_script_options(parser)
+    command_line.add_launch(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from .. import pages
-    from ..own import shifted, system
     from ..pages import console
+    from ..user_script import loader, pair_shift
     from . import case as cases
     from . import measure, plan, report  # heavy: not for --help
 
     silence = arguments.silence
     try:
         if command_line.is_script(arguments.scene, lambda: SCENES):
-            ask, out = system.begin(arguments, arguments.scene)
-            own = shifted.shifted(system.take(ask, out, arguments.ranks, silence))
-            system.refuse_ramps(own)
-            case = cases.of_script(own)
+            ask, out = loader.parse_options(arguments, arguments.scene)
+            script = pair_shift.with_shifted_pairs(loader.load(ask, out, arguments.ranks, silence))
+            loader.refuse_ramps(script)
+            case = cases.of_script(script)
         else:
             arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
-            out = command_line.folder(arguments)
+            out = command_line.output_folder(arguments)
             case = cases.of_scene(arguments.scene, out / "starts")
         wanted = cases.targets(case, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
     asked = None if arguments.only == ["all"] else arguments.only
-    names = [one.name for one in command_line.chosen_of(case.integrators, asked)]
+    names = [one.name for one in command_line.select(case.integrators, asked)]
     only = names if arguments.only else case.usual
     points, held = plan.points(case, only, arguments.steps)
     settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
@@ -87,4 +87,4 @@ def run(arguments: Namespace) -> int:
     found = report.said(summary)
     pages.write(found, summary, out)
     pages.show(screen, found, summary, out)
-    return command_line.status(summary["interrupted"], not summary["advised"])
+    return command_line.exit_status(summary["interrupted"], not summary["advised"])

@@ -13,11 +13,11 @@ import numpy as np
 from scipy import linalg
 
 from ..experiment import Observable, Point
-from ..own.shapes import MVV2E
 from ..running import run
 from ..statistics import measures, structure
 from ..statistics.estimate import Estimate, combined
 from ..statistics.structure import Motion
+from ..user_script.shapes import MVV2E
 from .case import MEANS, SPAN, Case, about
 from .law import by_law
 

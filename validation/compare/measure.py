@@ -10,7 +10,7 @@ from typing import NamedTuple
 from scipy import special
 
 from .. import NAME
-from ..experiment import Done, Point, Trajectory, perform
+from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, run
 from ..running.store import Store
 from ..scenes.integrators import OURS
@@ -179,7 +179,7 @@ def _summary(prepared: Prepared) -> dict:
     }
 
 
-def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.Meter) -> Done:
+def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.Meter) -> Outcome:
     judge = partial(
         errors.failure, temperature=prepared.case.temperature, boltzmann=prepared.case.boltzmann
     )
@@ -191,7 +191,7 @@ def _store(settings: Settings) -> Store:
 
 
 def collected(
-    prepared: Prepared, done: Done, folder: str = SHORT, settles: float = SETTLES
+    prepared: Prepared, done: Outcome, folder: str = SHORT, settles: float = SETTLES
 ) -> Runs:
     """What became of the points' runs in a folder, from each start.
 
@@ -372,7 +372,7 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
 
 def run_longer(
     prepared: Prepared, best: Plan, short: Runs, meter: run.Meter
-) -> tuple[Done, Measured | None]:
+) -> tuple[Outcome, Measured | None]:
     """Run a plan: what became of it, and the point's row by this run alone; None if there is none.
 
     It begins with the last start, and leaves out as much as the short runs lasted, by which it was

@@ -12,7 +12,7 @@ SHORT = "nosquish", "rigid/nve", "rigid/nve/small", "shake"
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "cost",
         run,
@@ -27,55 +27,70 @@ def add(verbs: command_line.Verbs) -> None:
     )
     words = ", ".join(plan.PARTS)
     help = f"any of {words} (default: all), or a script of yours"
-    part = command_line.scene_or_script(lambda: plan.PARTS)
+    part = command_line.scene_or_script_type(lambda: plan.PARTS)
     parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
     sizes = ",".join(map(str, SCENES["water"].sizes))
     on = ",".join(map(str, plan.COUNTED_ON))
     for option, kind, metavar, help in (
-        ("--ranks", command_line.wholes, "N,N", f"MPI ranks (default 1,2; for messages {on})"),
-        ("--sizes", command_line.wholes, "N,N", f"molecules (default {sizes}; --short: first)"),
-        ("--rounds", command_line.whole, "N", "repetitions (default 5; --short: 2)"),
-        ("--seconds", command_line.positive, "S", "of a timed segment (default 1; --short: 0.2)"),
+        (
+            "--ranks",
+            command_line.positive_integers,
+            "N,N",
+            f"MPI ranks (default 1,2; for messages {on})",
+        ),
+        (
+            "--sizes",
+            command_line.positive_integers,
+            "N,N",
+            f"molecules (default {sizes}; --short: first)",
+        ),
+        ("--rounds", command_line.positive_integer, "N", "repetitions (default 5; --short: 2)"),
+        (
+            "--seconds",
+            command_line.positive_number,
+            "S",
+            "of a timed segment (default 1; --short: 0.2)",
+        ),
     ):
         parser.add_argument(option, type=kind, metavar=metavar, help=help)
     names = ", ".join(BENCHMARKED)
     help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
-    command_line.only_of(parser, lambda: BENCHMARKED, help)
+    command_line.add_only(parser, lambda: BENCHMARKED, help)
     help = "a few minutes, for a first look"
     parser.add_argument("--short", action="store_true", help=help)
-    command_line.silence(parser, 300.0)
-    command_line.out(parser, "results/cost", short=True)
-    command_line.own(parser)
-    command_line.launch(parser)
+    command_line.add_silence(parser, 300.0)
+    command_line.add_out(parser, "results/cost", short=True)
+    command_line.add_script_options(parser)
+    command_line.add_launch(parser)
 
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from .. import pages
-    from ..own import system
     from ..pages import console
     from ..running import store
+    from ..user_script import loader
     from . import measure, report  # heavy: not for --help
 
     parts, short = arguments.parts, arguments.short
     scripts = [one for one in parts if command_line.is_script(one, lambda: plan.PARTS)]
     if not parts:
-        command_line.need_scenes()
+        command_line.require_scenes()
     if scripts and len(parts) > 1:
         arguments.parser.error("a script of your own is measured alone")
     how = arguments.rounds or (2 if short else 5), arguments.seconds or (0.2 if short else 1.0)
     ranks, script = arguments.ranks or (1, 2), None
     if scripts:
-        ask, out = system.begin(arguments, scripts[0], short)
+        ask, out = loader.parse_options(arguments, scripts[0], short)
     else:
-        out = command_line.folder(arguments, short)
+        out = command_line.output_folder(arguments, short)
     with store.alone(out):
         if scripts:
-            own = system.take(ask, out, ranks[0], arguments.silence)
-            integrators = command_line.chosen_of(own.integrators, arguments.only)
+            loaded = loader.load(ask, out, ranks[0], arguments.silence)
+            integrators = command_line.select(loaded.integrators, arguments.only)
             names = tuple(one.name for one in integrators)
-            points = [plan.Point(ask.name, n, own.bodies, names, *how) for n in ranks]
-            script = own.scene, integrators
+            points = [plan.Point(ask.name, n, loaded.bodies, names, *how) for n in ranks]
+            script = loaded.scene, integrators
         else:
             points = _points(arguments, how)
         screen = console.console()
@@ -85,14 +100,14 @@ def run(arguments: Namespace) -> int:
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
-    return command_line.status(summary["interrupted"], bool(said.failures))
+    return command_line.exit_status(summary["interrupted"], bool(said.failures))
 
 
 def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
     """What is measured of the built-in scenes, in so many rounds of segments of so many s."""
     short, parts = arguments.short, arguments.parts or plan.PARTS
     wanted = arguments.only or (SHORT if short else None)
-    names = tuple(command_line.chosen(BENCHMARKED, wanted))
+    names = tuple(command_line.in_order(BENCHMARKED, wanted))
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
     ranks = arguments.ranks or ((1, 2) if short else None)
     points = plan.points(parts, ranks, sizes, names, *how)

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from ..running import counting, machine, rounds, run, starts, startup
+from ..running import machine, message_counts, rounds, run, starts, startup
 from ..running.rounds import Timing
 from ..running.store import Store
 from ..scenes import SCENES, Scene
@@ -195,14 +195,14 @@ def _counts(
     sent: dict[str, dict] = {}
     for name in jobs:
         meter.begin(f"{labels[name]}, messages", 1)
-        result = run.run(jobs[name], environment=counting.environment(folder))
+        result = run.run(jobs[name], environment=message_counts.environment(folder))
         meter.end(result.error)
         if result.interrupted:
             return sent, True
         if result.error:
             errors[name] = result.error
         else:
-            ranks = counting.read(folder)
+            ranks = message_counts.read(folder)
             sent[name] = {
                 key: sum(rank[f"fix_{key}"] for rank in ranks) / COUNTED / len(ranks)
                 for key in SENT

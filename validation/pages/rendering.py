@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table as Lines
 from rich.text import Text
 
-from ..running import machine, whole
+from ..running import json_files, machine
 from .contents import MARGINS, STYLES, Said, Table
 from .figures import STYLE
 
@@ -37,7 +37,7 @@ class Section(NamedTuple):
 
 def write(said: Said, summary: dict, out: Path) -> None:
     """Write summary.json, CSV files, figures and report.html into the folder ``out``."""
-    whole.write(out / "summary.json", summary)
+    json_files.write(out / "summary.json", summary)
     write_tables(said, out)
     draw(said, out)
     page(out / "report.html", said.title, [Section(said, summary, out)])

@@ -8,7 +8,7 @@ from .. import command_line
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "report",
         run,
@@ -36,12 +36,12 @@ def add(verbs: command_line.Verbs) -> None:
 
 def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
-    command_line.need_scenes()
+    command_line.require_scenes()
     from ..pages import console
     from . import report  # heavy: not for --help
 
     screen, out = console.console(), arguments.out or arguments.results / "report.html"
-    command_line.made(arguments, out.parent)
+    command_line.make_folder(arguments, out.parent)
     sections, problems = report.gather(arguments.results)
     if arguments.release:
         report.release(arguments.release, sections)

@@ -14,7 +14,8 @@ from .. import CHECKOUT, NAME, RESULTS
 from ..pages import Column, Said, Section, Table
 from ..pages.contents import MARGINS
 from ..pages.rendering import page
-from . import answers, replacements
+from ..sample import answers
+from . import replacements
 
 TITLE = "Rigid bodies in LAMMPS: time step, speed-up and error"
 ORDER = "sample", "compare", "stress", "cost", "claims", "check"  # of the verbs' sections

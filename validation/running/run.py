@@ -23,11 +23,11 @@ import numpy as np
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..statistics.positions import Positions
-from . import lammps_log, recorder, whole
+from . import json_files, lammps_log, recorder
 from .lock import locked
 
 WORKER = Path(__file__).with_name("worker.py")
-TIED = Path(__file__).with_name("tied.py")
+END_WITH_PARENT = Path(__file__).with_name("end_with_parent.py")
 RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
 SUFFIX = "nosquish"  # by which LAMMPS takes our fixes for its rigid ones
 THERMO = "thermo_style custom step time temp press pe ke etotal"
@@ -201,7 +201,7 @@ def run(
         _empty(directory)
     directory.mkdir(parents=True, exist_ok=True)
     path = directory / "job.json"
-    whole.write(path, asdict(job))
+    json_files.write(path, asdict(job))
     interrupted = False
     worker = WORKER.parents[1] / job.worker if job.worker else WORKER
     words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
@@ -258,17 +258,17 @@ def is_there(job: Job, failures: bool = False) -> bool:
     if known is None:
         return False
     failed = failures and _lasts(directory) and known.silence >= job.silence
-    return known == job and (failed or whole.read(directory / "done.json") is not None)
+    return known == job and (failed or json_files.read(directory / "done.json") is not None)
 
 
 def _kept(directory: Path) -> Job | None:
     """The job whose files are in a directory; None if no job, or none of this version, is there."""
     path = directory / "job.json"
-    plain = whole.read(path)
+    plain = json_files.read(path)
     try:
         return None if plain is None else Job(**plain)
     except TypeError as error:
-        whole.damaged(path, error)
+        json_files.report_damage(path, error)
         return None
 
 
@@ -290,7 +290,7 @@ def collect(directory: Path | str) -> Result:
     if (directory / "positions.npz").exists():
         with np.load(directory / "positions.npz") as file:
             positions = Positions(**file)
-    done = whole.read(directory / "done.json")
+    done = json_files.read(directory / "done.json")
     message = (
         _read(directory / "error.txt")
         or lammps_log.error(log)
@@ -367,7 +367,7 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
             "stdin": subprocess.DEVNULL,
             "start_new_session": True,
         }
-        tied = sys.executable, "-IS", str(TIED), str(os.getpid())
+        tied = sys.executable, "-IS", str(END_WITH_PARENT), str(os.getpid())
         process = subprocess.Popen([*tied, *words], **how | more)
         try:
             try:

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 
-from . import machine, whole
+from . import json_files, machine
 from .lock import locked
 
 RECORD = {"name", "base", "complete", "date", "record"}
@@ -80,7 +80,7 @@ class Store:
             "date": machine.now(),
             "record": record,
         }
-        whole.write(self._file(name, origin), plain)
+        json_files.write(self._file(name, origin), plain)
 
     def shared(self, names: Iterable[str]) -> Iterator[str]:
         """The names, each while no other process has it; those that others have come last."""
@@ -120,9 +120,9 @@ def alone(folder: Path) -> Iterator[None]:
 
 def _record(file: Path) -> dict | None:
     """What `Store.keep` wrote; None if there is none."""
-    kept = whole.read(file)
+    kept = json_files.read(file)
     if kept is not None and not kept.keys() >= RECORD:
-        whole.damaged(file, "no record")
+        json_files.report_damage(file, "no record")
         return None
     return kept
 

@@ -11,7 +11,7 @@ DEFAULT = "water"
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "sample",
         run,
@@ -28,27 +28,27 @@ def add(verbs: command_line.Verbs) -> None:
         "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "
         "engine is not installed, 130 after Ctrl-C.",
     )
-    scene = command_line.scene_or_script(scenes)
+    scene = command_line.scene_or_script_type(scenes)
     text = f"a scene (default {DEFAULT}), or a LAMMPS input script of yours"
     parser.add_argument("scene", nargs="?", type=scene, default=DEFAULT, metavar="SCENE", help=text)
-    command_line.short_or_full(parser, "300 ps per scheme and step: a day of one core for water")
+    command_line.add_length(parser, "300 ps per scheme and step: a day of one core for water")
     text = "length for each scheme and step (default 300, --short 20)"
-    parser.add_argument("--ps", type=command_line.positive, metavar="PS", help=text)
+    parser.add_argument("--ps", type=command_line.positive_number, metavar="PS", help=text)
     text = "time steps in fs (default: those of each scheme)"
-    parser.add_argument("--dt", type=command_line.positives, metavar="FS,FS", help=text)
+    parser.add_argument("--dt", type=command_line.positive_numbers, metavar="FS,FS", help=text)
     text = "schemes by name; an unknown name lists all"
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
     text = "independent starts"
-    command_line.number(parser, "--starts", 1, "N", text)
+    command_line.add_number(parser, "--starts", 1, "N", text)
     text = "extrapolate the averages of one scheme to step zero, from two or more long steps (by "
     text += "default the longest that the forces allow, two thirds and a third of it)"
     parser.add_argument("--to-zero", action="store_true", help=text)
     text = "take the limit of small steps from this folder of another command for the same scene"
     parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
-    command_line.silence(parser, 120.0)
-    command_line.out(parser, "results/sample-SCENE", short=True)
-    command_line.own(parser)
-    command_line.launch(parser)
+    command_line.add_silence(parser, 120.0)
+    command_line.add_out(parser, "results/sample-SCENE", short=True)
+    command_line.add_script_options(parser)
+    command_line.add_launch(parser)
 
 
 def scenes() -> Collection[str]:
@@ -61,26 +61,28 @@ def scenes() -> Collection[str]:
 def run(arguments: argparse.Namespace) -> int:
     """Run the verb; the exit status."""
     from .. import pages  # heavy: not for --help
-    from ..own import system
     from ..pages import console
-    from . import criteria, engine, measure, report, to_zero
+    from ..user_script import loader
+    from . import criteria, engine, extrapolation, measure, report
     from .plan import TIMES, Lengths, Runs
     from .scenes import SCENES, of_script
 
     short = not arguments.full
     if command_line.is_script(arguments.scene, scenes):
-        ask, out = system.begin(arguments, arguments.scene, short)
-        plan = of_script(system.take(ask, out, 1, arguments.silence))
+        ask, out = loader.parse_options(arguments, arguments.scene, short)
+        plan = of_script(loader.load(ask, out, 1, arguments.silence))
     else:
         arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
-        out = command_line.folder(arguments, short)
+        out = command_line.output_folder(arguments, short)
         plan = SCENES[arguments.scene](out)
     only = arguments.only and [
-        scheme.name for scheme in command_line.chosen_of(plan.schemes, arguments.only)
+        scheme.name for scheme in command_line.select(plan.schemes, arguments.only)
     ]
     if arguments.to_zero:
-        command_line.refuse(arguments, ["limits"], "is for biases, which --to-zero does not tell")
-        points = to_zero.points(plan, only, arguments.dt)
+        command_line.refuse_options(
+            arguments, ["limits"], "is for biases, which --to-zero does not tell"
+        )
+        points = extrapolation.points(plan, only, arguments.dt)
     else:
         points = plan.points(only, arguments.dt, short)
     engine.versions(plan.schemes[point.scheme].engine for point in points)
@@ -95,9 +97,9 @@ def run(arguments: argparse.Namespace) -> int:
     failed = all(row["error"] for row in summary["rows"])
     if arguments.to_zero:
         summary["rows"] = [row for row in summary["rows"] if row["scheme"] == points[0].scheme]
-        summary["zero"] = to_zero.told(summary["rows"], lengths.time)
+        summary["zero"] = extrapolation.extrapolate(summary["rows"], lengths.time)
         failed = failed or any(one["why"] for one in summary["zero"].values())
-    said = to_zero.said(summary) if arguments.to_zero else report.said(summary)
+    said = extrapolation.said(summary) if arguments.to_zero else report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
-    return command_line.status(summary["interrupted"], failed)
+    return command_line.exit_status(summary["interrupted"], failed)

@@ -88,7 +88,7 @@ def of_scene(scene: Scene) -> Water:
 
 
 @dataclass(frozen=True)
-class Course:
+class EngineRun:
     """What an engine is to do.
 
     Attributes:
@@ -141,12 +141,12 @@ class Engine:
     name: str
     install: str
     version: Callable[[], str | None]
-    given: Callable[[Course, Water], dict]
+    given: Callable[[EngineRun, Water], dict]
     words: Callable[[dict], list[str]]
     samples: Callable[[dict, Path], Iterator[Sample]]
     same: bool = False
 
-    def job(self, course: Course, water: Water, folder: Path, silence: float) -> run.Job:
+    def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:
         """A run; its files go to ``folder``."""
         path = Path(str(sys.modules[self.samples.__module__].__file__))
         told = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}

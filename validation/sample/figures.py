@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..pages.figures import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, label_ends, message, panels
-from ..report import answers
 from ..statistics.estimate import Estimate
-from ..statistics.precision import Worth
+from ..statistics.precision import BiasAndNoise
+from . import answers
 from .criteria import BOUNDS
 from .observables import BY_KEY, warmer
 
@@ -28,7 +28,7 @@ def precision(summary: Mapping) -> Figure | None:
 
     def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
         numbers = ((row["biases"][key], row["noise"][key]) for row in rows)
-        errors = np.array([Worth(*map(Estimate.of, both)).error(TIMES) for both in numbers])
+        errors = np.array([BiasAndNoise(*map(Estimate.of, both)).error(TIMES) for both in numbers])
         best = np.argmin(errors, axis=0)
         line = errors[best, np.arange(len(TIMES))]
         axis.plot(TIMES, line, color=colour, lw=1.6)

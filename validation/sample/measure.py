@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..experiment import Point
-from ..running import machine, run, whole
+from ..running import json_files, machine, run
 from ..scenes import FS_PER_PS
 from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
@@ -63,7 +63,7 @@ class Numbers:
 
 
 @dataclass
-class Found:
+class Results:
     """What the runs gave: of each point the numbers of its starts, by their numbers, why one
     failed, and s of a core for a ps without samples, in each round."""
 
@@ -90,9 +90,9 @@ def sample(
             see `known_limits`.
 
     Returns:
-        plain data: circumstances, settings, and what `told` gives.
+        plain data: circumstances, settings, and what `summarize` gives.
     """
-    plan, lengths, found = runs.plan, runs.lengths, Found()
+    plan, lengths, found = runs.plan, runs.lengths, Results()
     done = runs.perform(points, meter)
     lost = {n: why for n in runs.starts if (why := done.failed.get(start_name(n)))}
     if len(lost) == lengths.starts:
@@ -116,7 +116,7 @@ def sample(
         "temperature": plan.temperature,
         "known": [point._asdict() for point in plan.known],
         "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
-        **told(found, runs, every, known),
+        **summarize(found, runs, every, known),
     }
 
 
@@ -126,13 +126,13 @@ def known_limits(folder: Path, scene: str) -> dict:
     Raises:
         SystemExit: it has left nothing there, or of another scene.
     """
-    summary = whole.read(folder / "summary.json") or {}
+    summary = json_files.read(folder / "summary.json") or {}
     if summary.get("scene") != scene or not summary.get("limits"):
         raise SystemExit(f"{folder} has no limit of small steps of the scene {scene}")
     return summary["limits"]
 
 
-def _measure(found: Found, plan: Plan, point: Point, start: int, job: run.Job) -> None:
+def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
     """The numbers of a run that is there, or why it has none."""
     result, samples = table(job)
     if result.error:
@@ -144,7 +144,7 @@ def _measure(found: Found, plan: Plan, point: Point, start: int, job: run.Job) -
     found.numbers.setdefault(point, {})[start] = numbers
 
 
-def _timed(found: Found, runs: Runs, meter: run.Meter, time: bool) -> bool:
+def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
     """What a ps of each point costs; whether a Ctrl-C came.
 
     Args:
@@ -180,27 +180,27 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
         else:
             numbers.remembers[observable.key] = measures.autocorrelation(x).times(apart)
     if scheme.pressure is not None:
-        values = thinned(samples["PotEng"], samples["Volume"], times=DENSER)
+        values = thin(samples["PotEng"], samples["Volume"], times=DENSER)
         numbers.state = structure.Sampled(scheme.temperature, scheme.pressure, values)
     if scheme.reach and KINETIC in samples:
-        (kinetic,), bodies = thinned(samples[KINETIC]), plan.scene.unit
+        (kinetic,), bodies = thin(samples[KINETIC]), plan.scene.unit
         others = scheme.held + 3 * bodies - plan.turning
         numbers.far = structure.distribution(kinetic, scheme.temperature, bodies, others)
     return numbers
 
 
-def thinned(*series: np.ndarray, times: int = 1) -> np.ndarray:
+def thin(*series: np.ndarray, times: int = 1) -> np.ndarray:
     """So many times the samples, (series, samples), that are independent in each of the series."""
     apart = max(map(measures.statistical_inefficiency, series))
     return np.stack(series)[:, :: int(np.ceil(apart / times))]
 
 
-def pooled(starts: Sequence[Numbers]) -> Numbers:
+def pool(starts: Sequence[Numbers]) -> Numbers:
     """The means over starts; of a vector's components all starts together tell the memory."""
 
     def over(name: str) -> dict[str, Estimate]:
         some = [getattr(numbers, name) for numbers in starts]
-        return {key: measures.of_starts([one[key] for one in some]) for key in some[0]}
+        return {key: measures.mean_of_starts([one[key] for one in some]) for key in some[0]}
 
     variances = [numbers.variances for numbers in starts]
     means = {key: float(np.mean([one[key] for one in variances])) for key in variances[0]}
@@ -221,7 +221,9 @@ def pooled(starts: Sequence[Numbers]) -> Numbers:
 Fits = Mapping[str, Mapping[str, limit.Fit]]  # of each engine, of each observable
 
 
-def told(found: Found, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]) -> dict:
+def summarize(
+    found: Results, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]
+) -> dict:
     """Rows of the points that were run, and the limits that they are held against; plain data.
 
     Args:
@@ -229,23 +231,24 @@ def told(found: Found, runs: Runs, points: Sequence[Point], known: Mapping[str, 
 
     Returns:
         ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
-        the limits of its own points, see `told_limit`; ``goals``, see `rivals.compare`.
+        the limits of its own points, see `limit_as_dict`; ``goals``, see `rivals.compare`.
     """
-    means = {point: pooled([*found.numbers[point].values()]) for point in found.good}
-    fits = fitted(means, runs.plan, known)
+    means = {point: pool([*found.numbers[point].values()]) for point in found.good}
+    fits = fit_limits(means, runs.plan, known)
     rows = [
         _row(point, found, runs, means, fits)
         for point in points
         if point in means or point in found.errors
     ]
     own, *others = (
-        (name, {key: told_limit(fit) for key, fit in some.items()}) for name, some in fits.items()
+        (name, {key: limit_as_dict(fit) for key, fit in some.items()})
+        for name, some in fits.items()
     )
     goals = rivals.compare(rows, LEAST_ERRORS)
     return {"rows": rows, "limits": own[1], "others": dict(others), "goals": goals}
 
 
-def fitted(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
+def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
     """The limits of observables that each engine's points tell, LAMMPS's first."""
     names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
     return {
@@ -276,7 +279,7 @@ def _fit(means, key, plan, engine, known) -> limit.Fit | None:
     return limit.fit(some, steps, reaches)
 
 
-def told_limit(fit: limit.Fit) -> dict:
+def limit_as_dict(fit: limit.Fit) -> dict:
     """A limit as plain data: its number, how well the points agree with it, and their weights."""
     told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
@@ -284,7 +287,7 @@ def told_limit(fit: limit.Fit) -> dict:
 
 
 def _row(
-    point: Point, found: Found, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
+    point: Point, found: Results, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
 ) -> dict:
     """A point's row.
 

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..command_line import chosen
-from ..experiment import Done, Point, Trajectory, perform
+from ..command_line import in_order
+from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, rounds, run
 from ..running.starts import from_dump, to_dump
 from ..running.store import Store
 from ..scenes import FS_PER_PS, Scene, steps
-from .engine import Course, of_scene
+from .engine import EngineRun, of_scene
 from .schemes import FIRST_SEED, RAW, Scheme
 
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
@@ -146,7 +146,7 @@ class Plan:
             only: names of schemes; None is all of LAMMPS, or with ``short`` those of `SHORT`.
             dt: time steps, fs; None is each scheme's own, or with ``short`` that of `SHORT`.
         """
-        names = chosen(list(self.schemes), only)
+        names = in_order(list(self.schemes), only)
         usual = {name: scheme.steps for name, scheme in self.schemes.items()}
         if short:
             usual |= {name: some for name, some in SHORT.items() if name in usual}
@@ -233,7 +233,7 @@ class Runs:
                 made.append(Trajectory(_name(n, point), label, job, point, start_name(n)))
         return made
 
-    def perform(self, points: Collection[Point], meter: run.Meter) -> Done:
+    def perform(self, points: Collection[Point], meter: run.Meter) -> Outcome:
         """Run what is not there yet; a scheme that fails at a step may hold at a longer one."""
         return perform(self.trajectories(points), self.store, meter, ladders=False)
 
@@ -273,7 +273,7 @@ class Runs:
         every = self.lengths.every(point.dt, scheme)
         if scheme.engine:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
-            course = Course(*how, runs, SPARSE * every, FIRST_SEED + start)
+            course = EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
             return scheme.engine.job(course, of_scene(self.plan.scene), folder, self.silence)
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 

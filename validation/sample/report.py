@@ -4,10 +4,9 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from ..pages import Column, Figure, Said, Table
-from ..report import answers
 from ..statistics.check import VERDICTS
 from ..statistics.estimate import SURE, Estimate
-from . import figures
+from . import answers, figures
 from .criteria import TITLES
 from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, warmer

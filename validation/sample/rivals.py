@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from math import inf, sqrt
 
 from ..statistics.estimate import Estimate, margin
-from ..statistics.precision import Interval, Worth, seconds, times
+from ..statistics.precision import BiasAndNoise, Interval, seconds, times
 from .observables import CONFIGURATIONS
 
 NEVER, NOT_AT_ALL = Interval(inf, inf, inf), Interval(0.0, 0.0, 0.0)
@@ -97,5 +97,5 @@ def _fails(row: Mapping, key: str, error: float) -> bool:
     return abs(bias.value) - bias.margin > error
 
 
-def _worth(row: Mapping, key: str) -> Worth:
-    return Worth(Estimate.of(row["biases"][key]), Estimate.of(row["noise"][key]))
+def _worth(row: Mapping, key: str) -> BiasAndNoise:
+    return BiasAndNoise(Estimate.of(row["biases"][key]), Estimate.of(row["noise"][key]))

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from ..experiment import Point
-from ..own import counted, shapes
-from ..own.script import texts
-from ..own.shapes import Group
-from ..own.system import Own
 from ..scenes import TEMPERATURE, peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
 from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
-from . import with_gromacs, with_openmm
+from ..user_script import conserved_energy, shapes
+from ..user_script.commands import split_words
+from ..user_script.loader import UserScript
+from ..user_script.shapes import BodyGroup
+from . import gromacs_engine, openmm_engine
 from .plan import BODIES, Plan
 from .schemes import (
     RAW,
@@ -51,7 +51,7 @@ def _water(_: Path) -> Plan:
     scene, mass = smooth_water("water", TITLE, "water_512", "512", 512), 15.9994 + 2 * 1.008
     heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
     schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
-    starter, others = schemes["langevin-20"], [*with_openmm.SCHEMES, *with_gromacs.SCHEMES]
+    starter, others = schemes["langevin-20"], [*openmm_engine.SCHEMES, *gromacs_engine.SCHEMES]
     schemes |= by_name(others)
     return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, dipole=True)
 
@@ -99,13 +99,13 @@ SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into 
 }
 
 
-def of_script(own: Own) -> Plan:
-    """A script of one's own, at its constant temperature, and its pressure where it keeps one.
+def of_script(script: UserScript) -> Plan:
+    """A user's script, at its constant temperature, and its pressure where it keeps one.
 
     Raises:
         SystemExit: it is no script that averages of can be held against a limit.
     """
-    found, scene = own.found.state, own.scene
+    found, scene = script.rigid.state, script.scene
     pressures = {float(start) for _, start, *_ in found.press}
     if scene.units != "real" or not found.temp or len(pressures) > 1 or found.ramps or found.tilts:
         raise SystemExit(
@@ -118,48 +118,52 @@ def of_script(own: Own) -> Plan:
         Scheme.of(
             integrator,
             lines=_lines(integrator),
-            held=_held(own, integrator),
+            held=_held(script, integrator),
             temperature=temperature,
             pressure=min(pressures, default=None),
             steps=steps,
             reach=None if "rigid/n" in integrator.label else 2 * scene.dt,
         )
-        for integrator in own.integrators.values()
+        for integrator in script.integrators.values()
     )
-    starter = schemes.get(OURS, schemes[own.reference])
-    groups, _ = shapes.bodies(own)
-    stiffest = max(shapes.fastest(own, groups).values(), default=0.0)
+    starter = schemes.get(OURS, schemes[script.reference])
+    groups, _ = shapes.body_groups(script)
+    stiffest = max(shapes.fastest_motions(script, groups).values(), default=0.0)
     longest = max(REACH / stiffest if stiffest else 0.0, scene.dt)
-    known, turning = (Point(own.reference, scene.dt),), _turning(own, groups)
+    known, turning = (Point(script.reference, scene.dt),), _turning(script, groups)
     return Plan(scene, temperature, schemes, starter, known, turning, longest=longest)
 
 
 def _lines(integrator: Integrator) -> tuple[str, ...]:
     """An integrator's lines, with a place for the seed, and forces without a thermostat's noise."""
     lines = tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines)
-    return (RAW, *lines) if any(texts(line)[3:4] == ["langevin"] for line in lines) else lines
+    return (RAW, *lines) if any(split_words(line)[3:4] == ["langevin"] for line in lines) else lines
 
 
-def _turning(own: Own, groups: Sequence[Group]) -> int:
+def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
     """Degrees of freedom of all rotation; 0 where `plan.BODIES` cannot tell the bodies' torques: in
     two dimensions, of bodies that no molecule's number tells, where there are atoms in none or
     something else acts on them, and in a script that has such names itself."""
-    made = {texts(line)[1] for line in BODIES}
+    made = {split_words(line)[1] for line in BODIES}
     if (
-        own.found.bodies != "molecule"
-        or own.said["dimension"] == 2
-        or (own.found.body == 0).any()
-        or counted.acting(own)
-        or any(made.intersection(texts(line)[1:2]) for line in own.said["commands"])
+        script.rigid.bodies != "molecule"
+        or script.reading["dimension"] == 2
+        or (script.rigid.body == 0).any()
+        or conserved_energy.acting_fixes(script)
+        or any(made.intersection(split_words(line)[1:2]) for line in script.reading["commands"])
     ):
         return 0
-    return sum(kind.number * (kind.freedom - 3) for kind in shapes.kinds(own, groups))
+    return sum(kind.number * (kind.freedom - 3) for kind in shapes.body_kinds(script, groups))
 
 
-def _held(own: Own, integrator: Integrator) -> int:
+def _held(script: UserScript, integrator: Integrator) -> int:
     """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
     random forces, or something else acts on the atoms."""
     words = " ".join(integrator.lines)
     random = "langevin" in words or (integrator.kind == "ours" and " thermostat " not in words)
-    alone = (own.found.body > 0).all() and all(own.said["periodic"]) and not counted.acting(own)
-    return 0 if random or not alone else own.said["dimension"]
+    alone = (
+        (script.rigid.body > 0).all()
+        and all(script.reading["periodic"])
+        and not conserved_energy.acting_fixes(script)
+    )
+    return 0 if random or not alone else script.reading["dimension"]

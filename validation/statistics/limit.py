@@ -4,7 +4,7 @@ Schemes that sample the same distribution differ by errors of the step only.  Th
 U_s(h) = U0 + a_s h^2 + b_s h^4, with one U0 for all.  A weighted least-squares fit to all points
 gives U0 with a smaller error than any one run with a very short step (`fit`).
 
-Points of one scheme alone tell U0, too (`to_zero`).
+Points of one scheme alone tell U0, too (`extrapolate`).
 """
 
 import math
@@ -98,7 +98,7 @@ def fit(
     return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
 
 
-def to_zero(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | None:
+def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | None:
     """The `Fit` of means of one scheme, by step; None if less than two steps tell a mean.
 
     U(h) = U0 + a x + b x^2 + c x^3, with x the square of the step over that of the longest one.

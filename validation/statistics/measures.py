@@ -97,7 +97,7 @@ def statistical_inefficiency(x: np.ndarray) -> float:
     return autocorrelation(x).value
 
 
-def of_few(values: Sequence[float]) -> Estimate:
+def mean_of_few(values: Sequence[float]) -> Estimate:
     """The mean of few independent values, of starts for example, with the error that their scatter
     tells; of one value that is infinite."""
     number = len(values)
@@ -106,7 +106,7 @@ def of_few(values: Sequence[float]) -> Estimate:
     return Estimate(float(np.mean(values)), np.std(values, ddof=1) / np.sqrt(number), number - 1)
 
 
-def of_starts(starts: Sequence[Estimate]) -> Estimate:
+def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
     """The mean of independent estimates of one number, as the starts of a run give them.
 
     Its error is made of theirs, with the degrees of freedom of Welch and Satterthwaite: of two or
@@ -116,7 +116,7 @@ def of_starts(starts: Sequence[Estimate]) -> Estimate:
     """
     if len(starts) == 1:
         return starts[0]
-    apart = of_few([one.value for one in starts])
+    apart = mean_of_few([one.value for one in starts])
     squares = np.array([one.error for one in starts]) ** 2
     total = squares.sum()
     if not total > 0:
@@ -142,7 +142,7 @@ def mean(x: np.ndarray) -> Estimate:
     80 % where it is all of it: degrees of freedom are those of g's own error.
     """
     x = np.asarray(x, float)
-    blocks = of_few([block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))])
+    blocks = mean_of_few([block.mean() for block in np.array_split(x, min(FEW_BLOCKS, len(x)))])
     g = autocorrelation(x)
     freedom = max(1.0, 2 * (g.value / g.error) ** 2) if g.error else None
     smooth = np.sqrt(_squares(x, g.value).mean() * g.value / len(x))
@@ -353,6 +353,6 @@ def spread(values: Iterable[float]) -> Spread:
 def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:
     """Geometric mean of second / first over independent pairs of positive numbers, an
     `Estimate`."""
-    logarithm = of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))
+    logarithm = mean_of_few(np.log(np.asarray(second, float) / np.asarray(first, float)))
     value = np.exp(logarithm.value)
     return Estimate(value, value * logarithm.error, logarithm.freedom)

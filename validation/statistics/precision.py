@@ -13,7 +13,7 @@ from .estimate import CONFIDENCE, Estimate
 DRAWS, SEED = 4000, 7  # of errors, for intervals of numbers that are far from normal
 
 
-class Worth(NamedTuple):
+class BiasAndNoise(NamedTuple):
     """What a scheme with a step gives.
 
     Attributes:
@@ -68,12 +68,12 @@ def _seconds(bias, noise, error):
         return np.where(room > 0, noise / room, np.inf)
 
 
-def seconds(worth: Worth, error: float) -> Interval:
+def seconds(worth: BiasAndNoise, error: float) -> Interval:
     """s to a total error, with the errors of bias and noise."""
     return Interval.of(_seconds(*worth.draws(), error))
 
 
-def times(known: Worth, other: Worth, error: float) -> Interval:
+def times(known: BiasAndNoise, other: BiasAndNoise, error: float) -> Interval:
     """How many times less the other one takes to a total error."""
     if np.isnan([one.value for worth in (known, other) for one in worth]).any():
         return Interval(np.nan, np.nan, np.nan)

@@ -8,7 +8,7 @@ from .. import command_line
 
 def add(verbs: command_line.Verbs) -> None:
     """Add the verb to the command line."""
-    parser = command_line.verb(
+    parser = command_line.add_verb(
         verbs,
         "stress",
         run,
@@ -30,18 +30,18 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument(
         "--list", action="store_true", help="list all cases with their physics, and exit"
     )
-    command_line.short_or_full(
+    command_line.add_length(
         parser,
         "up to three hours of one core; several processes with the same command share the cases",
     )
-    command_line.only_of(
+    command_line.add_only(
         parser,
         _names,
         "integrators, as named by --list (default: all that can run the case)",
     )
-    command_line.silence(parser, 300.0)
-    command_line.out(parser, "results/stress", short=True)
-    command_line.launch(parser)
+    command_line.add_silence(parser, 300.0)
+    command_line.add_out(parser, "results/stress", short=True)
+    command_line.add_launch(parser)
 
 
 def _case(word):
@@ -69,10 +69,10 @@ def run(arguments: Namespace) -> int:
     if arguments.list:
         report.list_cases(screen, CASES)
         return 0
-    command_line.need_scenes()
-    names = command_line.chosen(CASES, arguments.cases)
+    command_line.require_scenes()
+    names = command_line.in_order(CASES, arguments.cases)
     full, only = arguments.full, arguments.only
-    out = command_line.folder(arguments, not full)
+    out = command_line.output_folder(arguments, not full)
     rows = measure.plan(CASES, names, full, only)
     with console.Meter(screen, len(rows), "rows") as meter:
         summary = measure.stress(CASES, names, out, full, arguments.silence, meter, only)
@@ -80,4 +80,4 @@ def run(arguments: Namespace) -> int:
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
-    return command_line.status(summary["interrupted"], bool(breaks))
+    return command_line.exit_status(summary["interrupted"], bool(breaks))

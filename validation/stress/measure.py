@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from .. import NAME
-from ..running import machine, run, whole
+from ..running import json_files, machine, run
 from ..running.run import Meter, Result
 from ..running.store import Store
 from ..scenes import SCENES, Scene
@@ -297,7 +297,7 @@ class Rows:
         """What all rows of the folder say, other processes' too.  A row that this code has not
         measured is that of the folder's summary.json, if there it has the same length and inner
         bounds: each row says with what it was measured."""
-        told = (whole.read(self.out / "summary.json") or {}).get("cases", ())
+        told = (json_files.read(self.out / "summary.json") or {}).get("cases", ())
         before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
         found = []
         for case in self.cases.values():

@@ -22,17 +22,17 @@ from validation.check import measure as check
 from validation.compare import case as cases
 from validation.compare import errors, lists, plan, report
 from validation.experiment import Point
-from validation.own import counted, shapes
 from validation.running import lammps_log, rounds, run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
+from validation.user_script import conserved_energy, shapes
 
 
 def series(own, x, v, frames, thermo=(), dt=1.0):
     """Positions and velocities of a script's atoms as a run leaves them."""
-    cells, periodic = np.array([own.said["cell"]] * len(v)), np.array([True] * 3)
-    mass, body = own.atoms["mass"], own.found.body
+    cells, periodic = np.array([own.reading["cell"]] * len(v)), np.array([True] * 3)
+    mass, body = own.atoms["mass"], own.rigid.body
     positions = run.Positions(x, body, cells, periodic, v=v, mass=mass)
     return errors.Series(dict(thermo), structure.Motion(positions), frames, dt), positions
 
@@ -42,9 +42,9 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     temperature have it, in translation and in rotation."""
     own = take(scripts.co2(tmp_path), tmp_path / "out")
     random, kelvin, frames = np.random.default_rng(1), 250.0, 400
-    groups, _ = shapes.bodies(own)
+    groups, _ = shapes.body_groups(own)
     ((_, group, r, moments, axes),) = groups
-    scale = own.said["boltzmann"] * kelvin / shapes.mvv2e(own)
+    scale = own.reading["boltzmann"] * kelvin / shapes.mvv2e(own)
     mass = own.atoms["mass"]
     centre = random.normal(size=(frames, len(group), 3)) * np.sqrt(scale / mass[group[0]].sum())
     spin = random.normal(size=(frames, len(group), 3)) * np.sqrt(
@@ -138,11 +138,13 @@ def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
     to; and one that is asked for and then left out."""
     path = scripts.clusters(tmp_path)
     own = take(path, tmp_path / "out")
-    assert counted.acting(own) == ["wall"] and not counted.lacking(own)
+    assert conserved_energy.acting_fixes(own) == ["wall"] and not conserved_energy.uncounted_fixes(
+        own
+    )
     assert {"drift", "energy"} <= set(of(own, {}))
     path.write_text(path.read_text().replace("fix_modify wall energy yes\n", ""))
     own = take(path, tmp_path / "out")
-    assert counted.lacking(own) == ["wall"]
+    assert conserved_energy.uncounted_fixes(own) == ["wall"]
     assert set(of(own, {})) == {"temperature"}
     with pytest.raises(LookupError, match="what fix wall does to the energy is not counted"):
         of(own, {"drift": 1.0})
@@ -151,7 +153,7 @@ def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
         (["fix_modify a energy yes", "fix a all indent"], set()),
         (["fix_modify a virial yes energy yes", "fix_modify a energy no"], set()),
     ):
-        assert counted._asked(commands) == asked
+        assert conserved_energy._asked(commands) == asked
 
 
 def energies(own, kept, every):
@@ -251,7 +253,7 @@ def test_integrators_whose_energy_says_nothing(taken):
     out."""
     own = taken("spce")
     yours = Integrator("yours", "yours", ("fix 1 {group} rigid/small molecule langevin 1 1 1 5",))
-    assert counted.wrongly(yours)
+    assert conserved_energy.misses_own_error(yours)
     case = cases.of_script(own)
     assert case.unknown == dict.fromkeys(("rigid/nvt", "rigid/nvt/small"), cases.ENERGIES)
     one = Estimate(1.0, 0.1)

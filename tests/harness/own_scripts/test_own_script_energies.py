@@ -13,25 +13,28 @@ from support import (
     scripts,
 )
 from support.harness import take
-from validation.own import shapes, shifted
 from validation.running import run
 from validation.sample import scenes as sample_scenes
+from validation.user_script import pair_shift, shapes
 
 
 def test_fastest_motions(tmp_path):
     """Locks out torques about other axes than those of the moments, and mean squares of vectors in
     the place of their components': with forces that are known the frequencies are."""
     own = take(scripts.co2(tmp_path), tmp_path / "out")
-    body = own.found.body.copy()
+    body = own.rigid.body.copy()
     body[body == body.max()] = 0
-    own = replace(own, found=replace(own.found, body=body))
-    groups, _ = shapes.bodies(own)
+    own = replace(own, rigid=replace(own.rigid, body=body))
+    groups, _ = shapes.body_groups(own)
     ((_, group, r, moments, axes),) = groups
     force, torque = np.zeros_like(own.atoms["x"]), 3.0 * axes[:, None, :, 0]
     force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
     force[body == 0] = 2.0
     own = replace(own, atoms=own.atoms | {"f": force})
-    found, unit = shapes.fastest(own, groups), shapes.thermal(own) * shapes.mvv2e(own)
+    found, unit = (
+        shapes.fastest_motions(own, groups),
+        shapes.thermal_energy(own) * shapes.mvv2e(own),
+    )
     assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
     free = own.atoms["mass"][body == 0].min()
     assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
@@ -66,13 +69,13 @@ def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     kept = held(own)
     assert random < set(kept) and {"nosquish-csvr", "nosquish-nh", "rigid/nvt", "shake"} < set(kept)
     assert kept == {name: 0 if name in random else 3 for name in kept}
-    assert set(held(replace(own, said=own.said | {"dimension": 2})).values()) == {0, 2}
-    loose = replace(own.found, body=np.append(own.found.body[1:], 0))
-    walled = own.said | {"periodic": [True, True, False]}
+    assert set(held(replace(own, reading=own.reading | {"dimension": 2})).values()) == {0, 2}
+    loose = replace(own.rigid, body=np.append(own.rigid.body[1:], 0))
+    walled = own.reading | {"periodic": [True, True, False]}
     path = scripts.spce(tmp_path)
     path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
     pulled = take(path, tmp_path / "out")
-    for pushed in replace(own, found=loose), replace(own, said=walled), pulled:
+    for pushed in replace(own, rigid=loose), replace(own, reading=walled), pulled:
         assert set(held(pushed).values()) == {0}
 
 
@@ -80,7 +83,7 @@ def test_energies_that_end_at_zero_leave_the_motion_and_show_a_drift(taken, tmp_
     """Locks out a shift that changes forces; and an energy that jumps at cutoffs, which hides what
     the integrator does to it."""
     own, told = taken("clusters"), []
-    other = shifted.shifted(own, told.append)
+    other = pair_shift.with_shifted_pairs(own, told.append)
     assert told == [other.notes[-1]] and "'pair_modify shift yes tail no' is added" in told[0]
     ours = next(one for one in own.integrators.values() if one.kind == "ours")
     ends, spreads = [], []
@@ -127,7 +130,9 @@ def test_pair_energies_that_cannot_be_shifted(taken, commands, fixes, press, shi
     nobody counts what a fix gives."""
     own = taken("clusters")
     said = {"commands": commands, "fixes": dict(enumerate(fixes))}
-    found = replace(own.found, state=replace(own.found.state, press=press))
-    made = shifted.shifted(replace(own, said=said, found=found), tell=lambda note: None)
+    found = replace(own.rigid, state=replace(own.rigid.state, press=press))
+    made = pair_shift.with_shifted_pairs(
+        replace(own, reading=said, rigid=found), tell=lambda note: None
+    )
     added = made.scene.then[len(own.scene.then) :]
     assert added == ("pair_modify shift yes tail no",) * shifts

@@ -11,8 +11,8 @@ import pytest
 
 from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import GAS, refused, take
-from validation.own import system
 from validation.running import run, starts
+from validation.user_script import loader
 
 RIGID = "fix 1 a rigid/nve single\ntimestep 0.001\n"
 LENNARD = GAS.replace("pair_style zero 2.0", "pair_style lj/cut 2.0").replace(
@@ -97,9 +97,9 @@ def test_no_file_of_the_users_is_written_to(tmp_path, whole):
     result = pairs(own)
     assert not result.error, result.error
     assert {one: one.read_bytes() for one in place.parent.rglob("*") if one.is_file()} == before
-    left = [one.split()[0] for one in own.said["left_out"]]
+    left = [one.split()[0] for one in own.reading["left_out"]]
     assert left == ["shell", "shell", "log", "restart", "dump", "python", "shell"]
-    assert own.said["step"] == 4
+    assert own.reading["step"] == 4
     assert len([*(tmp_path / "out" / "look").rglob("note")]) == 1  # as the fixes of a run write
     message = refused("shell cd nowhere\nread_data x\n", tmp_path)
     assert "Cannot open file x" in message
@@ -120,11 +120,11 @@ def test_names_are_of_the_scripts_folder_or_of_the_one_where_it_was_started(tmp_
     path = written(other, READ.format(name="start.data") + RIGID + "run 5\n")
     (one / "in.own").symlink_to(path)
     assert take(one / "in.own", tmp_path / "a").bodies == 1  # the link's own folder
-    asked = system.Ask(str(path), str(one))
-    assert system.take(asked, tmp_path / "b", 2, 100.0, tell=lambda _: None).bodies == 1
+    asked = loader.ScriptOptions(str(path), str(one))
+    assert loader.load(asked, tmp_path / "b", 2, 100.0, tell=lambda _: None).bodies == 1
     (other / "start.data").write_text((one / "start.data").read_text().replace("0 6", "0 7"))
     with pytest.raises(SystemExit, match=r"start.data is another file in .*scripts than in"):
-        system.take(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None)
+        loader.load(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None)
 
 
 def test_is_file_finds_the_users_files(tmp_path):
@@ -282,6 +282,6 @@ def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):
     text = READ.format(name=box(tmp_path).name) + RIGID + "run 2\n"
     text += 'print "x" file sub\nwrite_data sub/x.data\nrun 5\n'
     path = written(tmp_path, text)
-    asked = system.Ask(str(path), str(tmp_path), at=2)
+    asked = loader.ScriptOptions(str(path), str(tmp_path), at=2)
     with pytest.raises(SystemExit, match=r"failed at 'write_data sub/x.data'"):
-        system.take(asked, tmp_path / "out", 2, 40.0, tell=lambda _: None)
+        loader.load(asked, tmp_path / "out", 2, 40.0, tell=lambda _: None)

@@ -11,7 +11,7 @@ from support import (
 )
 from support.harness import GAS, Silent, take
 from validation.check import measure as check
-from validation.own import finding, schemes, shapes
+from validation.user_script import candidates, rigid_atoms, shapes
 
 
 def test_atoms_with_molecule_id_0_are_a_body():
@@ -27,14 +27,14 @@ def test_atoms_with_molecule_id_0_are_a_body():
         "left_out": [],
         "later": [],
     }
-    body = finding.numbers(said, atoms, "all", ["molecule"])
+    body = rigid_atoms.number_bodies(said, atoms, "all", ["molecule"])
     assert body.tolist() == [1, 2, 2, 1, 0]
     line = "fix 1 all rigid/nve molecule"
-    found = finding.Found(
-        ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", finding.State(), body
+    found = rigid_atoms.RigidAtoms(
+        ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", rigid_atoms.State(), body
     )
     assert any(
-        "The 2 atoms with molecule-ID 0" in one for one in schemes.summary(found, said, atoms)
+        "The 2 atoms with molecule-ID 0" in one for one in candidates.describe(found, said, atoms)
     )
 
 
@@ -66,13 +66,15 @@ def test_keywords_go_into_all_rows_that_have_them(line):
         "held_bonds": np.zeros(2, bool),
     }
     said = {"groups": ["all", "some"], "fixes": {"1": f"fix 1 some {line}"}, "commands": []}
-    found = finding.find(said, atoms)
-    made, _, notes = schemes.schemes(found, "lj")
+    found = rigid_atoms.find(said, atoms)
+    made, _, notes = candidates.integrators(found, "lj")
     lines = {one.name: one.lines[-1] for one in made}
     rows = [name.format(found.state.ensemble) for name in ROWS]
     assert [k for k, name in enumerate(rows) if name in lines] == [*WORDS[line]], lines
     kept, words = "".join(f" {word}" for word in found.keywords), line.split()
-    assert [word.split()[0] for word in found.keywords] == [w for w in words if w in finding.KEPT]
+    assert [word.split()[0] for word in found.keywords] == [
+        w for w in words if w in rigid_atoms.SHARED_KEYWORDS
+    ]
     for name in rows[:3]:
         assert kept in lines.get(name, kept)
     assert ("dilate all" in lines["nosquish"]) == line.startswith("rigid/npt/small")
@@ -86,8 +88,8 @@ def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     path = scripts.solute(tmp_path)
     own = take(path, tmp_path / "out")
     assert own.bodies == 27
-    assert own.found.rest and own.found.holder
-    assert (own.found.body[-4:] == 0).all()
+    assert own.rigid.rest and own.rigid.holder
+    assert (own.rigid.body[-4:] == 0).all()
     rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
 
@@ -104,7 +106,7 @@ def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
         mapped = mapped.replace(f"single {one}", f"single  {other}", 1)
     path.write_text(mapped + told + "fix 1 all rigid/nve custom v_b\nrun 1\n")
     own = take(path, tmp_path / "out", ranks)
-    assert own.found.body.tolist() == [2, 2, 1, 1]
+    assert own.rigid.body.tolist() == [2, 2, 1, 1]
     rows, _ = check._starts(own, tmp_path / "out", ranks, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
 
@@ -119,7 +121,7 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
     for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
         path.write_text(text.replace("fix heat all langevin 300 300 200 11\n", line))
         own = take(path, tmp_path / "out", ranks)
-        found.append(shapes.fastest(own, shapes.bodies(own)[0]))
+        found.append(shapes.fastest_motions(own, shapes.body_groups(own)[0]))
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
     quiet, noisy = found
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
@@ -146,7 +148,7 @@ def test_a_fix_of_ours_acts_on_the_group_of_its_class():
         'python/move "other.Class bodies"': [True] * 4,
     }
     for text, wanted in words.items():
-        assert finding.acted_on(said, atoms, f"fix 1 all {text}").tolist() == list(
+        assert rigid_atoms.atoms_of_fix(said, atoms, f"fix 1 all {text}").tolist() == list(
             map(bool, wanted)
         )
 
@@ -189,9 +191,9 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     fixes say the same as ours in other words, in another order, or with another seed."""
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, HELD)
+    found = rigid_atoms.find(said, HELD)
     assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
-    those, reference, _ = schemes.schemes(found, "lj")
+    those, reference, _ = candidates.integrators(found, "lj")
     assert reference == those[0].name == name
     assert len({one.name for one in those}) == len(those)
     assert sum(one.name == "yours" for one in those) == (name == "yours")
@@ -204,14 +206,14 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     line = f"npt temp 1 1 2 {tilts}"
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = finding.find(said, HELD)
+    found = rigid_atoms.find(said, HELD)
     assert found.state.ensemble == "npt" and found.state.tilts
-    those, reference, notes = schemes.schemes(found, "real")
+    those, reference, notes = candidates.integrators(found, "real")
     assert reference == "shake"
     assert {one.kind for one in those} == {"ours", "constraints"}
     assert all(tilts in " ".join(one.lines) for one in those)
     assert sum("angles of a box" in one for one in notes) == 1
-    plain = finding.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
+    plain = rigid_atoms.state_of(["temp", "1", "1", "2", "aniso", "1", "1", "9"])[0]
     assert not plain.tilts
 
 
@@ -222,13 +224,15 @@ def test_native_styles_are_ours():
     native = f"fix 1 water nosquish/nvt {words}"
     quoted = f'fix 1 all python/move "fix_nosquish.NVT water {words}"'
     wanted = "NVT", "water", ("custom", "i_a"), tuple(words.split()[2:])
-    assert finding.words_of(native) == finding.words_of(quoted) == wanted
+    assert rigid_atoms.parse_fix(native) == rigid_atoms.parse_fix(quoted) == wanted
     for one in quoted, native:
-        assert finding.kind_of(one) == "ours"
+        assert rigid_atoms.kind_of(one) == "ours"
     spaced = 'fix 1 water nosquish/nve group 1 a infile "a b"'
-    assert finding.words_of(spaced).fix("1") == spaced
+    assert rigid_atoms.parse_fix(spaced).fix("1") == spaced
     # which has no fix style
     old = 'fix 1 a python/move "fix_nosquish_validation.schemes.gear.Gear a molecule"'
-    assert finding.words_of('fix 1 a python/move "fix_nosquish.Gear a molecule"').fix("1") == old
+    assert (
+        rigid_atoms.parse_fix('fix 1 a python/move "fix_nosquish.Gear a molecule"').fix("1") == old
+    )
     others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
-    assert not any(map(finding.words_of, others))
+    assert not any(map(rigid_atoms.parse_fix, others))

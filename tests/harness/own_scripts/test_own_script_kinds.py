@@ -33,7 +33,7 @@ def test_a_script_is_found_and_begins_as_in_lammps(kind, ranks, tmp_path):
     out = tmp_path / "out"
     own = take(path, out, ranks)
     assert own.bodies == BODIES[kind]
-    assert own.found.state.ensemble == ENSEMBLE[kind]
+    assert own.rigid.state.ensemble == ENSEMBLE[kind]
     assert own.reference in own.integrators
     how = {"dt": own.scene.dt, "every": 1, "ranks": ranks}
     yours = own.integrators[own.reference]
@@ -42,7 +42,7 @@ def test_a_script_is_found_and_begins_as_in_lammps(kind, ranks, tmp_path):
     after = {one: one.read_bytes() for one in tmp_path.rglob("*")
              if one.is_file() and out not in one.parents}  # fmt: skip
     assert before == after
-    assert result.thermo["PotEng"][0] == pytest.approx(own.said["potential"], rel=1e-9)
+    assert result.thermo["PotEng"][0] == pytest.approx(own.reading["potential"], rel=1e-9)
     assert result.positions.bodies.max() == own.bodies
 
 
@@ -185,7 +185,7 @@ def test_temperature_and_pressure_are_the_scripts(which, tmp_path):
     subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     theirs = lammps_log.thermo((tmp_path / "log").read_text())
     own = take(path, tmp_path / "out")
-    assert own.said["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5)
+    assert own.reading["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5)
     rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
     for row in rows:

@@ -18,8 +18,8 @@ from support import (
 )
 from support.harness import GAS, Silent, refused, take
 from validation.check import measure as check
-from validation.own import finding, schemes, script, shapes, system
 from validation.running import machine, run
+from validation.user_script import candidates, commands, loader, rigid_atoms, shapes
 
 
 def test_words_are_lammpss(tmp_path):
@@ -28,13 +28,13 @@ def test_words_are_lammpss(tmp_path):
     said = "a # b", "'c' d", '"e"', "$x & y", "", "f\tg", "# \"h\" 'i'", "two\nlines"
     texts = [["print", word, "file", f"{n}"] for n, word in enumerate(said)]
     path = tmp_path / "in.words"
-    path.write_text("variable x string no\n" + "\n".join(map(script.line_of, texts)) + "\n")
+    path.write_text("variable x string no\n" + "\n".join(map(commands.join_words, texts)) + "\n")
     command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "none"]
     subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     for words, file in zip(texts, map(str, range(len(said)))):
-        assert script.texts(script.line_of(words)) == words
+        assert commands.split_words(commands.join_words(words)) == words
         assert (tmp_path / file).read_text() == words[1].replace("$x", "no") + "\n"
-    assert script.line_of(["fix", "1", "all", "nve"]) == "fix 1 all nve"
+    assert commands.join_words(["fix", "1", "all", "nve"]) == "fix 1 all nve"
 
 
 def test_the_commands_are_those_that_lammps_does(tmp_path):
@@ -99,12 +99,12 @@ def test_runs_follow_from_all_files_of_the_script(tmp_path):
     path.write_text(GAS + more + "fix 1 a rigid/nve single\nrun 1\n")
     out = tmp_path / "out"
     own = take(path, out)
-    assert {Path(one) for one in own.said["files"]} == {*files, path}
+    assert {Path(one) for one in own.reading["files"]} == {*files, path}
     one = own.integrators[own.reference]
     keys = {machine.origin(own.scene, one)}
     for file in files:
         file.write_text(file.read_text() + "\n")
-        scene = replace(own.scene, origin=system._files_of(own.said, out / "script"))
+        scene = replace(own.scene, origin=loader._files_of(own.reading, out / "script"))
         keys.add(machine.origin(scene, one))
     assert len(keys) == 4
     before = machine.origin(take(path, out).scene, one)
@@ -125,12 +125,12 @@ def test_a_run_without_steps_is_none(staged):
     """Locks out run 0 as the run, before velocities are scaled; and commands that need what an
     earlier run gives, which the first reading passes over."""
     _, own, _ = staged
-    assert own.said["run"] == "run 100" and own.said["skipped"] == 2
+    assert own.reading["run"] == "run 100" and own.reading["skipped"] == 2
     assert "variable seen equal 250" in own.scene.setup
-    assert own.said["temperature"] == pytest.approx(1.5) and own.said["later"] == []
+    assert own.reading["temperature"] == pytest.approx(1.5) and own.reading["later"] == []
     told = {"run 0": False, "run 5": True, "run 5 upto": False, "minimize 0 0 1 1": False,
             "run 9 upto": True, "rerun a dump x": False, "tad 1": True}  # fmt: skip
-    assert {line: script.takes_time(line.split(), 5) for line in told} == told
+    assert {line: commands.advances_time(line.split(), 5) for line in told} == told
 
 
 def test_a_script_with_ours_is_read_as_ours_is(staged):
@@ -138,10 +138,10 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     word, a variable's temperature, the first line of a fix that is defined twice, and a lost
     fix_modify."""
     _, own, folder = staged
-    found = own.found
+    found = own.rigid
     assert (found.group, found.flexible, found.rest) == ("bodies", "points", True)
     assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
-    assert found.state == finding.State(("1.5", "1.5", "1"))
+    assert found.state == rigid_atoms.State(("1.5", "1.5", "1"))
     assert found.dropped == ("moments equal 6",)
     assert shapes.temperature(own) == 1.5
     assert not any("fix_nosquish" in line for line in (*own.scene.setup, *own.scene.then))
@@ -151,7 +151,7 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     rows, _ = check._starts(own, folder / "out", 1, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
     held = replace(found, constraints="b 1")
-    lines = next(schemes._constrained(held)).commands(own.scene)
+    lines = next(candidates._constrained(held)).commands(own.scene)
     assert lines[0] == "group own_all union bodies points" and "own_all nvt" in lines[1]
 
 
@@ -193,10 +193,10 @@ def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
     result = run.run(job)
     assert result.error is None
     assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
-    ramp = finding.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
+    ramp = rigid_atoms.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
     assert ramp.ramps == ["iso from 1 to 2"]
     with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
-        system.refuse_ramps(replace(own, found=replace(own.found, state=ramp)))
+        loader.refuse_ramps(replace(own, rigid=replace(own.rigid, state=ramp)))
 
 
 def test_a_failure_of_the_machine_is_no_result(tmp_path):
@@ -220,7 +220,7 @@ OWN = "fix 1 a rigid/nve single\n"
 HOW = {"group": "a", "bodies": "single"}
 TWO = f"{GAS}{OWN}fix 2 b rigid/nve single\nrun 1\n"
 SAID = [  # a script, options, and parts of what the one line says
-    (TWO, {}, "2 fixes could be meant: 1 (rigid/nve on a), 2 (rigid/nve on b)...--fix ID"),
+    (TWO, {}, "2 fixes could be replaced: 1 (rigid/nve on a), 2 (rigid/nve on b)...--fix ID"),
     (f"{GAS}fix 1 all nve\nrun 100000000\n", {},
      "run 100000000: 1 (nve on all)...--bodies molecule"),
     (GAS, {}, "has no run"),

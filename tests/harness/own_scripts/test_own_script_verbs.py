@@ -19,15 +19,15 @@ def test_an_integrator_that_is_none_is_refused(capsys):
     """Locks out a word behind --only that is passed over in silence, a label of the table that is
     none, and an answer with names that this script does not have."""
     with pytest.raises(SystemExit, match="2"):
-        command_line.chosen_of({"a": 1, "b": 2}, ["x"])
+        command_line.select({"a": 1, "b": 2}, ["x"])
     assert "there is no integrator x: choose from a, b" in capsys.readouterr().err
-    assert command_line.chosen_of({"a": 1, "b": 2}, None) == [1, 2]
+    assert command_line.select({"a": 1, "b": 2}, None) == [1, 2]
     known = {one.name: one for one in (Integrator("a", "a 1e-4 + b", ()), Integrator("c", "c", ()))}
     for word in "a", "a 1e-4 + b":
-        assert command_line.chosen_of(known, ["c", word]) == [*known.values()]
-        assert command_line.chosen_of(known, [word]) == [known["a"]]
+        assert command_line.select(known, ["c", word]) == [*known.values()]
+        assert command_line.select(known, [word]) == [known["a"]]
     with pytest.raises(SystemExit, match="2"):
-        command_line.chosen_of(known, ["rigid/nve"])
+        command_line.select(known, ["rigid/nve"])
     assert capsys.readouterr().err.endswith('choose from a ("a 1e-4 + b"), c\n')
 
 

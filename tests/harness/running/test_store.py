@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from support.running import ROOT
-from validation.running import machine, run, store, whole
+from validation.running import json_files, machine, run, store
 from validation.running.store import Store
 
 
@@ -111,14 +111,14 @@ def test_processes_share(tmp_path):
 
 def test_file_is_whole(tmp_path, monkeypatch):
     """Locks out a file that an interruption leaves in half."""
-    whole.write(tmp_path / "one.json", {"value": 1})
+    json_files.write(tmp_path / "one.json", {"value": 1})
 
     def stop(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Path, "replace", stop)
     with pytest.raises(KeyboardInterrupt):
-        whole.write(tmp_path / "one.json", {"value": 2})
+        json_files.write(tmp_path / "one.json", {"value": 2})
     assert json.loads((tmp_path / "one.json").read_text()) == {"value": 1}
 
 

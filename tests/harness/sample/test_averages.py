@@ -155,7 +155,7 @@ def test_a_gains_interval_covers():
     rng, inside = np.random.default_rng(4), 0
     for _ in range(2000):
         first, second = (
-            precision.Worth(Estimate(0.0), Estimate(noise, 0.2 * noise))
+            precision.BiasAndNoise(Estimate(0.0), Estimate(noise, 0.2 * noise))
             for noise in np.exp(0.2 * rng.normal(size=2))
         )
         found = precision.times(first, second, 1.0)
@@ -165,16 +165,16 @@ def test_a_gains_interval_covers():
 
 def test_time_to_an_error():
     """Locks out a time to an error that the bias alone exceeds, and a ratio upside down."""
-    good = precision.Worth(Estimate(0.0), Estimate(2.0))
-    bad = precision.Worth(Estimate(0.1), Estimate(1.0))
+    good = precision.BiasAndNoise(Estimate(0.0), Estimate(2.0))
+    bad = precision.BiasAndNoise(Estimate(0.1), Estimate(1.0))
     assert precision.seconds(good, 0.1) == (pytest.approx(200.0),) * 3
     assert precision.seconds(bad, 0.1).value == np.inf
     assert precision.times(bad, good, np.sqrt(0.02)).value == pytest.approx((1 / 0.01) / (2 / 0.02))
     assert precision.times(good, bad, 0.05).value == 0
     assert precision.times(bad, good, 0.05).plain()["value"] is None
-    nothing = precision.Worth(Estimate(np.nan), Estimate(1.0))
+    nothing = precision.BiasAndNoise(Estimate(np.nan), Estimate(1.0))
     assert set(precision.times(nothing, good, 0.1).plain().values()) == {None}
-    unsure = precision.Worth(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
+    unsure = precision.BiasAndNoise(Estimate(0.0, 0.1), Estimate(2.0, 0.2))
     spread = precision.seconds(unsure, 0.1)
     assert 180 < spread.low < spread.value < np.inf and spread.high == np.inf
     assert unsure.error(1e12) == pytest.approx(0.1)
@@ -203,7 +203,7 @@ def test_two_states_of_series(wide, low, high):
     for _ in range(12):
         pair = []
         for pressure, mean in (low_state, volume), (high_state, volume - apart):
-            values = measure.thinned(
+            values = measure.thin(
                 mean + wide * sd * remembering(rng, 12500, 50.0), times=measure.DENSER
             )
             both = np.concatenate([0 * values, values])
@@ -219,9 +219,9 @@ def test_independent_samples():
     for i in range(1, len(slow)):
         slow[i] = 0.9 * slow[i - 1] + fast[i]
     for times in 1, 4:
-        apart = len(slow) / measure.thinned(fast, slow, times=times).shape[1]
+        apart = len(slow) / measure.thin(fast, slow, times=times).shape[1]
         assert apart == pytest.approx(1.9 / 0.1 / times, rel=0.2)  # (1 + 0.9) / (1 - 0.9)
-    assert measure.thinned(fast).shape == (1, 20000)
+    assert measure.thin(fast).shape == (1, 20000)
 
 
 def test_a_bias_has_the_error_of_both():
@@ -238,7 +238,7 @@ def test_the_scatter_of_starts_tells_their_errors():
     of 12.7 errors of two starts that are as near as their own errors say."""
 
     def pooled(number, *error):
-        return measures.of_starts([Estimate(-9.0 - 0.1 * i, *error) for i in range(number)])
+        return measures.mean_of_starts([Estimate(-9.0 - 0.1 * i, *error) for i in range(number)])
 
     apart = pooled(3, 1e-6)
     assert apart.value == pytest.approx(-9.1) and apart.error == pytest.approx(0.1 / np.sqrt(3))
@@ -270,7 +270,7 @@ def test_margins_of_several_starts_cover():
             # each with others beside it, so that there are as many groups of them as series
             turns = np.array([rng.permutation(series) for _ in range(number)])
             rows = turns.reshape(-1, number)
-            some = [measures.of_starts([found[one] for one in row]) for row in rows]
+            some = [measures.mean_of_starts([found[one] for one in row]) for row in rows]
             covered[number].append(np.mean([abs(one.value) < one.margin for one in some]))
             usual = np.median([one.margin for one in some])
             assert usual < 1.2 * 1.96 * exact / np.sqrt(number)
@@ -289,7 +289,7 @@ def test_the_error_of_a_dipoles_fluctuation_covers(starts):
             measures.mean(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
             for _ in range(starts)
         ]
-        mean = measures.of_starts(some)
+        mean = measures.mean_of_starts(some)
         covered.append(abs(mean.value - 3) < mean.margin)
     assert 0.88 < np.mean(covered) < 0.98
 
@@ -302,7 +302,7 @@ def test_dipoles_of_all_starts_together():
         columns = {key: remembering(rng, 4000, memory) for key in DIPOLE}
         table = rest | columns | {"Time": 24.0 * np.arange(4000)}
         starts.append(measure.of_series(table, plan, plan.schemes["nh"]))
-    remembers = measure.pooled(starts).remembers["dipole"]
+    remembers = measure.pool(starts).remembers["dipole"]
     assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
     assert remembers.freedom == 3 * 4 - 1
 
@@ -352,7 +352,7 @@ def test_total_error_against_brute_force():
     x = 3.0 * remembering(rng, 400000, 8.0)
     remembers = measures.autocorrelation(x).times(apart)
     assert remembers.value == pytest.approx(apart / np.tanh(0.5 / 8.0), rel=0.1)
-    worth = precision.Worth(Estimate(bias), remembers.times(np.var(x) * cost))
+    worth = precision.BiasAndNoise(Estimate(bias), remembers.times(np.var(x) * cost))
     for samples in 2000, 20000:
         errors = [3.0 * remembering(rng, samples, 8.0).mean() + bias for _ in range(400)]
         seconds = samples * apart * cost

@@ -195,12 +195,12 @@ def test_the_kinetic_energy_is_canonical(tmp_path, name, dof):
 def test_variances_of_all_starts():
     """Locks out the noise of one start for that of all."""
     some = [measure.Numbers({}, {}, {"potential": one}) for one in (1.0, 3.0)]
-    assert measure.pooled(some).variances == {"potential": 2.0}
+    assert measure.pool(some).variances == {"potential": 2.0}
 
 
 def found_of(plan, numbers, costs):
     """What a point gave: {point: (means, memories, variances)}, and costs in each round."""
-    found = measure.Found(costs=costs)
+    found = measure.Results(costs=costs)
     for point, (means, memories, variances) in numbers.items():
         exact = {key: Estimate(value, 1e-9) for key, value in means.items()}
         remembers = {key: Estimate(ps, 0.0) for key, ps in memories.items()}
@@ -222,7 +222,7 @@ def test_rows_of_known_schemes(tmp_path):
             numbers[Point(scheme, dt)] = means, memories, variances
             costs[Point(scheme, dt)] = [0.9 * spent, spent, 2.0 * spent]
     found = found_of(plan, numbers, costs)
-    told = measure.told(found, runs_of(plan, tmp_path), list(numbers), {})
+    told = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), {})
     rows = {(row["scheme"], row["dt"]): row for row in told["rows"]}
     assert told["limits"]["potential"]["value"] == pytest.approx(-9.5, abs=1e-6)
     for (scheme, dt), row in rows.items():
@@ -242,11 +242,11 @@ def test_rows_of_known_schemes(tmp_path):
     room = 2 * 0.006**2
     assert faster == pytest.approx((room - 0.0016**2) / (room - 0.001**2), rel=1e-3)
     known = {"potential": {"value": -9.6, "error": 0.01, "freedom": None}}
-    told = measure.told(found, runs_of(plan, tmp_path), list(numbers), known)
+    told = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), known)
     bias = told["rows"][0]["biases"]["potential"]
     assert bias["value"] == pytest.approx(0.1 - 1e-4) and bias["error"] == pytest.approx(0.01)
     found.errors[Point("langevin-20", 4.0)] = "Lost atoms"
-    lost = measure.told(found, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
+    lost = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
     assert lost["error"] == "Lost atoms" and not lost["means"] and not lost["starts"]
 
 
@@ -263,7 +263,9 @@ def test_rows_of_engines(tmp_path):
         for scheme, value in limits.items()
         for dt in (1.0, 2.0)
     }
-    told = measure.told(found_of(plan, numbers, {}), runs_of(plan, tmp_path), list(numbers), {})
+    told = measure.summarize(
+        found_of(plan, numbers, {}), runs_of(plan, tmp_path), list(numbers), {}
+    )
     for row in told["rows"]:
         off = 0.1 if row["engine"] == "OpenMM" else 0.0
         assert row["biases"]["potential"]["value"] == pytest.approx(off + 1e-3 * row["dt"] ** 2)
@@ -276,7 +278,7 @@ def test_rows_at_two_states(tmp_path):
     """Locks out a second state that has a bias from the first one's limit, a deviation of too few
     samples, and one of one start only."""
     plan, rng = planned("pressure"), np.random.default_rng(1)
-    names, found = ("npt-langevin", "npt-langevin-400atm"), measure.Found()
+    names, found = ("npt-langevin", "npt-langevin-400atm"), measure.Results()
     for scheme in names:
         for dt in (2.0, 6.0):
             mean = Estimate(1.0, 1e-3)
@@ -289,7 +291,7 @@ def test_rows_at_two_states(tmp_path):
                 start.state = measure.structure.Sampled(298.0, pressure, values)
             found.numbers[Point(scheme, dt)] = dict(enumerate(numbers, 1))
     found.numbers[Point(names[1], 2.0)].pop(2)
-    rows = measure.told(found, runs_of(plan, tmp_path), list(found.numbers), {})["rows"]
+    rows = measure.summarize(found, runs_of(plan, tmp_path), list(found.numbers), {})["rows"]
     first, six, few, pressed = rows
     assert first["deviation"] is six["deviation"] is few["deviation"] is None
     assert 0 <= pressed["deviation"]["value"] < 4
@@ -433,7 +435,7 @@ def test_what_settles_is_left_out(tmp_path, monkeypatch):
     loops = [Loop(9.0, 1, 20, 3 * N, 100.0, {}), Loop(0.4, 1, 40, 3 * N, 100.0, {})]
     result = run.Result(None, series, loops, None, {}, [1], {"commands": [], "setups": []})
     monkeypatch.setattr(run, "collect", lambda directory: result)
-    found, job = measure.Found(), run.Job(str(tmp_path), "", [], [20, 40], None)
+    found, job = measure.Results(), run.Job(str(tmp_path), "", [], [20, 40], None)
     plan = planned()
     measure._measure(found, plan, Point("csvr", 8.0), 1, job)
     only = found.numbers[Point("csvr", 8.0)][1]

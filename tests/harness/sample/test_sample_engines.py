@@ -13,12 +13,12 @@ from support import needs_extra  # noqa: F401  the extra validation
 from support.running import BIN
 from validation.__main__ import main
 from validation.running import run
-from validation.sample import engine, measure, scenes, with_gromacs, with_openmm
-from validation.sample.engine import BAR, KJ, Course, of_scene
+from validation.sample import engine, gromacs_engine, measure, openmm_engine, scenes
+from validation.sample.engine import BAR, KJ, EngineRun, of_scene
 
 SCENE = scenes.SCENES["water"](Path()).scene
 WATER = of_scene(SCENE)
-COURSE = Course("sd", 298.0, 5.0, 2.0, [20, 80], 24, 7)
+COURSE = EngineRun("sd", 298.0, 5.0, 2.0, [20, 80], 24, 7)
 # GROMACS 2022.5's energies of the scene's data file, and of 48 fs behind: ps, kJ/mol, bar
 ENERGIES = """\
     0.000000  -20348.523437500000  707.449707031250
@@ -41,8 +41,8 @@ def test_openmm_has_the_scenes_forces(tmp_path):
     subprocess.run(words, cwd=tmp_path, check=True, timeout=60)
     expected = float((tmp_path / "pe.txt").read_text())
     forces = np.loadtxt(tmp_path / "forces.txt", skiprows=9)
-    given = with_openmm.ENGINE.job(COURSE, WATER, tmp_path, 1.0).given
-    place, _ = with_openmm.begun(given | {"platform": "Reference"})
+    given = openmm_engine.ENGINE.job(COURSE, WATER, tmp_path, 1.0).given
+    place, _ = openmm_engine.begun(given | {"platform": "Reference"})
     state = place.getState(getEnergy=True, getForces=True)
     assert state.getPotentialEnergy()._value / KJ == pytest.approx(expected, rel=1e-8)
     found = np.array(state.getForces(asNumpy=True)._value) / KJ / 10
@@ -82,7 +82,7 @@ def by_hand(water):
 def test_gromacs_has_the_forces_that_are_told():
     """Locks out units, charges and a cutoff that the page does not tell, and energies or pressures
     that are read in other units."""
-    first, second = with_gromacs.read(ENERGIES, 2.0)
+    first, second = gromacs_engine.read(ENERGIES, 2.0)
     assert (first.step, second.step) == (0, 24)
     assert first.potential == pytest.approx(by_hand(WATER), rel=2e-5)
     assert second.pressure == pytest.approx(484.449218750 / 1.01325)
@@ -91,7 +91,7 @@ def test_gromacs_has_the_forces_that_are_told():
 def test_gromacs_inputs():
     """Locks out a start that is rounded or has another order, a topology of other molecules, and
     settings that are not those of the course."""
-    made = with_gromacs.given(COURSE, WATER)["files"]
+    made = gromacs_engine.given(COURSE, WATER)["files"]
     lines = made["start.gro"].splitlines()
     assert len(lines) == 3 + len(WATER.x) and lines[2][10:15].strip() == "OW"
     x = np.array([[line[20:35], line[35:50], line[50:65]] for line in lines[2:-1]], float)
@@ -102,7 +102,7 @@ def test_gromacs_inputs():
     assert said["integrator"] == "sd" and said["tau-t"] == "0.2" and said["dt"] == "0.002"
     assert said["tcoupl"] == "no" and said["comm-mode"] == "None" and said["nsteps"] == "100"
     assert int(said["nstlog"]) % int(said["nstenergy"]) == 0
-    rescaled = with_gromacs.settings(replace(COURSE, thermostat="v-rescale"))
+    rescaled = gromacs_engine.settings(replace(COURSE, thermostat="v-rescale"))
     assert "= md\n" in rescaled and "= v-rescale\n" in rescaled and "= Linear\n" in rescaled
 
 
@@ -143,7 +143,7 @@ def gromacs(tmp_path, monkeypatch):
         path = tmp_path / "bin" / "gmx"
         path.write_text(FAKE.format(python=sys.executable, mdrun=mdrun, energies=ENERGIES))
         path.chmod(0o755)
-        return with_gromacs.ENGINE.job(COURSE, WATER, tmp_path / "run", silence)
+        return gromacs_engine.ENGINE.job(COURSE, WATER, tmp_path / "run", silence)
 
     return job
 

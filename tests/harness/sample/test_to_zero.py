@@ -15,8 +15,8 @@ from support.running import ROOT
 from validation import INPUTS, __main__
 from validation.experiment import Point
 from validation.running import run
+from validation.sample import extrapolation, scenes, schemes
 from validation.sample import plan as plans
-from validation.sample import scenes, schemes, to_zero
 from validation.statistics import limit, measures
 from validation.statistics.estimate import Estimate
 
@@ -47,9 +47,9 @@ def cover(steps, size, error, share, repeats=1000, freedom=None, common=0.0):
             noise = np.sqrt(1 - common**2) * rng.normal() + common * start
             scale = np.sqrt(rng.chisquare(freedom) / freedom) if freedom else 1.0
             points[h] = Estimate(off(size, share, h) + error * noise, error * scale, freedom)
-        fit = limit.to_zero(points)
+        fit = limit.extrapolate(points)
         inside += abs(fit.limit.value) < fit.limit.margin
-        wide += to_zero._of_fit(fit, dict.fromkeys(steps, 1.0))["wide"]
+        wide += extrapolation._of_fit(fit, dict.fromkeys(steps, 1.0))["wide"]
     return inside / repeats, wide / repeats
 
 
@@ -108,19 +108,21 @@ def torques(share, error=0.06, steps=USUAL, size=6.65):
 def test_the_fourth_power_is_recognised():
     """Locks out a term in h^4 that is not seen where it is there, or seen where it is not; a limit
     that is off by it; and, of two steps, that it cannot be told."""
-    found = to_zero.told(rows_of(torques(0.4)), 300.0)["torque"]
+    found = extrapolation.extrapolate(rows_of(torques(0.4)), 300.0)["torque"]
     assert found["h4"] and not found["why"] and abs(found["value"] - 45.0) < 0.06
-    line = limit.to_zero(torques(0.4), powers=1).limit
+    line = limit.extrapolate(torques(0.4), powers=1).limit
     assert abs(line.value - 45.0) > 2 * line.margin
-    found = to_zero.told(rows_of(torques(0.0)), 300.0)["torque"]
+    found = extrapolation.extrapolate(rows_of(torques(0.0)), 300.0)["torque"]
     assert not found["h4"] and not found["wide"]
     # the curve goes through the means
     for share in 0.0, 0.4:
         means = torques(share)
-        curve = np.polynomial.Polynomial(to_zero.told(rows_of(means), 300.0)["torque"]["curve"])
+        curve = np.polynomial.Polynomial(
+            extrapolation.extrapolate(rows_of(means), 300.0)["torque"]["curve"]
+        )
         for h, mean in means.items():
             assert curve((h / max(means)) ** 2) == pytest.approx(mean.value, abs=mean.error)
-    found = to_zero.told(rows_of(torques(0.4, steps=SHORT)), 300.0)["torque"]
+    found = extrapolation.extrapolate(rows_of(torques(0.4, steps=SHORT)), 300.0)["torque"]
     assert found["wide"] and found["probability"] is None
     assert abs(found["value"] - 45.0) < Estimate.of(found).margin
 
@@ -130,12 +132,12 @@ def test_points_that_fit_no_series_are_refused():
     longest step is unstable: of water at 12 fs, as committed, and of one that goes up and down."""
     up = {4.0: -0.005, 6.0: -0.014, 8.0: -0.020, 10.0: 0.017}
     means = {dt: Estimate(-9.4 + value, 0.002) for dt, value in up.items()}
-    found = to_zero.told(rows_of(means), 300.0)["torque"]
+    found = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
     assert "no series" in found["why"]
-    said = to_zero._answer("torque", found)
+    said = extrapolation._answer("torque", found)
     assert "at 4, 6, 8, 10 fs" in said and "leave out the longest step" in said
     some = {4.0: Estimate(45.0, 0.1), 6.0: Estimate(45.0, np.inf), 8.0: Estimate(45.0)}
-    one = to_zero.told(rows_of(some), 300.0)["torque"]
+    one = extrapolation.extrapolate(rows_of(some), 300.0)["torque"]
     assert one["why"] == "only one step tells a mean" and "value" not in one
 
 
@@ -143,7 +145,7 @@ def test_what_a_short_step_would_cost():
     """Locks out another cost beside a run at 1 fs: the variance of U0 by the weights of a line, of
     means that are not off, is (1.125^2 + 0.125^2) times that of a mean, as textbooks have it."""
     means = {h: Estimate(45.0, 0.1) for h in (2.5, 7.5)}
-    found = to_zero.told(rows_of(means, starts=2), 100.0)["torque"]
+    found = extrapolation.extrapolate(rows_of(means, starts=2), 100.0)["torque"]
     variance = 1.125**2 + 0.125**2
     steps = 200 / 2.5 + 200 / 7.5
     assert found["fewer"] == pytest.approx(200 / variance / steps, rel=0.02)
@@ -153,10 +155,13 @@ def test_what_is_run(water):
     """Locks out several schemes, moments of inertia that are others at each step, averages whose
     error is of another power, and a single step; other usual steps than a third, two thirds and
     all of the longest one."""
-    assert to_zero.points(water, ["csvr"], (8.0, 4.0)) == [Point("csvr", 4.0), Point("csvr", 8.0)]
-    assert [point.dt for point in to_zero.points(water, ["csvr"], None)] == [2.0, 4.0, 6.0]
-    assert to_zero.usual(8.02) == (2.5, 5.0, 8.0)
-    assert to_zero.usual(0.9) == pytest.approx((0.3, 0.6, 0.9))
+    assert extrapolation.points(water, ["csvr"], (8.0, 4.0)) == [
+        Point("csvr", 4.0),
+        Point("csvr", 8.0),
+    ]
+    assert [point.dt for point in extrapolation.points(water, ["csvr"], None)] == [2.0, 4.0, 6.0]
+    assert extrapolation.default_steps(8.02) == (2.5, 5.0, 8.0)
+    assert extrapolation.default_steps(0.9) == pytest.approx((0.3, 0.6, 0.9))
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
         (["csvr-step"], None, "others at each step"),
@@ -164,7 +169,7 @@ def test_what_is_run(water):
         (["csvr-refined"], None, "nothing to take off"),
     ):
         with pytest.raises(SystemExit, match=said):
-            to_zero.points(water, only, steps)
+            extrapolation.points(water, only, steps)
 
 
 def test_committed_points_lead_to_the_committed_limit():
@@ -174,7 +179,7 @@ def test_committed_points_lead_to_the_committed_limit():
     number = 0
     for scheme in "langevin-5", "langevin-20", "csvr":
         rows = [row for row in summary["rows"] if row["scheme"] == scheme and row["dt"] <= 8]
-        zero = to_zero.told(rows, summary["settings"]["time"])
+        zero = extrapolation.extrapolate(rows, summary["settings"]["time"])
         for key in "potential", "pressure", "torque":
             assert not zero[key]["why"]
             off = measures.difference(Estimate.of(zero[key]), Estimate.of(summary["limits"][key]))
@@ -201,7 +206,7 @@ def beginning(path, words, tmp_path, monkeypatch, steps):
 def test_longer_steps_run_from_half_of_the_starts(water, tmp_path):
     """Locks out time that is given to steps of which the limit takes little; progress that counts
     what is not run; and fewer starts where biases are asked for."""
-    points = to_zero.points(water, ["csvr"], (2.0, 4.0, 8.0))
+    points = extrapolation.points(water, ["csvr"], (2.0, 4.0, 8.0))
     for fewer, each in (True, (3, 2, 2)), (False, (3, 3, 3)):
         runs = plans.Runs(water, plans.Lengths(10.0, 3), tmp_path, 60.0, fewer)
         made = [one.point for one in runs.trajectories(points) if one.point]
@@ -217,15 +222,22 @@ def test_the_usual_steps_of_water(tmp_path):
     path = INPUTS / "water_512" / "in.512"
     own = take(path, tmp_path / "out")
     plan = scenes.of_script(own)
-    assert [point.dt for point in to_zero.points(plan, None, None)] == [2.5, 5.0, 8.0]
+    assert [point.dt for point in extrapolation.points(plan, None, None)] == [2.5, 5.0, 8.0]
     assert plan.turning == 3 * 512
     assert plan.schemes["rigid/small+langevin"].lines[0] == schemes.RAW
-    walls = own.said["fixes"] | {"pull": "fix pull all addforce 0 0 0"}
-    for said in {"fixes": walls}, {"commands": [*own.said["commands"], "compute torques all ke"]}:
-        other = replace(own, said=own.said | said)
+    walls = own.reading["fixes"] | {"pull": "fix pull all addforce 0 0 0"}
+    for said in (
+        {"fixes": walls},
+        {"commands": [*own.reading["commands"], "compute torques all ke"]},
+    ):
+        other = replace(own, reading=own.reading | said)
         assert scenes.of_script(other).turning == 0
     long = replace(own, scene=replace(own.scene, dt=12.0))
-    assert [point.dt for point in to_zero.points(scenes.of_script(long), None, None)] == [4, 8, 12]
+    assert [point.dt for point in extrapolation.points(scenes.of_script(long), None, None)] == [
+        4,
+        8,
+        12,
+    ]
 
 
 @pytest.mark.timeout(600)
@@ -237,10 +249,12 @@ def test_the_verb_runs_a_script(tmp_path, monkeypatch):
     assert {row["scheme"] for row in summary["rows"]} == {"nosquish"}
     assert set(summary["zero"]) == {"potential", "capacity", "pressure", "torque"}
     assert all(20 < row["means"]["torque"]["value"] < 200 for row in summary["rows"])
-    told = to_zero.told
+    told = extrapolation.extrapolate
     refused = {"why": "the means fit no series in the square of the step"}
     monkeypatch.setattr(
-        to_zero, "told", lambda *some: {key: one | refused for key, one in told(*some).items()}
+        extrapolation,
+        "extrapolate",
+        lambda *some: {key: one | refused for key, one in told(*some).items()},
     )
     words = ["--ps", "0.3", "--out", str(tmp_path / "zero")]
     assert __main__.main(["sample", str(tmp_path / "in.spce"), "--to-zero", *words]) == 1

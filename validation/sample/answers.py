@@ -4,10 +4,10 @@ ours that is best beside the rivals, and its speed-up at the same error of each 
 from collections.abc import Iterable, Mapping, Sequence
 
 from ..pages import Column, Table, digits
-from ..sample import rivals
-from ..sample.criteria import BOUNDS
-from ..sample.observables import BY_KEY
 from ..statistics.estimate import Estimate
+from . import rivals
+from .criteria import BOUNDS
+from .observables import BY_KEY
 
 SCENES = "water", "tip4p", "peptide", "benzene", "co2"  # in this order, and others behind them
 WRITTEN = {"tip4p": "TIP4P/2005", "co2": "CO₂"}

@@ -22,15 +22,15 @@ def read(path: Path) -> dict | None:
     except FileNotFoundError:
         return None
     except ValueError as error:
-        damaged(path, error)
+        report_damage(path, error)
         return None
     if not isinstance(found, dict):
-        damaged(path, "no data with names")
+        report_damage(path, "no data with names")
         return None
     return found
 
 
-def damaged(path: Path, why: object) -> None:
+def report_damage(path: Path, why: object) -> None:
     """Say, once for each file, that what it is for is done again."""
     if path not in _said:
         _said.add(path)

@@ -1,4 +1,4 @@
-"""Becomes a command that ends with the process that started it: ``python tied.py PID WORD ...``.
+"""Run a command that ends with its parent process: ``python end_with_parent.py PID WORD ...``.
 
 PID is that process.  When it is killed the command gets SIGTERM.  Else it would go on, and write
 where another process of the harness does the same run again.  (Linux keeps this setting when a

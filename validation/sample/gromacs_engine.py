@@ -18,7 +18,7 @@ import numpy as np
 
 from ..running import run
 from . import engine
-from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample, Water
+from .engine import BAR, KJ, NM, Engine, EngineRun, Failed, Sample, Water
 from .schemes import Scheme
 
 GMX = "gmx"
@@ -96,7 +96,7 @@ def version() -> str | None:
     return found and found.group(1)
 
 
-def settings(course: Course) -> str:
+def settings(course: EngineRun) -> str:
     """The text of an mdp file."""
     sd = course.thermostat == "sd"
     return SETTINGS.format(
@@ -143,7 +143,7 @@ def start(water: Water) -> str:
     return "\n".join([*lines, " ".join(f"{one:.10f}" for one in water.box * NM), ""])
 
 
-def given(course: Course, water: Water) -> dict:
+def given(course: EngineRun, water: Water) -> dict:
     """See `Engine`: the files that GROMACS reads."""
     texts = settings(course), topology(water), start(water)
     return {"files": dict(zip(("run.mdp", "topol.top", "start.gro"), texts))}
@@ -182,7 +182,7 @@ def _gmx(folder: Path, *words: str, typed: str = "") -> None:
         Failed: it ended without success.
         ChildProcessError: somebody has ended it.
     """
-    tied = sys.executable, "-IS", str(run.TIED), str(os.getpid())
+    tied = sys.executable, "-IS", str(run.END_WITH_PARENT), str(os.getpid())
     how: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     done = subprocess.run([*tied, GMX, *words], cwd=folder, input=typed, **how)
     print(done.stdout, flush=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..scenes.units import COULOMB
 from . import engine
-from .engine import BAR, KJ, NM, Course, Engine, Failed, Sample, Shift, Water
+from .engine import BAR, KJ, NM, Engine, EngineRun, Failed, Sample, Shift, Water
 from .schemes import Scheme
 
 TOLERANCE = 1e-6  # relative, of constraints; SETTLE, which water has, needs none
@@ -41,7 +41,7 @@ def _ended(shift: Shift) -> str:
     return f"r^(-{shift.power}) - ({a / 3!r}+{b / 4!r}*{past})*{past}^3 - ({c!r})"
 
 
-def given(course: Course, water: Water) -> dict:
+def given(course: EngineRun, water: Water) -> dict:
     """See `Engine`: all numbers and the forces, in OpenMM's units (nm, ps, kJ/mol, g/mol)."""
     (oxygen, hydrogen), charge, bond = engine.MASS, engine.CHARGE, engine.BOND * NM
     return {

@@ -1,6 +1,6 @@
 """A scene from a user's script, and the integrators that can move it.
 
-`take` has LAMMPS run the script up to the run that is asked for (see ``reader``), finds what moves
+`load` has LAMMPS run the script up to the run that is asked for (see ``reader``), finds what moves
 the rigid atoms (``finding``) and makes of the commands that LAMMPS executed a `Scene`, as the
 harness's own ones are.  LAMMPS works in the script's folder, and all that it writes goes into the
 output folder (see ``recorder``).
@@ -21,14 +21,14 @@ from pathlib import Path
 import numpy as np
 
 from .. import command_line
-from ..running import machine, recorder, run, starts, store, whole
+from ..running import json_files, machine, recorder, run, starts, store
 from ..running.recorder import ALIAS
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..scenes.units import UNITS, Units
-from . import finding, schemes
-from .finding import Found, Unclear
-from .script import OUTPUT, computed, texts
+from . import candidates, rigid_atoms
+from .commands import OUTPUT, split_words, thermo_settings
+from .rigid_atoms import AmbiguousScript, RigidAtoms
 
 READER = Path(__file__).with_name("reader.py")
 STATE = f"read_restart {ALIAS}/script/state.restart"
@@ -38,7 +38,7 @@ SAME = 1e-6  # of the potential and the thermal energy: more is another system
 
 
 @dataclass(frozen=True)
-class Ask:
+class ScriptOptions:
     """What the command line says of a script.
 
     Attributes:
@@ -58,8 +58,8 @@ class Ask:
     at: int = 1
 
     @classmethod
-    def of(cls, arguments: Namespace, script: str) -> "Ask":
-        """Of a script, with the options that `command_line.own` adds."""
+    def of(cls, arguments: Namespace, script: str) -> "ScriptOptions":
+        """Of a script, with the options that `command_line.add_script_options` adds."""
         given = tuple(map(tuple, arguments.variables or ()))
         for words in given:
             if len(words) < 2:
@@ -82,23 +82,23 @@ class Ask:
 
 
 @dataclass(frozen=True)
-class Own:
+class UserScript:
     """A user's script as a scene.
 
     Attributes:
         integrators: that can move it, by name; the script's own first.
         reference: the name of the one that others are compared with.
-        found: what moves the bodies in the script.
-        said, atoms: what ``reader`` has left.
+        rigid: its rigid atoms, and the fixes that move them.
+        reading, atoms: what ``reader`` has left: read.json and atoms.npz.
         notes: what the user is to be told, in sentences.
     """
 
-    ask: Ask
+    ask: ScriptOptions
     scene: Scene
     integrators: dict[str, Integrator]
     reference: str
-    found: Found
-    said: Mapping
+    rigid: RigidAtoms
+    reading: Mapping
     atoms: Mapping[str, np.ndarray]
     notes: tuple[str, ...]
 
@@ -110,28 +110,30 @@ class Own:
     @property
     def bodies(self) -> int:
         """Their number."""
-        return int(self.found.body.max())
+        return int(self.rigid.body.max())
 
     @property
     def room(self) -> float:
         """Of a body at the start: the edge of a cube of its part of the box."""
-        return float((abs(np.linalg.det(np.array(self.said["cell"]))) / self.bodies) ** (1 / 3))
+        return float((abs(np.linalg.det(np.array(self.reading["cell"]))) / self.bodies) ** (1 / 3))
 
 
-def begin(arguments: Namespace, script: str, short: bool = False) -> tuple[Ask, Path]:
+def parse_options(
+    arguments: Namespace, script: str, short: bool = False
+) -> tuple[ScriptOptions, Path]:
     """What a verb's command line says of a script, and the output folder, which is made.
 
     Args:
-        short: see `command_line.folder`.
+        short: see `command_line.output_folder`.
     """
-    ask = Ask.of(arguments, script)
+    ask = ScriptOptions.of(arguments, script)
     arguments.usual = f"results/{arguments.verb}-{ask.name}"
-    return ask, command_line.folder(arguments, short)
+    return ask, command_line.output_folder(arguments, short)
 
 
-def take(
-    ask: Ask, out: Path, ranks: int, silence: float, tell: Callable[[str], object] = print
-) -> Own:
+def load(
+    ask: ScriptOptions, out: Path, ranks: int, silence: float, tell: Callable[[str], object] = print
+) -> UserScript:
     """Read a script, or take over what was read of the same script and files.
 
     Args:
@@ -147,40 +149,40 @@ def take(
         said, atoms, folder = _reading(ask, out, ranks, silence)
         name = Path(ask.script).name
         try:
-            found = finding.find(said, atoms, ask.fix, ask.group, ask.bodies)
-        except Unclear as unclear:
+            found = rigid_atoms.find(said, atoms, ask.fix, ask.group, ask.bodies)
+        except AmbiguousScript as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
-        those, reference, more = schemes.schemes(found, said["units"])
+        those, reference, more = candidates.integrators(found, said["units"])
         scene, late = _scene(ask, folder, said, atoms, found)
         how: dict = {"ranks": ranks, "silence": silence}
         if found.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, how)
         late += _otherwise(scene, those, said, len(found.body), folder, how)
         scene = replace(scene, origin=_files_of(said, folder))
-    notes = (*schemes.summary(found, said, atoms), *more, *late)
+    notes = (*candidates.describe(found, said, atoms), *more, *late)
     for line in notes:
         tell(line)
     named = {integrator.name: integrator for integrator in those}
-    return Own(ask, scene, named, reference, found, said, atoms, notes)
+    return UserScript(ask, scene, named, reference, found, said, atoms, notes)
 
 
-def refuse_ramps(own: Own) -> None:
+def refuse_ramps(own: UserScript) -> None:
     """Refuse a script whose temperature or pressure changes in its run, for what is measured by
     means.
 
     Raises:
         SystemExit: with one message.
     """
-    if own.found.state.ramps:
+    if own.rigid.state.ramps:
         raise SystemExit(
-            f"{own.scene.subject}: '{own.said['run']}' changes "
-            f"{' and '.join(own.found.state.ramps)}, so means do not tell what a step does: give a "
+            f"{own.scene.subject}: '{own.reading['run']}' changes "
+            f"{' and '.join(own.rigid.state.ramps)}, so means do not tell what a step does: give a "
             "run that keeps them. 'check' and 'cost' take this one"
         )
 
 
 def read(
-    ask: Ask, out: Path, ranks: int, silence: float
+    ask: ScriptOptions, out: Path, ranks: int, silence: float
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
     """What ``reader`` says of a script, and its atoms; and the folder where it left that."""
     with _locked(out):
@@ -203,19 +205,19 @@ def _reading(ask, out, ranks, silence):
         return said, dict(file), folder
 
 
-def overlay(folder: Path) -> Path:
+def overlay_folder(folder: Path) -> Path:
     """What stands for the root of all files, where the script writes to its own."""
     return folder / "overlay"
 
 
-def _known(ask: Ask, folder: Path, ranks: int) -> dict | None:
+def _known(ask: ScriptOptions, folder: Path, ranks: int) -> dict | None:
     """What was read before, if nothing has changed since."""
-    said, kept = whole.read(folder / "read.json"), whole.read(folder / "known.json")
+    said, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
     same = said and kept and kept["origin"] == _origin(ask, ranks, said)
     return said if same else None
 
 
-def _origin(ask: Ask, ranks: int, said: Mapping) -> str:
+def _origin(ask: ScriptOptions, ranks: int, said: Mapping) -> str:
     """Hash of all that a reading follows from."""
     patterns, environment = said["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
@@ -237,7 +239,7 @@ def _files_of(said: Mapping, folder: Path) -> str:
     return store.digest(_contents(said["files"]), known)
 
 
-def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
+def _read(ask: ScriptOptions, folder: Path, ranks: int, silence: float) -> dict:
     """Have a script read in its own folder; or, if it fails there, in the one in which the harness
     was started, of which LAMMPS takes names.
 
@@ -265,7 +267,7 @@ def _read(ask: Ask, folder: Path, ranks: int, silence: float) -> dict:
                 "folder, or rename one of them"
             )
     # the last file: it tells that the others are whole
-    whole.write(folder / "known.json", {"origin": _origin(ask, ranks, said)})
+    json_files.write(folder / "known.json", {"origin": _origin(ask, ranks, said)})
     return said
 
 
@@ -276,7 +278,7 @@ def _read_in(workplace, ask, folder, ranks, silence) -> str:
     plain = {
         "script": ask.script,
         "workplace": str(workplace),
-        "overlay": str(overlay(folder)),
+        "overlay": str(overlay_folder(folder)),
         "variables": ask.variables,
         "fix": ask.fix,
         "any": bool(ask.group or ask.bodies),
@@ -287,7 +289,7 @@ def _read_in(workplace, ask, folder, ranks, silence) -> str:
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
-    how |= recorder.environment(overlay(folder), preloaded=how.get("LD_PRELOAD"))
+    how |= recorder.environment(overlay_folder(folder), preloaded=how.get("LD_PRELOAD"))
     output, error = folder / "output.txt", folder / "error.txt"
     with (
         open(output, "w") as file,
@@ -305,7 +307,7 @@ def _read_in(workplace, ask, folder, ranks, silence) -> str:
     return run.one_line(error.read_text()) if error.exists() else f"ended, see {output}"
 
 
-def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
+def setup_commands(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
     """The script's commands that a run begins with, and each one's number: the state of what there
     is in the place of the command that makes the box, and what acts beyond that.
 
@@ -313,12 +315,12 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
         gone: IDs of fixes that are left out.
     """
     commands: list[str] = said["commands"]
-    left = {*finding.modifying(commands, gone)}
-    box = next(i for i, line in enumerate(commands) if texts(line)[0] in BOXES)
+    left = {*rigid_atoms.modify_commands(commands, gone)}
+    box = next(i for i, line in enumerate(commands) if split_words(line)[0] in BOXES)
     before: list[tuple[int, str]] = []
     behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
     for number, (line, once) in enumerate(zip(commands, said["at_once"])):
-        word, *rest = texts(line)
+        word, *rest = split_words(line)
         if once or word in OUTPUT or line in left or (word == "fix" and rest[0] in gone):
             continue
         if word == "group" and rest[1:2] != ["dynamic"]:  # the state has it
@@ -330,26 +332,30 @@ def repeated(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]
 
 
 def _scene(
-    ask: Ask, folder: Path, said: Mapping, atoms: Mapping[str, np.ndarray], found: Found
+    ask: ScriptOptions,
+    folder: Path,
+    said: Mapping,
+    atoms: Mapping[str, np.ndarray],
+    found: RigidAtoms,
 ) -> tuple[Scene, list[str]]:
     """The script's commands, with a gap where the found fixes were; and what is to be said."""
     stray = {fix_id: line for fix_id, line in said["fixes"].items()
-             if finding.style_of(line) in STEERING}  # fmt: skip
+             if rigid_atoms.style_of(line) in STEERING}  # fmt: skip
     commands, first = said["commands"], len(said["commands"])
     if found.kind != "plain" and not ask.group:
-        words = [texts(line)[:2] for line in commands]
+        words = [split_words(line)[:2] for line in commands]
         first = min(words.index(["fix", fix_id]) for fix_id in found.ids)
-    kept = repeated(said, {*found.ids, *stray})
+    kept = setup_commands(said, {*found.ids, *stray})
     before, then = ([line for i, line in kept if (i < first) == early] for early in (True, False))
     known = np.array([found.body, atoms["type"]], dtype=np.int32)
     _keep(known, folder / "bodies.npy")
-    of_fixes, output = finding.computes(found.ids), computed(commands)
+    of_fixes, output = rigid_atoms.compute_ids(found.ids), thermo_settings(commands)
     number = int(found.body.max())
     scene = Scene(
         name=ask.name,
         title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
         folder=Path(said["workplace"]),
-        overlay=str(overlay(folder)),
+        overlay=str(overlay_folder(folder)),
         setup=(*before, *found.setup),
         group=found.group,
         bodies=found.bodies,
@@ -380,7 +386,7 @@ def _scene(
     if stray:
         some = "; ".join(stray.values())
         late.append(f"Left out, for they change the step or end a run early: {some}.")
-        if readers := schemes.reading(stray, [*before, *then]):
+        if readers := candidates.commands_naming(stray, [*before, *then]):
             late.append(
                 f"These read numbers of them, so no run begins with them: {'; '.join(readers)}."
             )

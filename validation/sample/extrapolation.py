@@ -1,9 +1,9 @@
 """``sample --to-zero``: averages of one scheme in the limit of small steps, from long ones.
 
-`limit.to_zero` fits the means.  The variance of U0 comes mostly from the shortest step, and for a
-given longest step it is the least for its time where the shortest one is about a third of that and
-has nine tenths of the time.  So the usual steps are a third, two thirds and all of the longest one;
-the one in the middle shows whether the square of the step suffices.
+`limit.extrapolate` fits the means.  The variance of U0 comes mostly from the shortest step.  For a
+given longest step, the variance at equal cost is smallest if the shortest step is about a third of
+the longest one and gets nine tenths of the time.  So the default steps are a third, two thirds and
+all of the longest one; the one in the middle shows whether the square of the step suffices.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -61,19 +61,19 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
             "has nothing to take off: 'sample' alone tells them"
         )
     longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
-    dts = sorted(set(steps or usual(longest)))
+    dts = sorted(set(steps or default_steps(longest)))
     if len(dts) < 2:
         raise SystemExit("--to-zero needs two steps or more: --dt FS,FS")
     return [Point(names[0], dt) for dt in dts]
 
 
-def usual(longest: float) -> tuple[float, ...]:
+def default_steps(longest: float) -> tuple[float, ...]:
     """The steps, fs, if none are given: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
     return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
-def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
+def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
     """Averages at step zero, by observable; none of a pressure that a barostat keeps.
 
     Args:
@@ -93,7 +93,7 @@ def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
         means = {dt: row["means"][key] for dt, row in good.items() if key in row["means"]}
         kept = key == "pressure" and any("density" in row["means"] for row in good.values())
         if means and not kept:
-            fit = limit.to_zero({dt: Estimate.of(mean) for dt, mean in means.items()})
+            fit = limit.extrapolate({dt: Estimate.of(mean) for dt, mean in means.items()})
             found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
                 starts = {dt: row["starts"] for dt, row in good.items()}
@@ -107,8 +107,8 @@ def told(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
 
 
 def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
-    """What `told` returns of a fit, with ps of each step."""
-    line = limit.to_zero({dt: fit.points[dt] for dt in times}, powers=1)
+    """What `extrapolate` returns of a fit, with ps of each step."""
+    line = limit.extrapolate({dt: fit.points[dt] for dt in times}, powers=1)
     assert line is not None
     parts = {key: weight * _normal(fit.points[key]) for key, weight in fit.weights.items()}
     noise = hypot(*(parts[dt] for dt in times))

@@ -9,9 +9,9 @@ import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
-from . import counted, finding
-from .script import texts
-from .system import Own
+from . import conserved_energy, rigid_atoms
+from .commands import split_words
+from .loader import UserScript
 
 # styles of fixes that accept moves by the energy, or whose forces follow from it: another energy
 # gives another ensemble
@@ -31,27 +31,27 @@ NOTE = (
 WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
-def shifted(own: Own, tell: Callable[[str], object] = print) -> Own:
+def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
     """A script whose pair energies end at zero; as it is, where that cannot be, is done or is of no
     use.
 
     Args:
         tell: is given the sentences that say so.
     """
-    found = _settings(own.said["commands"])
-    lines = own.said["fixes"].values()
-    if found is None or found["shift"] or counted.lacking(own):
-        return own
-    if any(finding.called(line) in CHOOSE for line in lines):
-        return own
-    baths = counted.others(own).values()
-    if found["tail"] and (own.found.state.press or any(bath in PRESS for bath in baths)):
-        return own  # its pressure is to have it
+    found = _settings(script.reading["commands"])
+    lines = script.reading["fixes"].values()
+    if found is None or found["shift"] or conserved_energy.uncounted_fixes(script):
+        return script
+    if any(rigid_atoms.short_name(line) in CHOOSE for line in lines):
+        return script
+    baths = conserved_energy.other_fixes(script).values()
+    if found["tail"] and (script.rigid.state.press or any(bath in PRESS for bath in baths)):
+        return script  # its pressure is to have it
     line = "pair_modify shift yes tail no"
     note = NOTE.format(line=line) + WITHOUT_TAIL * bool(found["tail"])
     tell(note)
-    scene = replace(own.scene, then=(*own.scene.then, line))
-    return replace(own, scene=scene, notes=(*own.notes, note))
+    scene = replace(script.scene, then=(*script.scene.then, line))
+    return replace(script, scene=scene, notes=(*script.notes, note))
 
 
 def _settings(commands: Iterable[str]) -> dict[str, bool] | None:
@@ -60,7 +60,7 @@ def _settings(commands: Iterable[str]) -> dict[str, bool] | None:
     LAMMPS keeps both for a style that is set again, and a restart file has them.
     """
     style, found = None, {"shift": False, "tail": False}
-    for words in map(texts, commands):
+    for words in map(split_words, commands):
         if words[0] == "read_restart":
             found = {"shift": False, "tail": True}
         elif words[0] == "pair_style":

@@ -1,6 +1,6 @@
 """Which fix of a script moves its rigid atoms, and which are they.  From what ``reader`` has left.
 
-What cannot be told is not guessed: an `Unclear` says which option tells it.
+What cannot be told is not guessed: an `AmbiguousScript` says which option tells it.
 """
 
 import re
@@ -16,29 +16,35 @@ from fix_nosquish.host import rigid_fixes
 
 from .. import COMMAND
 from ..scenes.integrators import OLDER, target
-from . import script
-from .script import texts
+from . import commands
+from .commands import split_words
 
 OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
 NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC"  # classes that have a fix style of the plugin
 # the text in quotes; committed results have the older schemes as classes of fix_nosquish
 QUOTED = re.compile(rf"({'|'.join(('fix_nosquish', *OLDER.values()))})\.\w+\s+\S+\s+\S")
 CONSTRAINTS = "shake", "rattle"
-PLAIN = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
+POINT_FIXES = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
 AXES = "iso", "aniso", "x", "y", "z"
 TILTS = "tri", "xy", "xz", "yz"
 # of a fix's keywords how many words follow
-FOLLOW = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
-FOLLOW |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
+ARGUMENT_COUNTS = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
+ARGUMENT_COUNTS |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
 # keywords that are not of one integrator, and which of LAMMPS's rigid fixes have them, too
-KEPT: dict[str, tuple[str, ...]]
-KEPT = dict.fromkeys(("infile", "gravity", "dilate"), ("rigid", "small"))
-KEPT |= {"force": ("rigid",), "torque": ("rigid",), "mol": ("small",), "reinit": ()}
-SAID = "seed", "thermostat", "barostat", "flexible", "details"  # others have these in their way
-FULL_TURN = 3  # atoms of the largest cluster that shake holds as a rigid body
+SHARED_KEYWORDS: dict[str, tuple[str, ...]]
+SHARED_KEYWORDS = dict.fromkeys(("infile", "gravity", "dilate"), ("rigid", "small"))
+SHARED_KEYWORDS |= {"force": ("rigid",), "torque": ("rigid",), "mol": ("small",), "reinit": ()}
+SCHEME_KEYWORDS = (
+    "seed",
+    "thermostat",
+    "barostat",
+    "flexible",
+    "details",
+)  # others have these in their way
+LARGEST_CLUSTER = 3  # atoms of the largest cluster that shake holds as a rigid body
 
 
-class Words(NamedTuple):
+class FixCommand(NamedTuple):
     """What a fix of this package, or of an older scheme, says, native or in the quotes of fix
     python/move.
 
@@ -64,7 +70,7 @@ class Words(NamedTuple):
         return f'fix {fix_id} {self.group} python/move "{told}"'
 
 
-class Unclear(SystemExit):
+class AmbiguousScript(SystemExit):
     """What was found is not enough; the message says which option tells more."""
 
 
@@ -105,7 +111,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Found:
+class RigidAtoms:
     """The fixes that move a script's rigid atoms.
 
     Attributes:
@@ -150,15 +156,15 @@ class Found:
 def style_of(line: str) -> str:
     """Of a fix, without suffixes of accelerated variants: rigid/nvt/nosquish, also for
     nosquish/rigid/nvt, and nosquish/nvt for nosquish/nvt/small."""
-    plain = re.sub(r"/(omp|intel|kk|gpu|opt)$", "", texts(line)[3])
+    plain = re.sub(r"/(omp|intel|kk|gpu|opt)$", "", split_words(line)[3])
     plain = re.sub(r"^nosquish/(rigid.*)", r"\1/nosquish", plain)
     return re.sub(r"^(nosquish/\w+)/small$", r"\1", plain)
 
 
-def words_of(line: str) -> Words | None:
+def parse_fix(line: str) -> FixCommand | None:
     """What a fix of any class of this package, or of an older scheme, says; None of another
     command, and of a fix that lacks words, which LAMMPS tells."""
-    word, *rest = texts(line) or [""]
+    word, *rest = split_words(line) or [""]
     if word != "fix" or len(rest) < 4:
         return None
     _, group, _, *words = rest
@@ -170,51 +176,55 @@ def words_of(line: str) -> Words | None:
     else:
         return None
     count = body_words(words)
-    return Words(name, group, tuple(words[:count]), tuple(words[count:]))
+    return FixCommand(name, group, tuple(words[:count]), tuple(words[count:]))
 
 
-def called(line: str) -> str:
+def short_name(line: str) -> str:
     """What a fix does, in a word: its style, or its class in quotes."""
-    style, words = style_of(line), texts(line)
-    if style.endswith(script.SUFFIX):
+    style, words = style_of(line), split_words(line)
+    if style.endswith(commands.SUFFIX):
         name = rigid_fixes.integrator(str(rigid_fixes.plain(style)), words)
         return f"nosquish/{name.lower()}"
     return words[4].split()[0] if style == "python/move" else style
 
 
-def moves(line: str) -> bool:
+def moves_atoms(line: str) -> bool:
     """Whether a fix moves atoms, as far as is known."""
-    return bool(kind_of(line) or words_of(line)) or style_of(line) == "python/move"
+    return bool(kind_of(line) or parse_fix(line)) or style_of(line) == "python/move"
 
 
 def kind_of(line: str) -> str | None:
     """What a fix is to the atoms; None if it is none that ours can take the place of."""
-    style, ours = style_of(line), words_of(line)
+    style, ours = style_of(line), parse_fix(line)
     if ours:
         return "ours" if ours.name in OURS else None
-    if style.endswith(script.SUFFIX):
+    if style.endswith(commands.SUFFIX):
         return "ours"
     if style == "rigid" or style.startswith("rigid/"):
         return "rigid"
     if style in CONSTRAINTS:
         return "constraints"
-    return "plain" if style in PLAIN else None
+    return "plain" if style in POINT_FIXES else None
 
 
-def holders(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]:
+def rigid_fix_ids(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]:
     """IDs of the fixes that keep atoms rigid; of those that are wanted, if any are."""
     if wanted:
         return list(wanted) if set(wanted) <= fixes.keys() else []
     return [fix_id for fix_id, line in fixes.items() if kind_of(line) not in (None, "plain")]
 
 
-def told(fixes: Mapping[str, str]) -> str:
+def describe_fixes(fixes: Mapping[str, str]) -> str:
     """The fixes in words."""
-    said = (f"{fix_id} ({style_of(line)} on {texts(line)[2]})" for fix_id, line in fixes.items())
+    said = (
+        f"{fix_id} ({style_of(line)} on {split_words(line)[2]})" for fix_id, line in fixes.items()
+    )
     return ", ".join(said) or "no fix"
 
 
-def nothing(seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had: int = 0) -> str:
+def no_rigid_run(
+    seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had: int = 0
+) -> str:
     """What to say where no run has a fix that keeps atoms rigid.
 
     Args:
@@ -245,7 +255,7 @@ def find(
     wanted: Sequence[str] = (),
     group: str | None = None,
     bodies: str | None = None,
-) -> Found:
+) -> RigidAtoms:
     """What moves the rigid atoms.
 
     Args:
@@ -257,43 +267,45 @@ def find(
     """
     fixes: dict[str, str] = said["fixes"]
     if absent := [fix_id for fix_id in wanted if fix_id not in fixes]:
-        raise Unclear(f"there is no fix {absent[0]} at that run; it has {told(fixes)}")
-    known = holders(fixes, wanted)
+        raise AmbiguousScript(
+            f"there is no fix {absent[0]} at that run; it has {describe_fixes(fixes)}"
+        )
+    known = rigid_fix_ids(fixes, wanted)
     if not known:
         known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
     kinds = {fix_id: kind_of(fixes[fix_id]) for fix_id in known}
     strange = [fix_id for fix_id, kind in kinds.items() if kind is None]
     if strange:
-        raise Unclear(
+        raise AmbiguousScript(
             f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
             "integrator can take: name one of these styles by --fix: nosquish/*, rigid*, "
-            f"shake, rattle, {', '.join(PLAIN)}"
+            f"shake, rattle, {', '.join(POINT_FIXES)}"
         )
     held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
     if len(held) > 1:
-        raise Unclear(
-            f"{len(held)} fixes could be meant: {told({name: fixes[name] for name in held})}. Say "
-            f"whose place the others take: --fix ID, with one of {', '.join(held)}. The others "
-            "stay as they are"
+        raise AmbiguousScript(
+            f"{len(held)} fixes could be replaced: "
+            f"{describe_fixes({name: fixes[name] for name in held})}. Select one by --fix ID, with "
+            f"ID one of {', '.join(held)}. The others stay as they are"
         )
     line, kind = fixes[held[0]], kinds[held[0]]
     if kind in ("ours", "rigid") and not (group or bodies):
         found = _of_rigid(said, atoms, held[0], line, kind)
     else:
         found = _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
-    return replace(found, modified=tuple(modifying(said["commands"], found.ids)))
+    return replace(found, modified=tuple(modify_commands(said["commands"], found.ids)))
 
 
-def computes(ids: Collection[str]) -> set[str]:
+def compute_ids(ids: Collection[str]) -> set[str]:
     """IDs of computes that fixes with these IDs make for themselves."""
     return {f"{fix_id}_{kind}" for fix_id in ids for kind in ("temp", "press")}
 
 
-def modifying(commands: Sequence[str], ids: Collection[str]) -> list[str]:
+def modify_commands(commands: Sequence[str], ids: Collection[str]) -> list[str]:
     """The commands ``fix_modify`` of fixes with these IDs, and ``compute_modify`` of their
     computes."""
-    named = {"fix_modify": {*ids}, "compute_modify": computes(ids)}
-    split = ((line, texts(line)) for line in commands)
+    named = {"fix_modify": {*ids}, "compute_modify": compute_ids(ids)}
+    split = ((line, split_words(line)) for line in commands)
     return [line for line, words in split if words[1:2] and words[1] in named.get(words[0], ())]
 
 
@@ -305,29 +317,31 @@ def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.n
     """
     if group not in said["groups"]:
         names = ", ".join(filter(None, said["groups"]))
-        raise Unclear(f"the script has no group {group} at its run; it has {names}")
+        raise AmbiguousScript(f"the script has no group {group} at its run; it has {names}")
     return atoms["mask"] & (1 << said["groups"].index(group)) != 0
 
 
-def acted_on(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
+def atoms_of_fix(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
     """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
     fix_nosquish those of the class's group, and its flexible atoms, whatever the fix's group is."""
-    ours = words_of(line)
+    ours = parse_fix(line)
     if not ours:
-        return in_group(said, atoms, texts(line)[2])
+        return in_group(said, atoms, split_words(line)[2])
     flexible = _flexible(ours.keywords)
     mask = in_group(said, atoms, ours.group)
     return mask | in_group(said, atoms, flexible) if flexible else mask
 
 
-def thermostats(said: Mapping, atoms: Mapping[str, np.ndarray], found: Found) -> dict[str, str]:
+def other_thermostats(
+    said: Mapping, atoms: Mapping[str, np.ndarray], found: RigidAtoms
+) -> dict[str, str]:
     """The script's other fixes that keep a temperature of the bodies: their styles by ID."""
     kept = ((fix_id, line) for fix_id, line in said["fixes"].items() if fix_id not in found.ids)
     return {
         fix_id: style_of(line)
         for fix_id, line in kept
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
-        and (acted_on(said, atoms, line) & (found.body > 0)).any()
+        and (atoms_of_fix(said, atoms, line) & (found.body > 0)).any()
     }
 
 
@@ -339,7 +353,7 @@ def _flexible(keywords: Sequence[str]) -> str:
 def _movers(said, atoms, fixes, mask) -> list[str]:
     """IDs of fixes that move some of these atoms as points."""
     own = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
-    return [fix_id for fix_id in own if (acted_on(said, atoms, fixes[fix_id]) & mask).any()]
+    return [fix_id for fix_id in own if (atoms_of_fix(said, atoms, fixes[fix_id]) & mask).any()]
 
 
 def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
@@ -347,7 +361,7 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
     position = 0
     while position < len(words):
         alone = [*words[position : position + 2]] == ["moments", "step"]
-        count = 2 if alone else 1 + FOLLOW.get(words[position], 1)
+        count = 2 if alone else 1 + ARGUMENT_COUNTS.get(words[position], 1)
         yield tuple(words[position : position + count])
         position += count
 
@@ -365,9 +379,9 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
             press.append(part)
         elif part[0] == "couple":
             couple = part[1] if part[1] != "none" else None
-        elif part[0] in KEPT:
+        elif part[0] in SHARED_KEYWORDS:
             kept.append(" ".join(part))
-        elif part[0] not in SAID:
+        elif part[0] not in SCHEME_KEYWORDS:
             dropped.append(" ".join(part))
     return State(temp, tuple(press), couple), kept, dropped
 
@@ -380,8 +394,8 @@ def body_words(words: Sequence[str]) -> int:
     return 2 + int(words[1]) if counted else 1
 
 
-def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
-    words, ours = texts(line), words_of(line)
+def _of_rigid(said, atoms, fix_id, line, kind) -> RigidAtoms:
+    words, ours = split_words(line), parse_fix(line)
     if ours:
         _, group, bodies, keywords = ours
     else:
@@ -389,14 +403,14 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
         group, bodies, keywords = words[2], (*words[4 : 4 + count],), (*words[4 + count :],)
     flexible = _flexible(keywords)
     state, kept, dropped = state_of(keywords)
-    body = numbers(said, atoms, group, bodies)
+    body = number_bodies(said, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     if names := [word.split()[0] for word in kept if not word.startswith("reinit")]:
         constraints, why = None, f"it has nothing like keyword {' and '.join(dict.fromkeys(names))}"
-    return Found(
+    return RigidAtoms(
         (fix_id,),
         (line,),
-        called(line),
+        short_name(line),
         kind,
         group,
         " ".join(bodies),
@@ -411,7 +425,7 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> Found:
     )
 
 
-def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
+def number_bodies(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
     """The body of each atom, from 1; 0 for none. Atoms with molecule-ID 0 are one, as in LAMMPS."""
     mask = in_group(said, atoms, group)
     if bodies[0] == "single":
@@ -423,7 +437,7 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
         return found
     name = "molecule" if bodies[0] == "molecule" else bodies[1]
     if name not in atoms:
-        raise Unclear(
+        raise AmbiguousScript(
             f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
             f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
         )
@@ -437,11 +451,11 @@ def numbers(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
 def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[str | None, str]:
     """The words of shake that hold the bodies; or None, and why."""
     sizes, words = np.bincount(body)[1:], []
-    if len(sizes) == 0 or sizes.max() > FULL_TURN:
+    if len(sizes) == 0 or sizes.max() > LARGEST_CLUSTER:
         return None, f"bodies of {sizes.max(initial=0)} atoms: shake holds up to 3 rigid"
     if sizes.min() < 2 or "bonds" not in atoms:
         return None, "without bonds in each body"
-    needed = {"bonds": sizes - 1, "angles": (sizes == FULL_TURN).astype(int)}
+    needed = {"bonds": sizes - 1, "angles": (sizes == LARGEST_CLUSTER).astype(int)}
     for name, least in needed.items():
         rows = _rows(atoms, name)
         ends = body[rows[:, 1:] - 1]
@@ -461,51 +475,54 @@ def _rows(atoms: Mapping[str, np.ndarray], name: str) -> np.ndarray:
     return np.asarray(atoms.get(name, np.empty((0, {"bonds": 3, "angles": 4}[name]), int)))
 
 
-def clusters(bonds: np.ndarray, atoms: int) -> np.ndarray:
+def connected_parts(bonds: np.ndarray, atoms: int) -> np.ndarray:
     """The connected part, from 0, of each atom, of bonds as rows (type, atom, atom)."""
     i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
     graph = coo_array((np.ones(len(bonds)), (i, j)), shape=(atoms, atoms))
     return connected_components(graph, directed=False)[1]
 
 
-def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
+def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> RigidAtoms:
     """Of atoms that are held by shake, or not at all."""
     line, body = fixes[fix_id], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
-        body = rigid_clusters(atoms, in_group(said, atoms, texts(holder)[2]))
+        body = rigid_clusters(atoms, in_group(said, atoms, split_words(holder)[2]))
         style = "molecule"
     elif kind in ("ours", "rigid"):
-        raise Unclear("--group and --bodies are for scripts whose fixes do not say what is rigid")
+        raise AmbiguousScript(
+            "--group and --bodies are for scripts whose fixes do not say what is rigid"
+        )
     else:
         if not bodies:
-            raise Unclear("say what is one body, too: --bodies molecule (or custom i_NAME)")
+            raise AmbiguousScript("say what is one body, too: --bodies molecule (or custom i_NAME)")
         if not _are_bodies(bodies.split(), said["groups"]):
-            raise Unclear(
+            raise AmbiguousScript(
                 f"--bodies {bodies}: molecule, custom i_NAME, single, or group N with N names of "
                 "groups that there are, is expected"
             )
         style = bodies
-        body = numbers(said, atoms, group or texts(line)[2], bodies.split())
+        body = number_bodies(said, atoms, group or split_words(line)[2], bodies.split())
     name, setup = _group_of(said, atoms, body, group)
     if bodies is None and not _same(atoms, body):
-        raise Unclear(
+        raise AmbiguousScript(
             f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} check SCRIPT "
             "--rigid' writes lines that tell the bodies, or tell by --group and --bodies"
         )
     moving = [own for own in known if kind_of(fixes[own]) == "plain"]
     movers = moving or _movers(said, atoms, fixes, body > 0)
     if len(movers) != 1:
-        raise Unclear(
-            f"{len(movers) or 'no'} fixes of the styles {', '.join(PLAIN)} move the rigid atoms: "
-            f"{told({own: fixes[own] for own in movers})}. Name one by --fix, beside {fix_id}"
+        raise AmbiguousScript(
+            f"{len(movers) or 'no'} fixes of the styles {', '.join(POINT_FIXES)} move the rigid "
+            f"atoms: {describe_fixes({own: fixes[own] for own in movers})}. Select one by --fix, "
+            f"together with {fix_id}"
         )
     mover = fixes[movers[0]]
-    words = texts(mover)
+    words = split_words(mover)
     state, _, dropped = state_of(words[4:])
     moved = in_group(said, atoms, words[2])
     if not moved[body > 0].all():
-        raise Unclear(
+        raise AmbiguousScript(
             f"fix {movers[0]} moves a part of the rigid atoms only, those of group {words[2]}. If "
             f"these are whole bodies, say so: --group {words[2]} --bodies molecule"
         )
@@ -513,8 +530,10 @@ def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> Found:
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
-    free = holder and held_atoms(atoms, in_group(said, atoms, texts(holder)[2]))[body == 0].any()
-    return Found(
+    free = (
+        holder and held_atoms(atoms, in_group(said, atoms, split_words(holder)[2]))[body == 0].any()
+    )
+    return RigidAtoms(
         tuple(ids),
         tuple(fixes[own] for own in ids),
         style_of(line),
@@ -545,7 +564,7 @@ def _are_bodies(words: Sequence[str], groups: Collection[str]) -> bool:
 
 def shake_words(line: str) -> str:
     """What a fix shake holds: its words from b, a, t, m on."""
-    words = texts(line)[7:]
+    words = split_words(line)[7:]
     until = next((i for i, word in enumerate(words) if word in ("mol", "kbond")), len(words))
     return " ".join(words[:until])
 
@@ -568,7 +587,7 @@ def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndar
     whose angle is held; numbers from 1, 0 for other atoms."""
     bonds, angles = _rows(atoms, "bonds"), _rows(atoms, "angles")
     number = len(atoms["type"])
-    part = clusters(bonds, number)
+    part = connected_parts(bonds, number)
     sizes = np.bincount(part)
     kept = np.bincount(part[bonds[:, 1] - 1], held_bonds(atoms, mask), minlength=len(sizes))
     every = np.bincount(part[bonds[:, 1] - 1], minlength=len(sizes))
@@ -577,7 +596,7 @@ def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndar
     rigid = (every == kept) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
     chosen = rigid[part]
     if not chosen.any():
-        raise Unclear(
+        raise AmbiguousScript(
             "shake holds no molecule that is rigid as a whole here: none of two atoms, and none of "
             "three with its angle. What it holds are parts of flexible molecules, and no rigid fix "
             "does that"

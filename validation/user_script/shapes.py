@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..statistics import measures
-from . import finding
-from .system import Own
+from . import rigid_atoms
+from .loader import UserScript
 
 THIN = 1e-7  # of its largest moment: a smaller one counts as zero, as in fix_nosquish
 # (kinetic energy in LAMMPS's units) over (mass x velocity^2), which LAMMPS calls mvv2e
@@ -19,7 +19,7 @@ MVV2E = {"real": 2390.0573615334906, "metal": 1.0364269e-4, "electron": 1.066572
 
 
 @dataclass(frozen=True)
-class Kind:
+class BodyKind:
     """Bodies of the same atoms.
 
     Attributes:
@@ -44,11 +44,11 @@ class Kind:
     angle: float
 
 
-class Group(NamedTuple):
+class BodyGroup(NamedTuple):
     """All bodies of the same atoms, as arrays.
 
     Attributes:
-        name: see `Kind`.
+        name: see `BodyKind`.
         atoms: (bodies, n), from 0.
         apart: (bodies, n, 3), atoms about their centres, put together by images.
         moments: (bodies, 3), the largest first; and ``axes`` (bodies, 3, 3), columns.
@@ -61,12 +61,16 @@ class Group(NamedTuple):
     axes: np.ndarray
 
 
-def bodies(own: Own) -> tuple[list[Group], float]:
+def body_groups(script: UserScript) -> tuple[list[BodyGroup], float]:
     """The script's bodies by kind; and how much larger one is by its image flags than by nearest
     images, at most."""
-    atoms, cell, periodic = own.atoms, np.array(own.said["cell"]), own.said["periodic"]
+    atoms, cell, periodic = (
+        script.atoms,
+        np.array(script.reading["cell"]),
+        script.reading["periodic"],
+    )
     found, gap = [], 0.0
-    for every in measures.body_groups(own.found.body):
+    for every in measures.body_groups(script.rigid.body):
         names = np.array([_name(row) for row in np.sort(atoms["type"][every], axis=1)])
         for name in dict.fromkeys(names):
             group = every[names == name]
@@ -80,7 +84,7 @@ def bodies(own: Own) -> tuple[list[Group], float]:
             tensor = np.einsum("bn,bnk,bnk,ij->bij", mass, r, r, np.eye(3))
             tensor -= np.einsum("bn,bni,bnj->bij", mass, r, r)
             moments, axes = np.linalg.eigh(tensor)
-            found.append(Group(str(name), group, r, moments[:, ::-1], axes[:, :, ::-1]))
+            found.append(BodyGroup(str(name), group, r, moments[:, ::-1], axes[:, :, ::-1]))
     return found, gap
 
 
@@ -89,22 +93,26 @@ def _name(types) -> str:
     return " ".join(f"{number}×{kind}" for kind, number in zip(kinds, counts))
 
 
-def kinds(own: Own, groups: Sequence[Group]) -> list[Kind]:
+def body_kinds(script: UserScript, groups: Sequence[BodyGroup]) -> list[BodyKind]:
     """The bodies by kind."""
-    found, flat = [], own.said["dimension"] == 2
+    found, flat = [], script.reading["dimension"] == 2
     for name, group, r, moments, _ in groups:
         mean = moments.mean(axis=0)
         shape, freedom = _shape(mean, flat)
         largest = max(mean[0], 1e-300)
         least = mean[0] if flat else mean[mean > THIN * largest].min(initial=np.inf)
-        turning = np.sqrt(thermal(own) / (least * mvv2e(own))) * own.scene.dt if freedom > 3 else 0
+        turning = (
+            np.sqrt(thermal_energy(script) / (least * mvv2e(script))) * script.scene.dt
+            if freedom > 3
+            else 0
+        )
         off = np.abs(moments - mean).max() / largest
-        mass = float(own.atoms["mass"][group].sum(axis=1).mean())
+        mass = float(script.atoms["mass"][group].sum(axis=1).mean())
         size = 2 * float(np.linalg.norm(r, axis=2).max())
         moment = tuple(map(float, mean))
         number, atoms = group.shape
         found.append(
-            Kind(
+            BodyKind(
                 name, number, atoms, shape, freedom, mass, size, moment, float(off), float(turning)
             )
         )
@@ -123,25 +131,25 @@ def _shape(moments, flat) -> tuple[str, int]:
     return "three-dimensional", 6
 
 
-def mvv2e(own: Own) -> float:
+def mvv2e(script: UserScript) -> float:
     """Energy over mass times the square of velocity, in the script's units."""
-    return MVV2E.get(own.scene.units, 1.0)
+    return MVV2E.get(script.scene.units, 1.0)
 
 
-def temperature(own: Own) -> float:
+def temperature(script: UserScript) -> float:
     """That the script keeps, where it is a number; else what it has at its start."""
     try:
-        return float((own.found.state.temp or ("",))[0])
+        return float((script.rigid.state.temp or ("",))[0])
     except ValueError:
-        return own.said["temperature"]
+        return script.reading["temperature"]
 
 
-def thermal(own: Own) -> float:
+def thermal_energy(script: UserScript) -> float:
     """kT in the script's energy."""
-    return own.said["boltzmann"] * temperature(own)
+    return script.reading["boltzmann"] * temperature(script)
 
 
-def fastest(own: Own, groups: Sequence[Group]) -> dict[str, float]:
+def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, float]:
     """Angular frequencies (1/time) of the stiffest motions that forces of the start tell, if they
     are those of springs in equilibrium: mean square force = kT x spring constant.  A thermostat's
     noise is none of them.
@@ -150,30 +158,30 @@ def fastest(own: Own, groups: Sequence[Group]) -> dict[str, float]:
         of ``centres``, ``turning`` (about the axis where it is largest) and ``other atoms``, those
         that have a force: an ideal gas and what ``fix setforce`` holds have none.
     """
-    mass, force, free = own.atoms["mass"], own.atoms["f"], own.found.body == 0
+    mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
     squares: dict[str, list] = {"centres": [], "turning": [], "other atoms": []}
     for _, group, r, moments, axes in groups:
         f, mean = force[group], moments.mean(axis=0)
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
         squares["centres"].append((f.sum(axis=1) ** 2).mean() / mass[group].sum(axis=1).mean())
         some = mean > THIN * max(mean[0], 1e-300)
-        if own.said["dimension"] == 2:
+        if script.reading["dimension"] == 2:
             some[1:] = False
         squares["turning"] += [*((torque**2).mean(axis=0)[some] / mean[some])]
-    for kind in np.unique(own.atoms["type"][free]):
-        mine = free & (own.atoms["type"] == kind)
+    for kind in np.unique(script.atoms["type"][free]):
+        mine = free & (script.atoms["type"] == kind)
         squares["other atoms"].append((force[mine] ** 2).mean() / mass[mine].mean())
-    unit = thermal(own) * mvv2e(own)
+    unit = thermal_energy(script) * mvv2e(script)
     most = {name: max(some, default=0.0) for name, some in squares.items()}
     return {name: float(np.sqrt(one / unit)) for name, one in most.items() if one > 0 and unit > 0}
 
 
-def moved(own: Own) -> Mapping[str, np.ndarray]:
+def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:
     """Which atoms each fix of the script moves that is known to move atoms, as masks."""
     found: dict[str, np.ndarray] = {}
-    for one, line in own.said["fixes"].items():
-        style = finding.style_of(line)
+    for one, line in script.reading["fixes"].items():
+        style = rigid_atoms.style_of(line)
         mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move", "nosquish")
         if mover or style == "python/move" or style.startswith("brownian"):
-            found[one] = finding.acted_on(own.said, own.atoms, line)
+            found[one] = rigid_atoms.atoms_of_fix(script.reading, script.atoms, line)
     return found

@@ -11,9 +11,9 @@ import fix_nosquish
 from fix_nosquish.host.command import Command, Line
 
 from ..scenes.integrators import OLDER, OURS, Integrator
-from . import finding
-from .finding import Found, State, called, style_of
-from .script import OUTPUT, done_between, line_of, texts
+from . import rigid_atoms
+from .commands import OUTPUT, commands_between, join_words, split_words
+from .rigid_atoms import RigidAtoms, State, short_name, style_of
 
 SEED = 4928
 TOLERANCE = "1e-4"
@@ -23,7 +23,7 @@ YOURS = "yours"
 NO_LINE = Line("", "", ())
 
 
-def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]:
+def integrators(found: RigidAtoms, units: str) -> tuple[list[Integrator], str, list[str]]:
     """All integrators for the script's bodies, in LAMMPS units of this name.
 
     Returns:
@@ -46,7 +46,7 @@ def schemes(found: Found, units: str) -> tuple[list[Integrator], str, list[str]]
         notes.append("No rigid: LAMMPS's rigid fixes do not change the angles of a box.")
     if found.kind == "plain":  # the script's own moves other bodies: it has none
         return made, OURS, notes
-    own = yours(found)
+    own = script_integrator(found)
     same = next((other for other in made if _done(other, found) == _done(own, found)), None)
     if same is None:
         return [own, *made], YOURS, notes
@@ -64,7 +64,7 @@ def _done(integrator, found):
 
 
 def _fixes(lines):
-    return [line for line in lines if texts(line)[0] == "fix"]
+    return [line for line in lines if split_words(line)[0] == "fix"]
 
 
 def _meant(line):
@@ -72,9 +72,9 @@ def _meant(line):
     all that the class reads, but for the seed, and not the group of a fix python/move.
     """
     if not _fixes([line]):
-        return texts(line)
-    _, _, group, _, *words = texts(line)
-    ours = finding.words_of(line)
+        return split_words(line)
+    _, _, group, _, *words = split_words(line)
+    ours = rigid_atoms.parse_fix(line)
     if not ours or ours.name in OLDER:
         return [style_of(line), group, *map(_value, words)]
     known = fix_nosquish.of_style(ours.name.lower())
@@ -93,9 +93,9 @@ def _literal(line: str) -> str:
     return line.replace("{", "{{").replace("}", "}}")
 
 
-def yours(found: Found) -> Integrator:
+def script_integrator(found: RigidAtoms) -> Integrator:
     """The fixes that move the script's bodies, as they are."""
-    styles = " + ".join(dict.fromkeys(map(called, found.lines)))
+    styles = " + ".join(dict.fromkeys(map(short_name, found.lines)))
     label = f"yours: {styles}"
     whole = found.kind == "rigid" and "small" in found.style
     lines = tuple(map(_literal, found.lines))
@@ -111,13 +111,13 @@ def state_words(state) -> str:
     return "".join(" " + word for word in told)
 
 
-def _rest(found: Found) -> tuple[list[str], list[str]]:
+def _rest(found: RigidAtoms) -> tuple[list[str], list[str]]:
     """Commands that make the group of the atoms that are in no body, and those that move them."""
     if not found.rest:
         return [], []
     state, group, made = found.state, found.flexible, []
     if not group:
-        group, made = REST, [f"group {REST} subtract {texts(found.mover)[2]} {{group}}"]
+        group, made = REST, [f"group {REST} subtract {split_words(found.mover)[2]} {{group}}"]
     if state.press or found.flexible:
         style = "nvt" if state.temp else "nve"
         heat = state_words(State(state.temp))
@@ -131,14 +131,14 @@ def _rest(found: Found) -> tuple[list[str], list[str]]:
 
 def _again(line: str, name: str) -> str:
     """A fix with another ID, for the atoms that are in no body."""
-    return _literal(line_of(("fix", name, REST, *texts(line)[3:])))
+    return _literal(join_words(("fix", name, REST, *split_words(line)[3:])))
 
 
 def _id(found):
-    return texts(found.mover)[1] if found.mover else found.ids[0]
+    return split_words(found.mover)[1] if found.mover else found.ids[0]
 
 
-def _ours(found: Found, units: str) -> Iterator[Integrator]:
+def _ours(found: RigidAtoms, units: str) -> Iterator[Integrator]:
     state, (made, moves), others = found.state, _rest(found), ""
     rest = [*made, *moves]
     if found.rest and (state.press or found.flexible):
@@ -171,7 +171,7 @@ def _kinds(state: State, units: str) -> list[tuple[str, str]]:
     return made
 
 
-def _rigid(found: Found) -> Iterator[Integrator]:
+def _rigid(found: RigidAtoms) -> Iterator[Integrator]:
     state, rest = found.state, [*itertools.chain(*_rest(found))]
     if state.tilts or (state.press and found.rest and found.holder):
         return
@@ -191,10 +191,14 @@ def _rigid(found: Found) -> Iterator[Integrator]:
         yield from _of_style(found, name, label, "rigid/small", "", [*rest, *bath], small)
 
 
-def _lacks(found: Found, family: str) -> list[str]:
+def _lacks(found: RigidAtoms, family: str) -> list[str]:
     """Which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not have."""
     names = dict.fromkeys(words.split()[0] for words in found.keywords)
-    return [name for name in names if name != "reinit" and family not in finding.KEPT[name]]
+    return [
+        name
+        for name in names
+        if name != "reinit" and family not in rigid_atoms.SHARED_KEYWORDS[name]
+    ]
 
 
 def _of_style(found, name, label, style, more, rest, small) -> Iterator[Integrator]:
@@ -207,15 +211,15 @@ def _of_style(found, name, label, style, more, rest, small) -> Iterator[Integrat
     yield Integrator(name, label, (*rest, line), is_small, "rigid")
 
 
-def _constrained(found: Found) -> Iterator[Integrator]:
+def _constrained(found: RigidAtoms) -> Iterator[Integrator]:
     """Points that shake or rattle holds."""
     if not found.constraints:
         return
     state = found.state
-    group, made = texts(found.mover)[2] if found.mover else found.group, []
+    group, made = split_words(found.mover)[2] if found.mover else found.group, []
     if found.flexible:
         group, made = ALL, [f"group {ALL} union {{group}} {found.flexible}"]
-    of = texts(found.holder)[2] if found.holder else found.group
+    of = split_words(found.holder)[2] if found.holder else found.group
     move = f"fix {_id(found)} {_literal(group)} {state.ensemble}" + state_words(state)
     held = f"fix own_held {of} {{style}} {TOLERANCE} 100 0 {found.constraints}"
     for style in ("shake", "rattle"):
@@ -230,12 +234,12 @@ def _constrained(found: Found) -> Iterator[Integrator]:
         yield Integrator(style, label, lines, kind="constraints", tolerance=tolerance)
 
 
-def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
+def commands_naming(ids: Collection[str], commands: Sequence[str]) -> list[str]:
     """Commands that name a fix with one of these IDs, as f_ID or as a rigid fix, or a compute that
     it makes."""
-    made, own = [], finding.computes(ids)
-    for line in (line for line in commands if texts(line)[0] not in OUTPUT):
-        word, *rest = texts(line)
+    made, own = [], rigid_atoms.compute_ids(ids)
+    for line in (line for line in commands if split_words(line)[0] not in OUTPUT):
+        word, *rest = split_words(line)
         named = any(re.search(rf"(?<!\w)f_{re.escape(fix_id)}\b", line) for fix_id in ids)
         named |= any(re.search(rf"(?<!\w)c_{re.escape(fix_id)}\b", line) for fix_id in own)
         named |= word in ("fix_modify", "compute_modify") and not own.isdisjoint(rest)
@@ -247,7 +251,7 @@ def reading(ids: Collection[str], commands: Sequence[str]) -> list[str]:
     return made
 
 
-def place(gone: Mapping[str, str]) -> str:
+def replacement_notice(gone: Mapping[str, str]) -> str:
     """What lines replace, and where they stand: of fixes, by ID."""
     fixes = [f"fix {fix_id} ({style_of(line)})" for fix_id, line in gone.items()]
     if len(fixes) < 2:
@@ -255,13 +259,19 @@ def place(gone: Mapping[str, str]) -> str:
     return f"These lines, at the place of the last one, replace {' and '.join(fixes)}"
 
 
-def naming(gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]) -> list[str]:
+def removal_notice(
+    gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]
+) -> list[str]:
     """What is to be said of commands that name fixes which go, or what these make, if these lines
     come in their place."""
-    kept = {texts(line)[1]: style_of(line) for line in _fixes(lines)}
+    kept = {split_words(line)[1]: style_of(line) for line in _fixes(lines)}
     lost = {fix_id for fix_id, line in gone.items() if kept.get(fix_id) != style_of(line)}
-    made = [line for line in commands if texts(line)[0] == "fix_modify" and texts(line)[1] in lost]
-    made += reading(lost, commands)
+    made = [
+        line
+        for line in commands
+        if split_words(line)[0] == "fix_modify" and split_words(line)[1] in lost
+    ]
+    made += commands_naming(lost, commands)
     some = "; ".join(made)
     told = f"These name a fix that goes, or what it makes, and have to go, too: {some}."
     return [told] * bool(made)
@@ -269,7 +279,7 @@ def naming(gone: Mapping[str, str], commands: Sequence[str], lines: Sequence[str
 
 def _ensemble(found, said, atoms):
     """What integrators keep, and which other fix keeps the temperature beside them."""
-    name, baths = found.state.ensemble.upper(), finding.thermostats(said, atoms, found)
+    name, baths = found.state.ensemble.upper(), rigid_atoms.other_thermostats(said, atoms, found)
     if found.state.temp:
         name += f" ({state_words(found.state).strip()})"
     if found.state.temp or not baths:
@@ -282,11 +292,11 @@ def _ensemble(found, said, atoms):
     )
 
 
-def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
+def describe(found: RigidAtoms, said: Mapping, atoms: Mapping[str, np.ndarray]) -> list[str]:
     """What was found, in sentences."""
     bodies, inside = int(found.body.max()), found.body > 0
     told = " and ".join(
-        f"fix {fix_id} ({called(line)})" for fix_id, line in zip(found.ids, found.lines)
+        f"fix {fix_id} ({short_name(line)})" for fix_id, line in zip(found.ids, found.lines)
     )
     moves = "moves" if len(found.ids) == 1 else "move"
     lines = [
@@ -309,13 +319,13 @@ def summary(found: Found, said: Mapping, atoms: Mapping[str, np.ndarray]) -> lis
         )
     elif found.rest:
         lines.append("The other atoms that these fixes move keep their integrator.")
-    if between := done_between(said["run"]):
+    if between := commands_between(said["run"]):
         some = "; ".join(between)
         lines.append(
             f"What is done between the parts of that run is left out: {some}. Where it changes "
             "atoms, the script's own run is another one."
         )
-    if replaced := reading(found.ids, said["commands"]):
+    if replaced := commands_naming(found.ids, said["commands"]):
         lines.append(
             "These read numbers of a fix that is replaced, which others may not have: where such "
             f"a row fails, leave them out of the script: {'; '.join(replaced[:6])}."
