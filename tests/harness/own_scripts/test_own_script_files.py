@@ -176,11 +176,11 @@ def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
     write = GAS + "reset_timestep {}\nwrite_restart state.*.restart\n"
     read = "clear\nread_restart state.*.restart\npair_style zero 2.0\npair_coeff * *\n"
     path = written(tmp_path, write.format(7) + read + RIGID + "run 5\n")
-    assert take(path, tmp_path / "none").said["step"] == 7
+    assert take(path, tmp_path / "none").reading["step"] == 7
     lmp = str(Path(sys.executable).with_name("lmp"))
     command = [lmp, "-in", str(written(tmp_path, write.format(3), "in.older")), "-log", "none"]
     subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
-    assert take(path, tmp_path / "older").said["step"] == 7
+    assert take(path, tmp_path / "older").reading["step"] == 7
     assert [file.name for file in tmp_path.glob("state.*")] == ["state.3.restart"]
 
 
@@ -245,7 +245,7 @@ def test_letters_of_other_encodings_in_comments(tmp_path):
 def test_thermo_output_without_a_temperature(tmp_path):
     """Locks out a script that is refused because its output does not name what the harness asks."""
     text = GAS + "velocity all create 2.0 5\nthermo_style custom step pe\n" + RIGID + "run 5\n"
-    assert take(written(tmp_path, text), tmp_path / "out").said["temperature"] > 0
+    assert take(written(tmp_path, text), tmp_path / "out").reading["temperature"] > 0
 
 
 @pytest.mark.parametrize("name", ["Zürich", 'a"b', "it's", "two words", "a$b"])

@@ -265,4 +265,4 @@ def test_one_of_two_fixes(tmp_path):
     """Locks out the first fix in the place of the one that --fix names."""
     path = tmp_path / "in.two"
     path.write_text(TWO)
-    assert take(path, tmp_path / "two", fix=("2",)).found.group == "b"
+    assert take(path, tmp_path / "two", fix=("2",)).rigid.group == "b"
