@@ -209,7 +209,8 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
 def test_rows_that_other_inner_bounds_made_are_not_shown(tmp_path):
     """Locks out a number of the folder's summary that is none of the case as it is today."""
     cases = {name: case(lambda stand, length: Number(0.5), name) for name in ("one", "two")}
-    measure.json_files.write(tmp_path / "summary.json", stress(cases, cases, tmp_path / "elsewhere"))
+    elsewhere = stress(cases, cases, tmp_path / "elsewhere")
+    measure.json_files.write(tmp_path / "summary.json", elsewhere)
     inner = {"test": criterion(), "inner": criterion(0.3, inner=True)}
     cases["one"] = dataclasses.replace(cases["one"], bounds=inner)
     assert [told["name"] for told in stress(cases, ["two"], tmp_path)["cases"]] == ["two"]
