@@ -19,7 +19,6 @@ sys.path.insert(0, str(ROOT))
 sys.path.append(str(ROOT / "docs" / "_ext"))  # for committed, which fills the pages of results
 pytest.register_assert_rewrite("support")
 
-import quick
 import validation  # noqa: F401  it puts the checkout behind what is installed
 from support import scripts
 from support.endings import BENT, SECONDS, SPOIL, assert_ended
@@ -65,15 +64,22 @@ def pytest_report_header(config):
     return config.tested
 
 
+def case_of(item):
+    """The case of a parametrized test."""
+    return item.callspec.id if hasattr(item, "callspec") else None
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Mark quick tests, before -m looks at marks."""
-    names = [quick.name(item) for item in items]
-    for item, name in zip(items, names):
-        if name:
-            item.add_marker("quick")
-    config.not_there = quick.NAMES - set(names)
-    config.files_there = {item.path for item in items}
+    """Take the mark quick from cases that it does not name, before -m looks at marks."""
+    cases = {(item.path, item.originalname, case_of(item)) for item in items}
+    for item in items:
+        for mark in list(item.iter_markers("quick")):
+            gone = [c for c in mark.args if (item.path, item.originalname, c) not in cases]
+            if gone and not any("::" in word for word in config.args):
+                raise pytest.UsageError(f"{item.nodeid} is marked quick for {gone}: no such case")
+            if mark.args and case_of(item) not in mark.args:
+                item.own_markers.remove(mark)
 
 
 def fail_if_skipped(config, report):

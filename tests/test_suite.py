@@ -8,7 +8,6 @@ import sys
 
 import pytest
 
-import quick
 from support.running import BIN, ROOT
 from validation.running import startup
 
@@ -72,6 +71,7 @@ def run(checkout, *words, how="module", **tests):
     )
 
 
+@pytest.mark.quick("module")
 @pytest.mark.parametrize("how", COMMANDS)
 def test_imports_what_is_installed(checkout, how):
     """Locks out tests of the checkout's files while LAMMPS's processes import others."""
@@ -87,19 +87,6 @@ def test_imports_what_is_installed(checkout, how):
     )
     assert done.returncode == 0 and "1 passed" in done.stdout, done.stdout
     assert str(package) in done.stdout.split("collected")[0]
-
-
-def test_quick_tests_are_there(request):
-    """Locks out a subject that has lost its quick tests,
-    because one of them has another name now."""
-    if any("::" in word for word in request.config.args):
-        return  # not all tests of a file were looked for
-    there = {path.name for path in request.config.files_there}
-    gone = {name for name in request.config.not_there if name.partition("::")[0] in there}
-    gone |= {
-        name for name in quick.NAMES if not any((ROOT / "tests").rglob(name.partition("::")[0]))
-    }
-    assert not gone
 
 
 MODULE = 'import pytest\n\npytest.importorskip("no_such_module")\n'

@@ -72,6 +72,7 @@ BOXES = {
 }
 
 
+@pytest.mark.quick("tilted-2")
 @pytest.mark.parametrize("box, ranks", list(zip(BOXES, itertools.cycle((2, 1)))))
 def test_boxes(simulate, box, ranks):
     """Locks out wrong images of atoms across tilted faces, images of atoms across faces that are
@@ -304,6 +305,7 @@ def test_more_ranks_than_bodies(simulate, others, grid):
     assert_same(ours, theirs, system.h)
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_body_of_many_atoms(simulate, ranks):
     """Locks out sums over a body's atoms that lose digits, and arrays too small for it: 100,000

@@ -35,6 +35,7 @@ def files(text):
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
+@pytest.mark.quick("README.md")
 def test_pages_have_the_committed_results(path):
     """Locks out a number or a table on a page that the committed results do not give, and one that
     lost its rows, as where a name in the results has changed."""
@@ -196,6 +197,7 @@ def shorter(script):
     return re.sub(r"^(thermo +)\d+|^(dump .* custom )\d+", r"\g<1>\g<2>10", script, flags=re.M)
 
 
+@pytest.mark.quick
 def test_tutorial(run_lammps, tmp_path):
     """Locks out a tutorial whose scripts do not run, or print something else than it quotes."""
     text = (DOCS / "tutorial.md").read_text()

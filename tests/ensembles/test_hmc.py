@@ -51,6 +51,7 @@ def test_reversible(run_lammps, tmp_path):
     assert np.abs(start - middle)[:, :3].max() > 0.3
 
 
+@pytest.mark.quick("box-2")
 @pytest.mark.parametrize("ranks", [1, 2, 4, 8])
 @pytest.mark.parametrize("case", ["box", "tilt", "points", "plane"])
 def test_rejected(run_lammps, tmp_path, case, ranks):

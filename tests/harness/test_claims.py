@@ -104,6 +104,7 @@ def test_committed_results_can_be_shown(tmp_path, name):
 # ---- theory
 
 
+@pytest.mark.quick
 def test_form_sees_what_is_not_symplectic():
     """Locks out a measure that calls a map symplectic that is not, or misses a change of volume:
     shears and stretches."""

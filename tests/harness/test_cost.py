@@ -23,6 +23,7 @@ from validation.scenes.integrators import BENCHMARKED, INTEGRATORS, Integrator
 timing = partial(rounds.Timing, cpu=100.0)
 
 
+@pytest.mark.quick
 def test_ratios_are_of_one_round():
     """Locks out a ratio of medians, or of different rounds: on a machine whose speed changes from
     round to round these are wrong."""

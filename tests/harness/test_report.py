@@ -65,6 +65,7 @@ def said(figure=None):
     )
 
 
+@pytest.mark.quick
 def test_terminal_files_and_page(tmp_path):
     """Locks out a number that terminal, file or page lose or change, whole numbers that an empty
     cell beside them makes broken ones, a busy machine's ratio without its range, markup or HTML in

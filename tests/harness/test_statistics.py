@@ -149,6 +149,7 @@ def test_error_of_standard_deviation():
     assert abs(sd - 3.0) < 5 * error
 
 
+@pytest.mark.quick("2-12.706")
 @pytest.mark.parametrize("number, table", [(2, 12.706), (4, 3.182), (32, 2.040)])
 def test_margin_of_few_is_students(number, table):
     """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two)
@@ -199,6 +200,7 @@ SKEWED = np.array([[10.0, 0, 0], [4.0, 9.0, 0], [-3.0, 2.0, 8.0]])
 ALL = (True, True, True)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("cell", [CUBE, SKEWED], ids=["cube", "triclinic"])
 def test_distance_ignores_periodic_images(cell):
     """Locks out distances of a box length between images of one atom."""

@@ -55,6 +55,7 @@ def raises(error):
     return measured
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     "number, side, verdict",
     [

@@ -35,6 +35,13 @@ def test_words(name):
     assert not [words for words in CASES[name].expected if words not in str(caught.value)]
 
 
+@pytest.mark.quick(
+    "atoms lost",
+    "exception of its own",
+    "force that becomes NaN",
+    "keyword that does not exist",
+    "no words at all",
+)
 @pytest.mark.parametrize("name", [name for name in CASES if name not in OF_WORDS])
 def test_ends_on_two_ranks(run_case, tmp_path, name):
     """Locks out a hang, a message per rank, a bare traceback and a silently wrong run,
@@ -50,6 +57,7 @@ def test_variable_that_one_rank_cannot_evaluate(run_case):
     assert run.screen.count("variable body cannot be evaluated") == 1
 
 
+@pytest.mark.quick("library-keyword that does not exist")
 @pytest.mark.parametrize(
     "launcher, name",
     [
@@ -150,6 +158,7 @@ def test_before_the_box(run_lammps, tmp_path):
     assert run.code != 0 and run.screen.count("ERROR") == 1 and "box" in run.screen, run.screen
 
 
+@pytest.mark.quick("delete_atoms group odd")
 @pytest.mark.parametrize(
     "between",
     [

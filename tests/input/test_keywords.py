@@ -30,6 +30,7 @@ FLAT = "fix 9 all enforce2d"
 CUSTOM = "fix 3 all property/atom i_body\nvariable b atom 70-2*mol\nset group all i_body v_b"
 
 
+@pytest.mark.quick("molecule one")
 @pytest.mark.parametrize(
     "words, group, before, ranks",
     [
@@ -173,6 +174,7 @@ UNREADABLE = {
 }
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("name", UNREADABLE)
 def test_unreadable_words(name):
     """Locks out words that are taken for something else, and messages that do not name the word and
@@ -243,6 +245,7 @@ BETWEEN = {
 }
 
 
+@pytest.mark.quick("yes-1-velocities new")
 @pytest.mark.parametrize("between", BETWEEN)
 @pytest.mark.parametrize("reinit, ranks", [("yes", 1), ("no", 2)])
 def test_reinit(simulate, reinit, between, ranks):
@@ -369,6 +372,7 @@ def bodies_of(system, style):
     return "group a molecule 4\ngroup b molecule 8\ngroup c molecule 20", "all", which
 
 
+@pytest.mark.quick("molecule-2")
 @pytest.mark.parametrize("style, ranks", list(zip(BODIES, (2, 1, 4, 1))))
 def test_infile(simulate, style, ranks):
     """Locks out columns that are taken for others, inertia or momentum in another frame, a body
@@ -454,6 +458,7 @@ WRONG_FILES = {
 }
 
 
+@pytest.mark.quick("unknown body")
 @pytest.mark.parametrize("name", WRONG_FILES)
 def test_wrong_infile(run_lammps, tmp_path, name):
     """Locks out a traceback, a message per rank and a silently wrong run, for each wrong file."""
@@ -718,6 +723,7 @@ def test_particles_that_do_not_spin(run_lammps):
     assert "starts colder" not in spins + warmed
 
 
+@pytest.mark.quick
 def test_sphere_in_a_group(run_clumps):
     """Locks out a body style group in which one body is a single sphere and another one a clump."""
     script, data = clumps(points=False)

@@ -148,6 +148,7 @@ def entries(style):
     return {entry.split()[0]: entry for entry in (*command.KEYWORDS, *own)}
 
 
+@pytest.mark.quick
 def test_each_keyword_has_a_row():
     """Locks out a keyword of our fixes that no test knows, and a test of one that is gone."""
     assert {entry for style in STYLES for entry in entries(style).values()} == set(ACTS)
@@ -191,6 +192,7 @@ def answer(style, keyword):
     return said.removeprefix(text).partition(" (in word")[0]
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("style", STYLES)
 def test_keywords_of_other_fixes(style):
     """Locks out a keyword that is answered by a list of others: the message says what to write, and

@@ -33,6 +33,7 @@ from support.systems import (
 # ---- trajectories
 
 
+@pytest.mark.quick("1", "2")
 @pytest.mark.parametrize("ranks", [1, 2, 4])
 def test_water_moves_as_with_rigid_nve(simulate, ranks):
     """Locks out force, torque, exchange between ranks or migration that are off by more than
@@ -46,6 +47,7 @@ def test_water_moves_as_with_rigid_nve(simulate, ranks):
     np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
 
 
+@pytest.mark.quick("cube-1", "plane-1", "triclinic-4")
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("shape", ["cube", "triclinic", "plane"])
 def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
@@ -64,6 +66,7 @@ def test_bodies_move_as_with_rigid_nve(simulate, shape, ranks):
     np.testing.assert_allclose(ours.thermo["Temp"], theirs.thermo["Temp"], rtol=1e-10)
 
 
+@pytest.mark.quick("pair row")
 @pytest.mark.parametrize("kinds", ["solid planar pair row single", "solid", "pair row"])
 def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
     """Locks out a splitting with the class's own order of axes, or a linear rotor, that solves
@@ -78,6 +81,7 @@ def test_difference_from_rigid_nve_is_of_second_order(simulate, kinds):
     assert fine < 1e-4
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("order, turns", [("", (0, 1, 2, 1, 0)), ("order 123", (2, 1, 0, 1, 2))])
 def test_order_of_axes(simulate, order, turns):
     """Locks out moments numbered otherwise than I_1 >= I_2 >= I_3, and another order of turns than
@@ -110,6 +114,7 @@ def test_order_of_axes(simulate, order, turns):
         assert np.abs(delta).max() < 1e-12, f"body {body}"
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     "words, group, before",
     [
@@ -150,6 +155,7 @@ def test_mrot(simulate):
 # ---- start
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_start_velocities(simulate, ranks):
     """Locks out a projection that changes a body's linear or angular momentum, leaves motion that
@@ -294,6 +300,7 @@ def test_body_of_scattered_molecules(simulate, ranks):
 KINDS = "solid planar pair row single"
 
 
+@pytest.mark.quick("3-1")
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_temperature_of_a_mixture(simulate, dimension, ranks):
@@ -330,6 +337,7 @@ def test_pressure_in_the_limit_of_small_steps(simulate, kinds):
     assert size[1] < 0.02
 
 
+@pytest.mark.quick("3-1")
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_pressure_at_step_0(simulate, dimension, ranks):
@@ -388,6 +396,7 @@ def test_pressure_of_made_velocities_is_the_molecular_one(run_lammps, tmp_path, 
         assert abs(thermo["Press"] - terms.sum()) < 1e-12 * np.abs(terms).max(), dt
 
 
+@pytest.mark.quick("0.3-2")
 @pytest.mark.parametrize("tilt, ranks", [(0.0, 1), (0.3, 2)])
 def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
     """Locks out a virial with absolute positions in it,
@@ -408,6 +417,7 @@ def test_pressure_does_not_depend_on_place(simulate, tilt, ranks):
 # ---- migration
 
 
+@pytest.mark.quick("(1, 2, 1)")
 @pytest.mark.parametrize("grid", [(8, 1, 1), (2, 2, 1), (1, 2, 1)], ids=str)
 def test_migration(simulate, grid):
     """Locks out state that does not follow atoms, copies of a body that come apart, and a limit on

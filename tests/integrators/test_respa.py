@@ -48,6 +48,7 @@ def atoms_of_rows(system):
     return [first + 3 * k + j for k in range(count) for j in (0, 1)]
 
 
+@pytest.mark.quick("one level")
 @pytest.mark.parametrize(
     "style, ranks",
     [

@@ -59,6 +59,7 @@ def scaled(monkeypatch):
     return make
 
 
+@pytest.mark.quick("real", "si")
 @pytest.mark.parametrize("style", STYLES)
 def test_motion_is_that_of_lj_units(simulate, scaled, style):
     """Locks out absolute thresholds, which stop small bodies in si, cgs, micro and nano, and
@@ -83,6 +84,7 @@ def test_motion_is_that_of_lj_units(simulate, scaled, style):
     )
 
 
+@pytest.mark.quick("lj", "metal", "real")
 @pytest.mark.parametrize("style", ["lj", *STYLES])
 def test_motion_is_that_of_rigid_nve(simulate, scaled, style):
     """Locks out a constant that is wrong in the same way in all unit styles, or degrees of freedom

@@ -74,6 +74,7 @@ def test_what_needs_more_changes_nothing(simulate, more):
     assert apart(alone, with_fix, system.h) < 1e-12
 
 
+@pytest.mark.quick
 def test_readers_find_velocities(run_lammps, tmp_path):
     """Locks out velocities of an earlier step, or of the half step, where a fix, a dump, a variable
     or a command reads the atoms' at a step without thermo output: all find what a run with output

@@ -264,6 +264,7 @@ def test_cells(loops):
     assert cells["x"].array.tolist() == [2.0, 3.0, 4.0]
 
 
+@pytest.mark.quick
 def test_a_loop_computes_what_python_computes(loops):
     """Locks out: arguments that arrive in the wrong place,
     constants and inlined functions that are not those of the source."""
@@ -314,6 +315,7 @@ class Points(NamedTuple):
 X, INDEX, RESULT = np.ones((4, 3)), np.arange(4, dtype=np.int32), np.ones(4)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("name", "arguments", "message"),
     [
@@ -615,6 +617,7 @@ print("compilers:", sorted({COMPILERS} & set(sys.modules)))
 """
 
 
+@pytest.mark.quick
 def test_later_runs_do_without_numba(run_lammps):
     """Locks out: anything of the package that imports numba when its loops are there."""
     run_lammps(SCRIPT)

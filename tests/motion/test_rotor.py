@@ -63,6 +63,7 @@ def exact(q, p, moments, time):
     return y[:4], 2.0 * S(y[:4]) @ [0, *y[4:]]
 
 
+@pytest.mark.quick
 def test_reference_matrices():
     """Locks out a reference that errs with the code: S(q) is orthogonal, and its columns turn as
     quaternions 1, i, j, k do."""
@@ -72,6 +73,7 @@ def test_reference_matrices():
         np.testing.assert_array_equal(P[k] @ q, product(q, np.eye(4)[:, k : k + 1]))
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("mrot", [1, 3])
 @pytest.mark.parametrize("dt", [1e-3, 0.3, -0.3])
 def test_equals_the_paper(dt, mrot):
@@ -87,6 +89,7 @@ def test_equals_the_paper(dt, mrot):
         assert error.max() < 12 * mrot * np.finfo(float).eps  # the paper's formulas round too
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("axis", [1, 2, 3])
 @pytest.mark.parametrize("small", [True, False])
 def test_each_rotation_to_four_ulp(axis, small):
@@ -143,6 +146,7 @@ def test_fast_bodies_among_slow_ones():
                 assert changed[~fast].max() < 20 * np.finfo(float).eps
 
 
+@pytest.mark.quick
 def test_kinds_side_by_side():
     """Locks out a body that is turned by the rotor of another kind, or with another body's moments,
     where kinds stand side by side in blocks that are not full: each moves as it does alone."""

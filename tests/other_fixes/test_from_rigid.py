@@ -113,6 +113,7 @@ def test_fix_modify_that_is_refused(refused, system, words, line):
     refused(script, says, system.files)
 
 
+@pytest.mark.quick("fix-1")
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("how", ["fix", "keyword", "behind", "variable behind"])
 def test_gravity(both, how, ranks):

@@ -301,6 +301,7 @@ def test_velocity_scale(run_all, ranks):
 DRIFTING = "velocity all set 0.5 0.3 -0.2 sum yes"
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_velocities_changed_by_fixes(run_all, ranks):
     """Locks out bodies that go on as before when a fix has changed their atoms' velocities

@@ -267,6 +267,7 @@ def test_python_of_lammps(tmp_path, run_ice):
     assert refused.code and said in refused.screen, refused.screen
 
 
+@pytest.mark.quick
 def test_another_update(tmp_path, run_ice):
     """Locks out a plugin in another update of the version that it was compiled for: LAMMPS tells it
     the same number, and has its objects otherwise in memory. And a command for it that installs the

@@ -61,6 +61,7 @@ def advised(run):
     return "\n".join(re.findall(r"^    ((?:compute_modify|fix) .*)$", run.log, re.M))
 
 
+@pytest.mark.quick
 def test_trajectory(run_water):
     """Locks out a class that works only with the plugin,
     and copies of a body that drift apart between ranks."""
@@ -88,6 +89,7 @@ def test_temperature_and_pressure(run_water, ranks):
         np.testing.assert_allclose(own[name], plugin[name], rtol=0, atol=1e-5 * scale, err_msg=name)
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_runs_in_a_row(run_water, ranks):
     """Locks out a second run that starts from the first one's velocities, forces or indices, and
@@ -148,6 +150,7 @@ LATER = (
 FOUND_LATER = {"box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT")}
 
 
+@pytest.mark.quick("no words at all")
 @pytest.mark.parametrize("name", IN_IMPORT + LATER)
 def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     """Locks out the hang of LAMMPS's own fix, where one rank fails and waits for the others,

@@ -97,6 +97,7 @@ def assert_stopped(run, text, proc=None):
         assert errors[0].startswith(f"ERROR on proc {proc}: "), errors[0]
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("launcher, ranks", [("lmp", 2), ("module", 1), ("library", 2)])
 def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
     """Locks out hooks that are not called, are called at the wrong moment, or see stale arrays
@@ -129,6 +130,7 @@ def test_script_from_standard_input(tmp_path, run_lammps):
 RANK = "import os\nrank = int(os.environ['PMI_RANK'])\n"
 
 
+@pytest.mark.quick("init-lmp")
 @pytest.mark.parametrize(
     "where, launcher",
     [
@@ -159,6 +161,7 @@ def test_error_on_one_rank_ends_all(run_mover, launcher, where):
     assert "line" in run.screen and "in " + where in run.screen, "no traceback on standard error"
 
 
+@pytest.mark.quick("initial_integrate-lmp")
 @pytest.mark.parametrize(
     "where, launcher",
     [("__init__", "lmp"), ("init", "module"), ("initial_integrate", "lmp")],
@@ -249,6 +252,7 @@ def test_respa_without_methods(run_lammps):
     assert_stopped(run, "no methods for run_style respa")
 
 
+@pytest.mark.quick
 def test_library_user_gets_an_exception(tmp_path):
     """Locks out a whole Python session killed by a failing class on one rank, and callbacks of a
     LAMMPS object that outlives the interpreter."""
@@ -471,6 +475,7 @@ def with_columns(script, columns, before=""):
     return head + rest
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_values_for_thermo(run_lammps, tmp_path, ranks):
     """Locks out a scalar, vector or array that LAMMPS mistakes in index, size or extensivity,

@@ -244,6 +244,7 @@ def test_piston_from_rest(on, ranks):
 ZERO = "velocity all zero {} rigid 1\nrun 0\n"
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize("words", ["", "reinit no"])
 @pytest.mark.parametrize("motion", ["linear", "angular"])
 @pytest.mark.parametrize("ranks", [1, 2])

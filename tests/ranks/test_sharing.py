@@ -156,6 +156,7 @@ def check_agree(world):
 CHECKS = {name: check for name, check in globals().items() if name.startswith("check_")}
 
 
+@pytest.mark.quick("2", "4")
 @pytest.mark.parametrize("ranks", [2, 4, 8])
 def test_ranks(ranks):
     """Locks out parts added in another order on another rank (copies of a body that differ in the
@@ -176,6 +177,7 @@ def test_ranks(ranks):
         assert done.stdout.count(name) == ranks, f"{name} did not pass on all ranks:\n{done.stdout}"
 
 
+@pytest.mark.quick
 def test_one_rank_needs_no_mpi4py(run_lammps):
     """Locks out an import of mpi4py, and so an MPI call of ours, in a run on one rank.
     (By lmp: under Python, LAMMPS's own module imports mpi4py.)"""

@@ -64,6 +64,7 @@ WAYS = {
 }
 
 
+@pytest.mark.quick("cg")
 @pytest.mark.parametrize("way", WAYS)
 def test_dimer(run_lammps, tmp_path, way):
     """Locks out a state that is called relaxed and is no minimum: two waters come to the energy
@@ -276,6 +277,7 @@ def test_run_after_minimize(run_lammps, tmp_path):
     np.testing.assert_allclose(x, y, rtol=0, atol=1e-12)
 
 
+@pytest.mark.quick
 def test_minimize_with_components_off(run_lammps, tmp_path):
     """Locks out bodies that minimize moves where force and torque do not act on them."""
     system = mixture("solid planar", side=2, spacing=2.2)
@@ -331,6 +333,7 @@ def test_minimize_before_the_fix(run_lammps, tmp_path):
     assert (tmp_path / "one").read_text() == (tmp_path / "two").read_text()
 
 
+@pytest.mark.quick
 def test_unchanged_script_with_minimize(run_lammps, tmp_path):
     """Locks out bodies that minimize behind LAMMPS's rigid fix bends with the suffix, too."""
     system = mixture("solid planar", side=2, spacing=2.2)

@@ -66,6 +66,7 @@ def compare_rotation(row, system, mine, x, v, f):
     np.testing.assert_allclose(q @ q, 1, rtol=1e-12)
 
 
+@pytest.mark.quick
 def test_values(simulate, tmp_path):
     """Locks out a centre in the wrong image, velocities of the half step, forces of another step,
     vectors in another frame, a quaternion turned the other way, units left out: each from
@@ -153,6 +154,7 @@ def test_orientation_goes_on(simulate, tmp_path):
     )
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
     """Locks out rows that are missing, twice or in another order,

@@ -61,6 +61,7 @@ SYSTEMS = {
 }
 
 
+@pytest.mark.quick("cube")
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_continued(run_on, tops, name):
     """Locks out a restart that goes on otherwise than the run that wrote it: other image flags,

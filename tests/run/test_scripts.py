@@ -399,6 +399,7 @@ rerun         frames dump x y z ix iy iz vx vy vz box yes
 """
 
 
+@pytest.mark.quick("2")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_rerun(run_lammps, ranks):
     """Locks out a rerun that the fix ends, because the snapshots are not where it would have put
@@ -436,6 +437,7 @@ rerun         frames dump x y z box yes
 """
 
 
+@pytest.mark.quick("1")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_rerun_of_rounded_places(run_lammps, tmp_path, ranks):
     """Locks out a rerun whose forces are those of other places than the file has: bodies do not

@@ -83,6 +83,7 @@ def disagreements(cases=300):
             yield best, places
 
 
+@pytest.mark.quick
 def test_choice_is_that_of_a_search():
     """Locks out a choice that is not the fastest, forgets a measure, or names wrong ties or
     doubts."""

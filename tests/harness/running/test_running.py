@@ -84,6 +84,7 @@ def test_results_of_a_run_that_was_ended_as_it_wrote(tmp_path):
         assert values.tolist() == [[[1, 2.5], [2, -12.25]]] * count
 
 
+@pytest.mark.quick
 def test_thermo_table():
     """Locks out the step printed by both of two runs counted twice, and warnings read as rows."""
     table = lammps_log.thermo(LOG)
@@ -250,6 +251,7 @@ def test_a_hung_run_is_given_up_with_all_its_ranks(scene, tmp_path):
     assert marker not in left, "a rank outlived its run"
 
 
+@pytest.mark.quick
 @pytest.mark.timeout(60)
 def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     """Locks out a rank killed by the system that takes the comparison with it."""
@@ -261,6 +263,7 @@ def test_a_crash_is_a_result(scene, tmp_path, monkeypatch):
     assert "signal 9" in result.error or "exit code 9" in result.error
 
 
+@pytest.mark.quick
 def test_help_is_instant():
     """Locks out heavy imports before the command line is read."""
     code = (

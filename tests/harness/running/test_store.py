@@ -36,6 +36,7 @@ def counted(found):
     return lambda: calls.append(1) or found, calls
 
 
+@pytest.mark.quick
 def test_made_once(tmp_path):
     """Locks out work that is done again, and a record that is taken for another's."""
     make, calls = counted({"value": 1.5})
@@ -51,6 +52,7 @@ def test_made_once(tmp_path):
     assert len(calls) == 3
 
 
+@pytest.mark.quick
 def test_origin_is_all_that_counts(tmp_path, monkeypatch):
     """Locks out a record that stays though a file, a version or the package is another."""
     file = tmp_path / "input"
@@ -67,6 +69,7 @@ def test_origin_is_all_that_counts(tmp_path, monkeypatch):
         Store(tmp_path).origin(object())
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("name", "counts"),
     [
