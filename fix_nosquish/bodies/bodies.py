@@ -30,7 +30,7 @@ from ..ranks import migration
 from ..ranks.communicator import ALONE, Alone
 from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
 from ..ranks.sharing import Sharers, places
-from .membership import FLEXIBLE, Former, Membership
+from .membership import FLEXIBLE, Membership, PreviousBodies
 from .particles import Particles
 
 OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
@@ -59,17 +59,17 @@ MASS, MOMENT, X, V, Q, P, WRENCH, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID = (
 )
 
 
-class Start(NamedTuple):
+class StartDiagnosis(NamedTuple):
     """What is known of the start of a run: its step, and what `log.forces_at_start` says."""
 
     step: int = 0
-    cause: str = ""
-    remedy: str = ""
+    diagnosis: str = ""
+    advice: str = ""
     spacing: float = np.inf
 
     def explains(self, step: int) -> bool:
         """Whether what fails at this step follows from the forces of the start."""
-        return bool(self.cause) and step <= self.step + _SOON
+        return bool(self.diagnosis) and step <= self.step + _SOON
 
 
 class _View:
@@ -101,16 +101,16 @@ class Bodies:
             box vectors the body is away.
         q, p: (4, n).
         wrench: (6, n) force and torque in the space frame, which sharing ranks exchange, whether
-            they act or are switched off: see `acting`.
+            they act or are switched off: see `acting_wrench`.
         force, torque: (3, n), the two parts of it.
         index, displace: this rank's atoms as the loops take them; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its ID.
         sharers: the `Sharers` of these bodies.
         start: what is known of the start of the run.
-        suspects: part of the message for an atom that was moved: which other fixes may have done
-            that.
-        taker: a weak method that takes external forces: see `add_force`.
-        loose: whether atoms may be away from where their bodies have them.
+        possible_causes: part of the message for an atom that was moved: other fixes that may have
+            done it.
+        force_receiver: a weak method that takes external forces: see `add_force`.
+        tolerates_shifts: whether atoms may be away from where their bodies have them.
         planar: whether bodies turn in the xy plane only, about their axis 3.
         chosen: `block.Kinds.own_moments`.
         spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
@@ -125,7 +125,7 @@ class Bodies:
         communicator: the `Communicator` or `ALONE`.
     """
 
-    taker: WeakMethod
+    force_receiver: WeakMethod
 
     def __init__(
         self,
@@ -140,7 +140,8 @@ class Bodies:
         chosen: int = 0,
     ) -> None:
         self.planar, self.spin, self.oriented = planar, spin, oriented
-        self.chosen, self.start, self.loose, self.suspects = chosen, Start(), False, ""
+        self.chosen, self.start = chosen, StartDiagnosis()
+        self.tolerates_shifts, self.possible_causes = False, ""
         self._communicator = communicator
         self._box: Box | None = None
         self._memory = Memory("bodies", migration.BodyRows)
@@ -160,7 +161,7 @@ class Bodies:
             "found": np.zeros(len(migration.FOUND)),
             "off": np.zeros(2),
             "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
-            **dict.fromkeys(PeriodicBox._fields),  # see `know_box`
+            **dict.fromkeys(PeriodicBox._fields),  # see `update_box`
         }
         kinds = migration.follow.kinds
         self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.empty((6, 0)))}
@@ -175,7 +176,7 @@ class Bodies:
     )
 
     @property
-    def acting(self) -> np.ndarray:
+    def acting_wrench(self) -> np.ndarray:
         """(6, n) the wrench that moves the bodies, without what keywords switch off; see
         `block.hold`."""
         mask = self.cells["mask"].array
@@ -197,7 +198,7 @@ class Bodies:
     def tag(self) -> np.ndarray:
         return self.displace[3].astype(np.int64)
 
-    def take_tags(self, lammps: Lammps) -> None:
+    def update_tags(self, lammps: Lammps) -> None:
         """Know the atoms by the IDs that they have now."""
         self.displace[3] = lammps.tags[self.index]
 
@@ -240,7 +241,7 @@ class Bodies:
         Raises:
             RunError: on all ranks, if atoms are where this fix has not put them.
         """
-        self.know_box(lammps.box)
+        self.update_box(lammps.box)
         problem = self.following()
         if problem == migration.OFF:
             self._refuse_off()
@@ -280,7 +281,7 @@ class Bodies:
         Raises:
             RunError: as `follow`.
         """
-        self.know_box(lammps.box)
+        self.update_box(lammps.box)
         if self._settle():
             self._refuse_off()
 
@@ -307,8 +308,8 @@ class Bodies:
         for name, values in kept.items():
             self._memory.put(name, values)
 
-    def of_atoms(self, lammps: Lammps, followed: bool = True) -> Former:
-        """What each of LAMMPS's atoms here is in these bodies; see `Former`."""
+    def as_previous(self, lammps: Lammps, followed: bool = True) -> PreviousBodies:
+        """What each of LAMMPS's atoms here is in these bodies; see `PreviousBodies`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
@@ -316,18 +317,19 @@ class Bodies:
         rows[here] = self.rows_of_atoms(places(origins[here]))
         rows[came] = arrived[-2 - origins[came]]
         state, displace = np.split(rows.T[OF_BODY:], [len(self.state)])
-        return Former(here | came, state[block.NATOMS], state[Q], displace, followed)
+        return PreviousBodies(here | came, state[block.NATOMS], state[Q], displace, followed)
 
     def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
         """What goes with these atoms to other ranks, but for their origins: a row of each."""
         body, displace = self.body[which], self.displace[:, which]
         return np.vstack([np.zeros((OF_BODY, len(body))), self.state[:, body], displace]).T.copy()
 
-    def know_box(self, box: Box) -> None:
+    def update_box(self, box: Box) -> None:
         """Have the cells of the box as this one is, if it is another one than before."""
         if box is not self._box:
             self._box = box
-            near = np.inf if self.loose else OFF_BODY * box.size + 8 * np.spacing(box.farthest)
+            near = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
+            near = np.inf if self.tolerates_shifts else near
             known = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
             for name, value in known.items():
                 self.cells[name].set(copy(value))  # a barostat changes what loops have
@@ -340,9 +342,9 @@ class Bodies:
             np.array([not far <= self.cells["near"].number]),
             lambda _: (
                 f"atom {self.tag[int(atom)]} is {far:.3g} away from where its rigid body has it: "
-                f"something else moved it{self.suspects}. Let no other fix integrate atoms of the "
-                "bodies, and change positions between runs only, with 'run N pre yes' after it, "
-                "and without reinit no or infile, which keep the bodies of the last run"
+                f"something else moved it{self.possible_causes}. Let no other fix integrate atoms "
+                "of the bodies, and change positions between runs only, with 'run N pre yes' after "
+                "it, and without reinit no or infile, which keep the bodies of the last run"
             ),
         )
 
@@ -369,7 +371,7 @@ class Bodies:
                 are not finite or of another shape, if ranks hand in different ones, and in a run
                 that began without external forces.
         """
-        take = self.taker()
+        take = self.force_receiver()
         if take is None:  # nobody holds the integrator any more
             raise RunError(
                 "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
@@ -425,10 +427,10 @@ class Bodies:
             self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=turns
         )
 
-    def turning_torque(self) -> np.ndarray:
+    def principal_torque(self) -> np.ndarray:
         """Torque that acts, principal frame, (3, n); zero about an axis without moment, where it
         turns nothing."""
-        torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.acting[3:]))
+        torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.acting_wrench[3:]))
         return torque * (self.moment > 0)
 
     @property
@@ -456,7 +458,7 @@ class Bodies:
         if move < 0.5 * start.spacing and turn < 1.0:
             return "", ""
         if start.explains(lammps.step):
-            return start.cause, start.remedy
+            return start.diagnosis, start.advice
         cause = f"a body moves by {move:.3g} and turns by {turn:.2g} rad in it"
         return f"the time step is too long: {cause}", "use a shorter one, or a better start"
 

@@ -13,10 +13,11 @@ from ..motion.frames import matrices, quaternions
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
 from .members import Members, find_members, sharers_of
-from .membership import FLEXIBLE, OUT, Former, Membership
+from .membership import FLEXIBLE, OUT, Membership, PreviousBodies
 from .particles import Particles, particles_of
 from .principal import moments_and_axes
-from .unfold import Unfolded, unfold
+from .shapes import ShapeCorrection
+from .unwrap import UnwrappedPositions, unwrap
 
 TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
 _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
@@ -25,7 +26,7 @@ _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 _BESIDE = 1e-2
 
 
-class Given(NamedTuple):
+class Prescribed(NamedTuple):
     """What is known of some of this rank's bodies besides their atoms: from an infile, or from a
     molecule template.
 
@@ -48,11 +49,11 @@ class Given(NamedTuple):
     warnings: list[str]
 
 
-def nothing(unfolded: Unfolded) -> Given:
-    """`Given` of no body."""
-    which = np.zeros(len(unfolded.members.ids), bool)
+def nothing(unwrapped: UnwrappedPositions) -> Prescribed:
+    """`Prescribed` of no body."""
+    which = np.zeros(len(unwrapped.members.ids), bool)
     none = np.empty((6, 0))
-    return Given(
+    return Prescribed(
         which, np.empty(0, np.int64), none[0], none[:3], np.empty((0, 3, 3)), none, warnings=[]
     )
 
@@ -64,7 +65,7 @@ class Recipe(NamedTuple):
         membership: which atoms form which body.
         shapes: see `hosts.Host.shapes`.
         oriented: whether atoms of this atom style can have an orientation.
-        find_given: finds what is known of bodies besides their atoms; collective.
+        find_prescribed: finds what is known of bodies besides their atoms; collective.
         own_rows: rows of zeros in the bodies' state, behind those that `block` names.
         keeps_shapes: whether bodies keep the shapes that they had.
     """
@@ -72,13 +73,13 @@ class Recipe(NamedTuple):
     membership: Membership
     shapes: np.ndarray | None
     oriented: bool
-    find_given: Callable[[Unfolded], Given] = nothing
+    find_prescribed: Callable[[UnwrappedPositions], Prescribed] = nothing
     own_rows: int = 0
     keeps_shapes: bool = False
 
 
 @dataclass
-class Notes:
+class BuildReport:
     """What there is to say of bodies that were made, the same on all ranks.
 
     Attributes:
@@ -87,7 +88,7 @@ class Notes:
         rebuilt: number of bodies that the nearest images put together.
         stray: number of atoms that no molecule-ID puts in a body.
         still: whether atoms that have moments of their own do not rotate.
-        given: IDs of bodies of which more is known than their atoms.
+        prescribed_ids: IDs of the bodies with `Prescribed` properties, on all ranks.
         warnings: lines for the log.
     """
 
@@ -96,7 +97,7 @@ class Notes:
     rebuilt: int
     stray: int
     still: bool
-    given: np.ndarray
+    prescribed_ids: np.ndarray
     warnings: list[str]
 
 
@@ -104,18 +105,20 @@ class Built(NamedTuple):
     """What `build` makes: bodies, what there is to say of them, how their shapes were kept."""
 
     bodies: Bodies
-    notes: Notes
-    kept: shapes.Kept
+    notes: BuildReport
+    kept: ShapeCorrection
 
 
-def build(recipe: Recipe, former: Former | None = None, atoms: np.ndarray | None = None) -> Built:
+def build(
+    recipe: Recipe, previous: PreviousBodies | None = None, atoms: np.ndarray | None = None
+) -> Built:
     """Make the bodies from LAMMPS's atoms as they are; collective.
 
     Their q and p are those of the rigid motion that has the linear and angular momentum of the
     atoms' velocities.
 
     Args:
-        former: what LAMMPS's atoms were in bodies; None if they were in none.
+        previous: what LAMMPS's atoms were in bodies; None if they were in none.
         atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
             membership names.
     Raises:
@@ -123,42 +126,42 @@ def build(recipe: Recipe, former: Former | None = None, atoms: np.ndarray | None
     """
     membership, lammps = recipe.membership, recipe.membership.lammps
     members = find_members(membership, recipe.shapes, recipe.oriented, atoms)
-    unfolded = unfold(members)
-    given = recipe.find_given(unfolded)
-    mass, centre = members.mass.copy(), unfolded.centre.copy()
-    mass[given.which], centre[:, given.which] = given.mass, given.centre
+    unwrapped = unwrap(members)
+    prescribed = recipe.find_prescribed(unwrapped)
+    mass, centre = members.mass.copy(), unwrapped.centre.copy()
+    mass[prescribed.which], centre[:, prescribed.which] = prescribed.mass, prescribed.centre
     members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
-    kept = shapes.Kept(members, unfolded.delta - centre[:, members.body].T)
-    if former is not None and recipe.keeps_shapes:
-        kept = shapes.keep(members, former, kept.r)
+    kept = ShapeCorrection(members, unwrapped.delta - centre[:, members.body].T)
+    if previous is not None and recipe.keeps_shapes:
+        kept = shapes.keep(members, previous, kept.r)
     members = kept.members
     inertia = members.inertia(members.atom_mass, kept.r)
-    _refuse_points(members, inertia, given)
+    _refuse_points(members, inertia, prescribed)
     inertia = inertia.transpose(2, 0, 1)
-    inertia[given.which] = given.inertia
+    inertia[prescribed.which] = prescribed.inertia
     moment, axes = moments_and_axes(members, inertia, kept.r)
-    across = _beside_lines(kept, moment, axes, given)
+    across = _beside_lines(kept, moment, axes, prescribed)
     chosen, slowness = _chosen(kept, mass, moment, axes)
 
     state = np.concatenate([np.zeros((ROWS + recipe.own_rows, len(mass))), slowness])
     state[MASS], state[NATOMS], state[MOMENT] = mass, members.natoms, chosen
     state[HOME], state[ID] = members.sharers.home, members.ids
-    state[X], state[IMAGE], state[Q] = unfolded.place + centre, unfolded.image, quaternions(axes)
+    state[X], state[IMAGE], state[Q] = unwrapped.place + centre, unwrapped.image, quaternions(axes)
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~members.owned] = 0.0
     members.sharers.combine(state)
     bodies = _with_atoms(state, kept, recipe, ROWS + recipe.own_rows if len(slowness) else 0)
     # the bodies have these atoms in another order
     particles = particles_of(lammps, recipe.shapes, bodies.index) if bodies.spin else None
-    places = np.argsort(bodies.id)[given.which]
-    bodies.take_velocities(lammps, particles, places, given.momenta)
+    places = np.argsort(bodies.id)[prescribed.which]
+    bodies.take_velocities(lammps, particles, places, prescribed.momenta)
     _refuse_small_moments(membership, chosen[2 * bodies.planar :])
-    notes = _notes(bodies, unfolded, particles, given)
+    notes = _notes(bodies, unwrapped, particles, prescribed)
     notes.warnings += across
     return Built(bodies, notes, kept)
 
 
-def _refuse_points(members: Members, inertia: np.ndarray, given: Given) -> None:
+def _refuse_points(members: Members, inertia: np.ndarray, prescribed: Prescribed) -> None:
     """End the run if the mass of several atoms is at one point, and nothing else says what they
     are; collective.
 
@@ -169,7 +172,7 @@ def _refuse_points(members: Members, inertia: np.ndarray, given: Given) -> None:
     size = np.sqrt(np.trace(inertia) / members.mass)
     point = ~(size > _SAME_PLACE * np.abs(members.lammps.box.h).max())
     members.refuse(
-        (natoms > 1) & point & ~given.which,
+        (natoms > 1) & point & ~prescribed.which,
         lambda k: (
             f"has the mass of its {natoms[k]:.0f} atoms at one point, so it has no moment of "
             "inertia: move them apart, give those that are elsewhere a mass, or leave them out of "
@@ -179,21 +182,21 @@ def _refuse_points(members: Members, inertia: np.ndarray, given: Given) -> None:
 
 
 def _beside_lines(
-    kept: shapes.Kept, moment: np.ndarray, axes: np.ndarray, given: Given
+    kept: ShapeCorrection, moment: np.ndarray, axes: np.ndarray, prescribed: Prescribed
 ) -> list[str]:
     """End the run if an atom beside the line of a linear body may have a torque about it, for which
     the body has no moment of inertia; collective.
 
     Args:
         moment (3, n), axes (n, 3, 3): see `principal.moments_and_axes`.
-        given: bodies whose moments were given are as the user wants them.
+        prescribed: bodies whose moments were given are as the user wants them.
     Returns:
         a line for the log if dipoles are across such a line, on any rank.
     Raises:
         RunError: on all ranks.
     """
     members, communicator = kept.members, kept.members.communicator
-    linear = (moment[2] == 0) & (moment[0] > 0) & ~given.which
+    linear = (moment[2] == 0) & (moment[0] > 0) & ~prescribed.which
     if members.lammps.dimension == 2 or not communicator.any(linear.any()):
         return []
     here, line = linear[members.body], axes[members.body, :, 2]
@@ -254,7 +257,7 @@ def _refuse_small_moments(membership: Membership, moment: np.ndarray) -> None:
 
 
 def _chosen(
-    kept: shapes.Kept, mass: np.ndarray, moment: np.ndarray, axes: np.ndarray
+    kept: ShapeCorrection, mass: np.ndarray, moment: np.ndarray, axes: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The moments that bodies have instead of those of their atoms; see `Command.moments`.
 
@@ -293,35 +296,40 @@ def count(membership: Membership) -> int | None:
     return membership.communicator.count(owned.sum()) or None
 
 
-def _notes(bodies: Bodies, unfolded: Unfolded, particles: Particles | None, given: Given) -> Notes:
+def _notes(
+    bodies: Bodies,
+    unwrapped: UnwrappedPositions,
+    particles: Particles | None,
+    prescribed: Prescribed,
+) -> BuildReport:
     """What there is to say of bodies as they were made; collective.
 
     Args:
         particles: what their atoms are, in the bodies' order; None if all are points.
     """
-    members, owned = unfolded.members, bodies.sharers.owned
+    members, owned = unwrapped.members, bodies.sharers.owned
     lammps, style = members.lammps, members.membership.command.style
     own = np.zeros(1) if particles is None else particles.kinetic()
     finite = 0 if particles is None else np.count_nonzero(particles.moment.any(axis=0))
     zero = owned & (bodies.id == 0) & (style == "molecule")
     before = bodies.kinetic_of_atoms(lammps).sum() + own.sum()
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
-    rebuilt = unfolded.rebuilt[members.owned].sum()
+    rebuilt = unwrapped.rebuilt[members.owned].sum()
     before, after, rebuilt, stray, spinning, finite = members.communicator.total(
         np.array([before, after, rebuilt, stray, own.sum(), finite])
     )
-    return Notes(
+    return BuildReport(
         kinetic=lammps.mvv2e * before,
         removed=lammps.mvv2e * (before - after),
         rebuilt=round(rebuilt),
         stray=round(stray),
         still=finite > 0 and spinning == 0,
-        given=given.ids,
-        warnings=unfolded.warnings + given.warnings,
+        prescribed_ids=prescribed.ids,
+        warnings=unwrapped.warnings + prescribed.warnings,
     )
 
 
-def _with_atoms(state: np.ndarray, kept: shapes.Kept, recipe: Recipe, chosen: int) -> Bodies:
+def _with_atoms(state: np.ndarray, kept: ShapeCorrection, recipe: Recipe, chosen: int) -> Bodies:
     """The `Bodies` of this state and these atoms; collective.
 
     Args:

@@ -18,26 +18,26 @@ import numpy as np
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 from .bodies import Bodies
-from .build import Given
+from .build import Prescribed
 from .membership import FLEXIBLE, Membership
-from .unfold import Unfolded
+from .unwrap import UnwrappedPositions
 
 _COLUMNS = 20
 _OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
 _OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
 
 
-def read(path: str, counts: bool, unfolded: Unfolded) -> Given:
+def read(path: str, counts: bool, unwrapped: UnwrappedPositions) -> Prescribed:
     """Read the file; collective.
 
     Args:
         counts: whether its IDs count from 1 for the smallest of the bodies.
-        unfolded: this rank's bodies, of their atoms.
+        unwrapped: this rank's bodies, of their atoms.
     Raises:
         RunError: on all ranks, if the file cannot be read, or names a body that is not there, or
             one twice, or has one far from its atoms.
     """
-    members = unfolded.members
+    members = unwrapped.members
     lammps, communicator, ids = members.lammps, members.communicator, members.ids
     rows, problem = np.empty((0, _COLUMNS)), None
     if communicator.rank == 0:
@@ -56,18 +56,18 @@ def read(path: str, counts: bool, unfolded: Unfolded) -> Given:
     rows = rows[np.argsort(named)][np.isin(np.sort(named), ids)]
     which = np.isin(ids, named)
     mass, image = rows[:, 1], rows[:, 17:20].T.astype(np.int64)
-    shift = lammps.image_difference(image - unfolded.image[:, which].astype(np.int64))
-    centre = rows[:, 2:5].T - unfolded.place[:, which] + lammps.box.h @ shift
-    off = np.zeros_like(unfolded.centre)
-    off[:, which] = centre - unfolded.centre[:, which]
-    return Given(
+    shift = lammps.image_difference(image - unwrapped.image[:, which].astype(np.int64))
+    centre = rows[:, 2:5].T - unwrapped.place[:, which] + lammps.box.h @ shift
+    off = np.zeros_like(unwrapped.centre)
+    off[:, which] = centre - unwrapped.centre[:, which]
+    return Prescribed(
         which=which,
         ids=named,
         mass=mass,
         centre=centre,
         inertia=_tensors(rows),
         momenta=np.concatenate([mass * rows[:, 11:14].T, rows[:, 14:17].T]),
-        warnings=_off_centre(unfolded, off),
+        warnings=_off_centre(unwrapped, off),
     )
 
 
@@ -78,14 +78,14 @@ def _offset(counts: bool, ids: np.ndarray, communicator: Alone) -> int:
     return int(communicator.gather_to_all(ids[ids < FLEXIBLE]).min(initial=FLEXIBLE)) - 1
 
 
-def _off_centre(unfolded: Unfolded, off: np.ndarray) -> list[str]:
+def _off_centre(unwrapped: UnwrappedPositions, off: np.ndarray) -> list[str]:
     """Warnings of bodies whose centres the file has far from their atoms, by `off` (3, n);
     collective.
 
     Raises:
         RunError: on all ranks, where that is more than half the box.
     """
-    members = unfolded.members
+    members = unwrapped.members
     box = members.lammps.box
     far = np.abs(box.inverse @ off) * box.periodic[:, None] > 0.5
     members.refuse(
@@ -95,7 +95,7 @@ def _off_centre(unfolded: Unfolded, off: np.ndarray) -> list[str]:
             "check the image flags there"
         ),
     )
-    trace = np.trace(unfolded.inertia())
+    trace = np.trace(unwrapped.inertia())
     off, radius = np.linalg.norm(off, axis=0), np.sqrt(0.5 * trace / members.mass)  # of gyration
     point = radius < 1e-6 * off  # an atom alone, to rounding
     radius[point] = 0.0

@@ -17,7 +17,7 @@ _UNKNOWN = -(2**60)  # the ID of a body that the rule has not told
 _MOST = 2**26  # rows of 24 bytes in what LAMMPS writes at once
 
 
-class Former(NamedTuple):
+class PreviousBodies(NamedTuple):
     """What LAMMPS's atoms on this rank were in bodies.
 
     Attributes:

@@ -9,7 +9,7 @@ from ..motion.frames import matrices, product, quaternions
 from .bodies import OFF_BODY
 from .extended import DIPOLE, ORIENT, OWN_MOMENT
 from .members import Members
-from .membership import Former
+from .membership import PreviousBodies
 from .particles import Particles
 
 _TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
@@ -19,7 +19,7 @@ _WEAK = 1e-6  # directions that tell less than this part of such a turn are alon
 _MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
-class Kept(NamedTuple):
+class ShapeCorrection(NamedTuple):
     """Bodies with the shapes that they keep, and what that changes; by default nothing.
 
     Attributes:
@@ -41,7 +41,7 @@ class Kept(NamedTuple):
     new: bool = True
 
 
-def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
+def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorrection:
     """Give bodies that something has deformed since the last run their shape again; collective.
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
@@ -51,14 +51,14 @@ def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
     turned about that line: the particles' orientations, as they are now, do.
 
     Args:
-        former: what LAMMPS's atoms were in bodies.
+        previous: what LAMMPS's atoms were in bodies.
         r: (m, 3) the atoms' places from their body's centre of mass, space frame.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
     communicator, atoms, body = members.communicator, members.atoms, members.body
-    columns = former.displace[:, atoms]
-    same = _of_the_same_atoms(members, former)
+    columns = previous.displace[:, atoms]
+    same = _of_the_same_atoms(members, previous)
     new = communicator.any(not same.all())
     weight, d = members.atom_mass * same[body], columns[:3]
     mass, *moments = members.total(*(weight * np.vstack([np.ones(len(r)), d])))
@@ -70,35 +70,35 @@ def keep(members: Members, former: Former, r: np.ndarray) -> Kept:
         """How far each body's atoms are from these places, at most, (n,)."""
         return members.highest(np.linalg.norm(r - placed, axis=1))[0] * same
 
-    moved = off(np.einsum("abm,bm->ma", matrices(former.q[:, atoms]), d)) > bound
+    moved = off(np.einsum("abm,bm->ma", matrices(previous.q[:, atoms]), d)) > bound
     if not communicator.any(moved.any()):
-        return Kept(members, r, new=new)
+        return ShapeCorrection(members, r, new=new)
     particles = members.particles if len(columns) > ORIENT else None
-    turn = _turns(members, former, moved, r, d, particles)
+    turn = _turns(members, previous, moved, r, d, particles)
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
     deformed, text, turned = far > bound, "", 0
     if communicator.any(deformed.any()):
         size = np.maximum(members.highest(np.linalg.norm(d, axis=0))[0], bound)
-        most = _TORN if former.followed else _MISTAKEN
+        most = _TORN if previous.followed else _MISTAKEN
         text = _say(members, far, size, deformed & members.owned, most)
     if particles is not None:
         particles, others = _turned(particles, moved[body], turn[body], columns)
         members, turned = members._replace(particles=particles), communicator.count(others)
     here = deformed[body]
     placed = np.where(here[:, None], placed, r)
-    return Kept(members, placed, atoms[here], (placed - r)[here], text, turned, new)
+    return ShapeCorrection(members, placed, atoms[here], (placed - r)[here], text, turned, new)
 
 
-def _of_the_same_atoms(members: Members, former: Former) -> np.ndarray:
+def _of_the_same_atoms(members: Members, previous: PreviousBodies) -> np.ndarray:
     """Which bodies have the atoms that they had, (n,) bool; collective."""
-    before = np.where(former.known, former.natoms, 0)[members.atoms]
+    before = np.where(previous.known, previous.natoms, 0)[members.atoms]
     return members.lowest(before)[0] == members.natoms
 
 
 def _turns(
     members: Members,
-    former: Former,
+    previous: PreviousBodies,
     moved: np.ndarray,
     r: np.ndarray,
     d: np.ndarray,
@@ -116,9 +116,9 @@ def _turns(
     turn = np.tile(np.eye(3), (n, 1, 1))
     turn[moved] = best_turns(products[moved], plane)
     if particles is not None and not plane:
-        directions = _directions(particles, former.displace[:, members.atoms]).reshape(9, -1)
+        directions = _directions(particles, previous.displace[:, members.atoms]).reshape(9, -1)
         told = members.total(*directions).T.reshape(n, 3, 3)
-        before = matrices(members.highest(*former.q[:, members.atoms])).transpose(2, 0, 1)
+        before = matrices(members.highest(*previous.q[:, members.atoms])).transpose(2, 0, 1)
         turn[moved] = twist(turn[moved], products[moved], told[moved], before[moved])
     return turn
 

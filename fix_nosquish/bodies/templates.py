@@ -13,9 +13,9 @@ import numpy as np
 from ..host.hosts import Host
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
-from .build import Given
+from .build import Prescribed
 from .members import Members
-from .unfold import Unfolded
+from .unwrap import UnwrappedPositions
 
 # parts of a body, and of the box, by which places that follow from the atoms are off, at most
 _SAME, _ROUNDED = 1e-9, 1e-12
@@ -66,27 +66,27 @@ def inserted(host: Host, communicator: Alone) -> Molecules | None:
     return Molecules(rows[:, 0], natoms, rows[:, 3:6].T, rows[:, 6:].T, template, warnings)
 
 
-def read(molecules: Molecules, unfolded: Unfolded) -> Given:
+def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
     """What the template says of those of these bodies that are inserted molecules, where it is not
     what follows from their atoms; collective.
 
     Raises:
         RunError: on all ranks, if a molecule is not one body, or for a moment that is negative.
     """
-    members, box = unfolded.members, unfolded.members.lammps.box
-    which, inside = _molecule_of_body(molecules, unfolded)
+    members, box = unwrapped.members, unwrapped.members.lammps.box
+    which, inside = _molecule_of_body(molecules, unwrapped)
     template = np.where(inside[:, None], molecules.template[which], np.nan)
     middle, mass, com, tensor = np.split(template.T, [3, 4, 7])
     turn = matrices(molecules.q[:, which])
-    geometric = members.total(*unfolded.delta.T) / members.natoms
+    geometric = members.total(*unwrapped.delta.T) / members.natoms
     centre = geometric + np.einsum("abn,bn->an", turn, com - middle)
     tensor = tensor[[0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(3, 3, -1)
     inertia = np.einsum("abn,bcn,dcn->adn", turn, tensor, turn)
-    of_atoms = unfolded.inertia()
+    of_atoms = unwrapped.inertia()
     size = np.sqrt(np.trace(of_atoms) / np.where(members.mass > 0, members.mass, 1.0))
     near = _SAME * size + _ROUNDED * box.size + 8 * np.spacing(box.farthest)
     own = _differs(mass, members.mass, _SAME * members.mass)
-    own |= _differs(centre, unfolded.centre, near)
+    own |= _differs(centre, unwrapped.centre, near)
     own |= _differs(inertia, of_atoms, members.mass * near * (2 * size + near))
     _refuse_negative(members, own, inertia)
 
@@ -95,25 +95,27 @@ def read(molecules: Molecules, unfolded: Unfolded) -> Given:
         return np.where(np.isnan(by_template), by_atoms, by_template)[..., own]
 
     mass, v = told(mass[0], members.mass), molecules.v[:, which[own]]
-    return Given(
+    return Prescribed(
         which=own,
         ids=np.unique(members.communicator.gather_to_all(members.ids[own])),
         mass=mass,
-        centre=told(centre, unfolded.centre),
+        centre=told(centre, unwrapped.centre),
         inertia=told(inertia, of_atoms).transpose(2, 0, 1),
         momenta=np.concatenate([mass * v, np.zeros_like(v)]),
         warnings=molecules.warnings,
     )
 
 
-def _molecule_of_body(molecules: Molecules, unfolded: Unfolded) -> tuple[np.ndarray, np.ndarray]:
+def _molecule_of_body(
+    molecules: Molecules, unwrapped: UnwrappedPositions
+) -> tuple[np.ndarray, np.ndarray]:
     """The place of each body in `Molecules`, (n,), and whether it is one of them, (n,) bool;
     collective.
 
     Raises:
         RunError: on all ranks, if a molecule is not one body.
     """
-    members, first = unfolded.members, unfolded.first
+    members, first = unwrapped.members, unwrapped.first
     which = np.searchsorted(molecules.before, first) - 1
     inside = (which >= 0) & (first <= molecules.before[which] + molecules.natoms[which])
     natoms = molecules.natoms[which]

@@ -11,7 +11,7 @@ from .build import Recipe, build
 from .membership import Membership
 
 
-def turn_over(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
+def update_bodies(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
     """Drop the bodies whose atoms are all gone, and make those of the atoms that came; collective.
 
     Args:
@@ -41,14 +41,14 @@ def turn_over(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
     )
     _refuse_joining(bodies.id[~dropped], new, membership)
     bodies.change(lammps, dropped, new)
-    return notes.warnings, notes.given
+    return notes.warnings, notes.prescribed_ids
 
 
 def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
     """Which bodies have lost all of their atoms, (n,) bool; collective.
 
     Raises:
-        RunError: as `turn_over`.
+        RunError: as `update_bodies`.
     """
     lammps, communicator = membership.lammps, membership.communicator
     of_atoms = lammps.cells["origins"].array[membership.atoms()]
@@ -73,9 +73,9 @@ def _of_lost(bodies: Bodies, atom: int, membership: Membership) -> str:
     lammps, body = membership.lammps, bodies.body[atom]
     name = membership.name(int(bodies.id[body]))
     text = f"atom {bodies.tag[atom]} of {name} is gone by step {lammps.step}"
-    cause, remedy = bodies.instability(body, lammps)
-    if cause:
-        return f"{cause}, and {text}: {remedy}"
+    diagnosis, advice = bodies.instability(body, lammps)
+    if diagnosis:
+        return f"{diagnosis}, and {text}: {advice}"
     return (
         f"{text}: it left the box, or was deleted or taken out of the group without the rest of "
         "its body. Check the boundary, thermo_modify lost, and fixes that delete atoms: with "

@@ -23,10 +23,10 @@ class NVT(Ensemble):
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
         of the shadow Hamiltonian's second order the part of the configuration; collective."""
         bodies, lammps = self.made(), self.lammps
-        torque = bodies.turning_torque()
+        torque = bodies.principal_torque()
         turns = np.divide(
             torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
         )
-        squares = (bodies.acting[:3] ** 2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
+        squares = (bodies.acting_wrench[:3] ** 2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
         total = self.communicator.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
         return ((lammps.ftm2v * lammps.dt) ** 2 * lammps.mvv2e * total / 24.0,)

@@ -219,7 +219,7 @@ class Part:
         atoms that overlap."""
         start, step = self.bodies.start, self.lammps.step
         if start.explains(step):
-            advice = f"{start.cause}: {start.remedy}"
+            advice = f"{start.diagnosis}: {start.advice}"
         return f"{what} at step {step}: {advice}"
 
     def with_energy(self, scalar: float) -> float:

@@ -195,7 +195,7 @@ def start_run(integrator: "Integrator") -> None:
     if integrator.unchanged.masses_may_change:
         integrator.unchanged.refuse_new_masses(integrator)
     if integrator.goes_on:  # with the IDs and masses that a script has given atoms between runs
-        integrator.bodies.take_tags(integrator.lammps)
+        integrator.bodies.update_tags(integrator.lammps)
         integrator.unchanged.note_masses(integrator)
     refuse_constraints(integrator)
     refusals.refuse_weight_twice(integrator)
@@ -236,9 +236,9 @@ def tell_start(integrator: "Integrator") -> None:
     start = bodies.start = log.forces_at_start(integrator)
     suspects = integrator.other_fixes.suspects()
     names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in suspects)
-    bodies.suspects = names and f", perhaps {names}"
-    if start.cause and not integrator.minimization:
-        host.log(integrator.line.naming(f"WARNING: {start.cause}: {start.remedy}\n"))
+    bodies.possible_causes = names and f", perhaps {names}"
+    if start.diagnosis and not integrator.minimization:
+        host.log(integrator.line.naming(f"WARNING: {start.diagnosis}: {start.advice}\n"))
 
 
 def continue_run(integrator: "Integrator") -> None:

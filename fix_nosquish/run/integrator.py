@@ -6,7 +6,7 @@ import numpy as np
 
 from ..bodies import extended
 from ..bodies.bodies import Bodies
-from ..bodies.build import Notes, count
+from ..bodies.build import BuildReport, count
 from ..bodies.membership import Membership
 from ..errors import RunError
 from ..host import rigid_fixes
@@ -116,7 +116,7 @@ class Integrator(Registered, Declaration):
             self.communicator = Communicator(self.lammps.communicator)
         self.line, self.name = line, line.name
         # until bodies are made, and until passes are bound
-        self.bodies, self.notes = cast(Bodies, None), cast(Notes, None)
+        self.bodies, self.notes = cast(Bodies, None), cast(BuildReport, None)
         self.passes, self.parameters = cast(Passes, None), cast(Any, None)
         self.minimization = cast(Minimization, None)
         self.other_fixes, self.half_step_velocities = OtherFixes(None), True
@@ -195,7 +195,7 @@ class Integrator(Registered, Declaration):
     @property
     def keeps_bodies(self) -> bool:
         """Whether of some bodies more is known than their atoms tell."""
-        return bool(self.infile or (self.notes and len(self.notes.given)))
+        return bool(self.infile or (self.notes and len(self.notes.prescribed_ids)))
 
     @property
     def goes_on(self) -> bool:

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from .. import __version__
-from ..bodies.bodies import Bodies, Start
-from ..bodies.build import Notes, least_moment
+from ..bodies.bodies import Bodies, StartDiagnosis
+from ..bodies.build import BuildReport, least_moment
 from ..host.command import Command, Moments
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
@@ -123,7 +123,7 @@ def _kinds(bodies: Bodies, found: _Counts) -> str:
     return ", ".join(f"{number} {kind}" for kind, number in kinds.items() if number) or "none yet"
 
 
-def _start(notes: Notes, own: float, lammps: Lammps) -> str:
+def _start(notes: BuildReport, own: float, lammps: Lammps) -> str:
     """What was taken from the atoms' velocities, so that they are rigid motion.
 
     There is no temperature of the atoms before: another fix may have held them, with as many
@@ -265,12 +265,12 @@ def _time_step(lammps: Lammps) -> Iterator[str]:
         )
 
 
-def forces_at_start(integrator: "Integrator") -> Start:
+def forces_at_start(integrator: "Integrator") -> StartDiagnosis:
     """What the forces of the start tell of atoms that overlap, and the distance that atoms have, or
     the size of the largest body if that is more; collective."""
     bodies, communicator, lammps = integrator.bodies, integrator.communicator, integrator.lammps
     owned, dimension = bodies.sharers.owned, lammps.dimension
-    force = np.linalg.norm(bodies.acting[:3], axis=0)
+    force = np.linalg.norm(bodies.acting_wrench[:3], axis=0)
     push = 0.5 * lammps.innermost_dt**2 * lammps.ftm2v * force / bodies.mass
     pushed, furthest = _largest(push, bodies, communicator)
     size, _ = _largest(
@@ -278,20 +278,20 @@ def forces_at_start(integrator: "Integrator") -> Start:
     )
     atoms = max(1, communicator.count(len(lammps.groups)))
     space = np.linalg.det(lammps.box.h[:dimension, :dimension]) / atoms
-    start = Start(lammps.step, spacing=max(space ** (1 / dimension), size))
+    start = StartDiagnosis(lammps.step, spacing=max(space ** (1 / dimension), size))
     above = push[owned] > _PUSHED * start.spacing
     many, of = communicator.total(np.array([above.sum(), owned.sum()]))
     if not many:
         return start
     # forces on few bodies that are much too high speak for the start, on many for the step
     causes = ["atoms overlap at the start", "the time step is too long"]
-    remedies = [APART, "use a shorter time step"]
+    advice = [APART, "use a shorter time step"]
     first, second = (0, 1) if many <= 0.1 * of else (1, 0)
-    cause = (
+    diagnosis = (
         f"{causes[first]}, or {causes[second]}: the force on "
         f"{integrator.membership.name(furthest)} moves it by {pushed:.3g} in the first step"
     )
-    return start._replace(cause=cause, remedy=f"{remedies[first]}, or {remedies[second]}")
+    return start._replace(diagnosis=diagnosis, advice=f"{advice[first]}, or {advice[second]}")
 
 
 def _largest(values: np.ndarray, bodies: Bodies, communicator: Alone) -> tuple[float, int]:

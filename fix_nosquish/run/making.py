@@ -9,8 +9,8 @@ import numpy as np
 from ..bodies import infile, templates, turnover
 from ..bodies.bodies import Bodies
 from ..bodies.build import Recipe, build, nothing
-from ..bodies.membership import Former
-from ..bodies.shapes import Kept
+from ..bodies.membership import PreviousBodies
+from ..bodies.shapes import ShapeCorrection
 from ..bodies.species import compare
 from ..errors import refuse
 from . import external, log, rotation, switches
@@ -40,7 +40,7 @@ def bodies_of_atoms(integrator: "Integrator") -> Bodies:
     return build(_recipe(integrator), _former(integrator)).bodies
 
 
-def _former(integrator: "Integrator") -> Former | None:
+def _former(integrator: "Integrator") -> PreviousBodies | None:
     """What the atoms were in the bodies of the last run, None if there are none; collective."""
     refuse(
         integrator.bodies is None and integrator.ran and not integrator.infile,
@@ -49,7 +49,7 @@ def _former(integrator: "Integrator") -> Former | None:
     )
     if integrator.bodies is None:
         return None
-    return integrator.bodies.of_atoms(integrator.lammps, integrator.host.follows)
+    return integrator.bodies.as_previous(integrator.lammps, integrator.host.follows)
 
 
 def decide(integrator: "Integrator") -> None:
@@ -84,14 +84,14 @@ def make(integrator: "Integrator") -> None:
     )
     rotation.choose(integrator)
     # a rerun is to tell of the atoms as they stand in the file, which has rounded places
-    bodies.loose = command.reinit and "rerun" in host.command[:1]
+    bodies.tolerates_shifts = command.reinit and "rerun" in host.command[:1]
     _say_kept(integrator, kept)
     if np.array_equal(np.sort(ids), np.sort(bodies.id)):
         # commands like write_data compute no forces
         bodies.wrench[:, np.argsort(bodies.id)] = wrench[:, np.argsort(ids)]
-    bodies.taker = WeakMethod(integrator.give_forces)
+    bodies.force_receiver = WeakMethod(integrator.give_forces)
     bodies.bind(integrator.membership)
-    bodies.know_box(lammps.box)
+    bodies.update_box(lammps.box)
     integrator.unchanged.note(integrator)
     host.carry(lammps, bodies)
     host.point()
@@ -102,10 +102,10 @@ def make(integrator: "Integrator") -> None:
         notes.warnings += compare(bodies, integrator.membership)
 
 
-def _say_kept(integrator: "Integrator", kept: Kept) -> None:
+def _say_kept(integrator: "Integrator", kept: ShapeCorrection) -> None:
     """Put atoms where the shape that their body keeps has them, and tell the user."""
     host = integrator.host
-    if kept.text and not integrator.bodies.loose:
+    if kept.text and not integrator.bodies.tolerates_shifts:
         integrator.lammps.x[kept.atoms] += kept.shift
         host.log(kept.text)
     if kept.turned:
@@ -118,10 +118,10 @@ def _say_kept(integrator: "Integrator", kept: Kept) -> None:
 def turn_over(integrator: "Integrator") -> None:
     """Atoms of bodies came or are gone in a run, and their bodies with them; collective."""
     molecules = templates.inserted(integrator.host, integrator.communicator)
-    find_given = partial(templates.read, molecules) if molecules else nothing
-    recipe = _recipe(integrator)._replace(find_given=find_given)
-    lines, given = turnover.turn_over(integrator.bodies, recipe)
-    integrator.notes.given = np.union1d(integrator.notes.given, given)
+    find_prescribed = partial(templates.read, molecules) if molecules else nothing
+    recipe = _recipe(integrator)._replace(find_prescribed=find_prescribed)
+    lines, given = turnover.update_bodies(integrator.bodies, recipe)
+    integrator.notes.prescribed_ids = np.union1d(integrator.notes.prescribed_ids, given)
     refuse_turnover(integrator)
     log.warn(integrator, lines)
     rotation.choose(integrator)

@@ -66,8 +66,9 @@ class Minimization:
     def forces(self) -> np.ndarray:
         """The forces on the coordinates, (n, 6), from those on the bodies; collective."""
         bodies = self._bodies
-        turning = bodies.turning_torque() * self.per_radius[:, self._here()]
-        return self._of_all(np.concatenate([bodies.acting[:3], turning]) * bodies.sharers.owned).T
+        force, owned = bodies.acting_wrench[:3], bodies.sharers.owned
+        turning = bodies.principal_torque() * self.per_radius[:, self._here()]
+        return self._of_all(np.concatenate([force, turning]) * owned).T
 
     def move(self, direction: np.ndarray) -> None:
         """Move this rank's bodies by a direction (n, 6) from where the line search began.

@@ -147,7 +147,7 @@ def take(integrator: "Integrator") -> np.ndarray:
         which more is known.
     """
     bodies, lammps, particles = integrator.bodies, integrator.lammps, None
-    given = np.isin(bodies.id, integrator.notes.given)
+    given = np.isin(bodies.id, integrator.notes.prescribed_ids)
     before = bodies.kinetic_of_atoms(lammps)
     if bodies.spin:
         particles = particles_of(lammps, integrator.shapes(), bodies.index)
@@ -176,7 +176,7 @@ def _zero(integrator: "Integrator", name: str) -> None:
     else:
         bodies = making.bodies_of_atoms(integrator)
         bodies.bind(integrator.membership)
-        bodies.know_box(lammps.box)
+        bodies.update_box(lammps.box)
     getattr(bodies, name)[:] = 0.0
     atom_v = lammps.v  # before a first run no cell points there
     step.set_velocities.bind_to(bodies.cells, atom_v=atom_v)()

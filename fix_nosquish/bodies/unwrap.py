@@ -10,7 +10,7 @@ _CELLS = 64  # of a box length, in which gaps are counted
 _GAP = 0.1  # gaps inside a body that are narrower than this part of the box suggest no cut
 
 
-class Unfolded(NamedTuple):
+class UnwrappedPositions(NamedTuple):
     """Bodies whose atoms are put together.
 
     Attributes:
@@ -38,7 +38,7 @@ class Unfolded(NamedTuple):
         return members.inertia(members.atom_mass, self.delta - self.centre[:, members.body].T)
 
 
-def unfold(members: Members) -> Unfolded:
+def unwrap(members: Members) -> UnwrappedPositions:
     """Put each body's atoms together across the periodic faces; collective.
 
     Along each box vector the image flags hold where they make the body narrower than half the
@@ -76,7 +76,7 @@ def unfold(members: Members) -> Unfolded:
     # bodies that weigh nothing are refused later
     weight = np.where(members.mass > 0, members.mass, 1.0)
     centre = members.total(*(members.atom_mass * delta.T)) / weight
-    return Unfolded(members, first, place, flags, delta, centre, rebuilt, warnings)
+    return UnwrappedPositions(members, first, place, flags, delta, centre, rebuilt, warnings)
 
 
 def _fractional(members: Members, vectors: np.ndarray) -> np.ndarray:
