@@ -1,24 +1,22 @@
 """Break the code, one fault at a time, and see that a test fails.
 
-    python tests/mutants.py RESULTS [WORD ...]
+    python tests/mutants.py [WORD ...]
 
-``mutants.toml`` has the faults: of each the file, a text that stands there once and what replaces
-it, what a user would have of it, and tests of which one has to fail; ``checked`` are those of which
-this was seen.  Words choose those in whose file, fault or tests one of them stands.  It tells of
-each
+``mutants.toml`` has the faults: of each the file, a text that stands there once and its
+replacement, what a user would notice, and the tests of which one has to fail.  Words choose the
+faults in whose file, description or tests one of them occurs.  The result of each fault is
 
     killed       a test fails
-    SURVIVES     all pass: a test is missing, or it is no fault
-    GONE         the text, or a test, is there no more: bring the list up to date
+    SURVIVES     all tests pass: a test is missing, or it is no fault
+    GONE         the text or a test is no longer there: update the list
 
-and ends with 1 if one is not killed.  The file RESULTS keeps that, so a command that was stopped
-goes on where it was.  Each takes 10 to 60 s, for loops that the change leads to are compiled anew.
+and the exit status is 1 if one is not killed.  Each takes 10 to 60 s, because the loops that the
+change leads to are compiled anew.
 
 All is done in a copy of the checkout, whose plugin has to be compiled (pip install -e .).  It needs
 Python 3.11.
 """
 
-import json
 import os
 import shutil
 import subprocess
@@ -32,7 +30,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PYTEST = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
 BUILD = [sys.executable, "setup.py", "-q", "build_ext", "--inplace"]
 PLUGIN = "fix_nosquish/plugin"
-OUTCOMES = {0: "SURVIVES", 4: "GONE", 5: "GONE"}  # by pytest's exit codes
+RESULTS = {0: "SURVIVES", 1: "killed"}  # by pytest's exit status; others: a test is not there
 
 
 def copy_checkout(place):
@@ -46,49 +44,41 @@ def copy_checkout(place):
     # else each run of pytest would compile all loops, of which a test needs few
     conftest = place / "tests/conftest.py"
     conftest.write_text(conftest.read_text().replace("    compile_loops()\n", ""))
-    kept = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "fix_nosquish")
-    if kept.exists():
-        shutil.copytree(kept, place / "cache/fix_nosquish")
+    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "fix_nosquish")
+    if cache.exists():
+        shutil.copytree(cache, place / "cache/fix_nosquish")
     return os.environ | {"PYTHONPATH": str(place), "XDG_CACHE_HOME": str(place / "cache")}
 
 
-def outcome(mutant, place, environment):
-    """Apply a fault in the copy, run its tests and take it back: a word, and what failed."""
+def result(mutant, place, environment):
+    """Apply a fault in the copy, run its tests and take it back."""
     path = place / mutant["file"]
-    text = path.read_text()
+    text = path.read_text() if path.exists() else ""
     if text.count(mutant["old"]) != 1:
-        return "GONE", "its text does not stand once in the file"
-    how = {"cwd": place, "env": environment, "capture_output": True, "text": True}
+        return "GONE"
+    how = {"cwd": place, "env": environment, "capture_output": True}
     path.write_text(text.replace(mutant["old"], mutant["new"]))
     if path.suffix in (".h", ".cpp"):
         subprocess.run(BUILD, **how, check=True)
     done = subprocess.run([*PYTEST, *(f"tests/{test}" for test in mutant["tests"])], **how)
     path.write_text(text)
     shutil.copytree(ROOT / PLUGIN, place / PLUGIN, dirs_exist_ok=True)
-    failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-    return OUTCOMES.get(done.returncode, "killed"), " ".join(failed)
+    return RESULTS.get(done.returncode, "GONE")
 
 
 def main():
-    results, words = Path(sys.argv[1]), sys.argv[2:]
-    results.touch()
-    found = dict(map(json.loads, results.read_text().splitlines()))
+    results = set()
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder, "checkout")
         environment = copy_checkout(place)
-        mutants = tomllib.loads((place / "tests/mutants.toml").read_text())["mutant"]
-        for number, mutant in enumerate(mutants, 1):
+        for mutant in tomllib.loads((ROOT / "tests/mutants.toml").read_text())["mutant"]:
             name = f"{mutant['file']}: {mutant['fault']}"
             about = " ".join((name, *mutant["tests"]))
-            if words and not any(word in about for word in words):
-                continue
-            if name not in found:
-                found[name] = outcome(mutant, place, environment)
-                with results.open("a") as file:
-                    file.write(json.dumps((name, found[name])) + "\n")
-            word, why = found[name]
-            print(f"{number:3}/{len(mutants)} {word:8} {name}  {why}", flush=True)
-    sys.exit(any(word != "killed" for word, _ in found.values()))
+            if not sys.argv[1:] or any(word in about for word in sys.argv[1:]):
+                word = result(mutant, place, environment)
+                print(f"{word:8} {name}", flush=True)
+                results.add(word)
+    sys.exit(results != {"killed"})
 
 
 if __name__ == "__main__":

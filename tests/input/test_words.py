@@ -110,8 +110,7 @@ def test_couple(run, value):
         assert bool(abs(ratio[one] - ratio[other]) < 1e-12) is together
 
 
-# of each entry in the tables of keywords the test that fails if it is read and forgotten:
-# mutants.toml forgets each
+# of each entry in the tables of keywords, the test that fails if the value is read and not used
 ACTS = {
     **dict.fromkeys(("force", "torque"), "test_keywords.py::test_force_and_torque"),
     "reinit": "test_keywords.py::test_reinit",
