@@ -311,7 +311,7 @@ def test_temper(on, tmp_path, command, pressure, words):
     text = f"variable w world 1 2\n{mixture(BODIES).setup}{text}"
     options = [*ON, "-partition", "2x1", "-log", "log.both"]
     on(text, options, ranks=2, launcher="lmp")
-    swaps = re.findall(r"^(\d+) (\d) (\d)$", (tmp_path / "log.both").read_text(), flags=re.M)
+    swaps = re.findall(r"^ *(\d+) +(\d) +(\d) *$", (tmp_path / "log.both").read_text(), flags=re.M)
     assert len({row[1:] for row in swaps}) == 2
     for world in 0, 1:
         table = read_thermo((tmp_path / f"log.{world + 1}").read_text())

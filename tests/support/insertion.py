@@ -52,5 +52,5 @@ DEPOSIT = (
     "fix 2 mols deposit 12 0 8 4567 region box near 1.0 vx -1 1 vy -1 1 vz -1 1 mol bent rigid 1"
     " units box"
 )
-GCMC = "fix 2 mols gcmc 20 6 0 0 29494 1.0 {} 0.5 mol bent rigid 1 group mols tfac_insert 2"
+GCMC = "fix 2 mols gcmc 20 12 0 0 29494 1.0 {} 0.5 mol bent rigid 1 group mols tfac_insert 2"
 EVAPORATE = "fix 3 mols evaporate 10 3 box 4928 molecule yes"

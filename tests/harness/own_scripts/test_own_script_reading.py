@@ -41,7 +41,8 @@ def test_the_commands_are_those_that_lammps_does(tmp_path):
     """Locks out a loop, a jump, a condition or a variable of the command line that is followed
     otherwise than LAMMPS does: both set the same variable. Values of the command line have more
     than one letter, and there are several of one variable."""
-    (tmp_path / "more.in").write_text('variable text string "${text}+m"\n')
+    more = 'variable old string ${text}\nvariable text string "${old}+m"\n'
+    (tmp_path / "more.in").write_text(more)
     path = tmp_path / "in.loop"
     path.write_text(
         GAS
@@ -226,7 +227,7 @@ SAID = [  # a script, options, and parts of what the one line says
     (GAS, {}, "has no run"),
     ("", {}, "has no run"),
     (f"{GAS}jump /nowhere/nothing\n", {}, "failed at 'jump /nowhere/nothing'"),
-    (f"{GAS}jump SELF there\n", {}, "Label wasn't found"),
+    (f"{GAS}jump SELF there\n", {}, "Label...wasn't found"),
     ("jump SELF\n", {}, "a loop of the script have no end"),
     *(
         (f"{GAS}{line}\nrun 1\n", {}, f"the script failed at '{line}': ERROR")
