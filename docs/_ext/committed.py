@@ -22,13 +22,10 @@ if str(ROOT) not in sys.path:
 
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
-from validation.report import report  # noqa: E402
-from validation.sample import (  # noqa: E402
-    answers,
-    extrapolation,
-    rivals,
-)
-from validation.sample.observables import BY_KEY, warmer  # noqa: E402
+from validation.report import replacements, report  # noqa: E402
+from validation.sample import answers, extrapolation, rivals  # noqa: E402
+from validation.sample.observables import BY_KEY  # noqa: E402
+from validation.statistics.check import VERDICTS  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 from validation.statistics.measures import difference  # noqa: E402
 
@@ -36,14 +33,6 @@ RESULTS = ROOT / "validation" / "results"
 PAGES = ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))
 MARKS = re.compile(r"(<!-- results: (.*?) -->\n).*?(<!-- end of results -->)", re.DOTALL)
 OURS = "fix_nosquish.NVE"
-# schemes and steps of water whose error as a temperature the README has, as it names them
-WARM = {
-    ("shake+langevin", 4.0): "shake + `langevin`",
-    ("rigid+langevin", 4.0): "`rigid/nve/small` + `langevin`",
-    ("rigid/nvt/small", 4.0): "`rigid/nvt/small`",
-    ("langevin-20", 8.0): "`nosquish/nvt`",
-    ("langevin-20-equal-6", 12.0): "`nosquish/nvt` with `moments equal 6`",
-}
 NOTHING = "–"
 NBSP = "\N{NO-BREAK SPACE}"
 PM = f"{NBSP}±{NBSP}"
@@ -431,6 +420,29 @@ def shake_made():
     )
 
 
+def gains():
+    """How much less CPU time ours needs for the same error of an average: a row for each liquid."""
+    rows = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*")))).rows
+    titles = list(dict.fromkeys(row["average"] for row in rows))
+    liquids = defaultdict(dict)
+    for row in rows:
+        point = row["scene"], f"{row['scheme']}, {row['dt']:g} fs"
+        liquids[point][row["average"]] = _gain(row["gain"])
+    body = [
+        [*point, *(one.get(title, NOTHING) for title in titles)] for point, one in liquids.items()
+    ]
+    return markdown(["liquid", "ours", *titles], body)
+
+
+def verdicts():
+    """Of each folder of `sample` how many numbers are within the bounds."""
+    body = []
+    for folder in sorted(path.parent for path in RESULTS.glob("sample-*/checks.csv")):
+        found = Counter(row["verdict"] for row in rows(folder.name, "checks"))
+        body.append([folder.name, *(found[verdict] for verdict in VERDICTS)])
+    return markdown(["folder", *VERDICTS], body)
+
+
 def estimate(found):
     """A number of a summary with its 95 % margin; nothing for one that is refused."""
     known = Estimate(None) if found.get("why") else Estimate.of(found)
@@ -480,6 +492,29 @@ def holding(verb, name="table"):
 
 
 # ---- the README
+
+
+def what_to_type():
+    """What to type instead of the usual lines: speed and error of both."""
+    folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
+    found = replacements.table(map(summary, folders))
+    some = replace(found, rows=[*found.rows, _beside_solute()])
+    return f"{pages.markdown(some)}\n\n{found.note}"
+
+
+def _beside_solute():
+    """The row of a solute whose bonds shake constrains: the script's own line and step."""
+    found = json.loads((RESULTS / "solute-recipe.json").read_text())
+    script = (ROOT / "inputs" / "recipes" / "solute" / "in.solute").read_text()
+    (line,) = re.findall(r"^fix +(1 .*npt.*)$", script, re.M)
+    usual, ours = found["rows"]
+    return {
+        "system": f"solute with fix shake, NPT\n{usual['label']}, {found['dt']:g} fs",
+        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in found["rows"]),
+        "times": pages.digits(ours["times"]["median"], 2),
+        **dict.fromkeys(("warmer", "pressure"), "not measured"),
+        "lines": [f"fix {line}", f"timestep {found['dt']:g}"],
+    }
 
 
 def _change(case, fix):
@@ -540,38 +575,6 @@ def readme_table():
     return markdown(["", *map(code, fixes)], body)
 
 
-def readme_sampling():
-    """The README's table of averages beside the best rival: a row for each liquid."""
-    found = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*"))))
-    titles = list(dict.fromkeys(row["average"] for row in found.rows))
-    liquids = defaultdict(dict)
-    for row in found.rows:
-        point = row["scene"], f"{row['scheme']}, {row['dt']:g} fs"
-        liquids[point][row["average"]] = _gain(row["gain"])
-    body = [
-        [*point, *(gains.get(title, NOTHING) for title in titles)]
-        for point, gains in liquids.items()
-    ]
-    head = (
-        "At constant temperature: CPU time to the same error of an average with the best of "
-        "LAMMPS's fixes at its best step, divided by ours."
-    )
-    return f"{head}\n\n{markdown(['liquid', 'ours', *titles], body)}\n\n{_readme_warm()}"
-
-
-def _readme_warm():
-    """The error of water's mean energy as a temperature, a sentence."""
-    found = {}
-    for one in map(summary, ("sample-water-refined", "sample-water")):
-        for row in one["rows"]:
-            if error := warmer(row["biases"], one["limits"]):
-                found[row["scheme"], row["dt"]] = margin(error.value, error.margin)
-    told = (
-        f"{found[point]}{NBSP}K for {label} at {point[1]:g} fs" for point, label in WARM.items()
-    )
-    return f"The error of the mean energy of water as a temperature: {', '.join(told)}."
-
-
 def _gain(ratio):
     """A ratio of times with its interval."""
     value, low, high = (pages.digits(ratio[name], 2) for name in ("value", "low", "high"))
@@ -586,7 +589,18 @@ FILLS = {
     for function in (
         *(compare_water, compare_peptide, compare_dimer, compare_times, standing, cases, reported),
         *(ensembles_density, own_scripts, factors, step_zero, beside_shake, shake_made, answer),
-        *(extreme_passed, made, scene, holding, checks, table, readme_table, readme_sampling),
+        *(
+            extreme_passed,
+            made,
+            scene,
+            holding,
+            checks,
+            table,
+            what_to_type,
+            readme_table,
+            gains,
+            verdicts,
+        ),
     )
 }
 

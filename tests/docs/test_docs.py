@@ -135,7 +135,8 @@ fix g all gravity 0.001 vector 0 0 -1 disable
 fix_modify g energy yes
 """
     + "".join(
-        f"group {name} union all\n" for name in ("water", "mols", "bodies", "own_bodies", "grains")
+        f"group {name} union all\n"
+        for name in ("water", "mols", "liquid", "bodies", "own_bodies", "grains")
     )
     + ("".join(f"group {name} union tip\n" for name in ("clump", "plate", "gas")))
 )

@@ -100,7 +100,7 @@ def native(line: str) -> str:
         lambda found: f"nosquish/{found[1].lower()} {found[2]}",
         line,
     )
-    line = line.replace(" thermostat langevin", "").replace(" points ", " flexible ")
+    line = line.replace(" thermostat langevin", "").replace(" points flexible", " flexible rest")
     return line.replace("SEED", "4928")
 
 
