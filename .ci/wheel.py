@@ -35,7 +35,7 @@ thermo_modify format float %.15g
 """
 LIMIT = 1e-9
 # the library of loops that a run on this machine takes
-LOOPS = "from fix_nosquish.loops.machine_code import built, level; print(built(level())._name)"
+LOOPS = "from fix_nosquish.loops.machine_code import level, library; print(library(level())._name)"
 # a compiler of the chroot, with the same folder in it as outside
 WRAPPER = """#!/bin/sh
 exec unshare --mount sh -c 'mount --bind {place} {root}{place} &&

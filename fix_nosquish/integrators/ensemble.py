@@ -32,7 +32,7 @@ Kept = record(
     was_at=F,
     waiting=F,  # as that of `Integrator`, nan for None
 )  # in a restart file, where the thermostat's own state is behind
-OWN = len(Kept.dtype)
+OWN = len(Kept.dtype.fields or ())
 TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # words
 
 

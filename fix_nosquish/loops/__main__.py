@@ -1,10 +1,9 @@
-"""Compile all loops of the package: what its build calls.
+"""Compile the loops of the package into libraries: the build calls this.
 
     python -m fix_nosquish.loops FOLDER
 
-writes to the folder a library for each level that NOSQUISH_LEVELS names, with spaces between;
-without it, for this machine's highest.  CXX is the compiler that links them, for another kind of
-machine a cross-compiler.
+writes a library for each level in NOSQUISH_LEVELS (separated by spaces; by default the highest of
+this machine).  CXX is the compiler that links them: for other machines, a cross-compiler.
 """
 
 import importlib
@@ -16,38 +15,39 @@ import sys
 import tempfile
 from pathlib import Path
 
-from . import machine_code
+from .machine_code import FOLDER, LEVELS, level
+from .registry import LOOPS, PACKAGE
 
 NO_LOOPS = "fix_nosquish.loops", "fix_nosquish.plugin", "fix_nosquish.__main__"
-# without libraries: Python has loaded those of C, of whatever version, before
+# not linked to libc and libm: Python has loaded them already
 LINK = ["-bundle", "-undefined", "dynamic_lookup"]
 if sys.platform != "darwin":
     LINK = ["-shared", "-nostdlib"]
 
 
-def modules():
-    """The names of all modules of the package that have loops; imports them."""
-    for module in pkgutil.walk_packages([str(machine_code.FOLDER)], f"{machine_code.PACKAGE}."):
+def modules() -> list[str]:
+    """Import all modules of the package; return the names of those that have loops."""
+    for module in pkgutil.walk_packages([str(FOLDER)], f"{PACKAGE}."):
         if not module.name.startswith(NO_LOOPS):
             importlib.import_module(module.name)
-    return [name for name in machine_code.LOOPS if name.startswith(f"{machine_code.PACKAGE}.")]
+    return [name for name in LOOPS if name.startswith(f"{PACKAGE}.")]
 
 
-def build(place, levels):
-    """Write libraries of the package's loops for these levels to a folder."""
+def build(target: str, levels: list[str]) -> None:
+    """Write a library of the package's loops for each level to a folder."""
     from . import lower
 
     names = modules()
     compiler = shlex.split(os.environ.get("CXX", "c++"))
     with tempfile.TemporaryDirectory() as folder:  # not the user's cache
         lower.compile_modules(Path(folder), names, levels)
-        for level in levels:
-            objects = sorted(Path(folder).glob(f"*.{level}.o"))
-            target = Path(place, f"loops_{level}.so")
-            subprocess.run([*compiler, *LINK, *objects, "-o", target], check=True)
+        for name in levels:
+            objects = sorted(Path(folder).glob(f"*.{name}.o"))
+            library = Path(target, f"loops_{name}.so")
+            subprocess.run([*compiler, *LINK, *objects, "-o", library], check=True)
 
 
 if __name__ == "__main__":
-    (place,) = sys.argv[1:]
-    highest = machine_code.LEVELS[machine_code.level()]
-    build(place, os.environ.get("NOSQUISH_LEVELS", highest).split())
+    (folder,) = sys.argv[1:]
+    highest = LEVELS[level()]
+    build(folder, os.environ.get("NOSQUISH_LEVELS", highest).split())

@@ -1,4 +1,4 @@
-"""Loops over arrays, written as functions and compiled once to machine code that a file keeps.
+"""How loops over arrays are written as functions, declared and bound to memory.
 
     class Points(NamedTuple):
         x: F2
@@ -13,8 +13,8 @@
         for i in range(len(points.x)):
             result[i] = sqrt(square(points.x[i, 0], points.x[i, 1]))
 
-An argument's annotation is its `Kind`, or a NamedTuple whose fields have kinds: a bundle.  Numbers
-that belong together are a `record`, which has a name for each, in Python as in loops:
+The annotation of an argument is its `Kind`, or a NamedTuple of kinds (a bundle).  A `record` is a
+set of named numbers that Python and loops share:
 
     Thermostat = record("Thermostat", rate=F, draws=I, sums=(F, 2))
 
@@ -23,46 +23,49 @@ that belong together are a `record`, which has a name for each, in Python as in 
         thermostat.draws += 1
 
     thermostat = Thermostat(rate=0.5)
-    count(thermostat)
+    count.bind_to({"thermostat": thermostat})()
 
-Where the machine code is kept, and who makes it, `machine_code` says.
-
-A loop can use functions of `math`, functions that are `inlined`, what `lower.PRIMITIVES` names,
-and numbers and tuples of numbers, which are constants to the compiler.  It makes no array and
-raises no exception; it returns nothing or an integer.  Nothing checks its indices.
+A loop can use functions of `math`, functions that are `inlined`, those of `lower.PRIMITIVES`, and
+numbers and tuples of numbers, which are constants for the compiler.  It makes no array and raises
+no exception; it returns nothing or an integer.  Its indices are not checked.
 """
 
 import ctypes
 import math
 import operator
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial, update_wrapper
 from types import NoneType, SimpleNamespace
 from typing import Any, NamedTuple, cast, get_type_hints
 
 import numpy as np
 
-from .machine_code import INLINED, LOOPS, load_here
+from .machine_code import load_on_this_rank
+from .registry import INLINED, LOOPS
 
 
 class Kind(NamedTuple):
-    """What an argument of a loop is: a scalar or a `record` (of no dimension), or a C-contiguous
-    array."""
+    """What an argument of a loop is: a number, a `record`, or a C-contiguous array.
+
+    Attributes:
+        dimensions: 0 for a number and for a record.
+        columns: if not 0, the array has this number of columns, which the compiler knows.
+    """
 
     name: str
     dtype: np.dtype
     dimensions: int
-    columns: int = 0  # if not 0, the loop is compiled for an array of so many
+    columns: int = 0
 
-    def __str__(self):
+    def __str__(self) -> str:
         if self.dtype.names:
             return f"a record {self.name}"
         if self.dimensions:
             return f"a C-contiguous {self.dtype} array of {self.dimensions} dimensions"
         return f"a {self.dtype}"
 
-    def describe(self, value):
-        """A value as integers: a number's bits, or an array's address and shape.
+    def describe(self, value: Any) -> list[int]:
+        """A value as integers: the bits of a number, or the address and the shape of an array.
 
         Raises:
             TypeError: for a value that is not of this kind.
@@ -79,20 +82,20 @@ class Kind(NamedTuple):
             return [value.ctypes.data, *value.shape]
         raise TypeError
 
-    def fits(self, dtype):
-        """Whether this is a record, and numbers of that type have its fields where it has them."""
+    def fits(self, dtype: np.dtype) -> bool:
+        """Whether this is a record, and a record of that type begins with its fields."""
         own: Mapping[str, Any] = self.dtype.fields or {}
-        theirs = dtype.fields or {}
+        theirs: Mapping[str, Any] = dtype.fields or {}
         return bool(own) and all(theirs.get(name) == place for name, place in own.items())
 
-    # (Python 3.10 takes as a NamedTuple's annotations only what can be called)
-    def __call__(self, **values):
-        """A record of zeros, but for these fields.
+    # (in Python 3.10 the annotations of a NamedTuple must be callable)
+    def __call__(self, **values: Any) -> Any:
+        """A record with these values, and zeros in its other fields.
 
         Returns:
             a `numpy.record`: its fields are attributes.
         Raises:
-            TypeError: for a name that it does not have.
+            TypeError: for a name that is not a field.
         """
         made = np.zeros(1, self.dtype)[0]
         for name, value in values.items():
@@ -103,8 +106,8 @@ class Kind(NamedTuple):
             setattr(made, name, value)
         return made
 
-    def of(self, array):
-        """The record whose memory is the begin of an array."""
+    def of(self, array: np.ndarray) -> Any:
+        """The record that is in the first bytes of an array."""
         return array.view(np.uint8)[: self.dtype.itemsize].view(self.dtype)[0]
 
 
@@ -117,88 +120,83 @@ LANES = 64
 F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
 
 
-def record(name, extends=None, **fields):
-    """The `Kind` of numbers that have names; an argument of this kind is a `numpy.record`.
+def record(name: str, extends: Kind | None = None, **fields: Any) -> Kind:
+    """The `Kind` of a set of named numbers; an argument of this kind is a `numpy.record`.
 
     Args:
-        extends: another record, whose fields come before. Loops that take that one take this, too.
-        fields: each is F or I, or a pair of this and how many there are.
+        extends: a record whose fields come first; its loops accept the new record, too.
+        fields: F or I for a number, (F, n) or (I, n) for an array of n.
     Raises:
-        TypeError: for a field that there is already, or a name that all numpy's records have.
+        TypeError: for a field of `extends`, or a name that every `numpy.record` has.
     """
-    before = extends.dtype.fields if extends else {}
+    before: Mapping[str, Any] = (extends.dtype.fields if extends else None) or {}
     for field in fields:
         if field in before or hasattr(np.record, field):
-            owner = f"the record {extends.name}" if field in before else "each numpy.record"
+            owner = f"the record {extends.name}" if extends and field in before else "numpy.record"
             raise TypeError(f"record {name}: {owner} has a field {field} already")
-    all_fields = [(field, place[0]) for field, place in before.items()]
+    all_fields: list[tuple] = [(field, place[0]) for field, place in before.items()]
     for field, what in fields.items():
-        kind, *count = (what,) if isinstance(what, Kind) else what
-        all_fields.append((field, kind.dtype, *count))
+        kind, *length = (what,) if isinstance(what, Kind) else what
+        all_fields.append((field, kind.dtype, *length))
     return Kind(name, np.dtype((np.record, all_fields)), 0)
 
 
-def array(address, shape, dtype):
-    """A numpy view of memory that something else owns."""
+def array(address: int | None, shape: Sequence[int], dtype: Any) -> np.ndarray:
+    """A numpy view of memory that something else owns; an empty array if there is no address."""
     if not address:
         return np.empty(shape, dtype)
-    place = {"version": 3, "data": (address, False), "shape": tuple(shape)}
-    place["typestr"] = np.dtype(dtype).str
-    return np.asarray(SimpleNamespace(__array_interface__=place))
+    interface = {"version": 3, "data": (address, False), "shape": tuple(shape)}
+    interface["typestr"] = np.dtype(dtype).str
+    return np.asarray(SimpleNamespace(__array_interface__=interface))
 
 
 class Cell:
-    """Where loops find an argument each time they run: a bound loop follows it when it is set anew.
+    """An argument of loops that may change: bound loops read it each time they run.
 
     Args:
-        kind: the argument's `Kind`.
-        value: what is in it from the start, or None.
-        numbers: int64, memory for 1 + dimensions numbers; None for its own.
+        kind: the `Kind` of the argument.
+        value: the first value, or None.
+        numbers: int64, memory for 1 + dimensions numbers; None to allocate it.
 
     Attributes:
-        numbers: the value as integers (see `Kind.describe`); who writes others here sets the cell.
+        numbers: the value as integers (see `Kind.describe`); C++ and loops set a cell by these.
         address: of these integers.
     """
 
-    def __init__(self, kind, value=None, numbers=None):
+    def __init__(self, kind: Kind, value: Any = None, numbers: np.ndarray | None = None) -> None:
         self.kind = kind
         numbers = np.zeros(3, np.int64) if numbers is None else numbers
         self.numbers = numbers[: 1 + kind.dimensions]
-        self.address, self._owner = self.numbers.ctypes.data, None
+        self.address: int = self.numbers.ctypes.data
+        self._owner: Any = None
         if value is not None:
             self.set(value)
 
-    def set(self, value):
-        """Put an array, which lives as long as it is here, or a number here.
+    def set(self, value: Any) -> None:
+        """Set the cell to a number or an array, of which it holds a reference.
 
         Raises:
-            TypeError: if it is not of the kind.
+            TypeError: if the value is not of this kind.
         """
         self.numbers[:] = self.kind.describe(value)
         self._owner = value
 
     @property
-    def array(self):
-        """A view of the array that is here now; it keeps the memory of one that was set here."""
-        place, *shape = self.numbers.tolist()
-        if isinstance(self._owner, np.ndarray) and self._owner.ctypes.data == place:
+    def array(self) -> np.ndarray:
+        """A view of the array; it keeps the memory of an array that was `set`."""
+        address, *shape = self.numbers.tolist()
+        if isinstance(self._owner, np.ndarray) and self._owner.ctypes.data == address:
             return self._owner.reshape(-1)[: math.prod(shape)].reshape(shape)
-        return array(place, shape, self.kind.dtype)
+        return array(address, shape, self.kind.dtype)
 
     @property
-    def number(self):
-        """The number that is here now."""
+    def number(self) -> Any:
+        """The number."""
         return self.numbers.view(self.kind.dtype)[0].item()
 
 
-def cells(kinds):
-    """Cells side by side, so that a loop can set them.
-
-    Args:
-        kinds: a dictionary from names to `Kind`.
-    Returns:
-        (cells (len(kinds), 3), dictionary): their integers, and from names to each `Cell`.
-    """
+def cells(kinds: Mapping[str, Kind]) -> tuple[np.ndarray, dict[str, Cell]]:
+    """Cells whose integers are the rows of one table, (len(kinds), 3); the table, and the cells."""
     table = np.zeros((len(kinds), 3), np.int64)
     named = zip(kinds.items(), table, strict=True)
     return table, {name: Cell(kind, numbers=numbers) for (name, kind), numbers in named}
@@ -207,11 +205,11 @@ def cells(kinds):
 # ---------------------------------------------------------------- loops
 
 
-def inlined(function=None, *, contract=False):
-    """Decorator of a function that loops inline; Python's own callers have the plain function.
+def inlined(function: Any = None, *, contract: bool = False) -> Any:
+    """Decorator of a function that loops inline; in Python it stays the plain function.
 
     Args:
-        contract: whether a product and a sum may be rounded as one (fused multiply-add).
+        contract: allow fused multiply-add, which rounds a product and a sum once.
     """
     if function is None:
         return partial(inlined, contract=contract)
@@ -219,28 +217,29 @@ def inlined(function=None, *, contract=False):
     return function
 
 
-# what only loops can call
-def prefetch(array, row, column):
-    """Have the processor fetch an element of a two-dimensional array that a loop needs soon."""
+# Only loops can call these.
+def prefetch(array: Any, row: Any, column: Any) -> None:
+    """Prefetch an element of a two-dimensional array into the cache of the processor."""
 
 
-def address(array):
-    """Where an array begins in memory."""
+def address(array: Any) -> Any:
+    """The address of an array."""
 
 
-def longs(place, n):
-    """The int64 array (n,) at this place in memory."""
+def longs(place: Any, n: Any) -> Any:
+    """The int64 array (n,) at an address."""
 
 
-def call(place, *arguments):
-    """The integer that the C function at this place gives for up to 7 integers or addresses."""
+def call(place: Any, *arguments: Any) -> Any:
+    """Call the C function at an address with up to 7 integers or addresses; return its integer."""
 
 
-def annotations(of):
-    """The annotations of a function or a class, by names, in whatever form Python keeps them.
+def annotations(of: Any) -> dict[str, Any]:
+    """The annotations of a function or a class, by name.
 
     Raises:
-        TypeError: for a text that tells nothing, as `from __future__ import annotations` leaves it.
+        TypeError: for a text that its module does not define, as `from __future__ import
+            annotations` may leave.
     """
     try:
         return get_type_hints(of)
@@ -252,16 +251,16 @@ def annotations(of):
 
 
 class Loop:
-    """A loop that is compiled; it runs when its arguments are bound, by `bind_to`.
+    """A loop that is compiled; `bind_to` makes a function of it that runs.
 
-    `loop` is the decorator that makes one of a function: see the head of this file.
+    `loop` is the decorator that makes it from a function: see the beginning of this file.
 
     Args:
-        owner: of a function that is made in another one, the name of the module whose loop it is,
-            and what its own name stands behind.
+        owner: for a function that another function returns, the module that the loop belongs to,
+            and the prefix of its name.
     """
 
-    def __init__(self, function, owner=None):
+    def __init__(self, function: Callable, owner: tuple[str, str] | None = None) -> None:
         update_wrapper(cast(Any, self), function)
         module, within = owner or (function.__module__, "")
         own_name = function.__name__ if owner else function.__qualname__
@@ -274,41 +273,41 @@ class Loop:
             raise TypeError(
                 f"{self.name}: {' and '.join(bare)} must be annotated with a kind, such as F1"
             )
-        self.kinds: dict[str, Kind] = {}  # of the parameters and of the fields of bundles
+        self.kinds: dict[str, Kind] = {}  # of the parameters, and of the fields of bundles
         for name, what in self.parameters.items():
             more = {name: what} if isinstance(what, Kind) else annotations(what)
             if twice := self.kinds.keys() & more.keys():
                 raise TypeError(f"{self.name} has two arguments {' and '.join(sorted(twice))}")
             self.kinds |= more
         self.machine_code: Any = None  # a function of ctypes, once it is loaded
-        self.level, self.module = None, module
-        # a module that is imported once more has its loops once
+        self.level: int | None = None
+        self.module = module
+        # a module that is imported again replaces its loops
         others = [one for one in LOOPS.get(module, ()) if one.name != self.name]
         LOOPS[module] = [*others, self]
 
-    def take(self, address, owner, level):
-        """Have the machine code at an address, for a level, in memory that the owner has."""
+    def set_machine_code(self, address: int, owner: Any, level: int) -> None:
+        """Set the machine code for a level; its memory lives as long as its owner."""
         self.machine_code, self.level = ctypes.CFUNCTYPE(ctypes.c_int64)(address), level
         self.machine_code.address, self.machine_code.owner = address, owner
 
-    def bind_to(self, named, **more):
-        """Fix the arguments to what has their names (in a bundle, its fields') in a dictionary.
+    def bind_to(self, named: Mapping[str, Any], **more: Any) -> Any:
+        """Bind each argument, and each field of a bundle, to the value or `Cell` of its name.
 
         Returns:
-            a function without arguments that runs the loop on what is in the arrays and cells then,
-            and returns the loop's integer, or 0.
+            a function without arguments that runs the loop, and returns its integer, or 0.
         Raises:
-            TypeError: for an argument that has no name there, or is not of its kind.
+            TypeError: for an argument that is missing, or is not of its kind.
             RuntimeError, OSError: if the loop cannot be compiled or loaded.
         """
         named = {**named, **more}
         missing = [name for name in self.kinds if name not in named]
         if missing:
             raise TypeError(
-                f"{self.name} takes {' and '.join(missing)}, of which there is no cell: an "
-                f"integrator gives its own by the method own_cells, besides {', '.join(named)}"
+                f"{self.name} takes {' and '.join(missing)}, for which there is no cell: an "
+                f"integrator adds cells by the method own_cells to {', '.join(named)}"
             )
-        used = []
+        used: list[Cell] = []
         for name, kind in self.kinds.items():
             value = named[name]
             try:
@@ -323,10 +322,10 @@ class Loop:
                 message = f"{self.name}: {name} must be {kind}, not a {given}"
                 raise TypeError(message) from None
         if not self.machine_code:
-            load_here(self.module)
+            load_on_this_rank(self.module)
         addresses = (ctypes.c_int64 * len(used))(*[cell.address for cell in used])
-        call = partial(self.machine_code, addresses)
-        call.cells = used  # they live as long as their addresses are in use
+        call: Any = partial(self.machine_code, addresses)
+        call.cells = used  # keeps their addresses valid
         call.name = self.name.rpartition(".")[2]
         return call
 

@@ -1,6 +1,6 @@
 """From the loops of `compiled.Loop` to machine code: numba makes LLVM's bitcode of them.
 
-`own` has a process of its own do it: numba's memory, and the level at which it works, end with it.
+`cache` has another process do it: numba's memory, and the level at which it works, end with it.
 Only the public interfaces of numba and llvmlite are used.
 """
 
@@ -10,13 +10,16 @@ import math
 import os
 import sys
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache as cached
+from functools import partial
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
 
-from . import compiled, machine_code, own
+from . import cache, compiled
+from .machine_code import ADDED
 from .memory import LENGTH, PLACE, WIDTH, floats_in, int_rows_in, ints_in, longs_in
+from .registry import INLINED, LOOPS
 
 # before numba is imported: LLVM works when all functions are one, see `_simplify`
 os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
@@ -43,11 +46,11 @@ def compile_modules(folder, names, levels):
         SystemExit: if it cannot be done; what was printed says why.
     """
     gc.disable()  # it would search very many objects all the time
-    for function, options in machine_code.INLINED.items():
+    for function, options in INLINED.items():
         _teach(function, function, **options)
     for function, meaning in PRIMITIVES.items():
         _teach(function, meaning)
-    longest_first = sorted(names, key=lambda name: len(machine_code.LOOPS[name]), reverse=True)
+    longest_first = sorted(names, key=lambda name: len(LOOPS[name]), reverse=True)
     # each process takes the number of a module from this pipe, as soon as it has compiled one
     turns, numbers = os.pipe()
     os.write(numbers, bytes(range(len(names))))
@@ -68,9 +71,9 @@ def _work(turns, folder, names, levels):
     try:
         while turn := os.read(turns, 1):
             name = names[turn[0]]
-            code = _bitcode(machine_code.LOOPS[name])
+            code = _bitcode(LOOPS[name])
             for level in levels:
-                own.save(own.place(folder, name, level), _object(code, level))
+                cache.save(cache.file_of(folder, name, level), _object(code, level))
     except (RuntimeError, OSError) as error:
         sys.exit(str(error))
 
@@ -149,7 +152,7 @@ PRIMITIVES: dict[Callable, Callable] = {
 # ---------------------------------------------------------------- from cells to arguments
 
 
-@cache
+@cached
 def _reader(kind):
     """A function from the address of a cell, a few integers, to the argument of that kind."""
     is_record, columns = bool(kind.dtype.names), kind.columns
@@ -266,7 +269,7 @@ def _target(level=""):
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     triple, cpu = llvm.get_process_triple(), level
-    if level and level not in machine_code.ADDED:
+    if level and level not in ADDED:
         triple, cpu = f"{level}{triple[triple.index('-') :]}", "generic"
     target = llvm.Target.from_triple(triple)
     return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")

@@ -1,118 +1,118 @@
-"""The machine code of loops: the package's own is in a library, that of others is made by `own`.
+"""Load the machine code of loops: the package's own from its library, others from `cache`.
 
-The build compiles the package's loops for levels of what processors can do, a library each. The
-ranks of a run take the one for the highest level that all of them have. An editable install has no
-library: then all loops are compiled as one's own, and none is older than its source.
+The build compiles the package's loops into one library for each level of instructions.  The ranks
+of a run use the highest level that all of them have.  An editable install has no library: its loops
+are compiled like those of users, so that none is older than its source.
 """
 
 import ctypes
 import os
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Iterable
+from functools import cache as cached
 from itertools import takewhile
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from .compiled import Loop
+from .registry import LOOPS, PACKAGE
 
-PACKAGE = __name__.partition(".")[0]
 FOLDER = Path(__file__).parent.parent
-# what each level of x86-64 adds to those before, in Linux's words (the levels are the psABI's)
-ADDED = {
+# what each level of x86-64 adds to those before, as /proc/cpuinfo names it (levels of the psABI)
+ADDED: dict[str, set[str]] = {
     "x86-64": set(),
     "x86-64-v2": {"cx16", "lahf_lm", "popcnt", "pni", "sse4_1", "sse4_2", "ssse3"},
     "x86-64-v3": {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"},
     "x86-64-v4": {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"},
 }
 MACHINE = os.uname().machine
-LEVELS = list(ADDED) if MACHINE == "x86_64" else [MACHINE]  # from the lowest one on
+LEVELS = list(ADDED) if MACHINE == "x86_64" else [MACHINE]  # lowest first
 FAILED = "the loops cannot be compiled or loaded"
 
-INLINED: dict[Callable, dict[str, Any]] = {}  # function: the options that numba compiles it with
-LOOPS: dict[str, list["Loop"]] = {}  # by their modules' names
 
-
-@cache
-def level():
-    """The number in `LEVELS` of the highest that this processor has."""
+@cached
+def level() -> int:
+    """The index in `LEVELS` of the highest level of this processor."""
     if LEVELS == [MACHINE] or not os.path.exists("/proc/cpuinfo"):
         return 0
     with open("/proc/cpuinfo") as lines:
-        known = set(next(line for line in lines if line.startswith("flags")).split())
-    return len(list(takewhile(lambda name: ADDED[name] <= known, LEVELS))) - 1
+        flags = set(next(line for line in lines if line.startswith("flags")).split())
+    return len(list(takewhile(lambda name: ADDED[name] <= flags, LEVELS))) - 1
 
 
-@cache
-def built(highest):
-    """The package's loops for a level, or for the next one below that there is.
+@cached
+def library(highest: int) -> ctypes.CDLL | None:
+    """The package's loops for a level, or for the next lower one that was built.
 
     Returns:
         None in an editable install.
     Raises:
-        RuntimeError: if there are others only.
+        RuntimeError: if only higher levels were built.
     """
     for name in reversed(LEVELS[: highest + 1]):
         if (file := FOLDER / f"loops_{name}.so").exists():
             return ctypes.CDLL(str(file))
     if others := sorted(file.stem.removeprefix("loops_") for file in FOLDER.glob("loops_*.so")):
         raise RuntimeError(
-            f"a rank's processor is no {others[0]}, for which {PACKAGE} was compiled: compile it "
-            f"with NOSQUISH_LEVELS={LEVELS[highest]} in the environment"
+            f"{PACKAGE} was compiled for {others[0]}, which the processor of a rank is not: "
+            f"compile it again with NOSQUISH_LEVELS={LEVELS[highest]} in the environment"
         )
     return None
 
 
-def load(communicator, *names):
-    """Make the loops of some modules ready; rank 0 reads or makes those of one's own; collective.
+def load(communicator: Any, *names: str) -> None:
+    """Load the loops of modules; rank 0 reads or compiles those that are not the package's.
+
+    Collective.
 
     Args:
         communicator: the `Communicator` or `ALONE`.
-        names: of the modules, as `__name__`; those without loops are left out.
+        names: of the modules, as `__name__`; modules without loops are ignored.
     Raises:
-        RunError: on all ranks, if they cannot be compiled or loaded.
+        RunError: on all ranks, if loops cannot be compiled or loaded.
     """
-    agreed, others, codes = communicator.least(level()), [], None
+    agreed = communicator.least(level())
+    others: list[str] = []
+    codes: dict[str, bytes] | None = None
     wanted = [name for name in names if name in LOOPS]
     if not communicator.any(any(one.level != agreed for name in wanted for one in LOOPS[name])):
         return
     with communicator.together(FAILED):
-        others = _take_ours(wanted, agreed)
+        others = _load_from_library(wanted, agreed)
     if not others:
         return
-    from . import own  # few need it
+    from . import cache  # few runs need it
 
     with communicator.together(FAILED):
         try:
             if communicator.rank == 0:
-                codes = own.codes(others, LEVELS[agreed])
+                codes = cache.machine_code(others, LEVELS[agreed])
         finally:
             communicator.rest()  # while rank 0 compiles
     codes = communicator.share(codes)
     with communicator.together(FAILED):
-        own.take(codes, agreed)
+        cache.load(codes, agreed)
 
 
-def load_here(name):
-    """Make the loops of a module ready on this rank, at the first use of one without `load`.
+def load_on_this_rank(name: str) -> None:
+    """Load the loops of a module that is used without `load`.
 
     Raises:
         RuntimeError, OSError: if they cannot be compiled or loaded.
     """
-    if others := _take_ours([name], level()):
-        from . import own
+    if others := _load_from_library([name], level()):
+        from . import cache
 
-        own.take(own.codes(others, LEVELS[level()]), level())
+        cache.load(cache.machine_code(others, LEVELS[level()]), level())
 
 
-def _take_ours(names, agreed):
-    """Take loops of the library. Returns: the names of the modules that it has not."""
-    known, others = built(agreed), []
+def _load_from_library(names: Iterable[str], agreed: int) -> list[str]:
+    """Load loops of the library. Returns: the names of the modules that it does not have."""
+    found, others = library(agreed), []
     for name in names:
-        functions: list[Any] = [getattr(known, one.name, None) for one in LOOPS[name]]
+        functions: list[Any] = [getattr(found, one.name, None) for one in LOOPS[name]]
         if all(functions):
             for one, function in zip(LOOPS[name], functions, strict=True):
-                one.take(ctypes.cast(function, ctypes.c_void_p).value, known, agreed)
+                place = ctypes.cast(function, ctypes.c_void_p).value
+                one.set_machine_code(place, found, agreed)
         else:
             others.append(name)
     return others

@@ -5,7 +5,7 @@ from functools import cache
 from typing import NamedTuple
 
 from ..loops.compiled import F2, F, I, Kind, Loop, inlined, loop
-from ..loops.machine_code import INLINED
+from ..loops.registry import INLINED
 from .block import (
     ALL,
     ATOM,

@@ -1,17 +1,10 @@
-"""What ranks ask each other of atoms, for messages and a LAMMPS that takes nothing along."""
+"""Look data up on other ranks, by atom or by body."""
 
 import numpy as np
 
-from ..loops.compiled import L1, I, loop
 from .communicator import Alone
-from .mpi import Mpi, deliver
+from .mpi import deliver_parts
 from .sharing import places
-
-
-@loop
-def deliver_parts(mpi: Mpi, to: L1, many: L1, parts: L1, sources: L1, known: I):
-    """`mpi.deliver`."""
-    deliver(mpi, to, many, parts, sources, known)
 
 
 def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:

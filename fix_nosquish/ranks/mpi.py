@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs
+from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs, loop
 from ..loops.memory import LENGTH, PLACE, Memory, append, ints_in, longs_in, place_of, resize, rows
 
 if TYPE_CHECKING:
@@ -265,3 +265,9 @@ def deliver(mpi, to, many, parts, sources, known):
         next_tag[0] = 1 - next_tag[0]
         keep(mpi, own)
         receive_all(mpi, tag)
+
+
+@loop
+def deliver_parts(mpi: Mpi, to: L1, many: L1, parts: L1, sources: L1, known: I):
+    """`deliver`."""
+    deliver(mpi, to, many, parts, sources, known)

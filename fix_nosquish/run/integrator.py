@@ -17,7 +17,7 @@ from ..host.own_fix import OwnFix
 from ..loops import machine_code
 from ..motion import step, virial
 from ..motion.block import ROWS
-from ..ranks import lookup, migration, sharing
+from ..ranks import migration, mpi, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
 from . import (
     answers,
@@ -131,7 +131,7 @@ class Integrator(Registered, Declaration):
         self.command = Command.parse(line, self.keywords, self.own_keywords)
         self.follow_words()
         several = self.communicator.size > 1 or not driven_by_plugin()
-        modules = step, migration, sharing, virial, passes, *((lookup,) if several else ())
+        modules = step, migration, sharing, virial, passes, *((mpi,) if several else ())
         machine_code.load(
             self.communicator,
             *(module.__name__ for module in modules),

@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 from llvmlite import binding as llvm
 
-from fix_nosquish.loops import compiled, machine_code, own
 from support.debian import debian, obstacle
+
+from fix_nosquish.loops import cache, compiled, machine_code
 from validation.running import startup
 
 BIN = Path(sys.executable).parent
@@ -103,15 +104,15 @@ def raises(x: F1) -> I:
 # counts what a process compiles
 COUNT = """
 import sys
-from fix_nosquish.loops import machine_code, own
+from fix_nosquish.loops import cache, machine_code
 
-made, compile = [], own.compile_all
+made, compile = [], cache.run_compiler
 
 def counted(folder, names, levels):
     made.extend(names)
     compile(folder, names, levels)
 
-own.compile_all = counted
+cache.run_compiler = counted
 """
 # a process that uses a loop, and says what it got, and whether it has compiled
 USE = f"""
@@ -147,11 +148,11 @@ if case == "early" and world.rank == 1:
 if case == "processors" and world.rank == 1:
     machine_code.level = lambda: 0
 if case == "processors":
-    machine_code.built = lambda level: None  # the package's, which may be for this machine only
+    machine_code.library = lambda level: None  # the package's, which may be for this machine only
 if case == "failure":
     def fail(*arguments):
         raise OSError("no memory")
-    own.compile_all = fail
+    cache.run_compiler = fail
 try:
     machine_code.load(world, "loops")
     said = [
@@ -516,7 +517,7 @@ ANEW = """
 import gc
 import numpy as np
 import loops
-from fix_nosquish.loops.machine_code import LOOPS
+from fix_nosquish.loops.registry import LOOPS
 
 def total():
     for one in LOOPS["loops"]:
@@ -683,7 +684,7 @@ import json
 from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
 
-names, library = modules(), machine_code.built(machine_code.level())
+names, library = modules(), machine_code.library(machine_code.level())
 loops = [one.name for name in names for one in machine_code.LOOPS[name]]
 print(json.dumps([len(loops), [name for name in loops if not hasattr(library, name)]]))
 """
@@ -743,7 +744,11 @@ def test_a_level_that_was_not_built(fresh):
     (library,) = (fresh / "fix_nosquish").glob("loops_*.so")
     library.rename(library.with_name(f"loops_{machine_code.LEVELS[1]}.so"))
     everywhere, message = answer(start(fresh, LEVEL, ["0"], 2))[1]
-    assert everywhere and f"a rank's processor is no {machine_code.LEVELS[1]}" in message
+    assert (
+        everywhere
+        and f"compiled for {machine_code.LEVELS[1]}, which the processor of a rank is not"
+        in message
+    )
     assert f"NOSQUISH_LEVELS={machine_code.LEVELS[0]}" in message
 
 
@@ -776,8 +781,8 @@ def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch)
     importlib.import_module(name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*filter(None, sys.path), "."])  # as in lmp
-    own.compile_all(tmp_path, [name], [level])
-    assert own.read(own.place(tmp_path, name, level))
+    cache.run_compiler(tmp_path, [name], [level])
+    assert cache.read(cache.file_of(tmp_path, name, level))
 
 
 # ---------------------------------------------------------------- on several ranks
@@ -800,7 +805,7 @@ def test_loops_of_a_driver_script_are_refused():
     """Locks out a traceback with a KeyError of the compiler's process, whose main module is another
     one, half a minute after the fix line."""
     with pytest.raises(RuntimeError, match="in a file of its own, NAME"):
-        own.codes(["__main__"], machine_code.LEVELS[0])
+        cache.machine_code(["__main__"], machine_code.LEVELS[0])
 
 
 @needs_levels

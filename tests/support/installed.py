@@ -15,10 +15,11 @@ SCHEMES = "fix_nosquish_validation/schemes"  # the harness's, which LAMMPS impor
 COMPILE = """
 from fix_nosquish.loops import machine_code
 from fix_nosquish.loops.__main__ import modules
+from fix_nosquish.loops.registry import LOOPS
 from fix_nosquish.ranks import communicator
 from fix_nosquish_validation.schemes import gear, matubayasi_nakahara
 modules()
-machine_code.load(communicator.ALONE, *machine_code.LOOPS)
+machine_code.load(communicator.ALONE, *LOOPS)
 """
 
 
