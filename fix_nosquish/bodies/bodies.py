@@ -158,7 +158,7 @@ class Bodies:
         own = {
             "kinds": self.kinds,
             "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),
-            "found": np.zeros(len(migration.FOUND)),
+            "counts": np.zeros(len(migration.COUNTS)),
             "off": np.zeros(2),
             "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
             **dict.fromkeys(PeriodicBox._fields),  # see `update_box`

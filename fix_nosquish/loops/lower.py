@@ -1,7 +1,7 @@
-"""From the loops of `compiled.Loop` to machine code: numba makes LLVM's bitcode of them.
+"""Compile loops: numba makes LLVM bitcode of each `compiled.Loop`, and LLVM machine code.
 
-`cache` has another process do it: numba's memory, and the level at which it works, end with it.
-Only the public interfaces of numba and llvmlite are used.
+This runs in a separate process (see `cache`), because numba takes much memory and is configured by
+environment variables.  Only the public interfaces of numba and llvmlite are used.
 """
 
 import gc
@@ -18,10 +18,10 @@ from pathlib import Path
 
 from . import cache, compiled
 from .machine_code import ADDED
-from .memory import LENGTH, PLACE, WIDTH, floats_in, int_rows_in, ints_in, longs_in
+from .memory import ADDRESS, LENGTH, WIDTH, floats_in, int_rows_in, ints_in, longs_in, reallocate
 from .registry import INLINED, LOOPS
 
-# before numba is imported: LLVM works when all functions are one, see `_simplify`
+# set before numba is imported: LLVM optimizes once all functions are one, see `_simplify`
 os.environ |= {"NUMBA_OPT": "0", "NUMBA_CPU_NAME": "generic", "NUMBA_CPU_FEATURES": ""}
 
 from llvmlite import binding as llvm
@@ -30,32 +30,37 @@ from numba import carray, cfunc, from_dtype, types
 from numba.core.errors import NumbaError
 from numba.extending import intrinsic, overload
 
-CELLS = types.CPointer(types.int64)  # their addresses
+CELLS = types.CPointer(types.int64)  # the addresses of cells
 OPTIONS = {
-    "error_model": "numpy",  # a division by zero raises nothing
-    "no_cpython_wrapper": True,  # nothing but other loops calls an inlined function
+    "error_model": "numpy",  # division by zero raises no exception
+    "no_cpython_wrapper": True,  # only loops call an inlined function
     "no_cfunc_wrapper": True,
 }
 LONG = ir.IntType(64)
+C_FUNCTIONS = "realloc", "perror", "_exit"  # which loops call, besides those of math
+NO_MEMORY = (
+    "ERROR: fix_nosquish: there is no memory left on this node for the bodies of this rank. Use "
+    "more nodes, or fewer ranks on each"
+)
 
 
 def compile_modules(folder, names, levels):
-    """Write the machine code of these modules' loops, a file for each and each level.
+    """Write the machine code of modules' loops: a file for each module and level.
 
     Raises:
-        SystemExit: if it cannot be done; what was printed says why.
+        SystemExit: if a loop cannot be compiled; the message was printed.
     """
-    gc.disable()  # it would search very many objects all the time
+    gc.disable()  # numba has very many objects that live until the end
     for function, options in INLINED.items():
-        _teach(function, function, **options)
-    for function, meaning in PRIMITIVES.items():
-        _teach(function, meaning)
+        _implement(function, function, **options)
+    for function, implementation in PRIMITIVES.items():
+        _implement(function, implementation)
     longest_first = sorted(names, key=lambda name: len(LOOPS[name]), reverse=True)
-    # each process takes the number of a module from this pipe, as soon as it has compiled one
-    turns, numbers = os.pipe()
-    os.write(numbers, bytes(range(len(names))))
-    os.close(numbers)
-    work = partial(_work, turns, folder, longest_first, levels)
+    # a queue: each process reads the index of its next module from this pipe
+    queue, end = os.pipe()
+    os.write(end, bytes(range(len(names))))
+    os.close(end)
+    work = partial(_work, queue, folder, longest_first, levels)
     at_most = min(4, os.cpu_count() or 1, len(names))
     processes = [get_context("fork").Process(target=work) for _ in range(at_most)]
     for process in processes:
@@ -66,11 +71,11 @@ def compile_modules(folder, names, levels):
         sys.exit(1)
 
 
-def _work(turns, folder, names, levels):
-    """Compile modules as their turns come."""
+def _work(queue, folder, names, levels):
+    """Compile the modules whose indices this process reads from the queue."""
     try:
-        while turn := os.read(turns, 1):
-            name = names[turn[0]]
+        while index := os.read(queue, 1):
+            name = names[index[0]]
             code = _bitcode(LOOPS[name])
             for level in levels:
                 cache.save(cache.file_of(folder, name, level), _object(code, level))
@@ -78,25 +83,25 @@ def _work(turns, folder, names, levels):
         sys.exit(str(error))
 
 
-def _teach(function, meaning, **options):
-    """Let numba compile `meaning` where a compiled function calls `function`."""
-    overload(function, OPTIONS | options, strict=False)(lambda *types: meaning)
+def _implement(function, implementation, **options):
+    """Have numba compile `implementation` where a compiled function calls `function`."""
+    overload(function, OPTIONS | options, strict=False)(lambda *types: implementation)
 
 
-# ---------------------------------------------------------------- what loops can use besides
+# ---------------------------------------------------------------- primitives
 
 
-def _from_address(what):
+def _from_address(kind):
     """A function from an address to a pointer, or to a record."""
 
     @intrinsic
-    def found(typing, place):
+    def converted(typing, address):
         def code(context, builder, signature, values):
             return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
-        return what(types.int64), code
+        return kind(types.int64), code
 
-    return found
+    return converted
 
 
 _to_float, _to_long, _to_int = (
@@ -105,7 +110,7 @@ _to_float, _to_long, _to_int = (
 
 
 @intrinsic
-def _fetch(typing, place):
+def _fetch(typing, address):
     def code(context, builder, signature, values):
         number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
@@ -123,28 +128,48 @@ def _prefetch(array, row, column):
 
 
 @intrinsic
-def _call(typing, place, arguments):
+def _call(typing, address, arguments):
     def code(context, builder, signature, values):
-        place, packed = values
+        address, packed = values
         numbers = [builder.extract_value(packed, k) for k in range(len(arguments))]
         kind = ir.FunctionType(LONG, [LONG] * len(numbers))
-        return builder.call(builder.inttoptr(place, kind.as_pointer()), numbers)
+        return builder.call(builder.inttoptr(address, kind.as_pointer()), numbers)
 
     return types.int64(types.int64, types.UniTuple(types.int64, len(arguments))), code
+
+
+@intrinsic
+def _reallocate(typing, address, size):
+    def code(context, builder, signature, values):
+        def call(name, *numbers):
+            kind, module = ir.FunctionType(LONG, [LONG] * len(numbers)), builder.module
+            return builder.call(
+                module.globals.get(name) or ir.Function(module, kind, name), numbers
+            )
+
+        address = call("realloc", *values)
+        with builder.if_then(builder.icmp_signed("==", address, LONG(0)), likely=False):
+            text = context.insert_const_string(builder.module, NO_MEMORY)
+            call("perror", builder.ptrtoint(text, LONG))
+            call("_exit", LONG(1))
+        return address
+
+    return types.int64(types.int64, types.int64), code
 
 
 PRIMITIVES: dict[Callable, Callable] = {
     compiled.prefetch: _prefetch,
     compiled.address: lambda array: array.ctypes.data,
-    compiled.longs: lambda place, n: carray(_to_long(place), (n,)),
-    compiled.call: lambda place, *arguments: _call(place, arguments),
-    longs_in: lambda memory, row: carray(_to_long(memory[row, PLACE]), (memory[row, LENGTH],)),
-    ints_in: lambda memory, row: carray(_to_int(memory[row, PLACE]), (memory[row, LENGTH],)),
+    compiled.longs: lambda address, n: carray(_to_long(address), (n,)),
+    compiled.call: lambda address, *arguments: _call(address, arguments),
+    reallocate: lambda address, size: _reallocate(address, size),
+    longs_in: lambda memory, row: carray(_to_long(memory[row, ADDRESS]), (memory[row, LENGTH],)),
+    ints_in: lambda memory, row: carray(_to_int(memory[row, ADDRESS]), (memory[row, LENGTH],)),
     int_rows_in: lambda memory, row: carray(
-        _to_int(memory[row, PLACE]), (memory[row, LENGTH], memory[row, WIDTH])
+        _to_int(memory[row, ADDRESS]), (memory[row, LENGTH], memory[row, WIDTH])
     ),
     floats_in: lambda memory, row: carray(
-        _to_float(memory[row, PLACE]), (memory[row, LENGTH], memory[row, WIDTH])
+        _to_float(memory[row, ADDRESS]), (memory[row, LENGTH], memory[row, WIDTH])
     ),
 }
 
@@ -154,10 +179,10 @@ PRIMITIVES: dict[Callable, Callable] = {
 
 @cached
 def _reader(kind):
-    """A function from the address of a cell, a few integers, to the argument of that kind."""
+    """A function from the address of a cell to the argument of that kind."""
     is_record, columns = bool(kind.dtype.names), kind.columns
-    what = from_dtype(kind.dtype)
-    pointer = _from_address(what if is_record else types.CPointer(what))
+    dtype = from_dtype(kind.dtype)
+    pointer = _from_address(dtype if is_record else types.CPointer(dtype))
     readers = {
         "I": lambda cell: _to_long(cell)[0],
         "F": lambda cell: _to_float(cell)[0],
@@ -167,41 +192,42 @@ def _reader(kind):
         2: lambda cell: carray(pointer(_to_long(cell)[0]), (_to_long(cell)[1], _to_long(cell)[2])),
     }
     read = (not is_record and readers.get(kind.name)) or readers[kind.dimensions]
-    _teach(read, read)
+    _implement(read, read)
     return read
 
 
 def _entry(loop):
-    """A function that takes a loop's arguments out of their cells, and runs it."""
+    """A function that reads the arguments of a loop from their cells, and runs it."""
     function = loop.__wrapped__
-    _teach(function, function)
-    known, places, arguments = {"loop": function}, count(), []
+    _implement(function, function)
+    names, indices, arguments = {"loop": function}, count(), []
 
     def argument(kind):
-        place = next(places)
-        known[f"read_{place}"] = _reader(kind)
-        return f"read_{place}(cells[{place}])"
+        k = next(indices)
+        names[f"read_{k}"] = _reader(kind)
+        return f"read_{k}(cells[{k}])"
 
-    for what in loop.parameters.values():
-        if isinstance(what, compiled.Kind):
-            arguments.append(argument(what))
+    for kind in loop.parameters.values():
+        if isinstance(kind, compiled.Kind):
+            arguments.append(argument(kind))
         else:
-            fields = [argument(kind) for kind in compiled.annotations(what).values()]
-            arguments.append(f"{what.__name__}({', '.join(fields)})")
-            known[what.__name__] = what
+            fields = [argument(field) for field in compiled.annotations(kind).values()]
+            arguments.append(f"{kind.__name__}({', '.join(fields)})")
+            names[kind.__name__] = kind
     run = f"loop({', '.join(arguments)})"
-    exec(f"def entry(cells):\n    {f'return {run}' if loop.returns else f'{run}; return 0'}", known)
-    return known["entry"]
+    # numba compiles no function of a variable number of arguments, so this one is written
+    exec(f"def entry(cells):\n    {f'return {run}' if loop.returns else f'{run}; return 0'}", names)
+    return names["entry"]
 
 
 # ---------------------------------------------------------------- LLVM
 
 
 def _bitcode(loops):
-    """The bitcode of loops: for each a function `int64 NAME(int64 *cells)`, of their addresses.
+    """The bitcode of loops: for each a function `int64 NAME(int64 *cells)` of addresses of cells.
 
     Raises:
-        RuntimeError: for a loop that needs Python when it runs.
+        RuntimeError: for a loop that would call Python.
     """
     linked = llvm.parse_assembly("")
     for loop in loops:
@@ -209,7 +235,7 @@ def _bitcode(loops):
             entry = cfunc(types.int64(CELLS), **OPTIONS)(_entry(loop))
         except NumbaError as error:
             raise RuntimeError(
-                f"{loop.name} is not what numba can compile (is each function that it calls marked "
+                f"numba cannot compile {loop.name} (is each function that it calls marked "
                 f"@inlined, and made of numbers, tuples and functions of math?): {error}"
             ) from error
         module = llvm.parse_assembly(entry.inspect_llvm())
@@ -222,30 +248,31 @@ def _bitcode(loops):
         needed = _simplify(module) and _simplify(module)
         if needed:
             raise RuntimeError(
-                f"{loop.name} makes an array or raises an exception, for which it needs "
-                f"{', '.join(needed)}"
+                f"{loop.name} makes an array or raises an exception, which a loop cannot do: it "
+                f"calls {', '.join(needed)}"
             )
         linked.link_in(module)
     return linked.as_bitcode()
 
 
 def _simplify(module):
-    """Make one short function of many: what follows from the processor is for `_object`.
+    """Inline all functions into one, and optimize it for no processor in particular.
 
     Returns:
-        the names of Python's functions that are left: those for errors that a second round may
-        find impossible.
+        the names of Python's functions that are left. A second call may remove those that raise
+        errors which cannot occur.
     """
     _optimize(module, _target(), vectorize=False)
     left = [function.name for function in module.functions if function.is_declaration]
-    return [name for name in left if not name.startswith("llvm.") and not hasattr(math, name)]
+    known = "llvm.", *C_FUNCTIONS
+    return [name for name in left if not name.startswith(known) and not hasattr(math, name)]
 
 
 def _object(code, level):
     """An object file of bitcode.
 
-    LLVM does what its -O2 does.  -O3, and loops that do several vectors at a time, make much more
-    code that is not faster: between two steps LAMMPS drives what there is out of the caches.
+    The optimization is -O2 without interleaving.  -O3 and interleaving make much more code, which
+    is not faster, because LAMMPS evicts it from the caches between steps.
     """
     module, target = llvm.parse_bitcode(code), _target(level)
     module.triple, module.data_layout = target.triple, str(target.target_data)
@@ -261,10 +288,10 @@ def _optimize(module, target, vectorize):
 
 
 def _target(level=""):
-    """LLVM's idea of a processor: what all of a level have in common.
+    """LLVM's description of the processors of a level.
 
-    Without a level it is none that there is. What LLVM takes to be good for one of them is done by
-    `_object`: done twice, it makes steps slower by some 6 %.
+    Without a level it is no real processor: tuning for one twice makes steps 6 % slower, so only
+    `_object` does it.
     """
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
@@ -276,7 +303,7 @@ def _target(level=""):
 
 
 def main():
-    """Compile modules, as `compile_modules`: FOLDER LEVEL,... MODULE ..."""
+    """Run `compile_modules` with the arguments FOLDER LEVEL,... MODULE ..."""
     folder, levels, *names = sys.argv[1:]
     for name in names:
         importlib.import_module(name)

@@ -86,7 +86,7 @@ def load(communicator: Any, *names: str) -> None:
             if communicator.rank == 0:
                 codes = cache.machine_code(others, LEVELS[agreed])
         finally:
-            communicator.rest()  # while rank 0 compiles
+            communicator.wait()  # while rank 0 compiles
     codes = communicator.share(codes)
     with communicator.together(FAILED):
         cache.load(codes, agreed)

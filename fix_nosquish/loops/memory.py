@@ -1,4 +1,4 @@
-"""Arrays that compiled loops make longer by themselves, and Python sees through cells.
+"""Arrays that compiled loops can lengthen, and that Python sees through cells.
 
     class Rows(NamedTuple):
         ids: L1
@@ -15,8 +15,8 @@
     begin.bind_to(memory.cells, n=3)()
     memory.cells["ids"].array
 
-Loops are given the memory's table, in which each array has a row.  The class of the rows is the one
-definition of them: loops have the numbers of the rows by these names, Python the cells.
+Loops take the table of the memory, which has a row for each array.  The class `Rows` defines them:
+loops use the indices of the rows by these names, Python uses the cells.
 """
 
 import ctypes
@@ -25,143 +25,126 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from .compiled import L2, Cell, annotations, call, inlined
+from .compiled import L2, Cell, annotations, inlined
 
-# columns of the table: where an array is, its shape (the second is 1 if it has one dimension), for
-# how many bytes there is room, and how many bytes a number takes
-PLACE, LENGTH, WIDTH, ROOM, ITEM = range(5)
-# the first row holds addresses of C's functions, and of what the second says
-C = 0
-REALLOC, PERROR, EXIT, MESSAGE = range(4)
+# columns of the table: the address of an array, its shape (the second number is 1 if it has one
+# dimension), how many bytes are allocated, and how many bytes a number has
+ADDRESS, LENGTH, WIDTH, CAPACITY, ITEMSIZE = range(5)
 
 _libc = ctypes.CDLL(None)
-_NO_ROOM = ctypes.create_string_buffer(
-    b"ERROR: fix_nosquish: there is no memory left on this node for the bodies of this rank. Use "
-    b"more nodes, or fewer ranks on each"
-)
 _libc.realloc.restype, _libc.realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
 _libc.free.argtypes = [ctypes.c_void_p]
-
-
-def place_of(thing: Any) -> int:
-    """Where a function, or a buffer, of ctypes is in memory."""
-    return ctypes.cast(thing, ctypes.c_void_p).value or 0
-
 
 Rows = TypeVar("Rows", bound=NamedTuple)
 
 
 def rows(names: type[Rows]) -> Rows:
-    """The number of each row by its name: constants for loops.
+    """The indices of the rows by their names: constants for loops.
 
     Args:
-        names: a NamedTuple whose fields are arrays of a memory, with their kinds as annotations.
+        names: a NamedTuple whose fields are the arrays of a memory, annotated with their kinds.
     """
-    return names(*range(1, 1 + len(names._fields)))
+    return names(*range(len(names._fields)))
 
 
 class Memory:
-    """Arrays by name, which live as long as this object.
+    """Named arrays, which live as long as this object.
 
     Args:
-        name: what loops call the argument that is the table.
-        names: as of `rows`.
+        name: the name of the loops' argument that is the table.
+        names: see `rows`.
 
     Attributes:
-        table: (rows, 5) what the columns' names say of each array.
-        cells: dictionary from names to `compiled.Cell`, that of the table among them.
+        table: (rows, 5) the columns above, of each array.
+        cells: dictionary from names to `compiled.Cell`; it includes that of the table.
     """
 
     def __init__(self, name: str, names: type[Any]) -> None:
         kinds = annotations(names)
-        self.table = table = np.zeros((1 + len(kinds), 5), np.int64)
-        functions = _libc.realloc, _libc.perror, _libc._exit, _NO_ROOM
-        table[C, :4] = [place_of(one) for one in functions]
-        table[1:, WIDTH], table[1:, ITEM] = 1, [kind.dtype.itemsize for kind in kinds.values()]
-        self._rows = dict(zip(kinds, table[1:]))
+        self.table = table = np.zeros((len(kinds), 5), np.int64)
+        table[:, WIDTH], table[:, ITEMSIZE] = 1, [kind.dtype.itemsize for kind in kinds.values()]
+        self._rows = dict(zip(kinds, table))
         self.cells = {one: Cell(kind, numbers=self._rows[one]) for one, kind in kinds.items()}
         self.cells[name] = Cell(L2, table)
         weakref.finalize(self, _free, table).atexit = False  # LAMMPS may outlive this interpreter
 
     def put(self, name: str, values: Any) -> None:
-        """Copy values to the array of this name.
+        """Copy values to the array of this name, which gets their shape.
 
         Raises:
-            MemoryError: if there is no room for them.
+            MemoryError: if they cannot be allocated.
         """
         cell, row = self.cells[name], self._rows[name]
         values = np.ascontiguousarray(values, cell.kind.dtype)
-        if values.nbytes > row[ROOM]:
-            place = _libc.realloc(row[PLACE].item(), values.nbytes)
-            if not place:
+        if values.nbytes > row[CAPACITY]:
+            address = _libc.realloc(row[ADDRESS].item(), values.nbytes)
+            if not address:
                 raise MemoryError(f"there is no memory for the {values.nbytes} bytes of {name}")
-            row[PLACE], row[ROOM] = place, values.nbytes
+            row[ADDRESS], row[CAPACITY] = address, values.nbytes
         cell.numbers[1:] = values.shape
         cell.array[...] = values
 
 
 def _free(table: np.ndarray) -> None:
-    for place in table[1:, PLACE][table[1:, ROOM] > 0].tolist():
-        _libc.free(place)
+    for address in table[:, ADDRESS][table[:, CAPACITY] > 0].tolist():
+        _libc.free(address)
 
 
-@inlined
-def room(memory, row, size):
-    """The place of this row's array, with room for so many bytes; what is there stays.
+# Only loops can call these.
+def reallocate(address: Any, size: Any) -> Any:
+    """C's realloc; if it fails, the process prints a message and ends, and MPI ends the others.
 
-    Without memory this rank ends with a message, for no loop can raise an error, and MPI ends the
-    others.
+    A loop cannot raise an error, and all code after this one would write to address 0.
     """
-    if size > memory[row, ROOM]:
-        more = size + size // 4 + 64
-        place = call(memory[C, REALLOC], memory[row, PLACE], more)
-        if place == 0:
-            call(memory[C, PERROR], memory[C, MESSAGE])
-            call(memory[C, EXIT], 1)
-        memory[row, ROOM], memory[row, PLACE] = more, place
-    return memory[row, PLACE]
 
 
-@inlined
-def resize(memory, row, length, width):
-    """Have this row's array be of another shape; what is there stays in its place in memory."""
-    room(memory, row, length * width * memory[row, ITEM])
-    memory[row, LENGTH], memory[row, WIDTH] = length, width
-
-
-# what only loops can call
-def longs_in(memory, row):
+def longs_in(memory: Any, row: Any) -> Any:
     """The int64 array in this row, (length,)."""
 
 
-def ints_in(memory, row):
+def ints_in(memory: Any, row: Any) -> Any:
     """The int32 array in this row, (length,)."""
 
 
-def int_rows_in(memory, row):
+def int_rows_in(memory: Any, row: Any) -> Any:
     """The int32 array in this row, (length, width)."""
 
 
-def floats_in(memory, row):
+def floats_in(memory: Any, row: Any) -> Any:
     """The float64 array in this row, (length, width)."""
 
 
 @inlined
+def reserve(memory, row, size):
+    """Allocate at least so many bytes for the array in this row, which keeps its contents."""
+    if size > memory[row, CAPACITY]:
+        memory[row, CAPACITY] = size + size // 4 + 64
+        memory[row, ADDRESS] = reallocate(memory[row, ADDRESS], memory[row, CAPACITY])
+
+
+@inlined
+def resize(memory, row, length, width):
+    """Change the shape of the array in this row; the bytes of its memory stay."""
+    reserve(memory, row, length * width * memory[row, ITEMSIZE])
+    memory[row, LENGTH], memory[row, WIDTH] = length, width
+
+
+@inlined
 def new_longs(memory, row, n):
-    """The int64 array in this row, of n numbers from now on; those that are there stay."""
+    """The int64 array in this row, resized to n numbers."""
     resize(memory, row, n, 1)
     return longs_in(memory, row)
 
 
 @inlined
 def append(memory, row, value):
-    """Put a number behind those of an int64 array."""
+    """Append a number to an int64 array."""
     n = memory[row, LENGTH]
     new_longs(memory, row, n + 1)[n] = value
 
 
 @inlined
 def swap(memory, row, other):
-    """Have each of two rows have the other's array."""
+    """Swap the arrays of two rows."""
     for column in range(memory.shape[1]):
         memory[row, column], memory[other, column] = memory[other, column], memory[row, column]

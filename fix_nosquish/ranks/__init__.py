@@ -1,1 +1,1 @@
-"""Bodies and ranks of a run: which ranks share a body, and what goes with atoms that leave."""
+"""Which ranks share a body, and how bodies follow atoms that LAMMPS moves between ranks."""

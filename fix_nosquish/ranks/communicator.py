@@ -1,7 +1,6 @@
-"""The ranks of a run: what Python does with all of them, mostly once a run, and what loops call MPI
-with.
+"""The ranks of a run: collective operations for Python, and the cells by which loops call MPI.
 
-`ALONE` is a run on one rank: nothing is shared, and mpi4py is not imported.
+`ALONE` is the communicator of a run on one rank, which does not import mpi4py.
 """
 
 import time
@@ -17,12 +16,12 @@ from . import mpi
 
 
 class Alone:
-    """One rank: every method gives back what it was given.
+    """One rank: each collective operation returns its argument.
 
     Attributes:
-        size, rank: how many ranks there are, and which one this is.
-        messages: the memory for messages between them.
-        cells: of their `mpi.Mpi`.
+        size, rank: the number of ranks, and the rank of this process.
+        messages: the `Memory` with `mpi.MessageRows`.
+        cells: those of the bundle `mpi.Mpi`.
     """
 
     size, rank = 1, 0
@@ -32,29 +31,35 @@ class Alone:
         self.cells = mpi.cells_of(self.messages, {"ranks": 1})
 
     def agree(self, problem: str | None) -> None:
-        """End the run if there is a problem (a message, or None for none).
+        """Raise an error on all ranks if any rank has a problem; collective.
 
+        Args:
+            problem: a message, or None.
         Raises:
-            RunError: on all ranks, with the first rank's message, if any rank has a problem.
+            RunError: with the message of the lowest rank that has one.
         """
         first = self.least(self.rank if problem else self.size)
         if first < self.size:
             raise RunError(self.share(problem, first), everywhere=True)
 
     def refuse(self, wrong: np.ndarray, text: Callable[[int], str]) -> None:
-        """End the run if something is wrong on any rank; collective.
+        """Raise an error on all ranks if one of n items on any rank is wrong; collective.
 
         Args:
-            wrong: (n,) bool, which of n things of this rank are.
-            text: gives the message for the first of these, by its place among the n.
+            wrong: (n,) bool, which items of this rank are wrong.
+            text: returns the message for an item, of its index.
         Raises:
-            RunError: on all ranks, with the message of the first rank that has one.
+            RunError: with the message for the first wrong item of the lowest rank.
         """
         self.agree(text(int(wrong.argmax())) if wrong.any() else None)
 
     @contextmanager
     def together(self, what: str) -> Iterator[None]:
-        """Do something that can fail on one rank: then the run ends on all, with a message."""
+        """Turn an exception in this block, on any rank, into a `RunError` on all ranks; collective.
+
+        Args:
+            what: what fails, the beginning of the message.
+        """
         problem = None
         try:
             yield
@@ -63,11 +68,11 @@ class Alone:
         self.agree(problem)
 
     def total(self, values: Any) -> np.ndarray:
-        """Sum of an array over all ranks, as float64."""
+        """The sum of an array over all ranks, as float64."""
         return np.asarray(values, float)
 
     def count(self, n: int) -> int:
-        """Sum of a whole number over all ranks."""
+        """The sum of an integer over all ranks."""
         return round(self.total(np.array([n]))[0])
 
     def any(self, flag: Any) -> bool:
@@ -75,57 +80,56 @@ class Alone:
         return self.least(0 if flag else 1) == 0
 
     def least(self, number: int) -> int:
-        """The smallest of the ranks' whole numbers."""
+        """The minimum of an integer over all ranks."""
         return number
 
     def gather(self, rows: np.ndarray) -> Any:
-        """All ranks' rows, in the order of the ranks, on rank 0; elsewhere None."""
+        """The rows of all ranks, in the order of the ranks, on rank 0; None on other ranks."""
         return rows
 
     def gather_to_all(self, rows: np.ndarray) -> np.ndarray:
-        """All ranks' rows, in the order of the ranks, on every rank."""
+        """The rows of all ranks, in the order of the ranks, on every rank."""
         return rows
 
     def share(self, value: Any, rank: int = 0) -> Any:
-        """This rank's value, for all ranks."""
+        """Broadcast the value of a rank."""
         return value
 
-    def rest(self) -> None:
-        """Wait for all ranks, and leave the processor to others meanwhile."""
+    def wait(self) -> None:
+        """Wait for all ranks without using the processor, as a barrier of MPI would."""
 
 
 ALONE = Alone()
 
 
 class Communicator(Alone):
-    """Several ranks: LAMMPS's, with a communicator of our own, whose messages are not LAMMPS's.
+    """Several ranks, with a duplicate of LAMMPS's communicator, so that messages do not mix.
 
     Args:
-        comm: the Fortran handle of LAMMPS's communicator, as its library gives it.
+        comm: the Fortran handle of LAMMPS's communicator.
 
     Attributes:
-        comm: mpi4py's communicator, ours.
+        comm: the duplicate, as a communicator of mpi4py.
     """
 
-    _attribute: int | None = None  # under which LAMMPS's communicator keeps ours, and frees it
+    _keyval: int | None = None  # LAMMPS's communicator has ours as this attribute, and frees it
 
     def __init__(self, comm: int) -> None:
         from mpi4py import MPI
 
-        kind = Communicator
-        if kind._attribute is None:
-            kind._attribute = MPI.Comm.Create_keyval(
+        if Communicator._keyval is None:
+            Communicator._keyval = MPI.Comm.Create_keyval(
                 delete_fn=lambda comm, key, ours: ours[0].Free()
             )
         theirs = MPI.Comm.f2py(comm)
-        kept: Any = theirs.Get_attr(kind._attribute)
-        if not kept:
-            ours = theirs.Dup()
-            ours.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # no loop looks at what MPI returns
+        ours: Any = theirs.Get_attr(Communicator._keyval)
+        if not ours:
+            duplicate = theirs.Dup()
+            duplicate.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # loops do not check what MPI returns
             messages = Memory("messages", mpi.MessageRows)
-            kept = ours, messages, mpi.of_library(messages, ours, MPI)
-            theirs.Set_attr(kind._attribute, kept)
-        self.comm, self.messages, self.cells = kept
+            ours = duplicate, messages, mpi.cells_of_library(messages, duplicate, MPI)
+            theirs.Set_attr(Communicator._keyval, ours)
+        self.comm, self.messages, self.cells = ours
         self.size, self.rank = self.comm.size, self.comm.rank
         self._mpi, self._number = MPI, np.empty(1, np.int64)
 
@@ -139,7 +143,7 @@ class Communicator(Alone):
         self.comm.Allreduce(self._mpi.IN_PLACE, result)
         return result
 
-    def rest(self) -> None:
+    def wait(self) -> None:
         request, pause = self.comm.Ibarrier(), 1e-4
         while not request.Test():
             time.sleep(pause)
@@ -156,5 +160,5 @@ class Communicator(Alone):
         return np.concatenate(self.comm.allgather(rows))
 
     def abort(self) -> None:
-        """End the run on all ranks, now."""
+        """End the processes of all ranks at once."""
         self.comm.Abort(1)

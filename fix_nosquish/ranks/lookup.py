@@ -8,7 +8,7 @@ from .sharing import places
 
 
 def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """For each entry of `wanted` its place in `keys` (unique integers), or -1."""
+    """The index in `keys` (unique integers) of each entry of `wanted`, or -1."""
     order = np.argsort(keys)
     found = np.append(order, -1)[np.searchsorted(keys, wanted, sorter=order)]
     return np.where(np.append(keys, -1)[found] == wanted, found, -1)
@@ -20,10 +20,11 @@ def exchange(
     """Send rows to ranks; collective.
 
     Args:
-        to: (n,) the rank to which each row goes, in order.  rows: (n, width) int64.
+        to: (n,) the rank to which each row goes, ascending.
+        rows: (n, width) int64.
         sources: the ranks that send something to this one, if all ranks know theirs.
     Returns:
-        the rank that each row comes from, (k,) in order, and the rows, (k, width).
+        the rank that each row comes from, (k,) ascending, and the rows, (k, width).
     """
     if communicator.size == 1:
         return to, rows
@@ -37,41 +38,43 @@ def exchange(
         known=sources is not None,
     )()
     cells = communicator.messages.cells
-    senders, sent, got = (cells[name].array for name in ("senders", "sent", "numbers"))
+    senders, sent, received = (cells[name].array for name in ("senders", "sent", "numbers"))
     sender = np.repeat(senders, sent // width)
     order = np.argsort(sender, kind="stable")
-    return sender[order], got.reshape(-1, width)[order]
+    return sender[order], received.reshape(-1, width)[order]
 
 
 def look_up(
     communicator: Alone, keys: np.ndarray, rows: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
-    """Ask all ranks for rows, through a directory that is spread over them; collective.
+    """Look rows up by their keys, in a directory that is distributed over the ranks; collective.
 
     Args:
-        keys: (n,) int64, each on one rank only.  rows: (n, width) int64.  wanted: (m,) keys.
+        keys: (n,) int64, each on one rank only.
+        rows: (n, width) int64.
+        wanted: (m,) keys.
     Returns:
-        (m, width) the rows of these keys, of -1 for a key that no rank has.
+        (m, width) the rows of these keys; -1 for a key that no rank has.
     """
-    told, order = np.column_stack([keys, rows]), np.argsort(keys % communicator.size)
-    _, told = exchange(communicator, keys[order] % communicator.size, told[order])
+    entries, order = np.column_stack([keys, rows]), np.argsort(keys % communicator.size)
+    _, entries = exchange(communicator, keys[order] % communicator.size, entries[order])
     order = np.argsort(wanted % communicator.size)
     to = wanted[order] % communicator.size
     askers, questions = exchange(communicator, to, wanted[order, None])
     none = np.full((1, rows.shape[1]), -1)
-    answers = np.concatenate([told[:, 1:], none])[find(told[:, 0], questions[:, 0])]
+    answers = np.concatenate([entries[:, 1:], none])[find(entries[:, 0], questions[:, 0])]
     result = np.empty((len(wanted), rows.shape[1]), np.int64)
     result[order] = exchange(communicator, askers, answers, np.unique(to))[1]
     return result
 
 
 def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
-    """Which of the places of lost atoms are of atoms that no rank has; collective.
+    """Those of the lost atoms that no rank has; collective.
 
     Args:
-        lost: (k,) places of atoms that this rank no longer has.
-        gained: origins of atoms from other ranks.
+        lost: (k,) indices of atoms that this rank no longer has.
+        gained: origins (see `migration.Atoms`) of atoms that came from other ranks.
     """
     gained = np.sort(gained)
-    _, told = exchange(communicator, gained >> 32, places(gained)[:, None])
-    return np.setdiff1d(lost, told)
+    _, found = exchange(communicator, gained >> 32, places(gained)[:, None])
+    return np.setdiff1d(lost, found)

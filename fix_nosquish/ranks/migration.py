@@ -1,11 +1,11 @@
-"""How bodies follow LAMMPS's atoms, which it moves between ranks and in its arrays."""
+"""Bodies follow their atoms, which LAMMPS moves between ranks and within its arrays."""
 
 from typing import NamedTuple
 
 from ..loops.compiled import F1, F2, F64, I1, I2, L1, L2, I, inlined, loop
 from ..loops.memory import (
+    ADDRESS,
     LENGTH,
-    PLACE,
     WIDTH,
     append,
     floats_in,
@@ -20,38 +20,38 @@ from ..loops.memory import (
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from .mpi import Mpi, add_up
-from .sharing import SHARING, find, sort
+from .sharing import SHARING, argsort, find
 
-IN_NO_BODY = -1  # an atom's origin
-# what stands for the ID of its body: the atom came after the bodies were decided; it is in none
+IN_NO_BODY = -1  # the origin of an atom
+# in place of the ID of an atom's body: the atom is newer than the membership; it is in no body
 UNDECIDED, OUT = -(2**62), -(2**61)
-GONE_ON = -1  # of a row of `arrived`: its atom is not here any more
-# what goes with an atom to another rank: its origin, its body's column of state, its of displace
+GONE_ON = -1  # of a row of `arrived`: its atom has left this rank again
+# a row of `arrived`: the origin of an atom, its body's column of state, its column of displace
 OF_BODY = 1
 
 
 class BodyRows(NamedTuple):
-    """Rows of the bodies' memory.
+    """Rows of the memory of the bodies.
 
     Attributes:
         state, displace, blocks, rounds, index: see `block.Layout`.
         away, shift: see `block.Images`.
-        wrench: (6, bodies) force and torque, a part of state.
+        wrench: (6, bodies) force and torque, a view of rows of state.
         body: (atoms,) the body of each atom, in the order of index.
-        atoms: (bodies,) how many atoms of each are here.
-        here, place: (found,) the bodies' atoms that were found here, in LAMMPS's order, and where
-            each was in index before, or -1 minus its row of what arrived.
-        owner: (found,) the body of each: a column of the state of before, or, for a body that came,
-            so many behind them as its entry of first has.
-        first: (came,) a row of what arrived with each body that came.
-        number, order: the new number of each of these bodies, and which has each new number.
-        source: (atoms,) where in here each was.
-        old_state, old_displace: those of before.
-        ids, column: (shared + arrived,) of the bodies that other ranks held too, and those that
-            came, row by row: the ID, and what `owner` has of it.
-        following: (2 * bodies,) the next round of each body and its lane there; or, if it is a
-            block by itself, its next entry of index and -1.
-        buckets, ends: what the functions here work with.
+        atoms: (bodies,) the number of each body's atoms on this rank.
+        here, place: (found,) the atoms of bodies on this rank, in LAMMPS's order, and the previous
+            entry of index of each, or -1 minus its row of `arrived`.
+        owner: (found,) the body of each: a column of the previous state, or, for a body that is new
+            on this rank, the number of these columns plus its entry of first.
+        first: (new,) for each new body a row of `arrived`.
+        number, order: the new column of each of these bodies, and the inverse.
+        source: (atoms,) the entry of here of each atom, in the order of index.
+        old_state, old_displace: the previous arrays.
+        ids, column: (shared + arrived,) for the bodies that were shared, and for the rows of
+            `arrived`: the ID, and the body as in owner.
+        following: (2 * bodies,) the next round of each body and its lane there; for a body that is
+            a block of its own, its next entry of index and -1.
+        buckets, ends: scratch.
     """
 
     state: F2
@@ -83,9 +83,15 @@ class BodyRows(NamedTuple):
 BODIES = rows(BodyRows)
 
 
-class Found(NamedTuple):
-    """What is counted: atoms that came from nowhere, how many more there are than before, how many
-    are not where they were, and whether one is off its body; then the same of all ranks."""
+class Counts(NamedTuple):
+    """Entries of the argument `counts` of `follow`, first of this rank, then of all ranks.
+
+    Attributes:
+        came: atoms without an origin.
+        more: the change of the number of atoms in bodies.
+        moved: atoms with another index.
+        off: 1 if an atom is not where its body has it.
+    """
 
     came: int
     more: int
@@ -97,13 +103,13 @@ class Found(NamedTuple):
     all_off: int
 
 
-FOUND = Found(*range(8))
+COUNTS = Counts(*range(8))
 
-# what `follow` does, and what it returns if all is not well
+# bits of the argument `what` of `follow`, and what it returns if bodies cannot be followed
 LOCATE, ARRANGE, NOTE, SETTLE, FEWER = 1, 2, 4, 8, 16
 CHANGED, OFF = 1, 2  # atoms came or are gone; an atom is not where its body has it
 
-# the bodies are in stretches: rotors, linear bodies and points, of each first those that are whole
+# the order of bodies: rotors, linear bodies, points; of each first those that are not shared
 STRETCHES = 6
 
 
@@ -111,16 +117,15 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
-        membership: (natoms,) the ID of the body of each atom, or what `bodies.membership` has
-            instead of one.
-        groups: (natoms,) the bits of each atom's groups.
-        fix_group, body_groups, flexible: masks: an atom that came comes into a body if it has a bit
-            of each of the first two, and is flexible if it has one of the third.
-        origins: (natoms,) where each atom was: rank << 32 | its place in `index`; if it comes from
-            another rank, -2 minus its row in arrived; -1 if it was in no body.
-        arrived: what came with atoms from other ranks.
-        arrived_cell: (3,) the numbers of its cell: where it is, and its shape.
-        atom_x: (natoms, 3).
+        membership: (natoms,) the ID of the body of each atom, or UNDECIDED or OUT.
+        groups: (natoms,) the bits of the groups of each atom.
+        fix_group, body_groups, flexible: masks: a new atom belongs to a body if it has a bit of
+            each of the first two, and is flexible if it has a bit of the third.
+        origins: (natoms,) rank << 32 | index of each atom when it was noted; -2 minus its row of
+            `arrived` if it comes from another rank; IN_NO_BODY.
+        arrived: the rows that came with atoms from other ranks, see OF_BODY.
+        arrived_cell: (3,) the numbers of the cell of `arrived`.
+        atom_x: (natoms, 3) positions.
     """
 
     membership: L1
@@ -135,10 +140,10 @@ class Atoms(NamedTuple):
 
 
 @inlined
-def locate(atoms, bodies, found):
+def locate(atoms, bodies, counts):
     """Find the atoms of the bodies in LAMMPS's arrays.
 
-    An origin beyond the list of before, or beyond what arrived, counts as none: the atom came.
+    An origin that is out of range counts as none: the atom is new.
     """
     count = came = moved = 0
     index, arrived, natoms = (
@@ -164,16 +169,16 @@ def locate(atoms, bodies, found):
                 came += 1
     resize(bodies, BODIES.here, count, 1)
     resize(bodies, BODIES.place, count, 1)
-    found[FOUND.came], found[FOUND.more] = came, count - index.size
-    found[FOUND.moved] = moved + (count != index.size)
+    counts[COUNTS.came], counts[COUNTS.more] = came, count - index.size
+    counts[COUNTS.moved] = moved + (count != index.size)
 
 
-# ---------------------------------------------------------------- the order of the passes
+# ---------------------------------------------------------------- the order of bodies
 
 
 @inlined
 def of_body(row, b, state, arrived, first):
-    """An entry of body b's state: of those of this rank, or those that came with atoms."""
+    """An entry of the state of body b, which is in `state`, or came with atoms."""
     return (
         state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
     )
@@ -181,7 +186,7 @@ def of_body(row, b, state, arrived, first):
 
 @inlined
 def bucket(b, atoms, state, arrived, first):
-    """The place of a body with so many atoms here in the order: by stretch, by number of atoms."""
+    """The rank of a body in the order by stretch, then by number of atoms, largest first."""
     largest = of_body(MOMENT, b, state, arrived, first)
     third = of_body(MOMENT + 2, b, state, arrived, first)
     stretch = 0 if third > 0.0 else 2 if largest > 0.0 else 4
@@ -192,10 +197,10 @@ def bucket(b, atoms, state, arrived, first):
 
 @inlined
 def find_owners(arrived, bodies, sharing):
-    """Find the body of each atom that is here: rows `owner` and `first`.
+    """Find the body of each atom on this rank: rows `owner` and `first`.
 
-    Atoms that came may have gone on, where a flip of the box sends atoms before LAMMPS does: what
-    they have left in `arrived` may be old, and counts for nothing.
+    Rows of `arrived` whose atoms have left again are ignored, because they may be old.  This occurs
+    when a flip of the box moves atoms before LAMMPS does.
     """
     state, body = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.body)
     place, shared = longs_in(bodies, BODIES.place), longs_in(sharing, SHARING.shared)
@@ -208,7 +213,7 @@ def find_owners(arrived, bodies, sharing):
     for j in range(place.size):
         if place[j] < 0:
             column[known - 1 - place[j]] = 0
-    sort(order, n, ids, ids)
+    argsort(order, n, ids, ids)
     resize(bodies, BODIES.first, 0, 1)
     last = -1
     for k in range(n):
@@ -228,9 +233,9 @@ def find_owners(arrived, bodies, sharing):
 
 @inlined
 def number_bodies(arrived, bodies):
-    """Number the bodies anew, in the order of `bucket`, and as LAMMPS has their first atoms.
+    """Number the bodies in the order of `bucket`, then of their first atoms in LAMMPS's arrays.
 
-    Row `ends` has where each stretch ends.
+    Row `ends` gets the end of each stretch.
     """
     state, owner = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.owner)
     first, ends = longs_in(bodies, BODIES.first), new_longs(bodies, BODIES.ends, STRETCHES)
@@ -241,7 +246,7 @@ def number_bodies(arrived, bodies):
     for b in range(m):
         number[b] = 0
     for j in range(owner.size):
-        number[owner[j]] += 1  # for now the number of atoms
+        number[owner[j]] += 1  # until below the number of atoms
     for k in range(buckets.size):
         buckets[k] = 0
     for b in range(m):
@@ -267,7 +272,7 @@ def number_bodies(arrived, bodies):
 
 @inlined
 def make_blocks(bodies):
-    """Divide the bodies into blocks, and their atoms into rounds; see `block`."""
+    """Divide the bodies into blocks, and their atoms into rounds: see `block.Layout`."""
     atoms, ends = longs_in(bodies, BODIES.atoms), longs_in(bodies, BODIES.ends)
     total, begin, block, turn, entry, stretch = atoms.size, 0, 0, 0, 0, 0
     resize(bodies, BODIES.blocks, total + 1, 3)
@@ -301,7 +306,7 @@ def make_blocks(bodies):
 
 @inlined
 def place_atoms(bodies):
-    """Give each atom its entry of `index`, `source` and `body`."""
+    """Set the rows `index`, `source` and `body`."""
     rounds, following = ints_in(bodies, BODIES.rounds), longs_in(bodies, BODIES.following)
     here, owner = longs_in(bodies, BODIES.here), longs_in(bodies, BODIES.owner)
     number, n = longs_in(bodies, BODIES.number), here.size
@@ -319,7 +324,7 @@ def place_atoms(bodies):
 
 @inlined
 def carry_over(arrived, bodies):
-    """Copy the bodies and their atoms to the new order."""
+    """Copy the columns of state and displace to the new order."""
     swap(bodies, BODIES.state, BODIES.old_state)
     swap(bodies, BODIES.displace, BODIES.old_displace)
     old_state = floats_in(bodies, BODIES.old_state)
@@ -337,13 +342,13 @@ def carry_over(arrived, bodies):
         for j in range(n):
             p = place[source[j]]
             displace[c, j] = old_displace[c, p] if p >= 0 else arrived[-1 - p, OF_BODY + height + c]
-    bodies[BODIES.wrench, PLACE] = bodies[BODIES.state, PLACE] + 8 * FORCE * m
+    bodies[BODIES.wrench, ADDRESS] = bodies[BODIES.state, ADDRESS] + 8 * FORCE * m
     bodies[BODIES.wrench, LENGTH], bodies[BODIES.wrench, WIDTH] = 6, m
 
 
 @inlined
 def arrange(mpi, sharing, arrived, bodies, kinds):
-    """Put the bodies of the atoms here in the order of the passes, and find who shares them."""
+    """Order the bodies of this rank, and find which ranks share them; collective."""
     find_owners(arrived, bodies, sharing)
     number_bodies(arrived, bodies)
     ends = longs_in(bodies, BODIES.ends)
@@ -377,7 +382,7 @@ def arrange(mpi, sharing, arrived, bodies, kinds):
 
 @inlined
 def settle(layout, bodies, box, atom_x, off):
-    """Find which atoms are in other periodic images: see `periodic.find_images`."""
+    """Find the atoms in other periodic images: see `periodic.find_images`."""
     resize(bodies, BODIES.away, layout.index.size, 1)
     resize(bodies, BODIES.shift, layout.index.size, 3)
     away, shift = ints_in(bodies, BODIES.away), floats_in(bodies, BODIES.shift)
@@ -394,31 +399,36 @@ def follow(
     bodies: L2,
     kinds: Kinds,
     block: F64,
-    found: F1,
+    counts: F1,
     box: PeriodicBox,
     off: F1,
     what: I,
 ) -> I:
-    """Be the same bodies after LAMMPS has moved atoms between ranks and in its arrays; collective.
+    """Follow the atoms after LAMMPS has moved them between ranks and in its arrays; collective.
 
     Args:
         sharing, bodies: tables of memories with `SharingRows` and `BodyRows`.
         kinds, block: see `block.Layout`.
-        found: see `Found`.  off: see `periodic.find_images`.
-        what: the sum of LOCATE the atoms; ARRANGE the bodies, if some have moved on any rank; NOTE
-            where the atoms are now; SETTLE periodic images; FEWER: atoms may be gone.
+        counts: see `Counts`.
+        off: see `periodic.find_images`.
+        what: the sum of
+            LOCATE: find the atoms, and order the bodies if an atom of any rank has moved;
+            ARRANGE: order the bodies;
+            NOTE: set the origins of the atoms;
+            SETTLE: find the periodic images;
+            FEWER: accept that atoms are gone.
     Returns:
         0, CHANGED or OFF.
     """
     arranges = what & ARRANGE
     if what & LOCATE:
-        locate(atoms, bodies, found)
-        mine, all_ranks = found[FOUND.came : FOUND.off], found[FOUND.all_came : FOUND.all_off]
-        add_up(mpi, mine, all_ranks)
-        changed = found[FOUND.all_more] != 0.0 and not what & FEWER
-        if changed or found[FOUND.all_came] != 0.0:
+        locate(atoms, bodies, counts)
+        sums = counts[COUNTS.all_came : COUNTS.all_off]
+        add_up(mpi, counts[COUNTS.came : COUNTS.off], sums)
+        changed = counts[COUNTS.all_more] != 0.0 and not what & FEWER
+        if changed or counts[COUNTS.all_came] != 0.0:
             return CHANGED
-        arranges = found[FOUND.all_moved] != 0.0
+        arranges = counts[COUNTS.all_moved] != 0.0
     if arranges:
         arrange(mpi, sharing, atoms.arrived, bodies, kinds)
     index = ints_in(bodies, BODIES.index)
@@ -427,15 +437,15 @@ def follow(
             atoms.origins[i] = IN_NO_BODY
         for j in range(index.size):
             atoms.origins[index[j]] = mpi.rank << 32 | j
-        atoms.arrived_cell[LENGTH] = 0  # of no more use
+        atoms.arrived_cell[LENGTH] = 0  # its rows are in state and displace now
     if what & SETTLE:
         state, displace = floats_in(bodies, BODIES.state), floats_in(bodies, BODIES.displace)
         blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
         take_into_box(state, box)
         layout = Layout(state, kinds, blocks, rounds, index, displace, block)
         settle(layout, bodies, box, atoms.atom_x, off)
-        found[FOUND.off] = not off[0] <= box.near
-        add_up(mpi, found[FOUND.off : FOUND.all_came], found[FOUND.all_off :])
-        if found[FOUND.all_off] != 0.0:
+        counts[COUNTS.off] = not off[0] <= box.near
+        add_up(mpi, counts[COUNTS.off : COUNTS.all_came], counts[COUNTS.all_off :])
+        if counts[COUNTS.all_off] != 0.0:
             return OFF
     return 0

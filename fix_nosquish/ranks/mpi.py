@@ -1,8 +1,13 @@
-"""MPI for compiled loops: they call the functions of the MPI library by their addresses.
+"""MPI for compiled loops.
 
-So the same code shares bodies and follows atoms whether the plugin runs the loops or Python does,
-for LAMMPS's own fix python/move.  Messages in the plugin would delete nothing: without a plugin
-they would still be needed here.  mpi4py gives the handles and constants of the MPI library.
+Loops send messages themselves, so that no step and no new neighbor list calls Python.  They call
+MPI by the addresses of its functions, with handles and constants from mpi4py, because these differ
+between MPI libraries, and one set of compiled loops serves all.
+
+Which ranks send something to a rank is found by the algorithm NBX (T. Hoefler, C. Siebert and
+A. Lumsdaine, PPoPP 2010): synchronous sends and a non-blocking barrier.  Its cost grows with the
+logarithm of the number of ranks.  An all-to-all of counts, on which LAMMPS's rendezvous is based,
+would cost each rank time and memory proportional to their number.
 """
 
 import ctypes
@@ -12,23 +17,24 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs, loop
-from ..loops.memory import LENGTH, PLACE, Memory, append, ints_in, longs_in, place_of, resize, rows
+from ..loops.memory import ADDRESS, LENGTH, Memory, append, ints_in, longs_in, resize, rows
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; QUESTION + 1 is one, too
+QUESTION, ANSWER, PART = 1, 3, 4  # tags of messages; questions also use QUESTION + 1
 
 
 class MessageRows(NamedTuple):
     """Rows of the memory for messages.
 
     Attributes:
-        requests: of the messages that are under way.
-        senders, sent, numbers: what has come: from whom, how many numbers from each, and these.
-        flag, message, status, fortran_status: where MPI writes a flag or a count, the handle of a
-            message, its status, and the status as Fortran has it.
-        next_tag: (1,) which of two tags the next round of questions has.
+        requests: handles of messages that are not complete, 8 bytes for each.
+        senders, sent, numbers: the messages that were received: the rank of each sender, how many
+            numbers it sent, and all numbers.
+        flag, message, status, fortran_status: MPI's output: a flag or a count, the handle of a
+            message, its status, and the status in Fortran's form.
+        next_tag: (1,) 0 or 1: the next questions have the tag QUESTION + next_tag.
     """
 
     requests: L1
@@ -49,9 +55,9 @@ class Mpi(NamedTuple):
     """What loops need to call MPI.
 
     Attributes:
-        MPI_...: addresses of its functions, and what else has these names in C.
-        communicator: the handle of ours.
-        rank, ranks: which one this is, and how many there are.
+        MPI_...: addresses of functions, handles and constants of these names.
+        communicator: the handle of `Communicator.comm`.
+        rank, ranks: the rank of this process, and the number of ranks.
         messages: the table of a memory with `MessageRows`.
     """
 
@@ -78,11 +84,13 @@ class Mpi(NamedTuple):
     messages: L2
 
 
-def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, Cell]:
+def cells_of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, Cell]:
     """The cells of an `Mpi`, by the names of its fields.
 
     Args:
-        memory: with `MessageRows`.  comm: the communicator.  MPI: mpi4py's module.
+        memory: with `MessageRows`.
+        comm: the communicator.
+        MPI: mpi4py's module, which `ALONE` does not import.
     """
     for name in "flag", "message", "next_tag":
         memory.put(name, [0])
@@ -98,16 +106,16 @@ def of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[str, C
         "rank": comm.rank,
         "ranks": comm.size,
     }
-    library = ctypes.CDLL(None)  # with what stands before it, as a tool that counts calls
+    library = ctypes.CDLL(None)  # first, so that a preloaded library may intercept calls
     if not hasattr(library, "MPI_Init"):
         library = ctypes.CDLL(MPI.__file__)
     for name in set(Mpi._fields) - set(values) - {"messages"}:
-        values[name] = place_of(getattr(library, name))
+        values[name] = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
     return cells_of(memory, values)
 
 
 def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
-    """The cells of an `Mpi` with these numbers; what is not there is 0, as of one rank."""
+    """The cells of an `Mpi` with these numbers; 0 for others, which one rank does not use."""
     numbers = {name: ctypes.c_int64(values.get(name, 0)).value for name in Mpi._fields}
     cells = {name: Cell(I, number) for name, number in numbers.items()}
     return cells | {"messages": memory.cells["messages"]}
@@ -115,40 +123,42 @@ def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
 
 @inlined
 def new_request(messages):
-    """Where MPI writes the handle of one more message that is under way."""
+    """The address for the handle of another message."""
     append(messages, MESSAGES.requests, 0)
-    return messages[MESSAGES.requests, PLACE] + 8 * (messages[MESSAGES.requests, LENGTH] - 1)
+    return messages[MESSAGES.requests, ADDRESS] + 8 * (messages[MESSAGES.requests, LENGTH] - 1)
 
 
 @inlined
-def send(mpi, function, place, count, kind, rank, tag):
-    """Begin to send so many numbers from this place in memory to a rank, or to receive them there.
+def start(mpi, function, buffer, count, kind, rank, tag):
+    """Start to send numbers to a rank, or to receive them from it.
 
     Args:
-        function: mpi.MPI_Isend, MPI_Issend or MPI_Irecv.  kind: mpi.MPI_INT64_T or MPI_DOUBLE.
+        function: mpi.MPI_Isend, MPI_Issend or MPI_Irecv.
+        buffer: the address of the numbers.
+        kind: mpi.MPI_INT64_T or MPI_DOUBLE.
     """
-    here = new_request(mpi.messages)
-    call(function, place, count, kind, rank, tag, mpi.communicator, here)
+    request = new_request(mpi.messages)
+    call(function, buffer, count, kind, rank, tag, mpi.communicator, request)
 
 
 @inlined
 def wait(mpi):
-    """Wait until all messages that are under way are there."""
+    """Wait until all messages that were started are complete."""
     messages = mpi.messages
     for k in range(messages[MESSAGES.requests, LENGTH]):
-        here = messages[MESSAGES.requests, PLACE] + 8 * k
-        call(mpi.MPI_Wait, here, messages[MESSAGES.status, PLACE])
+        request = messages[MESSAGES.requests, ADDRESS] + 8 * k
+        call(mpi.MPI_Wait, request, messages[MESSAGES.status, ADDRESS])
     resize(messages, MESSAGES.requests, 0, 1)
 
 
 @inlined
-def all_there(mpi):
-    """Whether all messages that are under way are there."""
+def all_complete(mpi):
+    """Whether all messages that were started are complete."""
     messages = mpi.messages
     flag = ints_in(messages, MESSAGES.flag)
     for k in range(messages[MESSAGES.requests, LENGTH]):
-        here = messages[MESSAGES.requests, PLACE] + 8 * k
-        call(mpi.MPI_Test, here, address(flag), messages[MESSAGES.status, PLACE])
+        request = messages[MESSAGES.requests, ADDRESS] + 8 * k
+        call(mpi.MPI_Test, request, address(flag), messages[MESSAGES.status, ADDRESS])
         if not flag[0]:
             return False
     resize(messages, MESSAGES.requests, 0, 1)
@@ -157,54 +167,54 @@ def all_there(mpi):
 
 @inlined
 def add_up(mpi, numbers, sums):
-    """The sums over all ranks of each of these float64 numbers."""
-    n, here, there = numbers.size, address(numbers), address(sums)
+    """Set `sums` to the sums over all ranks of float64 numbers; collective."""
+    n, own, total = numbers.size, address(numbers), address(sums)
     if mpi.ranks > 1:
-        call(mpi.MPI_Allreduce, here, there, n, mpi.MPI_DOUBLE, mpi.MPI_SUM, mpi.communicator)
+        call(mpi.MPI_Allreduce, own, total, n, mpi.MPI_DOUBLE, mpi.MPI_SUM, mpi.communicator)
     else:
         for k in range(n):
             sums[k] = numbers[k]
 
 
 @inlined
-def expect(messages, source, count):
-    """Have room for so many numbers from this rank, behind those that have come. Returns: where."""
+def extend_received(messages, source, count):
+    """Append a message of so many numbers from a rank; return the address of its numbers."""
     begin = messages[MESSAGES.numbers, LENGTH]
     append(messages, MESSAGES.senders, source)
     append(messages, MESSAGES.sent, count)
     resize(messages, MESSAGES.numbers, begin + count, 1)
-    return messages[MESSAGES.numbers, PLACE] + 8 * begin
+    return messages[MESSAGES.numbers, ADDRESS] + 8 * begin
 
 
 @inlined
-def keep(mpi, part):
-    """Receive the part that this rank has for itself, if it has any."""
+def receive_own(mpi, part):
+    """Append the part that this rank sends to itself, unless it is empty."""
     if part.size:
-        numbers = longs(expect(mpi.messages, mpi.rank, part.size), part.size)
+        numbers = longs(extend_received(mpi.messages, mpi.rank, part.size), part.size)
         for k in range(part.size):
             numbers[k] = part[k]
 
 
 @inlined
 def receive(mpi):
-    """Receive the message that was probed."""
+    """Receive the message that a probe has found."""
     messages = mpi.messages
-    flag, status = ints_in(messages, MESSAGES.flag), messages[MESSAGES.status, PLACE]
+    flag, status = ints_in(messages, MESSAGES.flag), messages[MESSAGES.status, ADDRESS]
     call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(flag))
     count, fortran = np.int64(flag[0]), ints_in(messages, MESSAGES.fortran_status)
     call(mpi.MPI_Status_c2f, status, address(fortran))
-    place = expect(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
-    call(mpi.MPI_Mrecv, place, count, mpi.MPI_INT64_T, messages[MESSAGES.message, PLACE], status)
+    buffer = extend_received(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
+    call(mpi.MPI_Mrecv, buffer, count, mpi.MPI_INT64_T, messages[MESSAGES.message, ADDRESS], status)
 
 
 @inlined
 def receive_from(mpi, sources, own):
-    """Receive a part from each of these ranks, in their order; own is that of this rank."""
+    """Receive a part from each of these ranks, in their order; `own` is the part of this rank."""
     messages = mpi.messages
-    message, status = messages[MESSAGES.message, PLACE], messages[MESSAGES.status, PLACE]
+    message, status = messages[MESSAGES.message, ADDRESS], messages[MESSAGES.status, ADDRESS]
     for r in range(sources.size):
         if sources[r] == mpi.rank:
-            keep(mpi, own)
+            receive_own(mpi, own)
         else:
             call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
             receive(mpi)
@@ -212,23 +222,22 @@ def receive_from(mpi, sources, own):
 
 
 @inlined
-def receive_all(mpi, tag):
-    """Receive what any ranks send to this one with this tag, until all that was sent is there;
-    collective.
+def receive_from_any(mpi, tag):
+    """Receive all messages that ranks send to this one with this tag, by NBX; collective.
 
-    A rank enters the barrier when all it sent is being received: when all have, there is nothing
-    more to come.  Ranks ahead of this one may be in the next round by then, but not in the one
-    after it: two tags do.
+    A rank enters the barrier when all its messages are being received.  When all ranks have entered
+    it, no message is left.  A rank that has left the barrier may already send its next messages,
+    but not those after them, so two alternating tags suffice.
     """
-    messages, source, entered, over = mpi.messages, mpi.MPI_ANY_SOURCE, False, False
-    flag, message = ints_in(messages, MESSAGES.flag), messages[MESSAGES.message, PLACE]
-    status = messages[MESSAGES.status, PLACE]
-    while not over:
+    messages, source, entered, done = mpi.messages, mpi.MPI_ANY_SOURCE, False, False
+    flag, message = ints_in(messages, MESSAGES.flag), messages[MESSAGES.message, ADDRESS]
+    status = messages[MESSAGES.status, ADDRESS]
+    while not done:
         call(mpi.MPI_Improbe, source, tag, mpi.communicator, address(flag), message, status)
         if flag[0]:
             receive(mpi)
-        elif all_there(mpi):  # with the barrier, once this rank has entered it
-            over = entered
+        elif all_complete(mpi):  # the barrier included, once this rank has entered it
+            done = entered
             if not entered:
                 call(mpi.MPI_Ibarrier, mpi.communicator, new_request(messages))
                 entered = True
@@ -236,15 +245,17 @@ def receive_all(mpi, tag):
 
 @inlined
 def deliver(mpi, to, many, parts, sources, known):
-    """Send a part to each of some ranks, and receive what others send to this one; collective.
+    """Send a part to each of some ranks, and receive the parts for this rank; collective.
 
-    What has come is in `senders`, `sent` and `numbers` of the messages.
+    The result is in the rows `senders`, `sent` and `numbers` of the messages.
 
     Args:
-        to, many: (n,) the ranks, and how many numbers go to each; they may be those of `senders`.
-        parts: the numbers.
-        sources: the ranks that send something to this one, if they are known; the parts come in
-            their order then.  Else they are found, and come in any.
+        to, many: (n,) the ranks, and how many numbers are sent to each; these may be `senders` and
+            `sent` of the last call.
+        parts: the numbers, rank by rank.
+        sources: if known, the ranks that send something to this one, in the order of the result.
+        known: whether all ranks know their sources. If not, they are found, and the order of the
+            result is arbitrary.
     """
     messages, begin, own = mpi.messages, 0, parts[:0]
     next_tag = longs_in(messages, MESSAGES.next_tag)
@@ -257,14 +268,14 @@ def deliver(mpi, to, many, parts, sources, known):
         if to[r] == mpi.rank:
             own = part
         else:
-            send(mpi, function, address(part), part.size, mpi.MPI_INT64_T, to[r], tag)
+            start(mpi, function, address(part), part.size, mpi.MPI_INT64_T, to[r], tag)
         begin += many[r]
     if known:
         receive_from(mpi, sources, own)
     else:
         next_tag[0] = 1 - next_tag[0]
-        keep(mpi, own)
-        receive_all(mpi, tag)
+        receive_own(mpi, own)
+        receive_from_any(mpi, tag)
 
 
 @loop

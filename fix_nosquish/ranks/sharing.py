@@ -1,13 +1,12 @@
-"""Bodies held by several ranks: who shares them, and one exchange a step.
+"""Shared bodies: which ranks share them, and one exchange per step.
 
-Every rank that owns an atom of a body keeps that body's whole state.  Each step the sharing ranks
-send each other their partial force and torque and add the parts up in the order of their ranks, so
-that all copies of a body stay equal to the last bit and no rank is the body's master.  Ghost atoms
-play no part.  What a rank sends and keeps depends on its own bodies and on the ranks that share
-them, not on how many bodies or ranks there are.
+Each rank that owns an atom of a body has a copy of the body's state.  In each step the ranks that
+share a body exchange their partial sums of force and torque, and add them up in the order of the
+ranks, so all copies stay equal to the last bit.  Ghost atoms are not needed.  The cost for a rank
+depends on its shared bodies and their ranks, not on the total number of bodies or ranks.
 
-The holders of a body find each other at a rank on which all agree, where they meet: each tells it
-which bodies it has, and it tells them who else has.
+The ranks that share a body find each other by a rendezvous: each sends the IDs of its bodies to a
+rank on which all agree, which answers with the list of ranks.
 """
 
 from typing import Any, NamedTuple
@@ -17,29 +16,29 @@ import numpy as np
 from ..loops.compiled import F2, L1, L2, I, address, inlined, loop
 from ..loops.memory import LENGTH, Memory, append, floats_in, longs_in, new_longs, resize, rows
 from .communicator import Alone
-from .mpi import MESSAGES, PART, Mpi, deliver, send, wait
+from .mpi import MESSAGES, PART, Mpi, deliver, start, wait
 
 ADD, LEAST, GREATEST = range(3)  # how parts are combined
-END = -1  # of the ranks that hold a body, in an answer
+END = -1  # ends the ranks of a body in an answer
 
 
 class SharingRows(NamedTuple):
     """Rows of the memory of a rank's shared bodies.
 
     Attributes:
-        asked, ids, meet: (asked,) places of the bodies that other ranks may hold, their IDs, and at
-            which rank their holders meet.
-        places, questions: (asked,) the same places and IDs, in the order of where holders meet.
-        meetings, many: (meetings,) the ranks at which holders meet, and how many bodies each is
-            asked about.
-        home: (bodies,) the lowest rank of those that hold each body, where its holders meet next.
-        shared: (shared,) places of the bodies that other ranks do hold.
-        first, source: (shared + 1,), (parts,) where the parts of each shared body begin in source,
-            which has the column of `received` with each part, or -1 for this rank's own.
-        partners, shares: (partners,) the ranks that share bodies, and how many with each.
-        copies: (copies,) places of the bodies whose parts are sent, partner by partner.
-        packed, received: (copies, rows) what is sent to the partners, and what they send.
-        order, holder, entry, body, answers, parts: to work with.
+        asked, ids, meet: (asked,) the bodies that may be shared (their columns), their IDs, and the
+            rank of the rendezvous for each.
+        places, questions: (asked,) the same columns and IDs, in the order of the rendezvous.
+        meetings, many: (meetings,) the ranks of the rendezvous, and how many bodies each is asked
+            about.
+        home: (bodies,) the lowest rank that has each body: its next rendezvous.
+        shared: (shared,) the columns of the shared bodies.
+        first, source: (shared + 1,), (parts,) the parts of shared body i are the entries first[i]
+            to first[i + 1] of source: a row of `received`, or -1 for the part of this rank.
+        partners, shares: (partners,) the ranks that share bodies with this one, and how many.
+        copies: (copies,) the columns of the bodies whose parts are sent, partner by partner.
+        packed, received: (copies, rows) the parts that are sent to the partners, and theirs.
+        order, holder, entry, body, answers, parts: scratch.
     """
 
     asked: L1
@@ -70,7 +69,7 @@ SHARING = rows(SharingRows)
 
 
 def places(origins: Any) -> Any:
-    """The places in a rank's list of bodies' atoms of these origins, rank << 32 | place."""
+    """The indices of atoms in the origins rank << 32 | index."""
     return origins & 0xFFFFFFFF
 
 
@@ -78,10 +77,11 @@ def places(origins: Any) -> Any:
 
 
 @inlined
-def sort(order, n, high, low):
-    """Fill order with 0 to n - 1 so that high, then low, then the numbers themselves rise.
+def argsort(order, n, high, low):
+    """Fill `order` with the indices 0 to n - 1, sorted by `high`, then `low`, then themselves.
 
-    It is Shell's method, which needs no other memory.
+    Shell's method sorts in place.  A loop cannot use the sorts of numba, which allocate arrays, and
+    Python is not called for new neighbor lists.
     """
     for i in range(n):
         order[i] = i
@@ -101,10 +101,9 @@ def sort(order, n, high, low):
 
 @inlined
 def group(sharing, n, ranks, low, to, many):
-    """Fill `order` as `sort` does, by n ranks and low; rows `to` and `many` have which ranks these
-    are, and how often each is among them."""
+    """Sort by rank and `low`, as `argsort`; rows `to` and `many` get the ranks and their counts."""
     order = new_longs(sharing, SHARING.order, n)
-    sort(order, n, ranks, low)
+    argsort(order, n, ranks, low)
     resize(sharing, to, 0, 1)
     resize(sharing, many, 0, 1)
     for k in range(n):
@@ -116,10 +115,7 @@ def group(sharing, n, ranks, low, to, many):
 
 @inlined
 def ask(sharing):
-    """Put the bodies that may be shared in the order of where holders meet, then of ID.
-
-    Two holders agree on it.
-    """
+    """Sort the bodies that may be shared by rendezvous, then by ID: alike on all ranks."""
     asked, ids = longs_in(sharing, SHARING.asked), longs_in(sharing, SHARING.ids)
     meet, n = longs_in(sharing, SHARING.meet), asked.size
     group(sharing, n, meet, ids, SHARING.meetings, SHARING.many)
@@ -131,10 +127,10 @@ def ask(sharing):
 
 @inlined
 def answer(sharing, messages):
-    """Tell ranks that ask who holds bodies who else has asked.
+    """Answer the questions that this rank has received: which ranks asked about the same body.
 
-    For each asker `answers` has the ranks that hold each of its bodies, and END behind them, body
-    by body; `parts` has how many numbers that is.
+    For each asker `answers` has, body by body, the ranks and END; `parts` has how many numbers
+    these are.
     """
     askers, asked = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
     ids = longs_in(messages, MESSAGES.numbers)
@@ -145,7 +141,7 @@ def answer(sharing, messages):
         for _ in range(asked[r]):
             holder[i] = askers[r]
             i += 1
-    sort(order, n, ids, holder)
+    argsort(order, n, ids, holder)
     for k in range(n):
         alike = k > 0 and ids[order[k]] == ids[order[k - 1]]
         entry[order[k]] = entry[order[k - 1]] if alike else k
@@ -165,11 +161,11 @@ def answer(sharing, messages):
 
 @inlined
 def connect(mpi, sharing):
-    """Find with whom this rank shares which bodies, and how their parts lie in messages.
+    """Find the partners of this rank, the bodies shared with each, and the order of their parts.
 
-    The messages' numbers have for each of `places` the ranks that hold this body, and END behind
-    them; the first of them is its home from now on.  What is sent is in the order of the partners,
-    for each that of places.  What is received is in the same order.
+    The numbers that were received have, for each of `places`, the ranks of the body and END.  The
+    first of these ranks is its home.  Parts are sent and received partner by partner, for each in
+    the order of `places`.
     """
     places, home = longs_in(sharing, SHARING.places), longs_in(sharing, SHARING.home)
     answers = longs_in(mpi.messages, MESSAGES.numbers)
@@ -205,7 +201,7 @@ def connect(mpi, sharing):
 
 @inlined
 def find(mpi, sharing):
-    """Find who else holds the bodies in `asked`, and the `home` of all; collective."""
+    """Find which ranks share the bodies in `asked`, and the `home` of all bodies; collective."""
     home, messages = longs_in(sharing, SHARING.home), mpi.messages
     for b in range(home.size):
         home[b] = mpi.rank
@@ -221,7 +217,7 @@ def find(mpi, sharing):
 
 @loop
 def find_sharers(mpi: Mpi, sharing: L2):
-    """`find`, of what Python has put to the rows of the memory."""
+    """`find`, for rows that Python has set."""
     find(mpi, sharing)
 
 
@@ -230,7 +226,7 @@ def find_sharers(mpi: Mpi, sharing: L2):
 
 @loop
 def give(mpi: Mpi, sharing: L2, values: F2):
-    """Begin to send the columns of shared bodies to their sharers, and to receive theirs."""
+    """Start to send the columns of shared bodies to the partners, and to receive theirs."""
     copies, rows, begin = longs_in(sharing, SHARING.copies), values.shape[0], 0
     partners, shares = longs_in(sharing, SHARING.partners), longs_in(sharing, SHARING.shares)
     resize(sharing, SHARING.packed, copies.size, rows)
@@ -241,16 +237,17 @@ def give(mpi: Mpi, sharing: L2, values: F2):
             packed[k, row] = values[row, copies[k]]
     for p in range(partners.size):
         count, kind = rows * shares[p], mpi.MPI_DOUBLE
-        send(mpi, mpi.MPI_Irecv, address(received) + begin, count, kind, partners[p], PART)
-        send(mpi, mpi.MPI_Isend, address(packed) + begin, count, kind, partners[p], PART)
+        start(mpi, mpi.MPI_Irecv, address(received) + begin, count, kind, partners[p], PART)
+        start(mpi, mpi.MPI_Isend, address(packed) + begin, count, kind, partners[p], PART)
         begin += 8 * count
 
 
 @loop
 def combine(mpi: Mpi, sharing: L2, values: F2, how: I):
-    """Wait for the parts of shared bodies; set their columns to what these give, in their order.
+    """Wait for the parts of shared bodies, and combine them in the order of the ranks.
 
-    how: ADD, LEAST or GREATEST.
+    Args:
+        how: ADD, LEAST or GREATEST.
     """
     wait(mpi)
     shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
@@ -269,16 +266,16 @@ def combine(mpi: Mpi, sharing: L2, values: F2, how: I):
 
 
 class Sharers:
-    """The bodies of this rank that other ranks hold too.
+    """The bodies that this rank shares with others.
 
     Args:
         communicator: the `Communicator` or `ALONE`.
 
     Attributes:
-        bodies: (m,) places of the shared bodies in this rank's list of bodies.
-        home: (n,) the lowest rank of those that hold each body.
-        owned: (n,) bool, whether this rank is it: what has to be counted once is counted there.
-        cells: what the loops take: of `Mpi`, and "sharing".
+        bodies: (m,) the columns of the shared bodies.
+        home: (n,) the lowest rank that has each body.
+        owned: (n,) bool, whether this is that rank; sums over bodies count them there.
+        cells: those of the bundle `Mpi`, and "sharing".
     """
 
     def __init__(self, communicator: Alone) -> None:
@@ -286,19 +283,18 @@ class Sharers:
         self.cells = communicator.cells | {"sharing": self._memory.cells["sharing"]}
 
     def find(self, n: int, places: Any, ids: Any, meet: Any) -> "Sharers":
-        """Find who else holds some of this rank's bodies; collective.
+        """Find which ranks share the bodies of this rank; collective.
 
         Args:
-            n: how many bodies this rank has.
-            places: (m,) those that it does not know to be whole here.
+            n: the number of bodies of this rank.
+            places: (m,) the columns of those that may be shared.
             ids: (m,) int64, their IDs, each once.
-            meet: (m,) int64, the rank at which all holders of each body meet: any on which they
-                agree.
+            meet: (m,) int64, the rank of the rendezvous for each: any on which all ranks agree.
         Returns:
-            Sharers: self.
+            self.
         """
-        known = {"home": np.zeros(n), "asked": places, "ids": ids, "meet": meet}
-        for name, values in known.items():
+        rows = {"home": np.zeros(n), "asked": places, "ids": ids, "meet": meet}
+        for name, values in rows.items():
             self._memory.put(name, values)
         find_sharers.bind_to(self.cells)()
         return self
@@ -316,10 +312,11 @@ class Sharers:
         return self.home == self._communicator.rank
 
     def combine(self, values: np.ndarray, operation: Any = np.add) -> None:
-        """Combine the ranks' parts of shared bodies, in place: one exchange.
+        """Combine the parts of shared bodies in place, by one exchange; collective.
 
         Args:
-            values: (components, n) float64, contiguous: this rank's parts; others stay as they are.
+            values: (components, n) float64, contiguous: the parts of this rank. The columns of
+                bodies that are not shared stay as they are.
             operation: numpy.add, minimum or maximum.
         """
         if len(self.bodies):
@@ -328,11 +325,11 @@ class Sharers:
             combine.bind_to(self.cells, values=values, how=how)()
 
     def total(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """Sums over the atoms of each body, on all ranks, (len(columns), n): one exchange.
+        """Sums over the atoms of each body on all ranks, (len(columns), n); collective.
 
         Args:
-            body: (m,) the place of each atom's body in this rank's list.
-            columns: (m,) each, a number of each atom.
+            body: (m,) the column of each atom's body.
+            columns: (m,) each, a number for each atom.
         """
         n = len(self.home)
         sums = np.array([np.bincount(body, column, minlength=n) for column in columns], float)
@@ -340,11 +337,11 @@ class Sharers:
         return sums
 
     def lowest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """As `total`, the lowest number of each body's atoms; inf for a body without any."""
+        """As `total`, the minimum; inf for a body without atoms."""
         return self._extreme(body, columns, np.inf, np.minimum)
 
     def highest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """As `total`, the highest number of each body's atoms; -inf for a body without any."""
+        """As `total`, the maximum; -inf for a body without atoms."""
         return self._extreme(body, columns, -np.inf, np.maximum)
 
     def _extreme(
