@@ -15,9 +15,8 @@ import numpy as np
 import pytest
 from llvmlite import binding as llvm
 
-from support.debian import debian, obstacle
-
 from fix_nosquish.loops import cache, compiled, machine_code
+from support.debian import debian, obstacle
 from validation.running import startup
 
 BIN = Path(sys.executable).parent
