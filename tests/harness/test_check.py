@@ -119,7 +119,7 @@ def test_check_says_what_its_table_cannot(tmp_path, capsys):
     summary = json_files.read(out / "summary.json")
     shown = {one["label"]: "change" in one for one in summary["integrators"]}
     assert not shown["rigid/nvt/small"] and shown["nosquish/nvt langevin"]
-    told = "LAMMPS's econserve is not what it keeps"
+    told = "LAMMPS's econserve is not the conserved quantity"
     assert told in capsys.readouterr().out
     assert told in (out / "report.html").read_text().replace("&#39;", "'")
     steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]

@@ -60,7 +60,7 @@ def with_lines(text, told):
     of its timestep, if it says so, and without commands that name these fixes."""
     kept, lost = text.replace("&\n", "").splitlines(), []
     (place,) = re.findall(r"These lines.* replace .*", told)
-    for named in re.findall(r"have to go, too: (.*)\.", told):
+    for named in re.findall(r"or its computes: (.*)\.", told):
         lost += named.split("; ")
     ids = re.findall(r"fix (\S+) \(", place)
     fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]

@@ -205,7 +205,7 @@ def of_script(script: UserScript) -> Case:
     rivals = script.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
     rival = next((key for key in rivals if key in known and known[key].kind != "ours"), OURS)
     return Case(
-        word=script.ask.script,
+        word=script.options.script,
         scene=script.scene,
         integrators=known,
         reference=ours,

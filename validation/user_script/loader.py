@@ -1,9 +1,9 @@
 """A scene from a user's script, and the integrators that can move it.
 
-`load` has LAMMPS run the script up to the run that is asked for (see ``reader``), finds what moves
-the rigid atoms (``finding``) and makes of the commands that LAMMPS executed a `Scene`, as the
-harness's own ones are.  LAMMPS works in the script's folder, and all that it writes goes into the
-output folder (see ``recorder``).
+`load` has LAMMPS execute the script up to the requested run (see ``reader``), finds what moves the
+rigid atoms (``rigid_atoms``), and makes a `Scene` like the built-in ones from the commands that
+LAMMPS executed.  LAMMPS works in the script's folder; what it writes goes into the output folder
+(see ``recorder``).
 """
 
 import glob
@@ -27,7 +27,7 @@ from ..scenes import Scene
 from ..scenes.integrators import Integrator
 from ..scenes.units import UNITS, Units
 from . import candidates, rigid_atoms
-from .commands import OUTPUT, split_words, thermo_settings
+from .commands import OUTPUT, rigid_reports, split_words, thermo_settings
 from .rigid_atoms import AmbiguousScript, RigidAtoms
 
 READER = Path(__file__).with_name("reader.py")
@@ -39,14 +39,14 @@ SAME = 1e-6  # of the potential and the thermal energy: more is another system
 
 @dataclass(frozen=True)
 class ScriptOptions:
-    """What the command line says of a script.
+    """A script, and the options of the command line that select what is rigid in it.
 
     Attributes:
-        script: its path.  folder: in which the harness was started.
-        variables: of the option -var: a name and its values, each.
-        fix: IDs of the fixes whose place is taken; empty finds them.
-        group, bodies: the rigid atoms, where no fix tells them.
-        at: the how many-th run with rigid bodies it is, from 1.
+        script: its path.  folder: the working folder of the harness.
+        variables: of the option -var: a name with its values, each.
+        fix: IDs of the fixes to replace; empty finds them.
+        group, bodies: the rigid atoms, where no fix defines them.
+        at: number of the run among those with rigid bodies, from 1.
     """
 
     script: str
@@ -63,7 +63,7 @@ class ScriptOptions:
         given = tuple(map(tuple, arguments.variables or ()))
         for words in given:
             if len(words) < 2:
-                arguments.parser.error(f"-var {words[0]}: a value is missing behind the name")
+                arguments.parser.error(f"-var {words[0]}: a value is missing after the name")
         return cls(
             os.path.abspath(script),  # a link's own folder, as LAMMPS takes it
             os.getcwd(),
@@ -76,7 +76,7 @@ class ScriptOptions:
 
     @property
     def name(self) -> str:
-        """For folders: my.in and in.my both are "my"."""
+        """A name for folders: "my" for my.in and for in.my."""
         stem = re.sub(r"^in\.|\.(in|lmp|inp|lammps|txt)$", "", Path(self.script).name)
         return re.sub(r"[^\w.+-]", "-", stem) or "script"
 
@@ -87,13 +87,13 @@ class UserScript:
 
     Attributes:
         integrators: that can move it, by name; the script's own first.
-        reference: the name of the one that others are compared with.
+        reference: name of the integrator that others are compared with.
         rigid: its rigid atoms, and the fixes that move them.
         reading, atoms: what ``reader`` has left: read.json and atoms.npz.
-        notes: what the user is to be told, in sentences.
+        notes: sentences for the user.
     """
 
-    ask: ScriptOptions
+    options: ScriptOptions
     scene: Scene
     integrators: dict[str, Integrator]
     reference: str
@@ -104,160 +104,161 @@ class UserScript:
 
     @property
     def units(self) -> Units:
-        """Of the script."""
+        """The script's units."""
         return UNITS[self.scene.units]
 
     @property
     def bodies(self) -> int:
-        """Their number."""
+        """Number of bodies."""
         return int(self.rigid.body.max())
 
     @property
     def room(self) -> float:
-        """Of a body at the start: the edge of a cube of its part of the box."""
+        """Edge of a cube with the volume that each body has at the start."""
         return float((abs(np.linalg.det(np.array(self.reading["cell"]))) / self.bodies) ** (1 / 3))
 
 
 def parse_options(
     arguments: Namespace, script: str, short: bool = False
 ) -> tuple[ScriptOptions, Path]:
-    """What a verb's command line says of a script, and the output folder, which is made.
+    """The options for a script, and the output folder, which is created.
 
     Args:
         short: see `command_line.output_folder`.
     """
-    ask = ScriptOptions.of(arguments, script)
-    arguments.usual = f"results/{arguments.verb}-{ask.name}"
-    return ask, command_line.output_folder(arguments, short)
+    options = ScriptOptions.of(arguments, script)
+    arguments.usual = f"results/{arguments.verb}-{options.name}"
+    return options, command_line.output_folder(arguments, short)
 
 
 def load(
-    ask: ScriptOptions, out: Path, ranks: int, silence: float, tell: Callable[[str], object] = print
+    options: ScriptOptions,
+    out: Path,
+    ranks: int,
+    silence: float,
+    tell: Callable[[str], object] = print,
 ) -> UserScript:
-    """Read a script, or take over what was read of the same script and files.
+    """Read a script, unless it was read before with the same options and files.
 
     Args:
         out: folder for all that LAMMPS does with the script.
-        ranks: that read it: as many as it is to run on.
-        silence: s without a sign of life after which the reading is given up.
-        tell: is given each sentence of what was found.
+        ranks: that read it: as many as runs of it will have.
+        silence: s without output after which the reading is given up.
+        tell: is called with each note.
 
     Raises:
-        SystemExit: with one message, what is wrong and the way out.
+        SystemExit: the script cannot be used; the message says why and what to do.
     """
     with _locked(out):
-        said, atoms, folder = _reading(ask, out, ranks, silence)
-        name = Path(ask.script).name
+        reading, atoms, folder = _reading(options, out, ranks, silence)
+        name = Path(options.script).name
         try:
-            found = rigid_atoms.find(said, atoms, ask.fix, ask.group, ask.bodies)
+            rigid = rigid_atoms.find(reading, atoms, options.fix, options.group, options.bodies)
         except AmbiguousScript as unclear:
             raise SystemExit(f"{name}: {unclear}") from None
-        those, reference, more = candidates.integrators(found, said["units"])
-        scene, late = _scene(ask, folder, said, atoms, found)
+        those, reference, more = candidates.integrators(rigid, reading["units"])
+        scene, late = _scene(options, folder, reading, atoms, rigid)
         how: dict = {"ranks": ranks, "silence": silence}
-        if found.kind in ("constraints", "plain"):
+        if rigid.kind in ("constraints", "plain"):
             scene = _at_rest(scene, those, folder, how)
-        late += _otherwise(scene, those, said, len(found.body), folder, how)
-        scene = replace(scene, origin=_files_of(said, folder))
-    notes = (*candidates.describe(found, said, atoms), *more, *late)
+        late += _otherwise(scene, those, reading, len(rigid.body), folder, how)
+        scene = replace(scene, origin=_files_of(reading, folder))
+    notes = (*candidates.describe(rigid, reading, atoms), *more, *late)
     for line in notes:
         tell(line)
     named = {integrator.name: integrator for integrator in those}
-    return UserScript(ask, scene, named, reference, found, said, atoms, notes)
+    return UserScript(options, scene, named, reference, rigid, reading, atoms, notes)
 
 
-def refuse_ramps(own: UserScript) -> None:
-    """Refuse a script whose temperature or pressure changes in its run, for what is measured by
-    means.
+def refuse_ramps(script: UserScript) -> None:
+    """Refuse a script whose temperature or pressure changes in its run: its means tell nothing.
 
     Raises:
-        SystemExit: with one message.
+        SystemExit: it changes; the message says what to do.
     """
-    if own.rigid.state.ramps:
+    if script.rigid.state.ramps:
         raise SystemExit(
-            f"{own.scene.subject}: '{own.reading['run']}' changes "
-            f"{' and '.join(own.rigid.state.ramps)}, so means do not tell what a step does: give a "
-            "run that keeps them. 'check' and 'cost' take this one"
+            f"{script.scene.subject}: '{script.reading['run']}' changes "
+            f"{' and '.join(script.rigid.state.ramps)}, so means do not show the error of a step: "
+            "give a run at constant ones. 'check' and 'cost' accept this one"
         )
 
 
 def read(
-    ask: ScriptOptions, out: Path, ranks: int, silence: float
+    options: ScriptOptions, out: Path, ranks: int, silence: float
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
-    """What ``reader`` says of a script, and its atoms; and the folder where it left that."""
+    """What ``reader`` has left of a script: read.json, atoms.npz, and their folder."""
     with _locked(out):
-        return _reading(ask, out, ranks, silence)
+        return _reading(options, out, ranks, silence)
 
 
 def _locked(out: Path):
-    """A context in which no other process reads a script in this output folder."""
+    """Context in which no other process reads a script in this output folder."""
     return store.Store(out).locked("script")
 
 
-def _reading(ask, out, ranks, silence):
-    if not Path(ask.script).is_file():
-        raise SystemExit(f"there is no script {ask.script}, and no scene of that name")
+def _reading(options, out, ranks, silence):
+    if not Path(options.script).is_file():
+        raise SystemExit(f"there is no script {options.script}, and no scene of that name")
     folder = (out / "script").resolve()
-    said = _known(ask, folder, ranks)
-    if said is None:
-        said = _read(ask, folder, ranks, silence)
+    reading = _known(options, folder, ranks)
+    if reading is None:
+        reading = _read(options, folder, ranks, silence)
     with np.load(folder / "atoms.npz") as file:
-        return said, dict(file), folder
+        return reading, dict(file), folder
 
 
 def overlay_folder(folder: Path) -> Path:
-    """What stands for the root of all files, where the script writes to its own."""
+    """The folder that replaces the root of the file system for what the script writes."""
     return folder / "overlay"
 
 
-def _known(ask: ScriptOptions, folder: Path, ranks: int) -> dict | None:
-    """What was read before, if nothing has changed since."""
-    said, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
-    same = said and kept and kept["origin"] == _origin(ask, ranks, said)
-    return said if same else None
+def _known(options: ScriptOptions, folder: Path, ranks: int) -> dict | None:
+    """What was read before, if nothing has changed since; else None."""
+    reading, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
+    same = reading and kept and kept["origin"] == _origin(options, ranks, reading)
+    return reading if same else None
 
 
-def _origin(ask: ScriptOptions, ranks: int, said: Mapping) -> str:
-    """Hash of all that a reading follows from."""
-    patterns, environment = said["asked"]
+def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
+    """Hash of all that a reading depends on."""
+    patterns, environment = reading["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
     code = store.code(), machine.versions()
-    return store.digest(asdict(ask), ranks, *code, _contents(said["files"]), *found)
+    return store.digest(asdict(options), ranks, *code, _contents(reading["files"]), *found)
 
 
 def _contents(files: Sequence[str]) -> str:
-    """Hash of what is in the user's files, in whatever folders they are, or were looked for."""
+    """Hash of the contents of the user's files that LAMMPS has looked for."""
     there = (machine.contents(Path(file)) if os.path.isfile(file) else "" for file in files)
     return store.digest(files, [*there])
 
 
-def _files_of(said: Mapping, folder: Path) -> str:
-    """Hash of the files that a script's runs follow from: the user's, those that the script has
+def _files_of(reading: Mapping, folder: Path) -> str:
+    """Hash of the files that a script's runs depend on: the user's, those that the script has
     written, the state and the bodies."""
     made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
     known = [machine.contents(file) for file in made if file.exists()]
-    return store.digest(_contents(said["files"]), known)
+    return store.digest(_contents(reading["files"]), known)
 
 
-def _read(ask: ScriptOptions, folder: Path, ranks: int, silence: float) -> dict:
-    """Have a script read in its own folder; or, if it fails there, in the one in which the harness
-    was started, of which LAMMPS takes names.
+def _read(options: ScriptOptions, folder: Path, ranks: int, silence: float) -> dict:
+    """Have a script read in its own folder or, if that fails, in the working folder.
 
     Raises:
-        SystemExit: it fails in both, in which case the first message is told; or it could be read
-            in both, and files differ.
+        SystemExit: it fails in both (the first message is shown); or files of the same name differ.
     """
-    here, start = Path(ask.script).parent, Path(ask.folder)
-    name, messages = Path(ask.script).name, list[str]()
+    here, start = Path(options.script).parent, Path(options.folder)
+    name, messages = Path(options.script).name, list[str]()
     for workplace in dict.fromkeys((here, start)):
-        message = _read_in(workplace, ask, folder, ranks, silence)
+        message = _read_in(workplace, options, folder, ranks, silence)
         if not message:
             break
         messages.append(message)
     else:
         raise SystemExit(f"{name}: {messages[0]}")
-    said = json.loads((folder / "read.json").read_text())
-    for file in map(Path, said["files"] if workplace == here != start else ()):
+    reading = json.loads((folder / "read.json").read_text())
+    for file in map(Path, reading["files"] if workplace == here != start else ()):
         other = start / os.path.relpath(file, here)
         both = file.is_relative_to(here) and file.is_file() and other.is_file()
         if both and other.read_bytes() != file.read_bytes():
@@ -267,25 +268,25 @@ def _read(ask: ScriptOptions, folder: Path, ranks: int, silence: float) -> dict:
                 "folder, or rename one of them"
             )
     # the last file: it tells that the others are whole
-    json_files.write(folder / "known.json", {"origin": _origin(ask, ranks, said)})
-    return said
+    json_files.write(folder / "known.json", {"origin": _origin(options, ranks, reading)})
+    return reading
 
 
-def _read_in(workplace, ask, folder, ranks, silence) -> str:
-    """Have a script read in a folder; why that failed."""
+def _read_in(workplace, options, folder, ranks, silence) -> str:
+    """Have a script read in a folder; the message if that failed, else empty."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     plain = {
-        "script": ask.script,
+        "script": options.script,
         "workplace": str(workplace),
         "overlay": str(overlay_folder(folder)),
-        "variables": ask.variables,
-        "fix": ask.fix,
-        "any": bool(ask.group or ask.bodies),
-        "at": ask.at,
+        "variables": options.variables,
+        "fix": options.fix,
+        "any": bool(options.group or options.bodies),
+        "at": options.at,
     }
     (folder / "ask.json").write_text(json.dumps(plain))
-    beside = str(Path(ask.script).parent)  # modules of its own
+    beside = str(Path(options.script).parent)  # modules of its own
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
@@ -298,28 +299,30 @@ def _read_in(workplace, ask, folder, ranks, silence) -> str:
         hung = run.watch(process, folder / "log.lammps", silence)
     if hung:
         return (
-            f"nothing was written for {silence:g} s while it was read. A run before the one that "
-            "is asked for is done as it is: if it takes so long between two lines of thermo "
-            "output, --silence S waits longer"
+            f"nothing was written for {silence:g} s while it was read. Runs before the requested "
+            "one are executed as they are: if one takes so long between two lines of thermo "
+            "output, give a larger --silence"
         )
     if (folder / "read.json").exists() and not error.exists():
         return ""
     return run.one_line(error.read_text()) if error.exists() else f"ended, see {output}"
 
 
-def setup_commands(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
-    """The script's commands that a run begins with, and each one's number: the state of what there
-    is in the place of the command that makes the box, and what acts beyond that.
+def setup_commands(reading: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
+    """The script's commands that each run begins with, and their numbers in the script.
+
+    The restart file replaces the command that creates the box; commands that act at once are left
+    out, because the restart file has their effect.
 
     Args:
         gone: IDs of fixes that are left out.
     """
-    commands: list[str] = said["commands"]
+    commands: list[str] = reading["commands"]
     left = {*rigid_atoms.modify_commands(commands, gone)}
     box = next(i for i, line in enumerate(commands) if split_words(line)[0] in BOXES)
     before: list[tuple[int, str]] = []
     behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
-    for number, (line, once) in enumerate(zip(commands, said["at_once"])):
+    for number, (line, once) in enumerate(zip(commands, reading["at_once"])):
         word, *rest = split_words(line)
         if once or word in OUTPUT or line in left or (word == "fix" and rest[0] in gone):
             continue
@@ -332,69 +335,75 @@ def setup_commands(said: Mapping, gone: Collection[str] = ()) -> list[tuple[int,
 
 
 def _scene(
-    ask: ScriptOptions,
+    options: ScriptOptions,
     folder: Path,
-    said: Mapping,
+    reading: Mapping,
     atoms: Mapping[str, np.ndarray],
-    found: RigidAtoms,
+    rigid: RigidAtoms,
 ) -> tuple[Scene, list[str]]:
-    """The script's commands, with a gap where the found fixes were; and what is to be said."""
-    stray = {fix_id: line for fix_id, line in said["fixes"].items()
+    """The script's commands without the fixes that are replaced; and notes on them."""
+    stray = {fix_id: line for fix_id, line in reading["fixes"].items()
              if rigid_atoms.style_of(line) in STEERING}  # fmt: skip
-    commands, first = said["commands"], len(said["commands"])
-    if found.kind != "plain" and not ask.group:
+    commands, first = reading["commands"], len(reading["commands"])
+    if rigid.kind != "plain" and not options.group:
         words = [split_words(line)[:2] for line in commands]
-        first = min(words.index(["fix", fix_id]) for fix_id in found.ids)
-    kept = setup_commands(said, {*found.ids, *stray})
+        first = min(words.index(["fix", fix_id]) for fix_id in rigid.ids)
+    reports = rigid_reports(commands, rigid.ids)
+    kept = setup_commands(reading, {*rigid.ids, *stray})
+    kept = [(number, line) for number, line in kept if line not in reports]
     before, then = ([line for i, line in kept if (i < first) == early] for early in (True, False))
-    known = np.array([found.body, atoms["type"]], dtype=np.int32)
+    known = np.array([rigid.body, atoms["type"]], dtype=np.int32)
     _keep(known, folder / "bodies.npy")
-    of_fixes, output = rigid_atoms.compute_ids(found.ids), thermo_settings(commands)
-    number = int(found.body.max())
+    of_fixes, output = rigid_atoms.compute_ids(rigid.ids), thermo_settings(commands)
+    number = int(rigid.body.max())
     scene = Scene(
-        name=ask.name,
-        title=f"{Path(ask.script).name}: {number:,} bodies, {len(found.body):,} atoms",
-        folder=Path(said["workplace"]),
+        name=options.name,
+        title=f"{Path(options.script).name}: {number:,} bodies, {len(rigid.body):,} atoms",
+        folder=Path(reading["workplace"]),
         overlay=str(overlay_folder(folder)),
-        setup=(*before, *found.setup),
-        group=found.group,
-        bodies=found.bodies,
-        constraints=found.constraints,
+        setup=(*before, *rigid.setup),
+        group=rigid.group,
+        bodies=rigid.bodies,
+        constraints=rigid.constraints,
         body_property=str(folder / "bodies.npy"),
-        units=said["units"],
-        dt=said["dt"],
+        units=reading["units"],
+        dt=reading["dt"],
         unit=number,
         sizes=(number,),
-        subject=Path(ask.script).name,
+        subject=Path(options.script).name,
         then=tuple(then),
         columns=("econserve", "density"),
         output=tuple(f"thermo_modify {key} {value}" for key, value in output.items()
                      if value not in of_fixes),
-        dimension=said["dimension"],
+        dimension=reading["dimension"],
     )  # fmt: skip
     late = []
-    if said["sized"]:
+    if reports:
         late.append(
-            "Atoms may have moments of inertia of their own, as spheres and ellipsoids have. What "
-            "is said here of the bodies' moments and of the turning in a step leaves these out."
+            f"Left out, because they only report numbers of rigid fixes: {'; '.join(reports)}."
+        )
+    if reading["sized"]:
+        late.append(
+            "Atoms may have their own moments of inertia, such as spheres and ellipsoids. They are "
+            "not included in the moments of bodies and in the angles per step shown here."
         )
     if unknown := [f"{key} {value}" for key, value in output.items() if value in of_fixes]:
         late.append(
-            f"Left out, for a fix that is replaced makes these computes: thermo_modify "
+            f"Left out, because a fix that is replaced defines these computes: thermo_modify "
             f"{' '.join(unknown)}."
         )
     if stray:
         some = "; ".join(stray.values())
-        late.append(f"Left out, for they change the step or end a run early: {some}.")
+        late.append(f"Left out, because they change the step or end a run early: {some}.")
         if readers := candidates.commands_naming(stray, [*before, *then]):
             late.append(
-                f"These read numbers of them, so no run begins with them: {'; '.join(readers)}."
+                f"These commands use such a fix, and may fail without it: {'; '.join(readers)}."
             )
     return scene, late
 
 
 def _keep(array: np.ndarray, path: Path) -> None:
-    """Write an array, whole or not at all: runs of another process may read it."""
+    """Write an array atomically: runs of another process may read it."""
     part = path.with_suffix(".part")
     with open(part, "wb") as file:
         np.save(file, array)
@@ -402,8 +411,8 @@ def _keep(array: np.ndarray, path: Path) -> None:
 
 
 def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
-    """What the first of these integrators that can begin leaves of ``run 0``, and why others
-    cannot."""
+    """The result of ``run 0`` with the first of these integrators that can start, and why those
+    before it cannot."""
     why: list[str] = []
     for integrator in those:
         job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
@@ -412,15 +421,15 @@ def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]
             raise KeyboardInterrupt
         if not result.error:
             return result, why
-        why.append(f"{integrator.label} cannot begin: {result.error}")
+        why.append(f"{integrator.label} cannot start: {result.error}")
     return None, why
 
 
 def _at_rest(scene, those, folder, how) -> Scene:
-    """The scene with velocities of rigid bodies: what all integrators make of the script's.
+    """The scene with the velocities that rigid integrators make of the script's.
 
     Raises:
-        SystemExit: none that moves rigid bodies can begin.
+        SystemExit: none of them can start.
     """
     rigid = [integrator for integrator in those if integrator.kind in ("ours", "rigid")]
     if not rigid:
@@ -435,26 +444,26 @@ def _at_rest(scene, those, folder, how) -> Scene:
     return replace(scene, setup=(*scene.setup, begun))
 
 
-def _otherwise(scene, those, said, atoms, folder, how) -> list[str]:
-    """What is to be said where the start is another system than the script has behind earlier runs:
-    these may have changed coefficients that the script's commands set.
+def _otherwise(scene, those, reading, atoms, folder, how) -> list[str]:
+    """A note if the start differs from the script's state after earlier runs: these may have
+    changed coefficients that the script's commands set.
 
     Args:
-        atoms: how many there are.
+        atoms: their number.
     """
-    if not said["skipped"] or said["potential"] is None:
+    if not reading["skipped"] or reading["potential"] is None:
         return []
     more = (*run.thermo(), *scene.output)
     result, _ = _begun(scene, those, folder / "beginning", how, more)
     if result is None or not len(result.thermo.get("PotEng", ())):
         return []
-    here, there = float(result.thermo["PotEng"][0]), said["potential"]
-    scale = abs(there) + atoms * said["boltzmann"] * said["temperature"]
+    here, there = float(result.thermo["PotEng"][0]), reading["potential"]
+    scale = abs(there) + atoms * reading["boltzmann"] * reading["temperature"]
     if abs(here - there) <= SAME * scale:
         return []
     return [
         f"The potential energy is {here:.8g} at the start here, and {there:.8g} in the script: "
-        "an earlier run changes more than a restart file has, as coefficients of fix adapt, or its "
-        "variables count steps. So this is another system. Run the script so far, keep it by "
-        "write_data, and give one that reads that file."
+        "an earlier run changes more than a restart file stores, such as coefficients by fix "
+        "adapt, or variables depend on the step. So this is another system. Run the script up to "
+        "there, use write_data, and give a script that reads that file."
     ]

@@ -1,8 +1,8 @@
-"""The energy that a script's forces keep, in the place of one that jumps.
+"""Pair energies shifted to zero at the cutoff.
 
 Where a pair potential is cut, its energy jumps as two atoms cross the cutoff, and no force belongs
-to the jump.  So the total energy wanders, whatever the integrator and the step, and a drift is hard
-to see.  ``pair_modify shift yes`` takes the jump out of the energy, and leaves all forces.
+to the jump.  The total energy therefore wanders, whatever the integrator and the step, and hides a
+drift.  ``pair_modify shift yes`` removes the jump from the energy and leaves all forces.
 """
 
 import itertools
@@ -15,60 +15,59 @@ from .loader import UserScript
 
 # styles of fixes that accept moves by the energy, or whose forces follow from it: another energy
 # gives another ensemble
-CHOOSE = frozenset(
+DEPENDENT = frozenset(
     (
         *("atom/swap", "bond/swap", "charge/regulation", "gcmc", "grem", "hmc", "mixed/swap"),
         *("mol/swap", "msst", "neighbor/swap", "nphug", "sgcmc", "widom"),
         *("nosquish/hmc", "fix_nosquish.HMC"),
     )
 )
-# first words of styles that follow a pressure, but for those whose work nobody counts
-PRESS = "nph", "npt", "box"
+BAROSTATS = "nph", "npt", "box"  # first words of styles
+LINE = "pair_modify shift yes tail no"
 NOTE = (
-    "'{line}' is added, for the drift and the noise of the energy. All forces stay. Without it "
+    f"'{LINE}' is added, for the drift and the noise of the energy. All forces stay. Without it "
     "the energy jumps where two atoms cross a cutoff, which no step makes smaller."
 )
 WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
 def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """A script whose pair energies end at zero; as it is, where that cannot be, is done or is of no
-    use.
+    """The script with shifted pair energies; unchanged if they are shifted, or if this would change
+    the ensemble or be of no use.
 
     Args:
-        tell: is given the sentences that say so.
+        tell: is called with a note if the script is changed.
     """
-    found = _settings(script.reading["commands"])
+    settings = _pair_settings(script.reading["commands"])
+    if settings is None or settings["shift"] or conserved_energy.uncounted_fixes(script):
+        return script
     lines = script.reading["fixes"].values()
-    if found is None or found["shift"] or conserved_energy.uncounted_fixes(script):
+    if any(rigid_atoms.short_name(line) in DEPENDENT for line in lines):
         return script
-    if any(rigid_atoms.short_name(line) in CHOOSE for line in lines):
-        return script
-    baths = conserved_energy.other_fixes(script).values()
-    if found["tail"] and (script.rigid.state.press or any(bath in PRESS for bath in baths)):
-        return script  # its pressure is to have it
-    line = "pair_modify shift yes tail no"
-    note = NOTE.format(line=line) + WITHOUT_TAIL * bool(found["tail"])
+    others = conserved_energy.other_fixes(script).values()
+    if settings["tail"] and (script.rigid.state.press or any(one in BAROSTATS for one in others)):
+        return script  # the tail is a part of the pressure that the barostat controls
+    note = NOTE + WITHOUT_TAIL * settings["tail"]
     tell(note)
-    scene = replace(script.scene, then=(*script.scene.then, line))
+    scene = replace(script.scene, then=(*script.scene.then, LINE))
     return replace(script, scene=scene, notes=(*script.notes, note))
 
 
-def _settings(commands: Iterable[str]) -> dict[str, bool] | None:
-    """Whether pair energies are shifted, and may have tails; None if the script sets no pair style.
+def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:
+    """Whether pair energies are shifted, and whether they may have tails; None without pair style.
 
-    LAMMPS keeps both for a style that is set again, and a restart file has them.
+    LAMMPS keeps both settings for a style that is set again, and a restart file has them.
     """
-    style, found = None, {"shift": False, "tail": False}
+    style, settings = None, {"shift": False, "tail": False}
     for words in map(split_words, commands):
         if words[0] == "read_restart":
-            found = {"shift": False, "tail": True}
+            settings = {"shift": False, "tail": True}
         elif words[0] == "pair_style":
             if style not in (None, words[1]):
-                found = {"shift": False, "tail": False}
+                settings = {"shift": False, "tail": False}
             style = words[1]
         elif words[0] == "pair_modify":
             for name, value in itertools.pairwise(words[1:]):
-                if name in found:
-                    found[name] = value in ("yes", "on", "true")
-    return None if style in (None, "none", "zero") else found
+                if name in settings:
+                    settings[name] = value in ("yes", "on", "true")
+    return None if style in (None, "none", "zero") else settings

@@ -1,26 +1,26 @@
-"""Has LAMMPS run a user's script, inside each MPI rank: ``mpirun -np N python reader.py ask.json``.
+"""Have LAMMPS execute a user's script, in each rank: ``mpirun -np N python reader.py ask.json``.
 
-LAMMPS itself reads the script.  Of each command, as LAMMPS is about to execute it, this file is
-told the words, with all variables in place (see ``recorder``), and answers whether it is done.  So
-LAMMPS stops where the first run would begin in which a fix moves rigid bodies, or that is asked
-for.  Minimizations and ``run 0`` are no such run: they are done, as runs before it are.
+LAMMPS itself reads the script.  Before it executes a command it calls this file with the words, all
+variables substituted (see ``recorder``), and gets the answer whether to execute it.  So LAMMPS
+stops before the requested run: by default the first one in which a fix moves rigid bodies.
+Minimizations and ``run 0`` do not count: they are executed, like the runs before.
 
 ``ask.json`` has ``script``, ``workplace`` (of LAMMPS), ``overlay`` (see ``recorder``),
-``variables`` (lists of a name and its values, as of the option -var), ``fix``
-(IDs of fixes that move the atoms, if told), ``any`` (any run will do), ``at`` (which of these runs,
-from 1).  Left beside it:
+``variables`` (lists of a name with its values, as of the option -var), ``fix`` (IDs of fixes that
+move the atoms, if given), ``any`` (whether any run will do), ``at`` (number of the run, from 1).
+Files left beside it:
 
-    read.json       ``commands`` up to the run, without those whose work another has undone, and
-                    ``at_once`` (which of them act once, on what a restart file has: they are not to
-                    be repeated), ``fixes`` (ID to its command, at that run), ``run`` (its words),
-                    ``later`` (runs behind it, as they are written), ``workplace``, what
-                    LAMMPS says of the system, ``left_out`` (commands that are not done), ``files``
-                    (of the user's, that were looked for), ``asked`` (what else was looked for)
+    read.json       ``commands`` up to the run, without those that a later one undoes; ``at_once``
+                    (which of them act once, on what a restart file stores); ``fixes`` at that run,
+                    by ID; ``run`` (its command); ``later`` (runs after it, as written);
+                    ``workplace``; facts about the system; ``left_out`` (commands that were not
+                    executed); ``files`` (the user's, that LAMMPS looked for); ``asked`` (patterns
+                    of files and environment variables that it looked for)
     state.restart   the state that runs begin with
-    atoms.npz       of each atom, in order of ID
-    error.txt       why there is nothing of it
+    atoms.npz       arrays of all atoms, in order of ID
+    error.txt       instead of these: why the script cannot be used
 
-Commands that write as a run goes on are left out, and those that execute what is not LAMMPS's.
+Commands that write during a run, or execute other programs, are left out.
 """
 
 import sys
@@ -83,15 +83,15 @@ OUTLIVE = "variable", "next", "shell"  # commands whose work outlives a ``clear`
 
 
 class Failure(Exception):
-    """The script cannot be taken; the message says why."""
+    """The script cannot be used; the message says why."""
 
 
 class Script:
-    """What LAMMPS does with a script, up to the run that is asked for.
+    """The commands that LAMMPS executes up to the requested run.
 
     Args:
         ask: see above.
-        doing: whether runs that are passed over are done.
+        doing: whether earlier runs are executed.
     """
 
     def __init__(self, ask: dict, doing: bool) -> None:
@@ -115,12 +115,12 @@ class Script:
         self.lmp.command("label harness")  # which does nothing
         if not self.count:
             raise Failure(
-                "the harness cannot see what this LAMMPS does, for it was compiled in a way that "
-                "binds its functions early (as -Ofast does): use the Python package lammps"
+                "the harness cannot follow this LAMMPS, because its functions were bound when it "
+                "was compiled (as by -Ofast): use the Python package lammps"
             )
 
     def _asked(self, command: bytes, number: int, words, at_once: int) -> int:
-        """What the library asks of each command: see ``recorder.cpp``."""
+        """Called by the library before each command: see ``recorder.cpp``."""
         try:
             told = [command, *words[:number]]
             return self.answer([word.decode(errors="replace") for word in told], bool(at_once))
@@ -129,14 +129,14 @@ class Script:
             return STOP
 
     def answer(self, words: Sequence[str], at_once: bool) -> int:
-        """What is to be done with a command: `DO`, `LEAVE_OUT` or `STOP`."""
+        """Whether to execute a command: `DO`, `LEAVE_OUT` or `STOP`."""
         word, *rest = words
         line = self.where = commands.join_words(words)
         self.count += 1
         if self.count > MOST:
             raise Failure(
-                f"more than {MOST:,} commands before a run with rigid bodies: does a loop of the "
-                "script have no end?"
+                f"more than {MOST:,} commands before a run with rigid bodies: a loop of the script "
+                "may have no end"
             )
         if word in commands.RUNS:
             return self._run(words, line)
@@ -154,7 +154,7 @@ class Script:
         return DO
 
     def _note(self, word: str, rest: Sequence[str], line: str, at_once: bool) -> None:
-        """Keep a command, and drop those that it makes undone."""
+        """Record a command, and remove those that it undoes."""
         made = word.removeprefix("un")
         if made in ("fix", "compute") and rest:
             self.commands = [
@@ -195,7 +195,7 @@ class Script:
         """Have LAMMPS read the script.
 
         Raises:
-            Failure: why it cannot.
+            Failure: it cannot.
         """
         try:
             self.lmp.file(str(path))
@@ -204,19 +204,19 @@ class Script:
             if self.failure:
                 raise self.failure from None
             if not self.ended:
-                raise Failure(self._said(failure)) from failure
+                raise Failure(self._message(failure)) from failure
         finally:
             RECORDER.recorder_see(None)
 
-    def _said(self, failure: Exception) -> str:
-        """LAMMPS's message, and at which command."""
+    def _message(self, failure: Exception) -> str:
+        """LAMMPS's message, with the command that failed."""
         if isinstance(failure, UnicodeError):  # LAMMPS puts others in their place, also there
             return (
-                f"the script failed at '{self.where}': LAMMPS takes no letters beyond ASCII in "
-                "commands. Give what has them another name"
+                f"the script failed at '{self.where}': LAMMPS accepts only ASCII characters in "
+                "commands. Rename what has others"
             )
         text, _, last = f"{failure}".partition("Last input line:")
-        where = f"at '{self.where}'" if RECORDER.recorder_within() else f"behind '{self.where}'"
+        where = f"at '{self.where}'" if RECORDER.recorder_within() else f"after '{self.where}'"
         if last.strip():
             where = f"at '{last.strip().splitlines()[0].strip()}'"
         some = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
@@ -225,7 +225,7 @@ class Script:
 
 
 def _undone(line: str, made: str, name: str) -> bool:
-    """Whether a command goes with the fix or compute of this name."""
+    """Whether a command ends with the fix or compute of this name."""
     if made == "fix" and rigid_atoms.modify_commands([line], [name]):
         return True
     kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
@@ -235,72 +235,72 @@ def _undone(line: str, made: str, name: str) -> bool:
 
 
 def _script(ask: dict) -> Script:
-    """What LAMMPS does with the script, with the runs before the one that is asked for."""
+    """The script, read with the earlier runs executed if there are any."""
     for doing in False, True:
         os.chdir(ask["workplace"])
         if WORLD.rank == 0:  # nothing of what was written without earlier runs
             shutil.rmtree(ask["overlay"], ignore_errors=True)
             Path(ask["overlay"]).mkdir()
         WORLD.Barrier()
-        found, failure = Script(ask, doing), None
+        session, failure = Script(ask, doing), None
         try:
-            found.read(Path(ask["script"]))
+            session.read(Path(ask["script"]))
         except Failure as why:  # a command may need what the runs before it give
             failure = why
             if isinstance(why.__cause__, (MPIAbortException, OSError)):
                 raise
-        if doing or not found.skipped or not (failure or found.run):
+        if doing or not session.skipped or not (failure or session.run):
             break
-        found.lmp.close()
+        session.lmp.close()
     if failure:
         raise failure
-    if not found.run:
-        had = ask["at"] - 1 - found.skip
-        raise Failure(rigid_atoms.no_rigid_run(found.seen, ask["fix"], ask["at"], had))
-    return found
+    if not session.run:
+        had = ask["at"] - 1 - session.skip
+        raise Failure(rigid_atoms.no_rigid_run(session.seen, ask["fix"], ask["at"], had))
+    return session
 
 
 def read(ask: dict, out: Path) -> None:
-    """Read the script, and leave what it says in ``out``."""
-    found = _script(ask)
+    """Read the script, and write its files to ``out``."""
+    session = _script(ask)
     every = RECORDER.recorder_looked().decode(errors="surrogateescape").splitlines()
     files = [name for name in sorted(every) if not name.startswith(("/proc/", "/sys/", "/dev/"))]
-    lmp = found.lmp
+    lmp = session.lmp
     later = RECORDER.recorder_rest().decode(errors="replace").splitlines()
-    said = {
+    reading = {
         "workplace": ask["workplace"],
-        "commands": [line for line, _ in found.commands],
-        "at_once": [once for _, once in found.commands],
-        "fixes": found.fixes,
-        "run": found.run,
+        "commands": [line for line, _ in session.commands],
+        "at_once": [once for _, once in session.commands],
+        "fixes": session.fixes,
+        "run": session.run,
         "later": [" ".join(line.split()) for line in later if re.match(r"\s*run\s+[^0\s]", line)],
         "at": ask["at"],
-        "skipped": found.done,
+        "skipped": session.done,
         "files": files,
-        "asked": [found.patterns, found.environment],
-        "left_out": list(dict.fromkeys(found.left_out)),
+        "asked": [session.patterns, session.environment],
+        "left_out": list(dict.fromkeys(session.left_out)),
         "dt": lmp.extract_global("dt"),  # before a fix dt/reset changes it
     }
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
-    _look_at_ids(lmp, found.run)
+    _look_at_ids(lmp, session.run)
     styles = _styles(lmp, out)
-    said["commands"] = [commands.with_actual_style(line, styles) for line in said["commands"]]
-    found.fixes = {
-        fix_id: commands.with_actual_style(line, styles) for fix_id, line in found.fixes.items()
+    reading["commands"] = [commands.with_actual_style(line, styles) for line in reading["commands"]]
+    session.fixes = {
+        fix_id: commands.with_actual_style(line, styles) for fix_id, line in session.fixes.items()
     }
-    said["fixes"] = {fix_id: _with_numbers(lmp, line) for fix_id, line in found.fixes.items()}
-    said |= _system(lmp)
-    _write_state(lmp, found.fixes)
-    said["temperature"], said["potential"] = _thermo(lmp, said["commands"])
-    atoms: dict = _atoms(lmp, found.fixes.values())
+    reading["fixes"] = {fix_id: _with_numbers(lmp, line) for fix_id, line in session.fixes.items()}
+    reading |= _system(lmp)
+    _write_state(lmp, session.fixes)
+    reading["temperature"], reading["potential"] = _thermo(lmp, reading["commands"])
+    atoms: dict = _atoms(lmp, session.fixes.values())
     lmp.close()
     if WORLD.rank == 0:
         np.savez(out / "atoms.npz", **atoms)
-        (out / "read.json").write_text(json.dumps(said, indent=1))
+        (out / "read.json").write_text(json.dumps(reading, indent=1))
 
 
 def _styles(lmp: lammps, out: Path) -> dict[str, str]:
-    """The style of each fix by ID, with suffixes; every rank must call."""
+    """The style of each fix by ID, with suffixes; collective."""
     lmp.command("info fixes out log")
     lmp.flush_buffers()
     WORLD.Barrier()  # rank 0 has written
@@ -309,7 +309,7 @@ def _styles(lmp: lammps, out: Path) -> dict[str, str]:
 
 
 def _system(lmp: lammps) -> dict:
-    """What LAMMPS says of the system."""
+    """Facts about the system."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of their own
     return {
@@ -325,9 +325,9 @@ def _system(lmp: lammps) -> dict:
 
 
 def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
-    """Leave the state of all, but not that of what moves the atoms, for others take its place.
+    """Write a restart file without the state of the fixes that move atoms: others replace them.
 
-    From then on fixes that add noise rest, so forces are those of the potential.
+    From then on fixes that add noise do nothing, so forces are those of the potential.
     """
     for fix_id, line in fixes.items():
         noisy = rigid_atoms.style_of(line).split("/")[0] in NOISY
@@ -337,8 +337,8 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
 
 
 def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
-    """Temperature and potential energy of all atoms, or 0 and None where LAMMPS cannot tell them;
-    every rank must call."""
+    """Temperature and potential energy of all atoms, or 0 and None if LAMMPS cannot compute them;
+    collective."""
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
@@ -356,18 +356,18 @@ def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
 
 
 def _ids(lmp: lammps) -> np.ndarray:
-    """Of this rank's atoms."""
+    """IDs of this rank's atoms."""
     local = lmp.extract_global("nlocal")
     return np.array(lmp.numpy.extract_atom("id")[:local] if local else (), int)
 
 
 def _look_at_ids(lmp: lammps, run: str) -> None:
-    """Refuse atoms that arrays in order of ID cannot hold; every rank must call."""
+    """Refuse atom IDs other than 1 to N; collective."""
     number = int(lmp.get_natoms())
     if number == 0:
         raise Failure(
-            f"there are no atoms at '{run}': a fix makes them in the run. Run the script until "
-            "they are there, keep them by write_data, and give a script that reads that file"
+            f"there are no atoms at '{run}': a fix creates them in the run. Run the script until "
+            "they are there, use write_data, and give a script that reads that file"
         )
     last = WORLD.allreduce(int(_ids(lmp).max(initial=0)), MPI.MAX)
     if last != number:
@@ -378,8 +378,7 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
 
 
 def _with_numbers(lmp: lammps, line: str) -> str:
-    """A fix of ours with numbers in the place of equal-style variables, which it reads when a run
-    begins."""
+    """A fix of ours with the values of equal-style variables, which it reads when a run begins."""
     if rigid_atoms.kind_of(line) != "ours":
         return line
 
@@ -403,7 +402,7 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
 
 
 def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
-    """Arrays of each atom, in order of ID, and of bonds and angles; every rank must call."""
+    """Arrays of all atoms, in order of ID, and of bonds and angles; collective."""
 
     def gather(name, kind, count):
         get = lmp.gather if name.startswith("i_") else lmp.gather_atoms

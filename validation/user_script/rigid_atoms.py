@@ -1,6 +1,6 @@
-"""Which fix of a script moves its rigid atoms, and which are they.  From what ``reader`` has left.
+"""A script's rigid atoms, and the fixes that move them, from what ``reader`` has left.
 
-What cannot be told is not guessed: an `AmbiguousScript` says which option tells it.
+Nothing is guessed: an `AmbiguousScript` error names the option that decides.
 """
 
 import re
@@ -19,21 +19,22 @@ from ..scenes.integrators import OLDER, target
 from . import commands
 from .commands import split_words
 
-OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # others can take their place
+OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # classes that can be replaced
 NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC"  # classes that have a fix style of the plugin
-# the text in quotes; committed results have the older schemes as classes of fix_nosquish
+# the text in quotes; in committed results the older schemes are classes of fix_nosquish
 QUOTED = re.compile(rf"({'|'.join(('fix_nosquish', *OLDER.values()))})\.\w+\s+\S+\s+\S")
 CONSTRAINTS = "shake", "rattle"
-POINT_FIXES = "nve", "nvt", "npt", "nph"  # fixes that move points, whose place ours can take
+POINT_FIXES = "nve", "nvt", "npt", "nph"  # fixes that move points, and can be replaced by ours
 AXES = "iso", "aniso", "x", "y", "z"
 TILTS = "tri", "xy", "xz", "yz"
-# of a fix's keywords how many words follow
+# numbers of arguments of keywords; others have one
 ARGUMENT_COUNTS = dict.fromkeys((*AXES, *TILTS, "temp", "tparam", "fixedpoint"), 3)
 ARGUMENT_COUNTS |= {"force": 4, "torque": 4, "langevin": 4, "output": 2, "moments": 2}
-# keywords that are not of one integrator, and which of LAMMPS's rigid fixes have them, too
+# keywords that any integrator may have, and which families of LAMMPS's rigid fixes have them
 SHARED_KEYWORDS: dict[str, tuple[str, ...]]
 SHARED_KEYWORDS = dict.fromkeys(("infile", "gravity", "dilate"), ("rigid", "small"))
 SHARED_KEYWORDS |= {"force": ("rigid",), "torque": ("rigid",), "mol": ("small",), "reinit": ()}
+# keywords that each integrator gets in its own form
 SCHEME_KEYWORDS = (
     "seed",
     "thermostat",
@@ -41,18 +42,17 @@ SCHEME_KEYWORDS = (
     "flexible",
     "details",
 )  # others have these in their way
-LARGEST_CLUSTER = 3  # atoms of the largest cluster that shake holds as a rigid body
+LARGEST_CLUSTER = 3  # atoms of the largest cluster that shake keeps rigid
 
 
 class FixCommand(NamedTuple):
-    """What a fix of this package, or of an older scheme, says, native or in the quotes of fix
-    python/move.
+    """A fix of this package or of an older scheme, as a fix style or quoted in a fix python/move.
 
     Attributes:
         name: of the class.
-        group: of the bodies' atoms.  In quotes it is the class's, whatever the fix's own is.
-        bodies: the body style with its words.
-        keywords: all that stands behind these.
+        group: of the bodies' atoms; in quotes the group of the class, not of the fix.
+        bodies: the body style with its arguments.
+        keywords: all words after these.
     """
 
     name: str
@@ -61,17 +61,17 @@ class FixCommand(NamedTuple):
     keywords: tuple[str, ...]
 
     def fix(self, fix_id: str) -> str:
-        """The command with this ID: native, but of a class without fix style."""
+        """The command with this ID: quoted only for a class without fix style."""
         words = (*self.bodies, *self.keywords)
         if self.name in NATIVE:
-            told = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
-            return f"fix {fix_id} {self.group} nosquish/{self.name.lower()} {told}"
-        told = " ".join((target(self.name), self.group, *words))
-        return f'fix {fix_id} {self.group} python/move "{told}"'
+            text = " ".join(f'"{word}"' if re.search(r"\s", word) else word for word in words)
+            return f"fix {fix_id} {self.group} nosquish/{self.name.lower()} {text}"
+        text = " ".join((target(self.name), self.group, *words))
+        return f'fix {fix_id} {self.group} python/move "{text}"'
 
 
 class AmbiguousScript(SystemExit):
-    """What was found is not enough; the message says which option tells more."""
+    """The script does not determine what is rigid; the message names the option that does."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class State:
     Attributes:
         temp: start, stop, damping; None at constant energy.
         press: words of axes and tilts with start, stop, damping each.
-        couple: the word behind ``couple``; None for none.
+        couple: argument of ``couple``; None without it.
     """
 
     temp: tuple[str, ...] | None = None
@@ -90,47 +90,47 @@ class State:
 
     @property
     def ensemble(self) -> str:
-        """As the names of fixes have it."""
+        """The ensemble, as in the names of fixes."""
         heat, box = bool(self.temp), bool(self.press)
         return {(0, 0): "nve", (1, 0): "nvt", (1, 1): "npt", (0, 1): "nph"}[heat, box]
 
     @property
     def tilts(self) -> bool:
-        """Whether the box changes its angles."""
+        """Whether the angles of the box change."""
         return any(name in TILTS for name, *_ in self.press)
 
     @property
     def ramps(self) -> list[str]:
-        """What has another value at the end of a run than at its begin, with both."""
-        known = [("temp", *self.temp)] if self.temp else []
+        """Quantities whose value at the end of a run differs from that at its start, with both."""
+        temp = [("temp", *self.temp)] if self.temp else []
         return [
             f"{name} from {start} to {stop}"
-            for name, start, stop, *_ in (*known, *self.press)
+            for name, start, stop, *_ in (*temp, *self.press)
             if float(start) != float(stop)
         ]
 
 
 @dataclass(frozen=True)
 class RigidAtoms:
-    """The fixes that move a script's rigid atoms.
+    """A script's rigid atoms, and the fixes that move them.
 
     Attributes:
-        ids: of the fixes, in the script's order; all are replaced.
+        ids: of these fixes, in the script's order; all are replaced.
         lines: their commands.
-        style: of the one that keeps the atoms rigid (or moves them), without ``/omp`` and the like.
+        style: of the fix that keeps the atoms rigid (or moves them), without ``/omp`` etc.
         kind: ``ours``, ``rigid``, ``constraints`` or ``plain`` (nothing is rigid there).
-        group: of the bodies' atoms, and ``bodies``, the body style with its words.
-        state: temperature and pressure that these fixes keep.
+        group, bodies: of the bodies' atoms, and the body style with its arguments.
+        state: temperature and pressure that these fixes control.
         body: (atoms,) number of each atom's body from 1, 0 for none.
-        rest: whether the fixes also move other atoms, ``mover`` is the command that does, and
-            ``holder`` the one that holds some of these.
-        flexible: group of these other atoms, where one of ours moves them with the bodies.
-        constraints: the words of shake that hold the same bodies; None if there are none.
-        why: why not.
-        keywords: that go into other fixes, too, each with its words.
-        dropped: keywords that do not.
+        rest: whether the fixes also move atoms in no body.
+        mover, holder: the commands that move these, and that constrain some of them.
+        flexible: group of these atoms, if it has a name.
+        constraints: words of shake that keep the same bodies rigid; None if it cannot.
+        why: why it cannot.
+        keywords: those that other integrators get, too, each with its arguments.
+        dropped: those that they do not get.
         modified: commands ``fix_modify`` of these fixes, and ``compute_modify`` of their computes.
-        setup: commands that make the group, if the script has none.
+        setup: commands that define the group, if the script has none.
     """
 
     ids: tuple[str, ...]
@@ -154,7 +154,7 @@ class RigidAtoms:
 
 
 def style_of(line: str) -> str:
-    """Of a fix, without suffixes of accelerated variants: rigid/nvt/nosquish, also for
+    """The style of a fix without suffixes of accelerated variants: rigid/nvt/nosquish, also for
     nosquish/rigid/nvt, and nosquish/nvt for nosquish/nvt/small."""
     plain = re.sub(r"/(omp|intel|kk|gpu|opt)$", "", split_words(line)[3])
     plain = re.sub(r"^nosquish/(rigid.*)", r"\1/nosquish", plain)
@@ -162,8 +162,8 @@ def style_of(line: str) -> str:
 
 
 def parse_fix(line: str) -> FixCommand | None:
-    """What a fix of any class of this package, or of an older scheme, says; None of another
-    command, and of a fix that lacks words, which LAMMPS tells."""
+    """The command of a fix of this package or of an older scheme; None for another command, and
+    for a fix that lacks arguments (LAMMPS says so)."""
     word, *rest = split_words(line) or [""]
     if word != "fix" or len(rest) < 4:
         return None
@@ -180,7 +180,7 @@ def parse_fix(line: str) -> FixCommand | None:
 
 
 def short_name(line: str) -> str:
-    """What a fix does, in a word: its style, or its class in quotes."""
+    """A fix in one word: its style, or the class in quotes."""
     style, words = style_of(line), split_words(line)
     if style.endswith(commands.SUFFIX):
         name = rigid_fixes.integrator(str(rigid_fixes.plain(style)), words)
@@ -194,7 +194,7 @@ def moves_atoms(line: str) -> bool:
 
 
 def kind_of(line: str) -> str | None:
-    """What a fix is to the atoms; None if it is none that ours can take the place of."""
+    """How a fix moves atoms, see `RigidAtoms`; None if ours cannot replace it."""
     style, ours = style_of(line), parse_fix(line)
     if ours:
         return "ours" if ours.name in OURS else None
@@ -208,7 +208,7 @@ def kind_of(line: str) -> str | None:
 
 
 def rigid_fix_ids(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]:
-    """IDs of the fixes that keep atoms rigid; of those that are wanted, if any are."""
+    """IDs of the fixes that keep atoms rigid; of the wanted ones, if any, once all are defined."""
     if wanted:
         return list(wanted) if set(wanted) <= fixes.keys() else []
     return [fix_id for fix_id, line in fixes.items() if kind_of(line) not in (None, "plain")]
@@ -216,26 +216,26 @@ def rigid_fix_ids(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> lis
 
 def describe_fixes(fixes: Mapping[str, str]) -> str:
     """The fixes in words."""
-    said = (
+    texts = (
         f"{fix_id} ({style_of(line)} on {split_words(line)[2]})" for fix_id, line in fixes.items()
     )
-    return ", ".join(said) or "no fix"
+    return ", ".join(texts) or "no fix"
 
 
 def no_rigid_run(
     seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had: int = 0
 ) -> str:
-    """What to say where no run has a fix that keeps atoms rigid.
+    """The message where no run has a fix that keeps atoms rigid.
 
     Args:
         seen: the runs, with their fixes.
-        wanted: of --fix.  at: of --run.  had: how many such runs there are.
+        wanted: of --fix.  at: of --run.  had: number of such runs.
     """
     if had:
-        return f"--run {at}: the script has {had} such runs, and no other behind them"
+        return f"--run {at}: the script has only {had} such runs"
     if not seen:
         return (
-            "the script has no run of a step or more, so there is nothing to compare: give the "
+            "the script has no run of at least one step, so there is nothing to compare: give the "
             "script that runs, not one that it includes"
         )
     some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
@@ -243,42 +243,42 @@ def no_rigid_run(
         return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {some}"
     return (
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
-        "If some molecules are to be rigid, say which: --group GROUP --bodies molecule (and --fix "
-        "ID, if several fixes move that group). Where atoms have no molecule IDs, "
+        "To make molecules rigid, give --group GROUP --bodies molecule (and --fix ID, if several "
+        "fixes move that group). If the atoms have no molecule IDs, "
         f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
     )
 
 
 def find(
-    said: Mapping,
+    reading: Mapping,
     atoms: Mapping[str, np.ndarray],
     wanted: Sequence[str] = (),
     group: str | None = None,
     bodies: str | None = None,
 ) -> RigidAtoms:
-    """What moves the rigid atoms.
+    """The rigid atoms, and what moves them.
 
     Args:
-        said, atoms: of ``reader``: read.json and atoms.npz.
+        reading, atoms: of ``reader``: read.json and atoms.npz.
         wanted: --fix.  group: --group.  bodies: --bodies.
 
     Raises:
-        Unclear: it cannot be told, or is none that another integrator can take the place of.
+        AmbiguousScript: the script does not determine them, or no integrator can replace the fix.
     """
-    fixes: dict[str, str] = said["fixes"]
+    fixes: dict[str, str] = reading["fixes"]
     if absent := [fix_id for fix_id in wanted if fix_id not in fixes]:
         raise AmbiguousScript(
             f"there is no fix {absent[0]} at that run; it has {describe_fixes(fixes)}"
         )
     known = rigid_fix_ids(fixes, wanted)
     if not known:
-        known = _movers(said, atoms, fixes, in_group(said, atoms, group or "all"))
+        known = _movers(reading, atoms, fixes, in_group(reading, atoms, group or "all"))
     kinds = {fix_id: kind_of(fixes[fix_id]) for fix_id in known}
     strange = [fix_id for fix_id, kind in kinds.items() if kind is None]
     if strange:
         raise AmbiguousScript(
-            f"fix {strange[0]} ({style_of(fixes[strange[0]])}) is none whose place another "
-            "integrator can take: name one of these styles by --fix: nosquish/*, rigid*, "
+            f"fix {strange[0]} ({style_of(fixes[strange[0]])}) cannot be replaced by "
+            "another integrator: select one of these styles by --fix: nosquish/*, rigid*, "
             f"shake, rattle, {', '.join(POINT_FIXES)}"
         )
     held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
@@ -290,14 +290,14 @@ def find(
         )
     line, kind = fixes[held[0]], kinds[held[0]]
     if kind in ("ours", "rigid") and not (group or bodies):
-        found = _of_rigid(said, atoms, held[0], line, kind)
+        rigid = _of_rigid(reading, atoms, held[0], line, kind)
     else:
-        found = _of_points(said, atoms, fixes, held[0], str(kind), known, group, bodies)
-    return replace(found, modified=tuple(modify_commands(said["commands"], found.ids)))
+        rigid = _of_points(reading, atoms, fixes, held[0], str(kind), known, group, bodies)
+    return replace(rigid, modified=tuple(modify_commands(reading["commands"], rigid.ids)))
 
 
 def compute_ids(ids: Collection[str]) -> set[str]:
-    """IDs of computes that fixes with these IDs make for themselves."""
+    """IDs of computes that fixes with these IDs define."""
     return {f"{fix_id}_{kind}" for fix_id in ids for kind in ("temp", "press")}
 
 
@@ -309,55 +309,57 @@ def modify_commands(commands: Sequence[str], ids: Collection[str]) -> list[str]:
     return [line for line, words in split if words[1:2] and words[1] in named.get(words[0], ())]
 
 
-def in_group(said: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
-    """The mask of a group's atoms.
+def in_group(reading: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
+    """Mask of a group's atoms, (atoms,).
 
     Raises:
         Unclear: there is no such group.
     """
-    if group not in said["groups"]:
-        names = ", ".join(filter(None, said["groups"]))
+    if group not in reading["groups"]:
+        names = ", ".join(filter(None, reading["groups"]))
         raise AmbiguousScript(f"the script has no group {group} at its run; it has {names}")
-    return atoms["mask"] & (1 << said["groups"].index(group)) != 0
+    return atoms["mask"] & (1 << reading["groups"].index(group)) != 0
 
 
-def atoms_of_fix(said: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
-    """The mask of the atoms that a fix with this command acts on: those of its group; of a class of
-    fix_nosquish those of the class's group, and its flexible atoms, whatever the fix's group is."""
+def atoms_of_fix(reading: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
+    """Mask of the atoms that a fix acts on: those of its group; for ours those of the class's group
+    and its flexible atoms."""
     ours = parse_fix(line)
     if not ours:
-        return in_group(said, atoms, split_words(line)[2])
+        return in_group(reading, atoms, split_words(line)[2])
     flexible = _flexible(ours.keywords)
-    mask = in_group(said, atoms, ours.group)
-    return mask | in_group(said, atoms, flexible) if flexible else mask
+    mask = in_group(reading, atoms, ours.group)
+    return mask | in_group(reading, atoms, flexible) if flexible else mask
 
 
 def other_thermostats(
-    said: Mapping, atoms: Mapping[str, np.ndarray], found: RigidAtoms
+    reading: Mapping, atoms: Mapping[str, np.ndarray], rigid: RigidAtoms
 ) -> dict[str, str]:
-    """The script's other fixes that keep a temperature of the bodies: their styles by ID."""
-    kept = ((fix_id, line) for fix_id, line in said["fixes"].items() if fix_id not in found.ids)
+    """Styles of the script's other fixes that control the temperature of bodies, by ID."""
+    kept = ((fix_id, line) for fix_id, line in reading["fixes"].items() if fix_id not in rigid.ids)
     return {
         fix_id: style_of(line)
         for fix_id, line in kept
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
-        and (atoms_of_fix(said, atoms, line) & (found.body > 0)).any()
+        and (atoms_of_fix(reading, atoms, line) & (rigid.body > 0)).any()
     }
 
 
 def _flexible(keywords: Sequence[str]) -> str:
-    """The group of keyword flexible of one of ours; empty for none."""
+    """Argument of keyword flexible; empty without it."""
     return next((part[1] for part in _split(keywords) if part[0] == "flexible"), "")
 
 
-def _movers(said, atoms, fixes, mask) -> list[str]:
+def _movers(reading, atoms, fixes, mask) -> list[str]:
     """IDs of fixes that move some of these atoms as points."""
-    own = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
-    return [fix_id for fix_id in own if (atoms_of_fix(said, atoms, fixes[fix_id]) & mask).any()]
+    points = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
+    return [
+        fix_id for fix_id in points if (atoms_of_fix(reading, atoms, fixes[fix_id]) & mask).any()
+    ]
 
 
 def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Keywords with the words that follow them."""
+    """Keywords with their arguments."""
     position = 0
     while position < len(words):
         alone = [*words[position : position + 2]] == ["moments", "step"]
@@ -367,7 +369,7 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
-    """A fix's temperature and pressure; keywords for other fixes, too; and those that are not."""
+    """A fix's temperature and pressure, the keywords that other integrators get, and the others."""
     temp: tuple[str, ...] | None = None
     press, couple, kept, dropped = [], None, [], []
     for part in _split(words):
@@ -387,29 +389,37 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
 
 
 def body_words(words: Sequence[str]) -> int:
-    """How many words a body style takes."""
+    """Number of words of the body style that begins these."""
     if words[:1] == ["custom"]:
         return 2
     counted = words[:1] == ["group"] and words[1:2] and words[1].isdigit()
     return 2 + int(words[1]) if counted else 1
 
 
-def _of_rigid(said, atoms, fix_id, line, kind) -> RigidAtoms:
+def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
+    """Bodies of one of ours or of LAMMPS's rigid fixes, and of a barostat beside it."""
     words, ours = split_words(line), parse_fix(line)
     if ours:
         _, group, bodies, keywords = ours
     else:
         count = body_words(words[4:])
         group, bodies, keywords = words[2], (*words[4 : 4 + count],), (*words[4 + count :],)
-    flexible = _flexible(keywords)
+    flexible, ids = _flexible(keywords), [fix_id]
     state, kept, dropped = state_of(keywords)
-    body = number_bodies(said, atoms, group, bodies)
+    body = number_bodies(reading, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
     if names := [word.split()[0] for word in kept if not word.startswith("reinit")]:
         constraints, why = None, f"it has nothing like keyword {' and '.join(dict.fromkeys(names))}"
+    barostat = _barostat_beside(reading, atoms, body) if kind == "rigid" else None
+    if barostat and not state.press:
+        ids.append(barostat)
+        _, _, flexible, _, *words = split_words(reading["fixes"][barostat])
+        box, _, lost = state_of(words)
+        state, dropped = replace(box, temp=state.temp or box.temp), [*dropped, *lost]
+    ids = [one for one in reading["fixes"] if one in ids]
     return RigidAtoms(
-        (fix_id,),
-        (line,),
+        tuple(ids),
+        tuple(reading["fixes"][one] for one in ids),
         short_name(line),
         kind,
         group,
@@ -425,16 +435,30 @@ def _of_rigid(said, atoms, fix_id, line, kind) -> RigidAtoms:
     )
 
 
-def number_bodies(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
-    """The body of each atom, from 1; 0 for none. Atoms with molecule-ID 0 are one, as in LAMMPS."""
-    mask = in_group(said, atoms, group)
+def _barostat_beside(reading, atoms, body) -> str | None:
+    """ID of the fix npt or nph that moves atoms in no body, and no others, and the box with them:
+    a fix that moves bodies and controls the pressure has to move these atoms, too."""
+    for fix_id, line in reading["fixes"].items():
+        if style_of(line) in ("npt", "nph"):
+            mask = atoms_of_fix(reading, atoms, line)
+            if mask.any() and not (mask & (body > 0)).any():
+                return fix_id
+    return None
+
+
+def number_bodies(reading, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
+    """Number of each atom's body, (atoms,), from 1; 0 for none.
+
+    Atoms with molecule-ID 0 are one body, as in LAMMPS.
+    """
+    mask = in_group(reading, atoms, group)
     if bodies[0] == "single":
         return mask.astype(int)
     if bodies[0] == "group":
-        found = np.zeros(len(mask), int)
+        body = np.zeros(len(mask), int)
         for number, name in enumerate(bodies[2:], 1):
-            found[in_group(said, atoms, name) & mask] = number
-        return found
+            body[in_group(reading, atoms, name) & mask] = number
+        return body
     name = "molecule" if bodies[0] == "molecule" else bodies[1]
     if name not in atoms:
         raise AmbiguousScript(
@@ -442,19 +466,19 @@ def number_bodies(said, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
             f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
         )
     value = np.asarray(atoms[name])
-    found = np.zeros(len(value), int)
-    _, found[mask] = np.unique(value[mask], return_inverse=True)
-    found[mask] += 1
-    return found
+    body = np.zeros(len(value), int)
+    _, body[mask] = np.unique(value[mask], return_inverse=True)
+    body[mask] += 1
+    return body
 
 
 def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[str | None, str]:
-    """The words of shake that hold the bodies; or None, and why."""
+    """The words of shake that keep the bodies rigid; or None, and why there are none."""
     sizes, words = np.bincount(body)[1:], []
     if len(sizes) == 0 or sizes.max() > LARGEST_CLUSTER:
-        return None, f"bodies of {sizes.max(initial=0)} atoms: shake holds up to 3 rigid"
+        return None, f"it keeps at most 3 atoms rigid, and bodies have {sizes.max(initial=0)}"
     if sizes.min() < 2 or "bonds" not in atoms:
-        return None, "without bonds in each body"
+        return None, "there are bodies without bonds"
     needed = {"bonds": sizes - 1, "angles": (sizes == LARGEST_CLUSTER).astype(int)}
     for name, least in needed.items():
         rows = _rows(atoms, name)
@@ -465,77 +489,81 @@ def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[s
         if not least.any():
             continue
         if (counted < least).any() or np.isin(rows[~within, 0], types).any():
-            return None, f"bodies have too few {name}, or {name} of types that others have, too"
+            return (
+                None,
+                f"bodies have too few {name}, or {name} of types that other atoms have, too",
+            )
         words += [name[0], *map(str, types)]
     return " ".join(words), ""
 
 
 def _rows(atoms: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """Bonds or angles, as rows of a type and atoms."""
+    """Bonds or angles, as rows of a type and atom IDs."""
     return np.asarray(atoms.get(name, np.empty((0, {"bonds": 3, "angles": 4}[name]), int)))
 
 
 def connected_parts(bonds: np.ndarray, atoms: int) -> np.ndarray:
-    """The connected part, from 0, of each atom, of bonds as rows (type, atom, atom)."""
+    """The molecule of each atom, (atoms,), from 0, by bonds: rows of (type, atom ID, atom ID)."""
     i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
     graph = coo_array((np.ones(len(bonds)), (i, j)), shape=(atoms, atoms))
     return connected_components(graph, directed=False)[1]
 
 
-def _of_points(said, atoms, fixes, fix_id, kind, known, group, bodies) -> RigidAtoms:
-    """Of atoms that are held by shake, or not at all."""
+def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> RigidAtoms:
+    """Points: constrained by shake or rattle, or free."""
     line, body = fixes[fix_id], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
-        body = rigid_clusters(atoms, in_group(said, atoms, split_words(holder)[2]))
+        body = rigid_clusters(atoms, in_group(reading, atoms, split_words(holder)[2]))
         style = "molecule"
     elif kind in ("ours", "rigid"):
         raise AmbiguousScript(
-            "--group and --bodies are for scripts whose fixes do not say what is rigid"
+            "--group and --bodies are for scripts whose fixes do not define bodies"
         )
     else:
         if not bodies:
-            raise AmbiguousScript("say what is one body, too: --bodies molecule (or custom i_NAME)")
-        if not _are_bodies(bodies.split(), said["groups"]):
+            raise AmbiguousScript("--bodies is missing: give --bodies molecule (or custom i_NAME)")
+        if not _are_bodies(bodies.split(), reading["groups"]):
             raise AmbiguousScript(
                 f"--bodies {bodies}: molecule, custom i_NAME, single, or group N with N names of "
                 "groups that there are, is expected"
             )
         style = bodies
-        body = number_bodies(said, atoms, group or split_words(line)[2], bodies.split())
-    name, setup = _group_of(said, atoms, body, group)
+        body = number_bodies(reading, atoms, group or split_words(line)[2], bodies.split())
+    name, setup = _group_of(reading, atoms, body, group)
     if bodies is None and not _same(atoms, body):
         raise AmbiguousScript(
-            f"what shake holds rigid has no molecule IDs of its own: '{COMMAND} check SCRIPT "
-            "--rigid' writes lines that tell the bodies, or tell by --group and --bodies"
+            f"the clusters of shake are not whole molecules by molecule ID: '{COMMAND} check "
+            "SCRIPT --rigid' writes lines that define bodies, or give --group and --bodies"
         )
-    moving = [own for own in known if kind_of(fixes[own]) == "plain"]
-    movers = moving or _movers(said, atoms, fixes, body > 0)
+    moving = [one for one in known if kind_of(fixes[one]) == "plain"]
+    movers = moving or _movers(reading, atoms, fixes, body > 0)
     if len(movers) != 1:
         raise AmbiguousScript(
             f"{len(movers) or 'no'} fixes of the styles {', '.join(POINT_FIXES)} move the rigid "
-            f"atoms: {describe_fixes({own: fixes[own] for own in movers})}. Select one by --fix, "
+            f"atoms: {describe_fixes({one: fixes[one] for one in movers})}. Select one by --fix, "
             f"together with {fix_id}"
         )
     mover = fixes[movers[0]]
     words = split_words(mover)
     state, _, dropped = state_of(words[4:])
-    moved = in_group(said, atoms, words[2])
+    moved = in_group(reading, atoms, words[2])
     if not moved[body > 0].all():
         raise AmbiguousScript(
-            f"fix {movers[0]} moves a part of the rigid atoms only, those of group {words[2]}. If "
-            f"these are whole bodies, say so: --group {words[2]} --bodies molecule"
+            f"fix {movers[0]} moves only part of the rigid atoms, those of group {words[2]}. If "
+            f"these are whole bodies, give --group {words[2]} --bodies molecule"
         )
-    ids = [own for own in fixes if own == movers[0] or fixes[own] == holder]
+    ids = [one for one in fixes if one == movers[0] or fixes[one] == holder]
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
     free = (
-        holder and held_atoms(atoms, in_group(said, atoms, split_words(holder)[2]))[body == 0].any()
+        holder
+        and held_atoms(atoms, in_group(reading, atoms, split_words(holder)[2]))[body == 0].any()
     )
     return RigidAtoms(
         tuple(ids),
-        tuple(fixes[own] for own in ids),
+        tuple(fixes[one] for one in ids),
         style_of(line),
         kind,
         name,
@@ -563,28 +591,28 @@ def _are_bodies(words: Sequence[str], groups: Collection[str]) -> bool:
 
 
 def shake_words(line: str) -> str:
-    """What a fix shake holds: its words from b, a, t, m on."""
+    """What a fix shake constrains: its words from b, a, t, m on."""
     words = split_words(line)[7:]
     until = next((i for i, word in enumerate(words) if word in ("mol", "kbond")), len(words))
     return " ".join(words[:until])
 
 
 def held_bonds(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """Which bonds shake holds whose atoms are in a mask."""
+    """Mask of the bonds that shake constrains between atoms of a mask."""
     ends = _rows(atoms, "bonds")[:, 1:] - 1
     return atoms["held_bonds"] & mask[ends].all(axis=1) if len(ends) else np.zeros(0, bool)
 
 
 def held_atoms(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """Which atoms are in a bond of `held_bonds`."""
-    found = np.zeros(len(atoms["type"]), bool)
-    found[_rows(atoms, "bonds")[held_bonds(atoms, mask), 1:] - 1] = True
-    return found
+    """Mask of the atoms in a bond of `held_bonds`."""
+    held = np.zeros(len(atoms["type"]), bool)
+    held[_rows(atoms, "bonds")[held_bonds(atoms, mask), 1:] - 1] = True
+    return held
 
 
 def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """The bodies that shake makes of atoms in a mask: whole molecules of two atoms, or of three
-    whose angle is held; numbers from 1, 0 for other atoms."""
+    """The bodies that shake makes of atoms in a mask, (atoms,), numbers from 1, 0 for none: whole
+    molecules of two atoms, or of three with a constrained angle."""
     bonds, angles = _rows(atoms, "bonds"), _rows(atoms, "angles")
     number = len(atoms["type"])
     part = connected_parts(bonds, number)
@@ -597,18 +625,17 @@ def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndar
     chosen = rigid[part]
     if not chosen.any():
         raise AmbiguousScript(
-            "shake holds no molecule that is rigid as a whole here: none of two atoms, and none of "
-            "three with its angle. What it holds are parts of flexible molecules, and no rigid fix "
-            "does that"
+            "shake keeps no whole molecule rigid here: none of two atoms, and none of three with "
+            "its angle. It constrains parts of flexible molecules, which no rigid fix does"
         )
-    found = np.zeros(number, int)
-    _, found[chosen] = np.unique(part[chosen], return_inverse=True)
-    found[chosen] += 1
-    return found
+    body = np.zeros(number, int)
+    _, body[chosen] = np.unique(part[chosen], return_inverse=True)
+    body[chosen] += 1
+    return body
 
 
 def _same(atoms, body) -> bool:
-    """Whether molecule IDs tell the same bodies."""
+    """Whether molecule IDs define the same bodies."""
     if "molecule" not in atoms:
         return False
     inside = body > 0
@@ -616,16 +643,16 @@ def _same(atoms, body) -> bool:
     return pairs.shape[1] == body.max() == len(np.unique(pairs[0])) and pairs[0].min() > 0
 
 
-def _group_of(said, atoms, body, group) -> tuple[str, list[str]]:
-    """A group of the bodies' atoms, and the commands that make it."""
+def _group_of(reading, atoms, body, group) -> tuple[str, list[str]]:
+    """The name of a group of the bodies' atoms, and the commands that define it."""
     inside = body > 0
-    for name in [group] if group else filter(None, said["groups"]):
-        if (in_group(said, atoms, name) == inside).all():
+    for name in [group] if group else filter(None, reading["groups"]):
+        if (in_group(reading, atoms, name) == inside).all():
             return name, []
     types = np.asarray(atoms["type"])
-    own = np.unique(types[inside])
-    if not np.isin(types[~inside], own).any():
-        words = "type " + " ".join(map(str, own))
+    of_bodies = np.unique(types[inside])
+    if not np.isin(types[~inside], of_bodies).any():
+        words = "type " + " ".join(map(str, of_bodies))
     else:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
         words = "id " + " ".join(f"{a + 1}:{b}" for a, b in edges.reshape(-1, 2))

@@ -52,7 +52,7 @@ def summary(runs):
     rows, firsts = [], [speed for _, speed in runs[WAYS[0]]]
     for (way, dt), starts in runs.items():
         means = {
-            title: measures.of_starts([means[title] for means, _ in starts])
+            title: measures.mean_of_starts([means[title] for means, _ in starts])
             for title in AVERAGES.values()
         }
         speeds = [speed for _, speed in starts]

@@ -153,7 +153,7 @@ def test_energies_that_other_fixes_give_and_nobody_counts(tmp_path):
         (["fix_modify a energy yes", "fix a all indent"], set()),
         (["fix_modify a virial yes energy yes", "fix_modify a energy no"], set()),
     ):
-        assert conserved_energy._asked(commands) == asked
+        assert conserved_energy._with_energy(commands) == asked
 
 
 def energies(own, kept, every):

@@ -274,7 +274,7 @@ def test_a_name_that_lammps_does_not_take_is_told(tmp_path):
     box(tmp_path).rename(tmp_path / "größe.data")
     message = refused(READ.format(name="größe.data") + RIGID + "run 5\n", tmp_path)
     assert message.startswith("in.bad: the script failed at 'read_data gr")
-    assert message.endswith("letters beyond ASCII in commands. Give what has them another name")
+    assert message.endswith("accepts only ASCII characters in commands. Rename what has others")
 
 
 def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):

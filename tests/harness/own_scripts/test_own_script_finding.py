@@ -11,7 +11,7 @@ from support import (
 )
 from support.harness import GAS, Silent, take
 from validation.check import measure as check
-from validation.user_script import candidates, rigid_atoms, shapes
+from validation.user_script import candidates, commands, rigid_atoms, shapes
 
 
 def test_atoms_with_molecule_id_0_are_a_body():
@@ -125,7 +125,7 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
     quiet, noisy = found
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
-    assert "The temperature is kept by fix heat (langevin)" in " ".join(own.notes)
+    assert "The temperature is controlled by fix heat (langevin)" in " ".join(own.notes)
 
 
 def test_a_fix_of_ours_acts_on_the_group_of_its_class():
@@ -236,3 +236,18 @@ def test_native_styles_are_ours():
     )
     others = "", "run 5", "fix 1 water", "fix 1 water nve", 'fix 1 a python/move "mine.NVE a b"'
     assert not any(map(rigid_atoms.parse_fix, others))
+
+
+def test_reports_of_rigid_fixes():
+    """Locks out runs that fail because computes of rigid fixes stay without such a fix, and
+    commands that act on atoms left out with them."""
+    output = [
+        "variable early equal c_k*2",
+        "compute k all ke/rigid 1",
+        "fix a all ave/time 1 1 1 v_early file o",
+        "fix_modify a energy no",
+    ]
+    others = ["compute t all temp", "compute e all erotate/rigid 2", "fix 1 all rigid molecule"]
+    lines = [*output, *others, "thermo_style custom step c_k"]
+    assert commands.rigid_reports(lines, ["1"]) == output
+    assert commands.rigid_reports([*lines, "fix q all langevin v_early 1 1 1"], ["1"]) == []

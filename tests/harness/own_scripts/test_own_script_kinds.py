@@ -121,6 +121,69 @@ def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path):
     assert not any("mol g" in note for note in own.notes if note.startswith("Keywords"))
 
 
+BESIDE = """units lj
+atom_style molecular
+lattice sc 0.4
+region b block 0 6 0 6 0 6
+create_box 2 b
+mass * 1
+molecule d mol.dimer
+pair_style lj/cut 2.5
+pair_coeff * * 1 1
+neigh_modify exclude molecule/intra all
+region left block 0 2.9 0 6 0 6
+region right block 2.9 6 0 6 0 6
+create_atoms 1 region right
+create_atoms 0 region left mol d 99
+group dimers type 2
+group solvent type 1
+velocity all create 1.5 771
+fix 1 dimers rigid/small molecule langevin 1.5 1.5 1 4
+fix 2 solvent npt temp 1.5 1.5 1 iso 2 2 5
+variable twice equal c_k*2
+compute k all ke/rigid 1
+fix out all ave/time 1 1 1 v_twice file energies
+thermo_style custom step temp press vol c_k v_twice
+timestep 0.002
+run 9
+"""
+DIMER = """dimer
+
+2 atoms
+
+Coords
+
+1 0 0 0
+2 0.6 0 0
+
+Types
+
+1 2
+2 2
+"""
+
+
+def test_a_barostat_beside_a_rigid_fix(tmp_path):
+    """Locks out rows that LAMMPS or our fix refuses, or that lose the barostat, where fix npt moves
+    the other atoms; and rows without a rigid fix that its computes ask for."""
+    (tmp_path / "mol.dimer").write_text(DIMER)
+    path = tmp_path / "in.beside"
+    path.write_text(BESIDE)
+    own = take(path, tmp_path / "out")
+    assert own.rigid.ids == ("1", "2") and own.rigid.state.ensemble == "npt"
+    (line,) = own.integrators["nosquish"].lines
+    assert " nosquish/npt " in line and " flexible solvent" in line
+    assert {"rigid/npt", "rigid/npt/small", own.reference} <= own.integrators.keys()
+    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
+    assert [row["error"] for row in rows] == [None] * len(rows)
+    for name in own.integrators:
+        thermo = run.collect(tmp_path / "out" / "runs" / run.folder_name(name)).thermo
+        assert thermo["PotEng"][0] == pytest.approx(own.reading["potential"], rel=1e-9), name
+        assert thermo["Temp"][0] == pytest.approx(own.reading["temperature"], rel=1e-6), name
+        assert thermo["Density"][-1] != thermo["Density"][0], name  # the box changes
+    assert any("only report numbers of rigid fixes: variable twice" in one for one in own.notes)
+
+
 FORMS = {
     "off and on": ("suffix nosquish\nsuffix off\nsuffix on", True),
     "off": ("suffix nosquish\nsuffix off", False),
