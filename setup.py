@@ -8,12 +8,12 @@ NOSQUISH_LAMMPS names folders of others, and NOSQUISH_MPI another MPI: see docs/
 
 import os
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
 import sys
 import sysconfig
-import zlib
 from importlib import metadata
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
@@ -218,16 +218,17 @@ class BuildPlugin(build_ext):
                 f"the LAMMPS in {headers} is of {version}, and the plugin needs one of {OLDEST} or "
                 "newer: see 'Your own LAMMPS' in docs/ for what an older one can do"
             )
-        # by which its Python side knows it: see structs.py
-        checksum = zlib.crc32((HERE / PLUGIN / "bridge.h").read_bytes()) & 0x7FFFFFFF
+        generated = Path(self.build_temp, ext.name)
+        generated.mkdir(parents=True, exist_ok=True)
+        structs = runpy.run_path(str(HERE / "fix_nosquish" / "structs.py"))
+        (generated / "bridge.h").write_text(structs["header"]())
         # MPI's old classes for C++, which LAMMPS does not link
         plain_mpi = "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX"
         command = [
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *size_flags(package, headers),
-            f"-DCOMPILED_FOR_LAMMPS={version}", f"-DBRIDGE_CHECKSUM={checksum}",
-            "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
+            f"-DCOMPILED_FOR_LAMMPS={version}", "-I", str(generated), "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip
         print(shlex.join(command), flush=True)

@@ -46,7 +46,7 @@ def _integrator(name: str) -> "type[Integrator]":
     return getattr(import_module(f"{__name__}.integrators.{INTEGRATORS[name]}"), name)
 
 
-_of_line = quoted.door(__name__, INTEGRATORS, _integrator)
+_of_line = quoted.line_lookup(__name__, INTEGRATORS, _integrator)
 
 
 def __getattr__(text: str) -> Any:
@@ -62,7 +62,7 @@ def of_fix_line(*classes: type) -> Callable[[str], Any]:
         classes: the module's integrators.
     """
     named = {one.__name__: one for one in classes}
-    return quoted.door(classes[0].__module__, named, named.__getitem__)
+    return quoted.line_lookup(classes[0].__module__, named, named.__getitem__)
 
 
 def of_style(style: str, words: Collection[str] = ()) -> "type[Integrator]":

@@ -1,96 +1,321 @@
-"""What C++ and Python share. plugin/bridge.h is its only definition, which this module reads."""
+"""What the C++ of the plugin and Python share: structures, flags and constants.
+
+This file is their only definition.  `setup.py` compiles the plugin with the header that `header`
+returns.
+"""
 
 import ctypes
-import re
 import zlib
-from enum import IntEnum
-from pathlib import Path
-from typing import Any
-
-_HEADER = Path(__file__).with_name("plugin").joinpath("bridge.h").read_bytes()
-CHECKSUM = zlib.crc32(_HEADER) & 0x7FFFFFFF  # the plugin has that of the file it was compiled with
-_TEXT = re.sub(r"//.*|/\*(.|\n)*?\*/", "", _HEADER.decode())
-
-_PLAIN: dict[str, Any] = {
-    "void": None,
-    "int": ctypes.c_int,
-    "int32_t": ctypes.c_int32,
-    "int64_t": ctypes.c_int64,
-    "double": ctypes.c_double,
-    "char": ctypes.c_char,
-    "char *": ctypes.c_char_p,
-}
-_ARGUMENTS = _PLAIN | {f"{name} *": ctypes.POINTER(_PLAIN[name]) for name in ("int64_t", "double")}
-_DECLARATION = re.compile(r"^(?:const )?(\w+(?: \*)?) ?(?:\(\*)?(\w+)\)?(?:\[(\d+)\])?(\(.*\))?$")
+from collections.abc import Mapping
+from enum import IntEnum, IntFlag, auto
+from typing import Any, NamedTuple
 
 
-def _declared(struct: str) -> list[tuple[str, str, str, str]]:
-    """A struct's fields: of each its type, its name, a count in brackets, and the arguments of a
-    function in parentheses."""
-    (body,) = re.findall(rf"struct {struct} \{{\n(.*?)\n\}};", _TEXT, re.DOTALL)
-    found = []
-    for line in filter(None, map(str.strip, body.split(";"))):
-        kind, names = line.removeprefix("const ").split(" ", 1)
-        several = [line] if "(" in line else [f"{kind} {name}" for name in names.split(", ")]
-        found += [_DECLARATION.findall(one)[0] for one in several]
-    return found
+class Type(NamedTuple):
+    """A type in C++, with {} in place of the name that is declared, and in ctypes.
+
+    Attributes:
+        argument: in ctypes, as an argument of a function; None if it is the same.
+    """
+
+    cpp: str
+    python: Any
+    argument: Any = None
 
 
-def _fields_of(struct: str) -> list[tuple[str, Any]]:
-    """A struct's fields: of each its name and its type, c_void_p for the address of an array."""
-    fields = []
-    for kind, name, count, taken in _declared(struct):
-        of = _PLAIN.get(kind, ctypes.c_void_p)
-        if count:
-            of = of * int(count)
-        if taken:
-            arguments = [
-                one for text in taken[1:-1].split(", ") for one in _DECLARATION.findall(text)
-            ]
-            kinds = [_ARGUMENTS.get(kind, ctypes.c_void_p) for kind, *_ in arguments]
-            of = ctypes.CFUNCTYPE(of, *kinds)
-        fields.append((name, of))
-    return fields
+INT = Type("int32_t {}", ctypes.c_int32)
+LONG = Type("int64_t {}", ctypes.c_int64)
+DOUBLE = Type("double {}", ctypes.c_double)
+TEXT = Type("const char *{}", ctypes.c_char_p)
+PLACE = Type("void *{}", ctypes.c_void_p)
+# addresses of numbers, which Python sees as integers
+INTS = Type("int32_t *{}", ctypes.c_void_p)
+LONGS = Type("int64_t *{}", ctypes.c_void_p, ctypes.POINTER(ctypes.c_int64))
+DOUBLES = Type("double *{}", ctypes.c_void_p, ctypes.POINTER(ctypes.c_double))
+NOTHING = Type("void {}", None)
 
 
-def _number(enum: str, name: str) -> int:
-    """The number that C++ has for this name."""
-    (number,) = re.findall(rf"enum {enum} \{{[^}}]*\b{name} = (\d+)", _TEXT)
-    return int(number)
+def address_of(struct: str) -> Type:
+    """The address of a structure."""
+    return Type(f"{struct} *{{}}", ctypes.c_void_p)
+
+
+def function(result: Type, *arguments: Type) -> Type:
+    """A pointer to a function."""
+    taken = ", ".join(one.cpp.format("").strip() for one in arguments)
+    kinds = [one.argument or one.python for one in arguments]
+    return Type(result.cpp.format(f"(*{{}})({taken})"), ctypes.CFUNCTYPE(result.python, *kinds))
+
+
+def of_fix(result: Type, *arguments: Type) -> Type:
+    """A pointer to a function of the fix, whose first argument is `Bridge.fix`."""
+    return function(result, PLACE, *arguments)
+
+
+def each(kind: Any, names: str) -> dict[str, Any]:
+    """Fields of one type; their names are separated by spaces."""
+    return dict.fromkeys(names.split(), kind)
 
 
 class Outcome(IntEnum):
     """What a hook returns."""
 
-    DONE = _number("Outcome", "DONE")
-    FAILED_ALIKE = _number("Outcome", "FAILED_ALIKE")
-    FAILED_HERE = _number("Outcome", "FAILED_HERE")
+    BROKEN = 0  # left by a callback that was interrupted
+    DONE = 1
+    FAILED_ALIKE = 2  # on all ranks
+    FAILED_HERE = 3  # perhaps on this rank only
+
+
+class When(IntFlag):
+    """What holds in a step: conditions for actions of `run.schedule`."""
+
+    # in one step; the host finds these
+    CALLED = auto()  # Python begins it
+    SHOWN = auto()  # something may read velocities at its end
+    VIRIAL_ASKED = auto()  # LAMMPS needs its virial
+    TABLE = auto()  # Python writes a table at its end
+    ENERGY = auto()  # Python takes the potential energy at its end
+    MOVES_BOX = auto()  # the box changes in it
+    PRESSURE = auto()  # its forces are those before or after a change of the box
+    OTHER_BOX = auto()  # the box is not the one that the passes know
+    # in a whole run, or until an action changes it; the host keeps these
+    LATE = auto()  # other fixes may change velocities at the end of a step
+    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
+    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
+    LEVELS = auto()  # run_style respa
+    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
+    LOOKS = auto()  # Python has something to do where atoms are followed
+    RESETS = auto()  # the next step has another length
+    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
+
+
+IN_NO_BODY = -1  # the origin of an atom, see exchange.h
+UNDECIDED = -(2**62)  # in place of the ID of an atom's body: the atom is newer than the membership
+CONSTANTS = {"IN_NO_BODY": IN_NO_BODY, "UNDECIDED": UNDECIDED}
+
+# cells for LAMMPS's arrays, by the kinds and names that they have in loops
+CELLS = {
+    **each("F2", "atom_x atom_v atom_f atom_torque atom_omega atom_angmom atom_mu atom_virial"),
+    **each("F2", "clusters counted_f arrived"),  # see clusters.h, pressure.h, exchange.h
+    **each("F1", "atom_mass type_mass virial"),
+    **each("I1", "groups type"),
+    **each("L1", "origins membership"),
+}
+
+# another fix: see `host.hosts.OtherFix`
+FIX_FACTS = {
+    **each(TEXT, "id style"),
+    **each(INT, "groupbit time_integrate between end_of_step nevery integrates box_change called"),
+    **each(INT, "constrains has_energy energy_in_pe post_force has_virial virial_in_press moves"),
+    **each(INT, "varies counts_heat"),
+}
+
+# A loop that is bound to cells; it returns 0 if all is well. A list of passes ends with no loop.
+PASS = {"loop": function(LONG, LONGS), "cells": LONGS}
+
+# An action of the schedule, see `run.schedule.Action`. A list of actions ends with phases 0.
+ACTION = {
+    "phases": LONG,  # a bit for each phase of the bodies in which it applies
+    "when": LONG,  # bits of When that must be set
+    "unless": LONG,  # bits of When that must not be set
+    "passes": address_of("Pass"),  # null if Python does it, or there is nothing to do
+    "number": LONG,  # by which Python knows it; -1 if it has nothing to do
+    "then": LONG,  # the next phase, -1 if it does not change
+    "sets": LONG,  # bits of When that it sets
+    "clears": LONG,  # bits of When that it clears
+}
+
+DATA = {
+    # how Python has made the instance, an Outcome; if it failed, and if a hook fails:
+    "outcome": INT,
+    "message": Type("char {}[4096]", ctypes.c_char * 4096),
+    "argument": INT,  # of LAMMPS's fix command, that is wrong; -1 for none
+    # set by Python: what the instance declares (run/declaration.py)
+    "wants_virial": INT,  # it computes a virial
+    "wants_virial_per_atom": INT,
+    "flips": INT,  # it may choose other box vectors of the same lattice
+    "needs_energy": INT,  # it needs the potential energy
+    "couples": INT,  # it exchanges energy with a reservoir
+    "restart_file": INT,  # it writes a file beside restart files
+    "follows_atoms": INT,  # it needs the origins of atoms
+    "carries": INT,  # how many numbers go with an atom to another rank
+    "rigid_flag": INT,  # it is a rigid fix to LAMMPS
+    "changes_box": INT,  # it changes the box after steps that are multiples of this; 0: never
+    "restart_size": INT,  # how many numbers it has in restart files
+    "restart_state": DOUBLES,
+    "kept_bodies": DOUBLES,  # in restart files, (kept_rows, 3): see bodies/membership.py
+    "kept_rows": INT,
+    "template_id": TEXT,  # of the molecules that other fixes insert; null for none
+    "vector_size": INT,  # of f_ID
+    "vector_extensive": INTS,
+    "array_columns": INT,  # of f_ID
+    "array_rows": INT,  # -1 if they are not known in the constructor
+    "names": TEXT,  # of the scalar and of the values of the vector, separated by spaces
+    # set by Python: its bodies
+    "body": INTS,  # of each local atom, -1 for none; null while unknown
+    "masstotal": DOUBLES,  # of each body
+    **each(LONGS, "body_of displace state"),  # cells of the bodies; null if there are none
+    "array": DOUBLES,  # the global array; null after a hook or a pass
+    "min_dof": INT,  # how many coordinates of bodies a minimization has
+    "rotor": INT,  # 1 or 0: the rotation is exact or not, whatever the bodies; -1: they decide
+    "changes": LONG,  # how many times passes have changed the bodies
+    # the fix
+    **each(PLACE, "fix lammps"),
+    **each(TEXT, "fix_id group"),
+    "line": TEXT,  # the fix line from the style on, a word a line
+    "virial": DOUBLES,
+    "virial_per_atom": DOUBLES,  # (natoms, 9)
+    "natoms": INT,  # -1 while LAMMPS needs no virial per atom
+    "vflag": INT,  # the virial that LAMMPS needs in this step
+    **each(LONGS, "next_output begin_step end_step"),  # addresses of LAMMPS's numbers of steps
+    "last_step": LONGS,  # of the run, whatever its keywords start and stop
+    "world": INT,  # of a partition (lmp -partition), from 0 on
+    "dmax": DOUBLE,  # of min_modify, in a minimization; else 0
+    "ghost_velocity": INT,  # ghost atoms have velocities in this run
+    "scalar_pressure": INT,  # kspace has only the mean pressure of all axes in this run
+    "inserted": DOUBLES,  # (insertions, 10) molecules, see host/hosts.py
+    "insertions": INT,
+    # the schedule (run/schedule.py)
+    "phase": INT,
+    "facts": LONG,  # bits of When that hold for longer than a step
+    "begins": LONG,  # the next step that Python begins, -1 for none
+    "energy_step": LONG,  # the next step at whose end Python needs the energy, -1 for none
+    "velocities_every": INT,  # velocities are read at the end of multiples of this; 0: never
+    "table_every": INT,  # a table is written at the end of multiples of this; 0: never
+    # lists of actions at the hooks; null if there is nothing to do
+    **each(address_of("Action"), "at_setup at_begin at_exchange at_neighbor at_end"),
+    "at_deform": address_of("Action"),  # after another fix has changed the box
+    "at_flipped": address_of("Action"),  # and after it has chosen other vectors of the lattice
+    # boxes that change
+    "forces_virial": DOUBLES,  # of all ranks, without this fix, where the box changes next
+    "told_box": DOUBLES,  # lo, hi, xy, xz, yz for the passes deform and flipped
+    "rate": DOUBLES,  # LAMMPS's h_rate: xx yy zz yz xz xy
+    "stream_group": INT,  # the bit of the group of fix deform remap v, or 0
+    "arrays": address_of("Arrays"),
+    "held": INT,  # the bit of the group that moves with the box if shake holds some of it, or 0
+    "counts": INT,  # fill counted_f, and leave shake and rattle out of the virial
+    # external forces (fix_modify external)
+    "pushes": INT,  # set by Python: call push when the forces of a step are known
+    "words": TEXT,  # set by Python: the variables and columns that it needs, separated by spaces
+    **each(INT, "tells_energy tells_virial"),  # set by Python: what LAMMPS counts of them
+    "values": DOUBLES,  # of the words, one after the other
+    "sizes": INTS,  # how many values each word has: 0 for one that is for all bodies
+    "told": DOUBLES,  # set by Python: the energy of these forces, and their virial on this rank
+}
+
+FUNCTIONS = {
+    "log": of_fix(NOTHING, TEXT),
+    "nth_fix": of_fix(INT, INT, PLACE),  # fills FixFacts; 0 after the last; no id for this fix
+    "command": of_fix(TEXT),  # the words of the last command
+    # v_NAME: as info variables prints it; c_ID: the style, empty if its group is dynamic
+    "definition": of_fix(TEXT, TEXT),
+    "removed_freedom": of_fix(LONG, TEXT, TEXT),  # by another fix, in a group
+    "begin_step_of": of_fix(NOTHING, TEXT),  # initial_integrate of another fix
+    "pair_style": of_fix(INT, TEXT),  # whether one that begins with this is in use
+    "gravity": of_fix(LONG, TEXT),  # address of another fix's acceleration, or 0
+    "point": of_fix(NOTHING),  # set the cells for LAMMPS's arrays
+    "set_array_rows": of_fix(NOTHING, INT),
+    "now": of_fix(LONG),  # bits of When
+    "potential": of_fix(DOUBLE),  # the potential energy of the last forces, alike on all ranks
+    "ask_for_energy": of_fix(NOTHING, LONG),  # have LAMMPS compute it in this step
+    "go_back": of_fix(INT),  # displace atoms by their velocities, compute forces; 0 for an error
+    "set_box": of_fix(LONG, DOUBLES),  # lo, hi, xy, xz, yz
+    # and the multiples of vectors that were added: a to b, a to c, b to c
+    "flip_box": of_fix(LONG, DOUBLES),
+    "find_clusters": of_fix(LONG),  # fill the cell clusters
+    "particles": of_fix(
+        INT, DOUBLES
+    ),  # 7 numbers of each local atom, see particles.h; 0 if unknown
+    "orient_atom": of_fix(LONG, LONG, DOUBLES),  # set the orientation of a particle
+    "molecule": of_fix(INT, INT, DOUBLES),  # 13 numbers, see templates.h; 0 if unknown
+}
+
+# methods of the instance, by their names; null if it does not have them
+HOOKS = {
+    "init": function(INT),
+    "setup": function(INT, INT),
+    "post_neighbor": function(INT),
+    "initial_integrate": function(INT, INT),
+    "final_integrate": function(INT),
+    "initial_integrate_respa": function(INT, INT, INT, INT),  # vflag, ilevel, iloop
+    "final_integrate_respa": function(INT, INT, INT),  # ilevel, iloop
+    "end_of_step": function(INT),  # only with run_style respa
+    "reset_dt": function(INT),
+    "post_run": function(INT),
+    "act": function(INT, LONG, LONG),  # the number of an action, and what its pass returned
+    # a minimization; the arrays are of min_dof numbers
+    "min_store": function(INT),
+    "min_step": function(INT, DOUBLE, LONG),  # alpha, address of the direction
+    "min_force": function(INT, LONG),  # address of the forces
+    "max_alpha": function(INT, LONG, DOUBLES),  # address of the direction
+    "modify_external": function(INT, TEXT),  # the words after fix_modify external
+    "push": function(INT),
+    "write_restart_file": function(INT, TEXT),
+    "keep_bodies": function(INT),  # set kept_bodies on rank 0
+    "write_restart": function(INT),  # set restart_state
+    "zero_momentum": function(INT),
+    "zero_rotation": function(INT),
+    "reset_target": function(INT, DOUBLE),
+    "rows_of_rank": function(INT, TEXT, INT, LONGS),  # words, groupbit; address and number of rows
+    "dof": function(INT, INT, LONGS),  # igroup
+    "compute_scalar": function(INT, DOUBLES),
+    "compute_vector": function(INT, INT, DOUBLES),
+    "compute_array": function(INT, INT, INT, DOUBLES),
+}
+
+STRUCTS: dict[str, Mapping[str, Type]] = {
+    "Arrays": {name: Type(f"{kind} {{}}", None) for name, kind in CELLS.items()},
+    "FixFacts": FIX_FACTS,
+    "Pass": PASS,
+    "Action": ACTION,
+    "Bridge": {
+        "checksum": INT,  # of this definition
+        **DATA,
+        **FUNCTIONS,
+        **HOOKS,
+        "release": function(NOTHING, PLACE),  # of the bridge: the fix ends
+    },
+}
+
+
+def _fields(struct: str) -> list[tuple[str, Any]]:
+    return [(name, kind.python) for name, kind in STRUCTS[struct].items()]
 
 
 class FixFacts(ctypes.Structure):
-    """What is to be known of another fix."""
+    """What the plugin tells of another fix."""
 
-    _fields_ = _fields_of("FixFacts")
+    _fields_ = _fields("FixFacts")
 
 
 class Action(ctypes.Structure):
-    """What is done at a hook: see `run.schedule.Action`."""
+    """An action of the schedule in C++."""
 
-    _fields_ = _fields_of("Action")
+    _fields_ = _fields("Action")
 
 
 class Bridge(ctypes.Structure):
-    """What the plugin's fix shares with the Python of its instance."""
+    """What a fix of the plugin shares with its Python instance."""
 
-    _fields_ = _fields_of("Bridge")
+    _fields_ = _fields("Bridge")
 
 
-# the hooks, by the names of the class's methods: functions that take neither the fix nor the bridge
-HOOKS: dict[str, Any] = {
-    name: kind
-    for name, kind in _fields_of("Bridge")
-    if getattr(kind, "_argtypes_", (ctypes.c_void_p,))[:1] != (ctypes.c_void_p,)
-}
+def _declarations() -> str:
+    lines = ["// made by setup.py from fix_nosquish/structs.py, which explains the fields"]
+    lines += ["#pragma once", '#include "cell.h"']
+    outcomes = [f"{one.name} = {one.value}" for one in Outcome]
+    bits = [f"{one.name} = {one.bit_length() - 1}" for one in When]
+    lines += [f"enum Outcome {{ {', '.join(outcomes)} }};", f"enum When {{ {', '.join(bits)} }};"]
+    lines += [f"constexpr int64_t {name} = {value}LL;" for name, value in CONSTANTS.items()]
+    for struct, fields in STRUCTS.items():
+        declared = [f"  {kind.cpp.format(name)};" for name, kind in fields.items()]
+        lines += [f"struct {struct} {{", *declared, "};"]
+    return "\n".join(lines)
 
-# the cells for LAMMPS's arrays, in order: of each its name and its kind's, as loops have them
-CELLS = {name: kind for kind, name, *_ in _declared("Arrays")}
+
+CHECKSUM = zlib.crc32(_declarations().encode()) & 0x7FFFFFFF  # a plugin has that of its header
+
+
+def header() -> str:
+    """The C++ header of these definitions."""
+    return f"{_declarations()}\nconstexpr int32_t CHECKSUM = {CHECKSUM};\n"

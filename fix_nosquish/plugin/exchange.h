@@ -1,4 +1,4 @@
-/* What goes along with atoms to other ranks: where each was, and what its body is there. */
+/* Data that travel with atoms to other ranks: their origin, and their body. */
 
 #ifndef FIX_NOSQUISH_EXCHANGE_H
 #define FIX_NOSQUISH_EXCHANGE_H
@@ -17,16 +17,14 @@
 namespace {
 namespace nosquish {
 
-// LAMMPS takes `origin` and `membership` along when it sorts atoms, moves them to other ranks, adds and deletes some. What the class has lent of its
-// bodies goes along to other ranks. There it is a row of `arrived`, from which it goes on if the atom does. The cell `arrived` tells
-// how many rows are in use.
+// `origin` and `membership` are per-atom arrays: they follow atoms that LAMMPS sorts, sends to other ranks, adds or deletes. With an
+// atom that goes to another rank its body is sent, and becomes a row of `arrived` there. It is sent on if the atom is. The cell
+// `arrived` has the number of rows in use.
 
 class Exchange : public Part {
  public:
-  // of each atom: rank << 32 | place when the class noted its atoms, -1 if it was not noted, -2 - row if it came with that row
-  int64_t *origin = nullptr;
-  // of each atom: the ID of its body, or what Python has instead; `UNDECIDED`, of which Python has the same, if it came later
-  int64_t *membership = nullptr;
+  int64_t *origin = nullptr;        // rank << 32 | index when the class noted its atoms; IN_NO_BODY; or -2 - row of `arrived`
+  int64_t *membership = nullptr;    // the ID of the atom's body, or what Python has instead; UNDECIDED for a new atom
   std::vector<double> arrived;
 
   using Part::Part;
@@ -37,7 +35,7 @@ class Exchange : public Part {
     release();
   }
 
-  // The arrays for the atoms that there are, which the class may use as it is made.
+  // Arrays for the constructor of the class.
 
   void make_arrays()
   {
@@ -45,7 +43,7 @@ class Exchange : public Part {
     for (int i = 0; i < atom->nlocal; i++) come(i);
   }
 
-  // From now on LAMMPS calls the fix for its atoms, if its class follows them.
+  // Have LAMMPS call the fix for atoms, if its class follows them.
 
   void begin()
   {
@@ -69,23 +67,23 @@ class Exchange : public Part {
 
   void come(int i)
   {
-    origin[i] = -1;
+    origin[i] = IN_NO_BODY;
     membership[i] = UNDECIDED;
   }
 
-  bool moves(int i) const { return origin && origin[i] != -1; }    // the class has noted this atom
+  bool moves(int i) const { return origin && origin[i] != IN_NO_BODY; }    // the class has noted this atom
 
   int pack(int i, double *buffer) const
   {
     const int64_t from = origin[i];
-    const bool known = from < -1 || (from >= 0 && bridge.state);
+    const bool known = from < IN_NO_BODY || (from >= 0 && bridge.state);
     *buffer++ = ubuf(membership[i]).d;
     if (!bridge.carries || !known) {
-      buffer[0] = ubuf(bridge.carries ? (int64_t) -1 : from).d;
+      buffer[0] = ubuf(bridge.carries ? IN_NO_BODY : from).d;
       return 2;
     }
     buffer[0] = ubuf(from).d;
-    if (from < -1) {
+    if (from < IN_NO_BODY) {
       std::copy_n(&arrived[(-2 - from) * bridge.carries], bridge.carries, buffer);
     } else {
       const int64_t place = from & 0xffffffff;
@@ -99,8 +97,8 @@ class Exchange : public Part {
   {
     membership[i] = ubuf(*buffer++).i;
     const int64_t from = origin[i] = ubuf(buffer[0]).i;
-    if (!bridge.carries || from == -1) return 2;
-    if (from >> 32 != comm->me && bridge.arrays) {    // else it is where its body knows it
+    if (!bridge.carries || from == IN_NO_BODY) return 2;
+    if (from >> 32 != comm->me && bridge.arrays) {    // else its body is here
       int64_t &rows = bridge.arrays->arrived.rows;
       origin[i] = -2 - rows;
       arrived.resize(rows++ * bridge.carries);
@@ -109,7 +107,7 @@ class Exchange : public Part {
     return 1 + bridge.carries;
   }
 
-  // LAMMPS leaves the forces on atoms outside the group of neigh_modify include as they are in memory.
+  // LAMMPS does not reset the forces on atoms outside the group of neigh_modify include.
 
   void refuse_stale_forces() const
   {
@@ -126,15 +124,13 @@ class Exchange : public Part {
   double bytes() const { return bridge.follows_atoms ? 2.0 * atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }
 
  private:
-  static constexpr int64_t UNDECIDED = -((int64_t) 1 << 62);
-
   void release()
   {
     memory->destroy(origin);
     memory->destroy(membership);
   }
 
-  // Write column k of an array behind the last number that is in the buffer; return the new last one.
+  // Append column k of an array to the buffer, whose last number is given; return the new last one.
 
   static double *column(const int64_t *cell, int64_t k, double *last)
   {

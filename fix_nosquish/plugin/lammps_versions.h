@@ -42,6 +42,34 @@ struct Minimizer : LAMMPS_NS::Pointers {
 };
 #endif
 
+// A molecule template, and the address of its numbers `center`, `masstotal`, `com` and `itensor`, which follow each other; null for a
+// version whose class was not read. Its header is not among the installed ones.
+
+#if __has_include("molecule.h")
+#include "molecule.h"
+inline const double *properties_of(const LAMMPS_NS::Molecule *molecule)
+{
+  return molecule->center;
+}
+#else
+namespace LAMMPS_NS {
+class Molecule {
+ public:
+  void compute_center();
+  void compute_mass();
+  void compute_com();
+  void compute_inertia();
+};
+}    // namespace LAMMPS_NS
+
+inline const double *properties_of(const LAMMPS_NS::Molecule *molecule)
+{
+  const int others = COMPILED_FOR_LAMMPS <= 20250722 ? 696 : COMPILED_FOR_LAMMPS == 20260704 ? 792 : 0;
+  const auto center = reinterpret_cast<const char *>(molecule) + others + sizeof(std::string);    // one of the members before it
+  return others ? reinterpret_cast<const double *>(center) : nullptr;
+}
+#endif
+
 // The command that is being read; only classes derived from Input may see it before 2025.
 
 struct CurrentCommand : LAMMPS_NS::Input {

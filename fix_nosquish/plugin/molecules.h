@@ -1,4 +1,4 @@
-/* Molecules that other fixes insert as rigid bodies, of the template that the fix line names. */
+/* Molecules that other fixes insert as rigid bodies: keyword mol. */
 
 #ifndef FIX_NOSQUISH_MOLECULES_H
 #define FIX_NOSQUISH_MOLECULES_H
@@ -17,7 +17,7 @@ class Molecules : public Part {
  public:
   using Part::Part;
 
-  // The molecules of the template, side by side; null if there is no template.
+  // The first of the molecules of the template; null if there is no template.
 
   Molecule **first() const
   {
@@ -27,12 +27,12 @@ class Molecules : public Part {
 
   bool describe(int number, double *numbers) const { return first() && Templates::read(atom, first()[number], numbers); }
 
-  // Another fix has inserted a molecule of the template, with atoms of its own on each rank: all ranks are told. What its atoms do
-  // not say of it is kept until LAMMPS has brought them to their ranks.
+  // Another fix has inserted a molecule, on all ranks with those of its atoms that belong there. What does not follow from its atoms is
+  // kept until Python makes the body.
 
   void add(int before, tagint tag, int number, const double *velocity, const double *quat)
   {
-    inserted.resize(NUMBERS * bridge.insertions++);    // Python has taken the others
+    inserted.resize(NUMBERS * bridge.insertions++);    // Python sets insertions to 0
     inserted.insert(inserted.end(), {(double) tag, (double) (atom->nlocal - before), (double) number});
     inserted.insert(inserted.end(), velocity, velocity + 3);
     inserted.insert(inserted.end(), quat, quat + 4);

@@ -45,13 +45,13 @@ class Restart : public Part {
 
   void find_bodies() const
   {
-    const char *state = RestartState::left_by(modify, fix->id, [](const std::string &style, const char *state) {
+    char *state = RestartState::left_by(modify, fix->id, [](const std::string &style, const char *state) {
       return writes(style) && is_ours(state) && number(state, MARK) == WITH_BODIES;
     });
     if (!state) return;
     const int rows = BEFORE + (int) number(state, SIZE);
     bridge.kept_rows = (int32_t) number(state, rows);
-    bridge.kept_bodies = reinterpret_cast<const double *>(state) + rows + 1;
+    bridge.kept_bodies = reinterpret_cast<double *>(state) + rows + 1;
   }
 
   // The integrator's first number says what the others are.

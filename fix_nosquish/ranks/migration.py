@@ -19,12 +19,11 @@ from ..loops.memory import (
 )
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
+from ..structs import IN_NO_BODY, UNDECIDED
 from .mpi import Mpi, add_up
 from .sharing import SHARING, argsort, find
 
-IN_NO_BODY = -1  # the origin of an atom
-# in place of the ID of an atom's body: the atom is newer than the membership; it is in no body
-UNDECIDED, OUT = -(2**62), -(2**61)
+OUT = -(2**61)  # in place of the ID of an atom's body: the atom is in no body
 GONE_ON = -1  # of a row of `arrived`: its atom has left this rank again
 # a row of `arrived`: the origin of an atom, its body's column of state, its column of displace
 OF_BODY = 1

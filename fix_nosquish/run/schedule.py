@@ -9,8 +9,10 @@ does the same in Python: for LAMMPS's own fix python/move, and for a class that 
 own.  Between hooks LAMMPS moves atoms to their ranks, builds lists of neighbors, computes forces.
 """
 
-from enum import IntEnum, IntFlag, auto
+from enum import IntEnum
 from typing import TYPE_CHECKING, NamedTuple
+
+from ..structs import When
 
 if TYPE_CHECKING:
     from .integrator import Integrator
@@ -24,29 +26,6 @@ class Phase(IntEnum):
     HALF = 2  # a step has begun, and its forces are not known
     WAITING = 3  # its forces are known, and its end is left to the next step
     OVER = 4  # the run is over: what changes velocities now is a script
-
-
-class When(IntFlag):
-    """What holds in a step.  The plugin has the first of these in this order (plugin/bridge.h)."""
-
-    # in one step; the host finds these
-    CALLED = auto()  # Python begins it
-    SHOWN = auto()  # something may read velocities at its end
-    VIRIAL_ASKED = auto()  # LAMMPS wants its virial
-    TABLE = auto()  # Python writes a table at its end
-    ENERGY = auto()  # Python takes the potential energy at its end
-    MOVES_BOX = auto()  # the box changes in it
-    PRESSURE = auto()  # its forces are those before or behind a change of the box
-    OTHER_BOX = auto()  # the box is not the one that the passes know
-    # in a whole run (see `beginning.plan`), or until an action says otherwise; the host keeps these
-    LATE = auto()  # other fixes may change velocities at the end of a step
-    SEEN = auto()  # the atoms' velocities are those of the bodies at the end of the last step
-    MID_STEP = auto()  # the atoms' velocities at the end of a step are those of its middle
-    LEVELS = auto()  # run_style respa
-    WATCHED = auto()  # another fix may change the box, and bodies do not move with it
-    LOOKS = auto()  # Python has something to do where atoms are followed
-    RESETS = auto()  # the next step has another length
-    GATHERS = auto()  # forces on bodies are summed once more when the next step begins
 
 
 SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from fix_nosquish import INTEGRATORS
-from fix_nosquish.run.schedule import When
 from support.running import ROOT
 
 DOCS = ROOT / "docs"
@@ -344,12 +343,3 @@ def test_rooms_use_those_below_them():
     there = [str(file) for folder in (package, ROOT / "validation") for file in folder.rglob("*.*")]
     for name in re.findall(r"`([\w/]+\.(?:py|h|cpp))`", text):
         assert (ROOT / name).exists() or any(file.endswith(f"/{name}") for file in there), name
-
-
-def test_names_of_what_holds_in_a_step():
-    """Locks out a bit that C++ and Python know by two names: the schedule's conditions are those of
-    the plugin, in the same order."""
-    header = (ROOT / "fix_nosquish" / "plugin" / "bridge.h").read_text()
-    (names,) = re.findall(r"enum When \{(.*?)\}", header, re.DOTALL)
-    shared = [one.strip() for one in names.split(",")]
-    assert shared == [one.name for one in When][: len(shared)]

@@ -225,8 +225,8 @@ def test_a_rank_without_python(tmp_path):
 def test_plugin_of_another_version(tmp_path, run_ice):
     """Locks out a plugin whose fields are not those of its Python side, though as many bytes."""
     package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
-    header = package / "plugin/bridge.h"
-    header.write_text(header.read_text().replace("int32_t flips,", "int32_t couples_not,"))
+    structs = package / "structs.py"
+    structs.write_text(structs.read_text().replace('"flips": INT', '"couples_not": INT'))
     run, _ = run_ice(NVE, ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"])
     assert run.code and "the compiled plugin is of another version: reinstall" in run.screen
 

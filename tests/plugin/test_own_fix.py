@@ -122,7 +122,6 @@ IN_IMPORT = (
     "value with a point",
     "integrator that does not exist",
     "variable in the quotes",
-    "barostat before a point",
 )
 # in the constructor, at the set-up of a run, in it: what asks this LAMMPS, and one of mere words
 LATER = (
@@ -146,8 +145,11 @@ LATER = (
     "atoms added by a fix",
     "exception of its own",
 )
-# of what the plugin knows before: here other fixes are not known
-FOUND_LATER = {"box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT")}
+# with another message: here other fixes are not known, and the text is split at a point
+FOUND_LATER = {
+    "box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT"),
+    "value with a point": ("splits the text in quotes at its last '.'", "molecule mrot 2'"),
+}
 
 
 @pytest.mark.quick("no words at all")
