@@ -228,7 +228,8 @@ class BuildPlugin(build_ext):
             *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *size_flags(package, headers),
-            f"-DCOMPILED_FOR_LAMMPS={version}", "-I", str(generated), "-I", str(headers), *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
+            f"-DCOMPILED_FOR_LAMMPS={version}", "-I", str(generated), "-I", str(headers),
+            *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
             *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
         ]  # fmt: skip
         print(shlex.join(command), flush=True)

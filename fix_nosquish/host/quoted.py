@@ -68,15 +68,15 @@ def _class_name(text: str, known: Collection[str], module: str) -> str:
 
 
 class _DecimalPoint:
-    """Refuses to import the text before a decimal point, which LAMMPS's own fix takes for a module."""
+    """Refuses to import the words before a decimal point as a module, as LAMMPS's own fix does."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: object = None) -> None:
         if " " in name:
             raise RunError(
                 f"LAMMPS's own fix python/move splits the text in quotes at its last '.', after "
-                f"'{name}': write numbers without a decimal point, such as 29815e-2 for 298.15, and "
-                "file names as v_NAME of a string-style variable",
+                f"'{name}': write numbers without a decimal point, such as 29815e-2 for 298.15, "
+                "and file names as v_NAME of a string-style variable",
                 everywhere=True,
             )
 
