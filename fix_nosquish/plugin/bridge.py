@@ -70,8 +70,8 @@ def attach(address: int) -> None:
         instance, host = _construct(bridge), None
         if hasattr(instance, "host"):
             instance.host = host = Host(bridge)
-            if getattr(instance, "story", None):
-                host.log(instance.story)
+            if notice := getattr(instance, "replacement_notice", None):
+                host.log(notice)
         if hasattr(instance, "define_bodies"):
             instance.define_bodies()
         if hasattr(instance, "virial"):

@@ -9,7 +9,6 @@ from ..bodies.bodies import Bodies
 from ..bodies.build import BuildReport, count
 from ..bodies.membership import Membership
 from ..errors import RunError
-from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import Host, driven_by_plugin, hook
 from ..host.lammps import Lammps
@@ -40,6 +39,7 @@ from .other_fixes import OtherFixes
 from .output import BodyFile
 from .passes import Passes
 from .registry import Registered
+from .replacement import replacement_notice
 from .schedule import SEEN, Phase
 from .switches import Choice, mask
 
@@ -440,9 +440,9 @@ class Integrator(Registered, Declaration):
         return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
 
     @property
-    def story(self) -> str | None:
-        """Lines for the log, if it takes the place of one of LAMMPS's rigid fixes; else None."""
-        return rigid_fixes.story(cast(str, self.host.fix_id), self.command)  # native: it has one
+    def replacement_notice(self) -> str | None:
+        """Lines for the log if it replaces one of LAMMPS's rigid fixes; else None."""
+        return replacement_notice(cast(str, self.host.fix_id), self.command)  # native: it has one
 
     made, table = answers.made, answers.table
     kinetic_at_end, virial_of_all = answers.kinetic_at_end, answers.virial_of_all
