@@ -10,6 +10,7 @@ from ..scenes.integrators import OURS, SWEPT, Integrator
 from ..scenes.units import BOLTZMANN, UNITS
 from ..user_script import candidates, conserved_energy, shapes
 from ..user_script.loader import UserScript
+from . import thermostat
 
 # of the usual step: the energy's changes in it count.  Errors of the step are as large as they get
 # by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
@@ -105,6 +106,7 @@ class Case:
         bath: whether a thermostat keeps the temperature.
         lost: targets that say nothing of the case, each with why.
         unknown: of an integrator the targets that its runs do not tell; ``why`` is why.
+        thermostat: the script's, see `thermostat.asked`; None if its bodies' fixes have none.
         script: the script, if it is one.
     """
 
@@ -120,6 +122,7 @@ class Case:
     lost: Mapping[str, str] = field(default_factory=dict)
     unknown: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     why: str = ""
+    thermostat: dict | None = None
     notes: tuple[str, ...] = ()
     script: UserScript | None = None
 
@@ -200,14 +203,19 @@ def of_script(script: UserScript) -> Case:
             "temperature to measure errors by: give them velocities (velocity all create T SEED), "
             "and let them come to equilibrium"
         )
-    known = script.integrators
+    bath, every = thermostat.asked(script), script.integrators
+    known = {
+        key: one
+        for key, one in every.items()
+        if bath is None or thermostat.kind_of(one.lines) == bath["kind"]
+    }
     ours = next((key for key, one in known.items() if one.kind == "ours"), script.reference)
     rivals = script.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
-    rival = next((key for key in rivals if key in known and known[key].kind != "ours"), OURS)
+    rival = next((key for key in rivals if key in known and known[key].kind != "ours"), ours)
     return Case(
         word=script.options.script,
         scene=script.scene,
-        integrators=known,
+        integrators=every,
         reference=ours,
         usual=tuple(name for name in known if name in (ours, rival)),
         steps=tuple(factor * script.scene.dt for factor in FACTORS),
@@ -216,9 +224,10 @@ def of_script(script: UserScript) -> Case:
         bath=bool(script.rigid.state.temp),
         lost=_lost(script),
         unknown={
-            key: ENERGIES for key, one in known.items() if conserved_energy.misses_own_error(one)
+            key: ENERGIES for key, one in every.items() if conserved_energy.misses_own_error(one)
         },
         why=conserved_energy.WHY,
+        thermostat=bath,
         notes=script.notes,
         script=script,
     )

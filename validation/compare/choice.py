@@ -1,9 +1,10 @@
 """Which of the points that were measured is the fastest that is accurate enough.  Pure functions;
-nothing between two points is guessed.
+nothing between two points is interpolated.
 
-Of an integrator a step is judged only if all shorter ones are within the targets, so at most one
-mistake of each can begin, in 5 % of cases over the number of integrators (a fixed sequence of
-tests, and a union bound).  A point that a run of its own judges, ``alone``, is good or bad by that.
+One rule, `verdicts`, gives the answer and the verdict of each row.  An integrator's steps are
+tested from the shortest on, and the tests end with the first step that is not met.  So each
+integrator can be wrong at one step only, in 5 % of cases over the number of integrators (a fixed
+sequence of tests, and a union bound).  A long run, ``alone``, judges the step that it was made for.
 
 Targets are a dictionary from measure to the largest error that is good enough, in its unit.
 """
@@ -15,10 +16,17 @@ from typing import TypedDict
 
 from ..scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
 from ..statistics.check import Check
-from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from ..statistics.measures import Spread
 
 SAFE = 1.5  # times a step that is named, the integrator still runs
+RULE = (
+    f"A step is met if the {SURE} intervals of all its errors, corrected for the number of "
+    "integrators, are within the targets, and if all shorter steps of its integrator are met, too. "
+    "A step with a long run is judged by that run, and if it is met, so are the shorter ones. A "
+    "step is not met if an error of it, or of a shorter one, is above its target with "
+    f"{SURE} confidence. Otherwise, or if a step {SAFE:g} times as long fails, it is undecided."
+)
 Targets = Mapping[str, float]
 
 
@@ -27,12 +35,14 @@ class Measured(TypedDict):
 
     Attributes:
         ours: whether the integrator is this package's, whatever its keywords.
+        thermostat: its kind, see `thermostat.kind_of`; earlier summaries have none.
         lines: of an input script; ``place`` and ``lost``: see `case.Case.written`.
         time: sampled from each start, in the scene's units.
         failed: why it is none, with the step that failed; ``failures``: how many starts did.
         is_reference: whether means are held against it.  asked: whether it was asked for.
         alone: whether a long run of its own judges it.
-        cost, cpu: s per ns of the clock, and of all cores.
+        cost: wall time, s per ns.  cpu: CPU time of all cores without output, s per ns, by which
+            points are compared.  share: of a core that each rank had, in percent.
         errors: measure to its ``Estimate``; one without an error bar has none, or None.
         signed: the same with its sign.  by_itself: by its own run, where other steps help.
         without: targets that its runs do not tell.
@@ -42,6 +52,7 @@ class Measured(TypedDict):
     integrator: str
     label: str
     ours: bool
+    thermostat: str | None
     lines: list[str]
     place: str
     lost: list[str]
@@ -55,6 +66,7 @@ class Measured(TypedDict):
     alone: bool
     cost: Spread | None
     cpu: Spread | None
+    share: float | None
     errors: dict[str, dict]
     signed: dict[str, dict]
     by_itself: dict[str, dict]
@@ -68,11 +80,10 @@ class Choice:
 
     Attributes:
         targets: by which it was chosen: those that the points' runs tell.
-        best: the simplest of the fastest and those that tie with it; None if none meets all targets
-            for sure.
-        fastest: that meets all targets for sure, with the smallest least run time.
-        ties: the others that do, and whose least run time is not above its median.
-        perhaps: those as fast as the best one of which there is no telling.
+        best: the simplest of the fastest and those that tie with it; None if no point is met.
+        fastest: the point that is met at the smallest cost.
+        ties: the other points that are met, and whose timings overlap with those of the fastest.
+        perhaps: those as fast as the best one that may be met.
     """
 
     targets: Targets
@@ -101,9 +112,9 @@ def is_zero(point: Measured, measure: str) -> bool:
     return 2 * point["errors"][measure]["value"] < bound(point, measure) < math.inf
 
 
-def least(point: Measured) -> float:
-    """The least run time, s per ns; infinite if it is not known."""
-    return point["cost"]["min"] if point["cost"] else math.inf
+def cost(point: Measured) -> float:
+    """Median CPU time, s per ns; infinite if it is not known."""
+    return point["cpu"]["median"] if point["cpu"] else math.inf
 
 
 def meets(point: Measured, targets: Targets) -> bool | None:
@@ -137,17 +148,32 @@ def level_of_each(integrators: Iterable[str], share: float = 1.0) -> float:
     return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) * share / max(1, len({*integrators})))
 
 
-def able(points: Sequence[Measured], targets: Targets) -> list[Measured]:
-    """The points that may be good: of each integrator those up to the first that is not for sure,
-    and those that a run of their own judges; without those that are `near_failure`."""
-    bad, near = set(), near_failure(points)
-    found = []
-    for point in sorted(points, key=lambda point: point["dt"]):
-        if meets(point, targets) is False:
-            bad.add(point["integrator"])
-        if (point["alone"] or point["integrator"] not in bad) and point not in near:
-            found.append(point)
-    return [point for point in points if point in found]
+def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list[bool | None]:
+    """Of each point whether it is met, by `RULE`; None where the runs cannot tell.
+
+    Args:
+        level: see `level_of_each`.
+    """
+    found: list[bool | None] = [None] * len(points)
+    order = sorted(range(len(points)), key=lambda place: points[place]["dt"])
+    near = near_failure(points)
+    for name in {point["integrator"]: None for point in points}:
+        met, lost = True, False
+        steps = [place for place in order if points[place]["integrator"] == name]
+        for count, place in enumerate(steps, 1):
+            point = points[place]
+            if point["alone"] and passes(point, targets) and point not in near:
+                for shorter in steps[:count]:
+                    found[shorter] = True
+                met, lost = True, False
+                continue
+            lost = lost or meets(point, targets) is False
+            met = met and not point["alone"] and passes(point, targets, level)
+            if lost:
+                found[place] = False
+            elif met and point not in near:
+                found[place] = True
+    return found
 
 
 def near_failure(points: Iterable[Measured]) -> list[Measured]:
@@ -167,40 +193,43 @@ def near_failure(points: Iterable[Measured]) -> list[Measured]:
     ]
 
 
-def _within_targets(points, targets, level):
-    """The points within the targets for sure, from the fastest."""
-    good = [one for one in points if one["alone"] and passes(one, targets)]
-    for name in {point["integrator"]: None for point in points}:
-        own = [one for one in points if one["integrator"] == name and not one["alone"]]
-        for point in sorted(own, key=lambda point: point["dt"]):
-            if not passes(point, targets, level):
-                break
-            good.append(point)
-    return sorted((one for one in good if one["cost"]), key=_by_cost)
+def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Measured]:
+    """The points with the script's kind of thermostat; all if it has none, or if no point does.
+
+    Args:
+        thermostat: see `thermostat.asked`.
+    """
+    kind = thermostat and thermostat["kind"]
+    return [one for one in points if kind and one["thermostat"] == kind] or points
 
 
 def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice:
     """The `Choice` among points.
 
-    Those whose runs tell all targets count; if there are none, all count, by the targets that they
+    Points whose runs tell all targets count; if there are none, all count, by the targets that they
     tell.
 
     Args:
         level: see `level_of_each`.
     """
-    told = [one for one in points if targets.keys().isdisjoint(one["without"])]
-    if points and not told:
+    some = [one for one in points if targets.keys().isdisjoint(one["without"])]
+    if points and not some:
         lost = {name for one in points for name in one["without"]}
         targets = {name: most for name, most in targets.items() if name not in lost}
-    some = able(told or list(points), targets) if targets else []
-    good = _within_targets(some, targets, level)
-    usual = good[0]["cost"]["median"] if good and good[0]["cost"] else math.inf
-    tied = [point for point in good if least(point) <= usual]
+        some = list(points)
+    told = verdicts(some, targets, level) if targets else []
+    good = sorted((one for one, met in zip(some, told) if met and one["cpu"]), key=_by_cost)
+    usual = cost(good[0]) if good else math.inf
+    tied = [point for point in good if point["cpu"] and point["cpu"]["min"] <= usual]
     best = min(tied, key=_by_words, default=None)
+    near = near_failure(some)
     perhaps = [
         one
-        for one in some
-        if one not in good and meets(one, targets) is not False and least(one) <= usual
+        for one, met in zip(some, told)
+        if one not in near
+        and one not in good
+        and met is not False
+        and (one["cpu"]["min"] if one["cpu"] else math.inf) <= usual
     ]
     return Choice(
         dict(targets),
@@ -232,4 +261,4 @@ def _by_words(point):
 
 def _by_cost(point):
     """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
-    return least(point), -point["dt"], point["integrator"]
+    return cost(point), -point["dt"], point["integrator"]

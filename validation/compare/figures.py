@@ -21,7 +21,7 @@ SHOWN = (integrators.OURS, "rigid/nve", "rigid", "shake-1e-8", "gear")
 MORE = (PURPLE, "P"), (SKY, "X"), (RED, "v"), (INK, "D")
 READ = (
     f"Further left and further down is better. Vertical bars: {SURE} interval of the error. "
-    "Horizontal bars: run time, from the shortest repetition to the median. A pale point with an "
+    "Horizontal bars: CPU time, from the shortest repetition to the median. A pale point with an "
     "arrow is an upper bound, where the error is not significantly different from zero. Numbers "
     "are our time steps. The upper part names the lines, and shows which steps run; a cross is a "
     "step that fails."
@@ -60,7 +60,7 @@ def cost(summary: Mapping) -> Figure | None:
     """The main error against run time, a line for each integrator through its steps, and above it
     which steps run."""
     points = _drawn(summary)
-    good = [one for one in points if not one["failed"] and one["cost"]]
+    good = [one for one in points if not one["failed"] and one["cpu"]]
     main = next((name for name in MAIN if any(name in one["errors"] for one in good)), None)
     if main is None:
         return None
@@ -87,20 +87,20 @@ def cost(summary: Mapping) -> Figure | None:
     for name, own in _by_integrator(known).items():
         _line(axis, own, main, looks[name])
     about = summary["about"][main]
-    axis.set(xscale="log", yscale="log", xlabel=f"run time (s per {summary['ns']})")
+    axis.set(xscale="log", yscale="log", xlabel=f"CPU time (s per {summary['ns']})")
     axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
     axis.grid(color=PALE, lw=0.4)
     axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.xaxis.set_minor_formatter(NullFormatter())
-    message(figure, "Error against run time: left and down is better")
+    message(figure, "Error against CPU time: left and down is better")
     return figure
 
 
 def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None:
     """One integrator's points, those that can be told from zero joined; ours with their steps."""
-    spent = [one["cost"] for one in row if one["cost"]]
-    x, usual = np.array([(one["min"], one["median"]) for one in spent]).T
+    spent = [one["cpu"] for one in row if one["cpu"]]
+    least, x = np.array([(one["min"], one["median"]) for one in spent]).T
     zero = np.array([is_zero(one, measure) for one in row])
     found = [Estimate.of(one["errors"][measure]) for one in row]
     value = np.array([one.value for one in found])
@@ -110,7 +110,7 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
     for those, alpha in (zero, 0.5), (~zero, 1.0):
         bars: dict = {
             "yerr": [np.minimum(margin, 0.9 * y)[those], margin[those]],
-            "xerr": [np.zeros(those.sum()), (usual - x)[those]],
+            "xerr": [(x - least)[those], np.zeros(those.sum())],
         }
         style = look | {"ls": "none", "alpha": alpha, "capsize": 1.5, "elinewidth": 0.8}
         axis.errorbar(x[those], y[those], **bars, **style)

@@ -16,9 +16,9 @@ from ..running.store import Store
 from ..scenes.integrators import OURS
 from ..statistics import measures
 from ..statistics.estimate import Estimate, margin
-from . import errors, lists, plan
+from . import errors, lists, plan, thermostat
 from .case import MEANS, Case, about
-from .choice import Choice, Measured, Targets, choose, least, level_of_each, passes, size
+from .choice import Choice, Measured, Targets, choose, cost, kept, level_of_each, passes, size
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
 FIRST = 0.5  # of the time, for the short runs
@@ -28,19 +28,27 @@ GAIN = 0.9  # of the cost of the fastest step that is known to be good: one that
 PARTS = 5  # of a run, of which each tells a cost
 
 
+class Cost(NamedTuple):
+    """What a part of a run took: s per ns of the clock; s per ns of all cores, without output; and
+    the share of a core that each rank had, in percent."""
+
+    wall: float
+    cpu: float
+    share: float
+
+
 @dataclass
 class Runs:
     """What became of runs.
 
     Attributes:
         found: numbers of those that are good, of each start of each point.
-        cost, cpu: of each point s of a ns by the clock, and of all cores, of parts of its runs.
+        costs: of each point those of parts of its runs.
         failed: why those of a point failed.
     """
 
     found: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
-    cost: dict[Point, list[float]] = field(default_factory=dict)
-    cpu: dict[Point, list[float]] = field(default_factory=dict)
+    costs: dict[Point, list["Cost"]] = field(default_factory=dict)
     failed: dict[Point, list[str]] = field(default_factory=dict)
 
     def fails(self, point: Point) -> str | None:
@@ -133,8 +141,9 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
 
 
 def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
-    """The `Choice` among the points that were asked for."""
-    return choose([one for one in rows if one["asked"]], prepared.targets, prepared.level)
+    """The `Choice` among the points that were asked for, with the script's thermostat."""
+    asked = [one for one in rows if one["asked"]]
+    return choose(kept(asked, prepared.case.thermostat), prepared.targets, prepared.level)
 
 
 def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
@@ -173,6 +182,8 @@ def _summary(prepared: Prepared) -> dict:
         "about": about(case),
         "unknown": {name: list(lost) for name, lost in case.unknown.items()},
         "why": case.why,
+        "thermostat": case.thermostat,
+        "usual": case.script and {"integrator": case.script.reference, "dt": case.scene.dt},
         "minutes": prepared.settings.minutes,
         "time": prepared.lengths.time,
         "level": prepared.level,
@@ -209,22 +220,25 @@ def collected(
                 result = run.collect(job.directory)
                 own = found.found.setdefault(point, {})
                 own[number] = errors.numbers(case, point.dt, result, settles)
-                _add_cost(found, point, job, result, case.ns)
+                found.costs.setdefault(point, []).extend(_costs(job, result, point.dt, case.ns))
     return found
 
 
-def _add_cost(found: Runs, point: Point, job: run.Job, result: run.Result, ns: float) -> None:
+def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]:
     """The costs of successive parts of a run."""
-    each = max(1, len(job.runs) // PARTS)
+    each, found = max(1, len(job.runs) // PARTS), []
     for first in range(0, len(job.runs) - each + 1, each):
         some = slice(first, first + each)
-        seconds = sum(result.seconds["runs"][some])
-        spent = seconds * ns / (sum(job.runs[some]) * point.dt)
-        found.cost.setdefault(point, []).append(spent)
-        shares = [one.cpu for one in result.timings[some] if one.cpu is not None]
-        if shares:
-            cores = job.ranks * sum(shares) / len(shares) / 100
-            found.cpu.setdefault(point, []).append(spent * cores)
+        loops, times = result.timings[some], ns / (sum(job.runs[some]) * dt)
+        cpu = [one.seconds * (100 if one.cpu is None else one.cpu) / 100 for one in loops]
+        steps = sum(
+            spent * (1 - one.sections.get("Output", 0.0) / max(one.seconds, 1e-300))
+            for spent, one in zip(cpu, loops)
+        )
+        share = 100 * sum(cpu) / max(sum(one.seconds for one in loops), 1e-300)
+        wall = sum(result.seconds["runs"][some])
+        found.append(Cost(wall * times, job.ranks * steps * times, share))
+    return found
 
 
 def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
@@ -252,7 +266,7 @@ def row(
     """The row of a point, whose runs have this time."""
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
-    cost, cpu = ({} if fails else one for one in (runs.cost, runs.cpu))
+    costs = [] if fails else runs.costs.get(point, [])
     signed, by_itself = ({} if fails else one for one in (signed, by_itself))
     failures = runs.failed.get(point, [])
     lines, place, lost = case.written(integrator)
@@ -260,6 +274,7 @@ def row(
         "integrator": integrator.name,
         "label": integrator.label,
         "ours": integrator.kind == "ours" and OURS in integrator.name,
+        "thermostat": thermostat.kind_of(integrator.lines),
         "lines": lines,
         "place": place,
         "lost": lost,
@@ -271,8 +286,9 @@ def row(
         "is_reference": point == prepared.held,
         "asked": point in prepared.points,
         "alone": False,
-        "cost": measures.spread(cost[point]) if point in cost else None,
-        "cpu": measures.spread(cpu[point]) if point in cpu else None,
+        "cost": measures.spread(one.wall for one in costs) if costs else None,
+        "cpu": measures.spread(one.cpu for one in costs) if costs else None,
+        "share": sum(one.share for one in costs) / len(costs) if costs else None,
         "errors": {name: size(one) for name, one in signed.items()},
         "signed": {name: one.plain() for name, one in signed.items()},
         "by_itself": {name: size(one) for name, one in by_itself.items()},
@@ -322,11 +338,11 @@ def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
     good for sure, times its gain in speed.  None if there is none that may be good and is faster
     than what is known to be."""
     choice = _choice(prepared, rows)
-    known = least(choice.fastest) if choice.fastest else math.inf
+    known = cost(choice.fastest) if choice.fastest else math.inf
     plans = [
         _plan(prepared, one, choice.targets)
         for one in choice.perhaps
-        if least(one) < GAIN * known and choice.targets.keys() - MEANS <= one["by_itself"].keys()
+        if cost(one) < GAIN * known and choice.targets.keys() - MEANS <= one["by_itself"].keys()
     ]
     plans = [one for one in plans if one.times > 0]
     return max(plans, key=lambda one: pays(one, known), default=None)
@@ -367,7 +383,7 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
             continue
         above, below = ((side * left - error.value) / spread for side in (1, -1))
         chance *= float(special.ndtr(above) - special.ndtr(below))
-    return chance * (1 / least(plan.row) - 1 / known), room
+    return chance * (1 / cost(plan.row) - 1 / known), room
 
 
 def run_longer(

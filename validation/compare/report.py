@@ -7,8 +7,8 @@ from functools import partial
 from ..pages import Column, Figure, Said, Table, digits, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from . import figures, lists
-from .choice import Choice, Measured, able, bound, choose, least, meets, near_failure, nearest
+from . import choice, figures, lists, thermostat
+from .choice import Choice, Measured, bound, cost, meets, near_failure, nearest
 
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
 LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
@@ -16,12 +16,13 @@ FAR = 100  # times a budget: what is told of one so much larger, by few samples,
 MORE = 10  # times a budget, that is tried then
 VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
 FEW = 4  # points that are named
-ENOUGH = 0.8  # of a panel's points that have a number
+BUSY = 90.0  # percent of a core, below which the machine was busy
+FASTER = 0.95  # of the cost at most: less is worth another thermostat
 NOTES = {
-    "cost": "Wall time of the runs per simulated time, including output. Integrators are compared "
-    "by the smallest value of the repetitions, because other load only makes runs longer.",
-    "verdict": "Of each row by itself. The step that is named is judged as one of several, or by a "
-    "long run that did not choose it, so that it is within the targets in 95 % of cases.",
+    "CPU": "CPU time of all cores per simulated time, without output. Median of parts of the runs, "
+    "with the range in points.csv. The answer, the order of the rows and the speed-up are by this "
+    "number.",
+    "verdict": choice.RULE,
     "drift, energy": "Of the energy that the integrator conserves, which includes that of "
     "thermostats and barostats.",
     "potential, density, rdf": "Compared with the reference, from the same starts.",
@@ -31,18 +32,36 @@ NOTES = {
 
 
 class Answer:
-    """What follows from a summary's points: the `Choice`, and the points that were asked for."""
+    """What follows from a summary's points.
+
+    Attributes:
+        points: that were asked for.
+        kept: those with the script's kind of thermostat; all if there is none.
+        choice: among these.  averages: the `Choice` among all, for averages only.
+    """
 
     def __init__(self, summary: Mapping) -> None:
         self.summary, self.wanted = summary, summary["targets"]
         self.points: list[Measured] = [one for one in summary["points"] if one["asked"]]
-        self.choice = self.among(self.points)
+        self.thermostat = summary.get("thermostat")
+        self.kept = choice.kept(self.points, self.thermostat)
+        self.choice, self.averages = self.among(self.kept), self.among(self.points)
         self.targets = self.choice.targets
         self.unit = UNITS[summary["units"]].time
 
     def among(self, points: Sequence[Measured]) -> Choice:
         """The `Choice` among some of the points."""
-        return choose(points, self.wanted, self.summary["level"])
+        return choice.choose(points, self.wanted, self.summary["level"])
+
+    def verdict(self, point: Measured) -> str:
+        """The verdict of a row, by the rule that gives the answer."""
+        if point["failed"]:
+            return "fail"
+        if not self.targets:
+            return VERDICTS[None]
+        points = [point] if point not in self.points else self.points
+        met = choice.verdicts(points, self.targets, self.summary["level"])
+        return VERDICTS[met[points.index(point)]]
 
     def named(self, points: Sequence[Measured]) -> str:
         """Points with their steps, as text; of many the first ones."""
@@ -144,7 +163,7 @@ def _defeats(answer: Answer) -> Iterator[str]:
     if best is None or best["ours"] or any(one["ours"] for one in ties):
         return
     ours = answer.among([one for one in answer.points if one["ours"]]).best
-    times = f"ours takes {least(ours) / least(best):.2g} times as long" if ours else "ours does not"
+    times = f"ours takes {cost(ours) / cost(best):.2g} times as long" if ours else "ours does not"
     yield f"{answer.summary['title']}: {answer.named([best])} reaches the targets; {times}."
 
 
@@ -163,7 +182,7 @@ def _about(one: Mapping) -> str:
 
 
 def _answer(answer: Answer) -> str:
-    summary, choice = answer.summary, answer.choice
+    summary, found = answer.summary, answer.choice
     if not answer.points:
         return "No run is complete yet."
     if not answer.targets:
@@ -171,13 +190,13 @@ def _answer(answer: Answer) -> str:
             "None of the targets can be measured with these integrators. Give another one "
             "(--target temperature=VALUE), or integrators whose energy LAMMPS counts (--only)."
         )
-    if best := choice.best:
+    if best := found.best:
         return (
-            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {_cost(best)} s per "
-            f"{summary['ns']}, on {ranks_of(summary['ranks'])}. Within the targets, "
-            f"with {SURE} confidence: {answer.within(best)}."
+            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {_cost(best)} s of CPU "
+            f"time per {summary['ns']}, on {ranks_of(summary['ranks'])}{_speed_up(answer, best)}. "
+            f"Within the targets, with {SURE} confidence: {answer.within(best)}."
         )
-    if choice.perhaps:
+    if found.perhaps:
         minutes, other = answer.minutes, "a target that short runs can decide: --target NAME=VALUE"
         longer = f"About --budget {minutes} (minutes) would decide. Or give {other}."
         if minutes is None:
@@ -189,7 +208,7 @@ def _answer(answer: Answer) -> str:
             )
         return (
             f"Not sure: no step is within the targets with {SURE} confidence, but these may be: "
-            f"{answer.named(choice.perhaps)}. Their error bars, or those of shorter steps, reach "
+            f"{answer.named(found.perhaps)}. Their error bars, or those of shorter steps, reach "
             f"across a target. {longer}"
         )
     shortest = min(one["dt"] for one in answer.points)
@@ -200,9 +219,22 @@ def _answer(answer: Answer) -> str:
     )
 
 
+def _speed_up(answer: Answer, best: Measured) -> str:
+    """How much less time than the script's own line at its own step, if that was measured."""
+    usual = answer.summary.get("usual") or {}
+    own = [one for one in answer.summary["points"] if one["cpu"]
+           and usual == {key: one[key] for key in usual}]  # fmt: skip
+    if not usual or not own or own[0] is best:
+        return ""
+    return (
+        f", {cost(own[0]) / cost(best):.2g} times faster than your {own[0]['dt']:g} {answer.unit} "
+        f"with {own[0]['label'].removeprefix('yours: ')} ({_cost(own[0])} s)"
+    )
+
+
 def _lines(answer: Answer) -> Iterator[str]:
     """Further sentences, and the lines for the input script."""
-    choice, unit = answer.choice, answer.unit
+    unit = answer.unit
     lost = set(answer.wanted) - set(answer.targets)
     others = [one for one in answer.points if set(answer.wanted) & set(one["without"])]
     if others:
@@ -221,16 +253,54 @@ def _lines(answer: Answer) -> Iterator[str]:
             yield (
                 f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. "
                 f"The rest of the time went to {one['label']}, {one['dt']:g} {unit}: a run of "
-                f"{one['time']:.3g} {unit}, which alone judges it."
+                f"{one['time']:.3g} {unit}, by which it is judged."
             )
-    if choice.best is None:
-        yield from _nearest(answer)
+    best = answer.choice.best
+    yield from _beside(answer, best) if best else _nearest(answer)
+    yield from _busy(answer)
+    if answer.points and answer.targets:
+        yield f"The rule of all verdicts: {choice.RULE}"
+    if best:
+        yield f"{best['place']}, and the script's timestep:"
+        yield from (f"    {line}" for line in _input(best))
+        yield from best["lost"]
+        yield from lists.said(answer.summary.get("neighbour_lists", ()))
+    if answer.thermostat:
+        yield from _thermostats(answer, answer.thermostat)
+
+
+def _busy(answer: Answer) -> Iterator[str]:
+    """That other work took a part of the cores."""
+    shares = [share for one in answer.points if (share := one.get("share")) is not None]
+    if shares and min(shares) < BUSY:
+        yield (
+            f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core. CPU "
+            "times are less affected than wall times, but are longer than on an idle machine."
+        )
+
+
+def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
+    """What is kept of the thermostat, and what another one would be good for."""
+    best, other = answer.choice.best, answer.averages.best
+    kinds = {one["thermostat"] for one in answer.points}
+    if asked["kind"] not in kinds:
+        labels = " and ".join(thermostat.of_averages(kind) for kind in kinds)
+        yield f"Your thermostat was not compared. This is another one: {labels}."
         return
-    yield from _beside(answer, choice.best)
-    yield f"{choice.best['place']}, and the script's timestep:"
-    yield from (f"    {line}" for line in _input(choice.best))
-    yield from choice.best["lost"]
-    yield from lists.said(answer.summary.get("neighbour_lists", ()))
+    yield thermostat.said(asked)
+    if other and other["thermostat"] != asked["kind"]:
+        if best is None or cost(other) < FASTER * cost(best):
+            gain = f", {cost(best) / cost(other):.2g} times faster" if best else ""
+            yield (
+                f"For averages only: {answer.named([other])}{gain}. This is another thermostat, "
+                f"{thermostat.of_averages(other['thermostat'])}. In place of your fix:"
+            )
+            yield from (f"    {line}" for line in _input(other))
+    elif kinds == {asked["kind"]}:
+        yield (
+            "Integrators with other thermostats were not compared, because they change dynamics. "
+            "If you need averages only, compare them by --only all."
+        )
 
 
 def _input(best: Measured) -> list[str]:
@@ -247,21 +317,16 @@ def _nearest(answer: Answer) -> Iterator[str]:
             "is not an error of the time step. Is the start in equilibrium, and are the forces "
             "continuous at the cutoff? --run N uses a later run of a script."
         )
-    told = [one for one in answer.points if answer.targets.keys().isdisjoint(one["without"])]
-    near = nearest(able(told, answer.targets) or told, answer.targets) if answer.targets else None
+    told = [one for one in answer.kept if answer.targets.keys().isdisjoint(one["without"])]
+    able = [one for one in told if answer.verdict(one) == VERDICTS[None]]
+    near = nearest(able or told, answer.targets) if answer.targets else None
     if near:
-        one, alone = near[0], ""
-        if meets(one, answer.targets):
-            alone = (
-                f" For this step alone that has {SURE} confidence, but not as one of several, or "
-                "with all shorter steps of its integrator."
-            )
-        yield f"The nearest: {answer.named([one])}: {answer.within(one)}.{alone}"
+        yield f"The nearest: {answer.named([near[0]])}: {answer.within(near[0])}."
 
 
 def _beside(answer: Answer, best: Measured) -> Iterator[str]:
     """What there is beside the best one: longer steps, ties, others that may be as good."""
-    choice, unit = answer.choice, answer.unit
+    unit = answer.unit
     longer = [
         one
         for one in answer.points
@@ -287,16 +352,15 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
             f"{some} {unit} is too close to a step that fails to be named: a rare event may end a "
             "longer run there."
         )
-    if choice.ties:
-        yield f"As fast, within the spread of the timings: {answer.named(choice.ties)}."
-    others = [one for one in choice.perhaps if one["integrator"] != best["integrator"]]
+    if ties := answer.choice.ties:
+        yield f"As fast, within the spread of the timings: {answer.named(ties)}."
+    others = [one for one in answer.choice.perhaps if one["integrator"] != best["integrator"]]
     if others:
         yield f"As fast or faster, if they are within the targets: {answer.named(others)}."
 
 
 def _cost(point: Measured) -> str:
-    """The least time: what else the machine does makes the others longer."""
-    return digits(point["cost"]["min"]) if point["cost"] else "–"
+    return digits(point["cpu"]["median"]) if point["cpu"] else "–"
 
 
 def _tables(answer: Answer) -> list[Table]:
@@ -331,7 +395,7 @@ def _columns(summary: Mapping, measures: Sequence[str]) -> list[Column]:
     return [
         Column("label", "label", kind="text"),
         Column("dt", "dt", unit, kind="number"),
-        Column("cost", "wall", f"s/{summary['ns']}"),
+        Column("cpu", "CPU", f"s/{summary['ns']}"),
         *(Column(f"of {name}", name, about[name]["unit"], kind="estimate") for name in measures),
         Column("verdict", "verdict", kind="verdict"),
     ]
@@ -344,7 +408,7 @@ def _further(summary: Mapping) -> list[Column]:
         Column("starts", "starts", kind="number"),
         Column("failures", "failures", kind="number", wide=True),
         Column("time", "sampled", unit, kind="number"),
-        Column("cpu", "CPU", f"s/{summary['ns']}", wide=True),
+        Column("cost", "wall", f"s/{summary['ns']}", wide=True),
         Column("status", "status", kind="text", wide=True),
         Column("command", "command", kind="code", wide=True),
     ]
@@ -352,8 +416,12 @@ def _further(summary: Mapping) -> list[Column]:
 
 def _shown(answer: Answer, point: Measured) -> dict:
     """A row of a table."""
-    some = {name: most for name, most in answer.wanted.items() if name not in point["without"]}
-    verdict = "fail" if point["failed"] else VERDICTS[meets(point, some) if some else None]
     found = {f"of {name}": one for name, one in point["errors"].items()}
     status = point["failed"] or "ok"
-    return {**point, **found, "verdict": verdict, "status": status, "error": point["failed"]}
+    return {
+        **point,
+        **found,
+        "verdict": answer.verdict(point),
+        "status": status,
+        "error": point["failed"],
+    }

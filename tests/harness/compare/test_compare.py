@@ -292,7 +292,9 @@ def test_the_answer_is_the_choice_with_its_lines():
     good, bad = row(4.0, cost=[1.5, 1.25, 2.0], drift=(0.1, 0.01)), row(6.0, drift=(9.0, 0.1))
     summary = summary_of({"drift": 1.0}, held | {"asked": False}, good, bad)
     answer, lines = told(summary)
-    assert answer.startswith("nosquish with a step of 4 fs: 1.25 s per ns, on 1 rank. Within the")
+    assert answer.startswith(
+        "nosquish with a step of 4 fs: 1.5 s of CPU time per ns, on 1 rank. Within"
+    )
     assert "With 6 fs: too much of drift: 9.00 ± 0.20." in lines
     assert lines[-2:] == ["    fix 1 all nosquish molecule", "    timestep 4"]
     assert report.answered(summary)["advised"]["dt"] == 4.0

@@ -41,15 +41,19 @@ def by_hand(rows, targets, level):
         if any(bad[m] for m in shorter) or 1.5 * one["dt"] > fails[one["integrator"]]:
             continue
         (good if all(max(ends(rows[m], sure)) <= 1 for m in shorter) else maybe).append(n)
-    maybe += [n for n in good if not rows[n]["cost"]]
-    good = [n for n in good if rows[n]["cost"]]
-    cost = {n: rows[n]["cost"]["min"] if rows[n]["cost"] else math.inf for n in range(len(rows))}
-    usual = rows[min(good, key=cost.get)]["cost"]["median"] if good else math.inf
-    tied = [n for n in good if cost[n] <= usual]
+    maybe += [n for n in good if not rows[n]["cpu"]]
+    good = [n for n in good if rows[n]["cpu"]]
+
+    def costs(key):
+        return {n: one["cpu"][key] if one["cpu"] else math.inf for n, one in enumerate(rows)}
+
+    cost, least = costs("median"), costs("min")
+    usual = cost[min(good, key=cost.get)] if good else math.inf
+    tied = [n for n in good if least[n] <= usual]
     plain = [n for n in tied if rows[n]["integrator"] == "nosquish"]
     best = min(plain or tied, key=lambda n: (len(rows[n]["lines"][0].split()), cost[n]),
                default=None)  # fmt: skip
-    return best, {n for n in tied if n != best}, {n for n in maybe if cost[n] <= usual}
+    return best, {n for n in tied if n != best}, {n for n in maybe if least[n] <= usual}
 
 
 def some_rows(random, count=15):
@@ -122,7 +126,7 @@ def test_a_step_is_not_named_over_a_shorter_one_that_is_not_good():
     assert choose([short, long], wanted, 0.95).best is None
     short["errors"]["x"]["error"] = 0.1
     assert choose([short, long], wanted, 0.95).best is long
-    assert choose([short | {"cost": None}, long], wanted, 0.95).best is long
+    assert choose([short | {"cpu": None}, long], wanted, 0.95).best is long
     assert choose([short | {"failed": "exploded"}, long], wanted, 0.95).verdict == "not met"
     assert choice.level_of_each(["a"]) == choice.level_of_each(["a", "b"]) == 0.95
     assert choice.level_of_each("abc") == pytest.approx(1 - 0.1 / 3)
@@ -149,9 +153,9 @@ def test_a_step_that_its_own_run_judges_is_good_or_bad_by_that():
     assert choose(rows, {"t": 1.0}, 0.975).best is rows[2]  # not by 97.5 %
     bad = row(1.5, t=(3.0, 0.6))
     assert choose([rows[0], bad, *rows[2:]], {"t": 1.0}, 0.975).best is rows[2]
-    for worse in {"failed": "it heats"}, {"cost": None}:
+    for worse, best in ({"failed": "it heats"}, None), ({"cpu": None}, rows[1]):
         some = [*rows[:2], rows[2] | worse, *rows[3:]]
-        assert choose(some, {"t": 1.0}, 0.95).best is None
+        assert choose(some, {"t": 1.0}, 0.95).best is best
     rows[2]["errors"] = {"t": Estimate(2.0, 0.25).plain()}
     assert {one["dt"] for one in choose(rows, {"t": 1.0}, 0.95).perhaps} == {1.0, 1.5}
 
@@ -185,7 +189,7 @@ def prepared(rows, targets, minutes=1.0):
     points = [Point(one["integrator"], one["dt"]) for one in rows]
     settings = plan.Settings(None, minutes)
     here = plan.Machine(STEP, 0.0, 100)
-    case = SimpleNamespace(scene=SimpleNamespace(dt=1.0))
+    case = SimpleNamespace(scene=SimpleNamespace(dt=1.0), thermostat=None)
     made = measure.Prepared(case, settings, targets, points, Point("held", 0.5), here, lengths)
     assert made.level == level_of_each(names, measure.SHARE if len(rows) > 2 else 1.0)
     return made
