@@ -42,7 +42,11 @@ class Answer:
 
     def __init__(self, summary: Mapping) -> None:
         self.summary, self.wanted = summary, summary["targets"]
-        self.points: list[Measured] = [one for one in summary["points"] if one["asked"]]
+        self.every: list[Measured] = summary["points"]
+        self.clock = "CPU time" if any(one["cpu"] for one in self.every) else "wall time"
+        if self.clock == "wall time":  # results of before CPU times were kept
+            self.every = [one | {"cpu": one["cost"]} for one in self.every]
+        self.points = [one for one in self.every if one["asked"]]
         self.thermostat = summary.get("thermostat")
         self.kept = choice.kept(self.points, self.thermostat)
         self.choice, self.averages = self.among(self.kept), self.among(self.points)
@@ -191,9 +195,10 @@ def _answer(answer: Answer) -> str:
             "(--target temperature=VALUE), or integrators whose energy LAMMPS counts (--only)."
         )
     if best := found.best:
+        told = f"{_cost(best)} s of {answer.clock} per {summary['ns']}"
         return (
-            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {_cost(best)} s of CPU "
-            f"time per {summary['ns']}, on {ranks_of(summary['ranks'])}{_speed_up(answer, best)}. "
+            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {told}, on "
+            f"{ranks_of(summary['ranks'])}{_speed_up(answer, best)}. "
             f"Within the targets, with {SURE} confidence: {answer.within(best)}."
         )
     if found.perhaps:
@@ -222,13 +227,14 @@ def _answer(answer: Answer) -> str:
 def _speed_up(answer: Answer, best: Measured) -> str:
     """How much less time than the script's own line at its own step, if that was measured."""
     usual = answer.summary.get("usual") or {}
-    own = [one for one in answer.summary["points"] if one["cpu"]
-           and usual == {key: one[key] for key in usual}]  # fmt: skip
+    own = [one for one in answer.every if one["cpu"]
+           and usual == {"integrator": one["integrator"], "dt": one["dt"]}]  # fmt: skip
     if not usual or not own or own[0] is best:
         return ""
     return (
-        f", {cost(own[0]) / cost(best):.2g} times faster than your {own[0]['dt']:g} {answer.unit} "
-        f"with {own[0]['label'].removeprefix('yours: ')} ({_cost(own[0])} s)"
+        f", {cost(own[0]) / cost(best):.2g} times faster than your "
+        f"{own[0]['label'].removeprefix('yours: ')} at {own[0]['dt']:g} {answer.unit} "
+        f"({_cost(own[0])} s)"
     )
 
 
@@ -310,7 +316,7 @@ def _input(best: Measured) -> list[str]:
 
 def _nearest(answer: Answer) -> Iterator[str]:
     """Where nothing is good for sure: what is the least off."""
-    held = [one for one in answer.summary["points"] if one["is_reference"] and not one["failed"]]
+    held = [one for one in answer.every if one["is_reference"] and not one["failed"]]
     if held and answer.targets and meets(held[0], answer.targets) is False:
         yield (
             f"Even with {held[0]['dt']:g} {answer.unit} there is {answer.why_not(held[0])}: this "
@@ -377,25 +383,25 @@ def _tables(answer: Answer) -> list[Table]:
     return [
         Table(
             "Each integrator's fastest step within the targets, else the nearest",
-            _columns(summary, wanted),
+            _columns(answer, wanted),
             [_shown(answer, one) for one in nearest_of],
         ),
         Table(
             "All points",
-            [*_columns(summary, measures), *_further(summary)],
-            [_shown(answer, one) for one in summary["points"]],
+            [*_columns(answer, measures), *_further(summary)],
+            [_shown(answer, one) for one in answer.every],
             file="points",
             long=True,
         ),
     ]
 
 
-def _columns(summary: Mapping, measures: Sequence[str]) -> list[Column]:
-    unit, about = UNITS[summary["units"]].time, summary["about"]
+def _columns(answer: Answer, measures: Sequence[str]) -> list[Column]:
+    summary, unit, about = answer.summary, answer.unit, answer.summary["about"]
     return [
         Column("label", "label", kind="text"),
         Column("dt", "dt", unit, kind="number"),
-        Column("cpu", "CPU", f"s/{summary['ns']}"),
+        Column("cpu", answer.clock, f"s/{summary['ns']}"),
         *(Column(f"of {name}", name, about[name]["unit"], kind="estimate") for name in measures),
         Column("verdict", "verdict", kind="verdict"),
     ]
@@ -408,7 +414,7 @@ def _further(summary: Mapping) -> list[Column]:
         Column("starts", "starts", kind="number"),
         Column("failures", "failures", kind="number", wide=True),
         Column("time", "sampled", unit, kind="number"),
-        Column("cost", "wall", f"s/{summary['ns']}", wide=True),
+        Column("cost", "elapsed", f"s/{summary['ns']}", wide=True),
         Column("status", "status", kind="text", wide=True),
         Column("command", "command", kind="code", wide=True),
     ]

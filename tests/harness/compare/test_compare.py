@@ -20,7 +20,7 @@ from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.compare import case as cases
-from validation.compare import errors, lists, plan, report
+from validation.compare import choice, errors, lists, plan, report, thermostat
 from validation.experiment import Point
 from validation.running import lammps_log, rounds, run
 from validation.scenes.integrators import Integrator
@@ -306,6 +306,61 @@ def test_the_answer_is_the_choice_with_its_lines():
     other = row(6.0, "other", cost=[1.0], drift=(0.9, 0.3))
     _, lines = told(summary_of({"drift": 1.0}, good, other))
     assert "As fast or faster, if they are within the targets: other, 6 fs." in lines
+
+
+def test_the_answer_keeps_the_scripts_thermostat(tmp_path):
+    """Locks out Langevin's friction in the answer to a script with chains and compute msd, a
+    silence on what it does to dynamics, and a faster one for averages that nobody is told of."""
+    fix = "fix 1 all rigid/nvt/small molecule temp 298 298 100\ncompute m all msd com yes"
+    case = cases.of_script(take(scripts.spce(tmp_path, fix=fix), tmp_path / "out"))
+    kinds = {key: thermostat.kind_of(one.lines) for key, one in case.integrators.items()}
+    assert {*case.usual} == {"nosquish-nh", "rigid/nvt/small"} and case.reference == "nosquish-nh"
+    assert (kinds["nosquish"], kinds["nosquish-csvr"]) == ("langevin", "csvr")
+    assert kinds["rigid/small+langevin"] == "langevin" and kinds["shake"] == "nh"
+    assert case.thermostat == {"kind": "nh", "damp": "100 fs", "dynamics": ["compute m msd"]}
+    for line, kind in (
+        ("fix 1 all nve", None),
+        ("fix 1 all rigid/small molecule langevin 1 1 1 5", "langevin"),
+        ("fix 1 all rigid/npt/small/nosquish molecule temp 1 1 1 iso 1 1 1", "nh"),
+        ("fix 1 all nosquish/npt molecule temp 1 1 1 iso 1 1 1 seed 1 thermostat csvr", "csvr"),
+        ("fix 1 all nosquish/nvt molecule temp 1 1 1 seed 1", "langevin"),
+    ):
+        assert thermostat.kind_of([line]) == kind, line
+    own = row(2.0, "rigid/nvt/small", cost=[4.0], drift=(0.1, 0.01)) | {"thermostat": "nh"}
+    ours = row(4.0, cost=[2.0], drift=(0.1, 0.01)) | {"thermostat": "nh"}
+    other = row(6.0, "langevin", cost=[1.0], drift=(0.1, 0.01)) | {"thermostat": "langevin"}
+    usual = {"integrator": "rigid/nvt/small", "dt": 2.0}
+    more = {"thermostat": case.thermostat, "usual": usual}
+    answer, lines = told(summary_of({"drift": 1.0}, own, ours, other, **more))
+    assert "nosquish with a step of 4 fs" in answer
+    assert "2 times faster than your rigid/nvt/small at 2 fs (4 s)" in answer
+    (kept,) = [line for line in lines if line.startswith("Your script reads dynamics (compute m")]
+    assert "Nosé–Hoover chains with a damping time of 100 fs" in kept
+    place = next(n for n, line in enumerate(lines) if line.startswith("For averages only"))
+    assert "langevin, 6 fs, 2 times faster" in lines[place] and "slows diffusion" in lines[place]
+    assert lines[place + 1 :] == ["    fix 1 all langevin molecule", "    timestep 6"]
+    assert any("--only all" in line for line in told(summary_of({"drift": 1.0}, ours, **more))[1])
+    _, lines = told(summary_of({"drift": 1.0}, other, **more))
+    assert any(line.startswith("Your thermostat was not compared") for line in lines)
+
+
+def test_one_rule_and_one_number():
+    """Locks out a cost in the answer that is another one than the table's, a row that is met where
+    the answer says that none is, a shorter step that is open although the named one is longer, and
+    silence about a busy machine."""
+    rows = [row(dt, cost=[5 / dt, 4 / dt, 8 / dt], drift=(0.1, 0.6)) for dt in (1.0, 2.0, 3.0)]
+    rows[2]["errors"]["drift"] = Estimate(0.1, 0.1).plain()  # by itself it would be met
+    found = report.said(summary_of({"drift": 1.0}, *rows))
+    verdicts = [one["verdict"] for one in found.tables[1].rows]
+    assert found.answer.startswith("Not sure") and verdicts == ["cannot tell"] * 3
+    rows[2] |= {"alone": True, "share": 40.0}
+    found = report.said(summary_of({"drift": 1.0}, *rows))
+    assert [one["verdict"] for one in found.tables[1].rows] == ["met"] * 3
+    shown = found.tables[1].columns[2].cell(found.tables[1].rows[2], short=True).text
+    assert found.tables[1].columns[2].heading == "CPU time (s/ns)"
+    assert f"3 fs: {shown} s of CPU time per ns" in found.answer and shown == "1.67"
+    assert any("The machine was busy: a rank had as little as 40 %" in line for line in found.lines)
+    assert any(choice.RULE in line for line in found.lines)
 
 
 def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
