@@ -22,7 +22,6 @@ NOTES = {
     "CPU": "CPU time of all cores per simulated time, without output. Median of parts of the runs, "
     "with the range in points.csv. The answer, the order of the rows and the speed-up are by this "
     "number.",
-    "verdict": choice.RULE,
     "drift, energy": "Of the energy that the integrator conserves, which includes that of "
     "thermostats and barostats.",
     "potential, density, rdf": "Compared with the reference, from the same starts.",
