@@ -21,11 +21,10 @@ from ..statistics.measures import Spread
 
 SAFE = 1.5  # times a step that is named, the integrator still runs
 RULE = (
-    f"A step is met if the {SURE} intervals of all its errors, corrected for the number of "
-    "integrators, are within the targets, and if all shorter steps of its integrator are met, too. "
-    "A step with a long run is judged by that run, and if it is met, so are the shorter ones. A "
-    "step is not met if an error of it, or of a shorter one, is above its target with "
-    f"{SURE} confidence. Otherwise, or if a step {SAFE:g} times as long fails, it is undecided."
+    f"Met: with {SURE} confidence, corrected for several integrators, all errors of the step and "
+    "of the shorter ones are within the targets, or those of a long run of this step or a longer "
+    f"one. Not met: an error of the step, or of a shorter one, is above its target with {SURE} "
+    "confidence. Undecided: all others, and steps above two thirds of one that fails."
 )
 Targets = Mapping[str, float]
 

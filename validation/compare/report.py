@@ -19,9 +19,7 @@ FEW = 4  # points that are named
 BUSY = 90.0  # percent of a core, below which the machine was busy
 FASTER = 0.95  # of the cost at most: less is worth another thermostat
 NOTES = {
-    "CPU": "CPU time of all cores per simulated time, without output. Median of parts of the runs, "
-    "with the range in points.csv. The answer, the order of the rows and the speed-up are by this "
-    "number.",
+    "CPU time": "Of all cores, without output: the median of parts of the runs.",
     "drift, energy": "Of the energy that the integrator conserves, which includes that of "
     "thermostats and barostats.",
     "potential, density, rdf": "Compared with the reference, from the same starts.",
@@ -142,8 +140,10 @@ def said(summary: Mapping) -> Said:
     answer = Answer(summary)
     wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
                        for name, most in answer.wanted.items())  # fmt: skip
-    points = [one for one in summary["points"] if one["failed"]]
-    first = {one["integrator"]: one for one in reversed(points)}
+    first = {one["integrator"]: one for one in reversed(summary["points"]) if one["failed"]}
+    alike: dict[str, list[str]] = {}
+    for one in first.values():
+        alike.setdefault(str(one["failed"]), []).append(one["label"])
     about = {name: _about(one) for name, one in summary["about"].items()}
     script = {"the script": " ".join(summary["notes"])} if summary["notes"] else {}
     return Said(
@@ -156,7 +156,7 @@ def said(summary: Mapping) -> Said:
         notes=NOTES | about | script,
         defeats=[*_defeats(answer)],
         kept=_kept(answer),
-        failures=[f"{one['label']} fails with {one['failed']}" for one in first.values()],
+        failures=[f"{', '.join(labels)}: {why}" for why, labels in alike.items()],
     )
 
 
@@ -264,7 +264,7 @@ def _lines(answer: Answer) -> Iterator[str]:
     yield from _beside(answer, best) if best else _nearest(answer)
     yield from _busy(answer)
     if answer.points and answer.targets:
-        yield f"The rule of all verdicts: {choice.RULE}"
+        yield choice.RULE
     if best:
         yield f"{best['place']}, and the script's timestep:"
         yield from (f"    {line}" for line in _input(best))
@@ -279,8 +279,8 @@ def _busy(answer: Answer) -> Iterator[str]:
     shares = [share for one in answer.points if (share := one.get("share")) is not None]
     if shares and min(shares) < BUSY:
         yield (
-            f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core. CPU "
-            "times are less affected than wall times, but are longer than on an idle machine."
+            f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core. This "
+            "makes CPU times somewhat longer, and wall times much longer."
         )
 
 
