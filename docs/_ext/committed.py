@@ -10,7 +10,6 @@ import json
 import math
 import re
 import shlex
-import statistics
 import sys
 from collections import Counter, defaultdict
 from dataclasses import replace
@@ -23,7 +22,7 @@ if str(ROOT) not in sys.path:
 from validation import pages  # noqa: E402
 from validation.compare import choice  # noqa: E402
 from validation.report import replacements, report  # noqa: E402
-from validation.sample import answers, extrapolation, rivals  # noqa: E402
+from validation.sample import answers, extrapolation  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
 from validation.statistics.check import VERDICTS  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
@@ -151,14 +150,6 @@ def compare_water():
     return _errors("water")
 
 
-def compare_peptide():
-    return _errors("peptide")
-
-
-def compare_dimer():
-    return _errors("dimer")
-
-
 def compare_times():
     """CPU time of LAMMPS's fixes over ours, at each step that both can run."""
     body = []
@@ -274,44 +265,6 @@ def styled(text):
     )
 
 
-# ---- ensembles
-
-
-def _number(row, name, unit):
-    value = row[f"{name} ({unit})"]
-    return margin(value, row.get(f"{name} margin ({unit})")) if value else NOTHING
-
-
-def _step(row):
-    return float(row["step (fs)"])
-
-
-_OF_SAMPLING = "bias", "cost"  # parts of its bounds; the others are those of thermostats
-_TEMPERATURES = ("temp", "K"), ("T_trans − T_rot", "K")
-
-
-def ensembles_density():
-    """Biases of the density that follow from those of the pressure at constant volume, in per cent:
-    to first order that of the pressure times the compressibility.  Of one per cent and more the
-    first order says little, so these are left out."""
-    column = "κ of V's sd (1e-5/atm)"
-    kappa = statistics.fmean(float(row[column]) for row in rows("sample-pressure"))
-    body = []
-    for row in rows("sample-water"):
-        if not row["scheme"].startswith("NVT"):
-            continue
-        names = "pressure (atm)", "pressure margin (atm)"
-        value, error = (-1e-3 * kappa * float(row[name]) for name in names)
-        if abs(value) < 1:
-            pressure = _number(row, "pressure", "atm")
-            body.append([row["scheme"], f"{_step(row):g}", pressure, margin(value, error)])
-    heads = "scheme", "step, fs", "bias of the pressure, atm", "of the density from it, %"
-    return markdown(heads, body)
-
-
-# ---- sampling
-
-
 # ---- advice for scripts
 
 
@@ -367,23 +320,6 @@ def step_zero():
     heads = (f"{BY_KEY[key].title}, {extrapolation.unit(key)}" for key in keys)
     told = ", ".join(map(str, steps))
     return markdown([f"scheme, from steps of {told} fs", *heads], body)
-
-
-def factors():
-    """Of the best point of refined averages: gains, and the two ratios of which they are made."""
-    body = []
-    for name in sorted(path.name for path in RESULTS.glob("sample-*-refined")):
-        found = summary(name)
-        points = {(row["label"], row["dt"]): row for row in found["rows"]}
-        ours = rivals.best(found["rows"])
-        for key, goal in found["goals"].items():
-            theirs = points[goal["label"], goal["dt"]]
-            cost = theirs["cost"]["median"] / ours["cost"]["median"]
-            noise = theirs["noise"][key]["value"] / ours["noise"][key]["value"] / cost
-            gain = _gain(ours["faster"][key])
-            body.append([found["scene"], BY_KEY[key].title, *map(significant, (cost, noise)), gain])
-    heads = "CPU time per ps, ratio", "variance per ps, ratio", "time to the same error, ratio"
-    return markdown(["liquid", "average", *heads], body)
 
 
 RECIPE = RESULTS / "peptide-recipe.json"  # of inputs/recipes/peptide/compare.py
@@ -450,14 +386,6 @@ def estimate(found):
 # ---- where results come from
 
 
-def made(verb):
-    """How a verb's results were made: command, date, machine, versions; a sentence each."""
-    found = summary(verb)
-    again = found.get("again")  # parts that were made later
-    later = f" Since then {again['parts']}: {_made(again)}" if again else ""
-    return f"Made by {_made(found)}{later}"
-
-
 def _made(found):
     versions = found["versions"]
     return (
@@ -473,11 +401,6 @@ def scene(folder):
     if "settings" in found:
         return f"Scene: {found['title']}, {found['settings']['time']:g} ps from each start."
     return f"Scene: {found['title']}, {found['starts']} starts."
-
-
-def answer(folder):
-    """The answer that a verb gives."""
-    return said(folder).answer
 
 
 def holding(verb, name="table"):
@@ -585,11 +508,10 @@ def _gain(ratio):
 FILLS = {
     function.__name__: function
     for function in (
-        *(compare_water, compare_peptide, compare_dimer, compare_times, standing, cases, reported),
-        *(ensembles_density, own_scripts, factors, step_zero, beside_shake, shake_made, answer),
+        *(compare_water, compare_times, standing, cases, reported),
+        *(own_scripts, step_zero, beside_shake, shake_made),
         *(
             extreme_passed,
-            made,
             scene,
             holding,
             checks,

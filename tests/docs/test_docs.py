@@ -267,12 +267,17 @@ def with_thermostat(name, words):
     """An example of the documentation, as files and as an input script."""
     example, data = f"{name.partition('.')[0]}.py", ROOT / "inputs" / "water" / "data.water"
     given = {example: (DOCS / example).read_text(), "data.water": data.read_text()}
-    ours = f"{name} all molecule temp 1 1 1e-1 {words} seed 7"
+    ours = f"{name} all molecule temp 1 1 1e-1 {words}"
     return given, FREE.replace("damped.Damped all molecule", ours)
 
 
 @pytest.mark.parametrize(
-    "name, words", [("annealed.AnnealedNVT", ""), ("andersen.AndersenNVT", "part 0.7")]
+    "name, words",
+    [
+        ("annealed.AnnealedNVT", "seed 7"),
+        ("andersen.AndersenNVT", "part 0.7 seed 7"),
+        ("weak.BerendsenNVT", ""),
+    ],
 )
 def test_thermostats_of_the_documentation(run_lammps, name, words):
     """Locks out examples that do not run as they stand, that do not keep the temperature, or whose
@@ -291,7 +296,7 @@ OWN = "andersen.AndersenNVT"
 def test_own_keywords_values_and_state(run_lammps):
     """Locks out a keyword of one's own that does not arrive, a value of one's own that is not
     behind the package's, and a state that ranks have differently or that a restart forgets."""
-    given, lines = with_thermostat(OWN, "part 1")
+    given, lines = with_thermostat(OWN, "part 1 seed 7")
     lines = lines.replace("f_1[1] f_1[2] pe", "f_1[3] f_1[6]")
     whole = run_lammps(lines, files=given, timeout=250).thermo["f_1[6]"]
     collisions = 200 * (1.0 - np.exp(-0.05))
@@ -318,7 +323,7 @@ def test_own_keywords_values_and_state(run_lammps):
 def test_wrong_own_keywords(run_lammps, words, message):
     """Locks out a keyword of one's own that is not checked as the package's, and a message that
     shows another line than the user's."""
-    given, lines = with_thermostat(OWN, words)
+    given, lines = with_thermostat(OWN, f"{words} seed 7")
     done = run_lammps(lines, files=given, check=False, timeout=250)
     assert done.code and message in done.screen and f"{OWN} all molecule" in done.screen
 
