@@ -149,7 +149,9 @@ def run_lammps(tmp_path, sessions, pytestconfig):
             (tmp_path / name).write_text(text)
         log = tmp_path / "log.lammps"
         log.unlink(missing_ok=True)
-        launcher = launcher or pytestconfig.option.launcher
+        if (only := pytestconfig.option.launcher) == "lmp" and launcher in ("module", "library"):
+            pytest.skip("--launcher lmp: a script from Python")
+        launcher = launcher or only
         if launcher:
             command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
             done = subprocess.run(

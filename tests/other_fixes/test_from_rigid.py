@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 
-from support.running import read_thermo
+from support.running import LAMMPS, read_thermo
 from support.systems import LIKE_LAMMPS, RIGID, SMALL, mixture
 from validation.scenes.integrators import target
 
@@ -127,9 +127,12 @@ def test_gravity(both, how, ranks):
     if how == "variable behind":
         lines[0] = "variable g equal 2.0\n" + lines[0].replace("2.0", "v_g")
     lines = "\n".join(lines[:: -1 if "behind" in how else 1])
+    theirs = f"{weight} disable\n{THEIRS} gravity g"
+    if LAMMPS < (2025,):  # there bodies have no weight in the first half of a run's first step
+        theirs = f"{weight}\n{THEIRS}"
     tables = both(
         f"{lines}\n{end}",
-        f"{weight} disable\n{THEIRS} gravity g\n{end}",
+        f"{theirs}\n{end}",
         ranks=ranks,
     )
     assert_alike(*tables, ["PotEng", "KinEng"])
