@@ -14,15 +14,16 @@ from ..running import machine, rounds, run
 from ..running.starts import from_dump, to_dump
 from ..running.store import Store
 from ..scenes import FS_PER_PS, Scene, steps
-from .engine import EngineRun, of_scene
+from . import openmm_engine
 from .schemes import FIRST_SEED, RAW, Scheme
 
+LAMMPS = "LAMMPS"  # the program that runs schemes without an engine
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
 BEGIN = 20.0  # ps at most of a run that makes a start
 LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
 BEGIN_STEP = 2.0  # fs of a run that makes a start, at most
-SPARSE = 2  # times as far apart are samples of other engines: OpenMM's pressure takes two steps
+SPARSE = 2  # OpenMM's samples are so many times rarer: its pressure takes two steps
 ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
 TIMED = "timed"  # folder of these runs, and what is kept of them
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
@@ -272,16 +273,17 @@ class Runs:
         runs = self.lengths.runs(point.dt, scheme.stride)
         every = self.lengths.every(point.dt, scheme)
         if scheme.engine:
-            how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
-            course = EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
-            return scheme.engine.job(course, of_scene(self.plan.scene), folder, self.silence)
+            how = self.plan.temperature, scheme.friction, point.dt
+            course = openmm_engine.EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
+            water = openmm_engine.of_scene(self.plan.scene)
+            return openmm_engine.job(course, water, folder, self.silence)
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
         """What LAMMPS, or another engine, is told of a point."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
-            return scheme.engine.words(self.job(point, 1).given)
+            return openmm_engine.words(self.job(point, 1).given)
         return scheme.commands(self.plan.scene)
 
     def costs(
