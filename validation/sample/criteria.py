@@ -4,10 +4,9 @@ They were set before the data: the errors that users accept today at 2 fs, of hy
 smaller one, and a cost that was set as a goal.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
 
-from ..statistics.check import VERDICTS, Check
+from ..statistics.check import Check
 from ..statistics.estimate import Estimate
 from . import rivals
 from .observables import BY_KEY, OBSERVABLES
@@ -35,7 +34,6 @@ APART = {
     "npt-langevin": {4.0: 1.5, 6.0: 4.0},
 }
 STATES = 2.0  # standard deviations: a right scheme is within them in 19 of 20 cases
-MOST = 20  # times as long: beyond, the number itself is too uncertain to say how long
 FASTER = 4.0  # times less than the best rival's, the time to the same error
 TITLES = {
     "bias": "Averages within the bounds",
@@ -82,8 +80,7 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
         if numbers.get(key):
             what, unit = _named(key)
             ends: dict = {"low": -within, "high": within, "unit": unit}
-            check = Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
-            yield _with_hours(check, summary, key, [row])
+            yield Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
 
 
 def _named(key: str) -> tuple[str, str]:
@@ -101,36 +98,7 @@ def _gains(summary: Mapping) -> Iterator[Check]:
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
         found = rivals.estimate(gain, FASTER)
-        check = Check.of("cost", _subject(best), what, found, low=FASTER)
-        known = goal["label"], goal["dt"]
-        rows = [row for row in summary["rows"] if row is best or (row["label"], row["dt"]) == known]
-        yield _with_hours(check, summary, key, rows)
-
-
-def _with_hours(check: Check, summary: Mapping, key: str, rows: Sequence[Mapping]) -> Check:
-    """A check that cannot be told has the core-hours that would tell it, if the number stayed: of
-    these rows, and of the points of their limit, unless another command has found that one."""
-    if check.value is None or check.verdict != VERDICTS[2]:
-        return check
-    limit, known = summary["limits"].get(key, {"points": []}), 0.0
-    points = {(scheme, dt) for scheme, dt, _ in limit["points"]}
-    some = [row for row in summary["rows"] if (row["scheme"], row["dt"]) in points]
-    if len(some) < len(points):
-        some, known = [], Estimate.of(limit).margin
-        known *= 100 / limit["value"] if BY_KEY[key].relative else 1.0
-    some += [row for row in rows if row not in some]
-    if (known and check.part == "cost") or not all(row["cost"] for row in some):
-        return check
-    gap = min(abs(check.value - end) for end in (check.low, check.high) if end is not None)
-    if gap <= known:
-        return replace(check, note="the limit of small steps would have to be known better")
-    longer = (check.margin**2 - known**2) / (gap**2 - known**2)
-    if longer > MOST:
-        return replace(check, note=f"too near to its bound: over {MOST} times as long would tell")
-    lasts = summary["settings"]["settle"] + summary["settings"]["time"]
-    hours = sum(row["starts"] * row["cost"]["median"] for row in some) * lasts / 3600
-    more = float(f"{hours * (longer - 1):.2g}")
-    return replace(check, note=f"{more:g} core-hours more would tell")
+        yield Check.of("cost", _subject(best), what, found, low=FASTER)
 
 
 def _subject(row: Mapping) -> str:

@@ -93,8 +93,6 @@ NOTES = {
     "times less": "CPU time of the best rival divided by that of the point, until bias² + variance "
     f"= 2 E², with the {SURE} interval. The best rival is the one of LAMMPS's fixes that takes the "
     "least time. 0 means that the bias alone is above E, or may be; ∞ that the rival's may be.",
-    "core-hours": "CPU time that the point and those of its limit would need in addition for a "
-    "verdict, if the number did not change.",
     "clock": "Wall time of the whole run of another engine, on a core that may have had other "
     "work. Do not compare engines by it.",
 }

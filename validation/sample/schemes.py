@@ -76,7 +76,6 @@ def _thermostats() -> Iterator[Thermostat]:
         yield Thermostat(name, f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0)
     noise = f"csvr seed {SEED}"
     yield Thermostat("csvr", "csvr", DAMPING, noise)
-    yield Thermostat("csvr-separate-50", "csvr 50/ps, separate", 20.0, noise + " separate yes")
     yield Thermostat("nh", "nh", DAMPING, "nh")
     # a refined average has no error of the second order, so what small steps lead to is its own
     more: dict = {"reach": None, "refined": True}
@@ -262,21 +261,16 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
 
 
 def _rigid(bodies: Bodies) -> list[Scheme]:
-    """LAMMPS's rigid fixes, and its hybrid Monte Carlo of them."""
+    """LAMMPS's rigid fixes."""
     usual = state(bodies.temperature, DAMPING)
     chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
     lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
     steps, whole = (0.5, 1.0, 2.0, 3.0, 4.0), bool(bodies.rest)
     name, label = "rigid+langevin", "rigid/nve/small + langevin"
-    # not by default: it draws all momenta anew each time, so averages take long
-    chance = f"fix chance {{group}} hmc {HYBRID} {SEED} {bodies.temperature:g} rigid 1"
-    hybrid: dict = {"name": "rigid+hmc", "label": "rigid/nve/small + fix hmc", "usual": False}
-    hybrid |= {"lines": (*small.lines, chance), "stride": HYBRID, "steps": (1.0, 2.0, 4.0)}
     return [
         # it counts three degrees of freedom more than a whole without momentum has
         Scheme.of(chains, lines=lines, held=3, steps=steps, whole=whole),
         Scheme.of(small, _kicks(bodies), name=name, label=label, steps=steps, reach=4.0),
-        *[Scheme.of(small, **hybrid)] * (not whole),
     ]
 
 

@@ -15,7 +15,7 @@ from validation.sample import criteria, measure, observables, scenes, schemes
 from validation.sample import plan as plans
 from validation.sample.observables import BY_KEY, of_momentum
 from validation.sample.plan import DIPOLE, Lengths, Runs
-from validation.statistics.estimate import Estimate, margin
+from validation.statistics.estimate import Estimate
 
 KT = 0.0019872067 * 298.0  # kcal/mol
 N, SAMPLES, VOLUME = 512, 40000, 15360.0
@@ -51,14 +51,15 @@ def test_what_runs(name, tmp_path):
     names = [trajectory.name for trajectory in some.trajectories(points)]
     assert len(set(names)) == len(names) == 2 * (1 + len(points))
     assert set(plan.known) <= set(points) and len(set(points)) == len(points)
-    others = {"rigid/nvt/small", "rigid+hmc"} | {
+    others = {"rigid/nvt/small"} | {
         one
         for one, scheme in plan.schemes.items()
         if scheme.first or scheme.refined or one.endswith("-step")
     }
     if name == "peptide":
         others |= {one for one in plan.schemes if one.startswith("shake")}
-    alone = {one for one, scheme in plan.schemes.items() if scheme.reach is None}
+    limited = {one: scheme for one, scheme in plan.schemes.items() if not scheme.engine}
+    alone = {one for one, scheme in limited.items() if scheme.reach is None}
     assert alone == others & set(plan.schemes)
     certain = {one for one in plan.schemes if one.startswith("nh")}
     certain |= {"npt-mtk", "rigid/nvt/small", "rigid/npt/small", "shake+npt", "shake+nvt"}
@@ -326,7 +327,7 @@ def checks(
     row["deviation"] = deviation and Estimate(deviation, error).plain()
     row["biases"] = {key: Estimate(value, error).plain() for key, value in numbers.items()}
     lengths = {"time": time, "settle": 5.0}
-    summary = {"scene": scene, "temperature": 298.0, "settings": lengths, "others": {}}
+    summary = {"scene": scene, "temperature": 298.0, "settings": lengths}
     short = row | {"scheme": "short", "dt": 2.0, "starts": 1, "cost": {"median": 14.4}}
     summary |= {"known": [{"dt": 2.0}], "rows": [row, short | {"faster": {}}]}
     limit = limit or {"points": [["short", 2.0, 1.0]]}
@@ -363,20 +364,6 @@ def test_bounds(key, part, scheme, dt, most):
             assert made[part].holds is holds and made[part].value == value
             unsure = checks(scheme=scheme, dt=dt, error=0.02 * most, **{key: value})
             assert unsure[part].holds is None
-
-
-def test_hours_that_would_tell():
-    """Locks out hours of the point alone, where its limit needs them, too, and of a verdict that is
-    known: an interval three times too wide takes eight times the 0.2 core-hours of both more."""
-    error = 3 * 12.5 / margin(1.0)
-    assert checks(pressure=12.5, error=error)["bias"].note == "1.6 core-hours more would tell"
-    assert not checks(pressure=12.5)["bias"].note
-    known = {"points": [["known", 0.0, 1.0]], "value": 50.0, "error": 6.0 / margin(1.0)}
-    needed = 0.1 * ((37.5**2 - 6**2) / (12.5**2 - 6**2) - 1)  # the limit's error stays
-    note = checks(pressure=12.5, error=error, limit=known)["bias"].note
-    assert note == f"{needed:.2g} core-hours more would tell"
-    note = checks(torque=0.8, error=0.2, limit=known)["bias"].note  # 12 % of 50
-    assert note == "the limit of small steps would have to be known better"
 
 
 def test_what_is_not_judged():
