@@ -356,7 +356,7 @@ def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
     assert "No rigid part, so no file" in told(path, 1)
     data = tmp_path / "rings.data"
     data.write_text(data.read_text().replace("13.019", "12.011"))
-    assert "whose fixes do not say what is rigid" in told(path)
+    assert "whose fixes do not define bodies" in told(path)
     text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
     path.write_text(text)
     of_rings = told(path, 0)

@@ -228,7 +228,7 @@ SAID = [  # a script, options, and parts of what the one line says
     ("", {}, "has no run"),
     (f"{GAS}jump /nowhere/nothing\n", {}, "failed at 'jump /nowhere/nothing'"),
     (f"{GAS}jump SELF there\n", {}, "Label...wasn't found"),
-    ("jump SELF\n", {}, "a loop of the script have no end"),
+    ("jump SELF\n", {}, "a loop of the script may have no end"),
     *(
         (f"{GAS}{line}\nrun 1\n", {}, f"the script failed at '{line}': ERROR")
         for line in (
@@ -243,7 +243,7 @@ SAID = [  # a script, options, and parts of what the one line says
     (f"{GAS}fix 1 a nve\nrun 5\n", {"fix": ("9",), **HOW},
      "there is no fix 9 at that run; it has 1 (nve"),
     (f"{GAS}{OWN}run 5\n", {"fix": ("9",)}, "no run of the script has fix 9"),
-    (f"{GAS}{OWN}run 5\n", {"at": 3}, "the script has 1 such runs"),
+    (f"{GAS}{OWN}run 5\n", {"at": 3}, "the script has only 1 such runs"),
     (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"group": "waters"},
      "no group waters at its run; it has all, a, b"),
     *(
