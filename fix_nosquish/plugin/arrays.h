@@ -1,4 +1,4 @@
-/* The cells through which loops see LAMMPS's arrays. */
+/* The cells for LAMMPS's arrays of atoms. */
 
 #ifndef FIX_NOSQUISH_ARRAYS_H
 #define FIX_NOSQUISH_ARRAYS_H
@@ -17,13 +17,12 @@ class AtomArrays : public Part {
 
   using Part::Part;
 
-  // Tell KOKKOS what may be newer on the host behind each hook. As for any fix of which it knows no more, it brings what is newer on
-  // the card to the host before each, and what LAMMPS does within one, as where hybrid Monte Carlo goes back, begins and ends with
-  // the host's arrays.
+  // Tell KOKKOS which arrays a hook may change on the host. Before a hook it copies what is newer on the device to the host. So what
+  // LAMMPS does within a hook, such as new forces for hybrid Monte Carlo, uses the arrays of the host.
 
   void declare() const { fix->datamask_modify = changed_arrays(atom); }
 
-  // Keep the forces of now for the bodies: fixes behind this one add theirs to LAMMPS's own arrays.
+  // Store the present forces for the bodies: fixes after this one add theirs to LAMMPS's arrays.
 
   void keep_forces()
   {
@@ -36,7 +35,7 @@ class AtomArrays : public Part {
     keep(bridge.arrays->atom_torque, kept_torque, atom->torque);
   }
 
-  // Point the cells at LAMMPS's arrays as they are.
+  // Set the cells to LAMMPS's arrays.
 
   void point(const Exchange &exchange)
   {
@@ -60,7 +59,7 @@ class AtomArrays : public Part {
     cells.origins.point(exchange.origin, n);
     cells.membership.point(exchange.membership, n);
     cells.arrived.point(exchange.arrived.data(), cells.arrived.rows, bridge.carries);
-    cells.clusters = cells.counted_f = {};    // filled where they are needed
+    cells.clusters = cells.counted_f = {};    // set when they are needed
   }
 
  private:

@@ -1,4 +1,4 @@
-/* The periodic box, where the class or another fix changes it. */
+/* The simulation box, if the class or another fix changes it. */
 
 #ifndef FIX_NOSQUISH_BOX_H
 #define FIX_NOSQUISH_BOX_H
@@ -22,8 +22,8 @@ namespace nosquish {
 class Box : public Part {
  public:
   using Numbers = std::array<double, 9>;    // lowest and highest coordinates, xy, xz, yz
-  Numbers kept{};                           // what the passes are for
-  Numbers told{};                           // what the passes deform and flipped take
+  Numbers kept{};                           // the box of the passes
+  Numbers told{};                           // the argument of the passes deform and flipped
 
   using Part::Part;
 
@@ -44,7 +44,7 @@ class Box : public Part {
     first_volume = volume();
   }
 
-  // The box has changed, and all atoms are where it has them.
+  // Set the box; the atoms are where it has them.
 
   void set(const double *numbers)
   {
@@ -61,15 +61,15 @@ class Box : public Part {
     keep();
   }
 
-  // The box has other vectors of the same lattice: behind those of `set` the multiples of a added to b, of a to c, and of b to c.
-  // Nothing moves in space, but atoms belong to other ranks, far away. So LAMMPS brings them there, in parts of the way.
+  // Set the box to other vectors of the same lattice. After the numbers of `set` come the multiples of a added to b, of a to c, and of b
+  // to c. Nothing moves in space, but atoms belong to other ranks, perhaps far away, so LAMMPS sends them there in several exchanges.
 
   int64_t flip(const double *numbers)
   {
     const double xy = numbers[9], xz = numbers[10], yz = numbers[11];
     domain->x2lamda(atom->nlocal);
     domain->pbc();
-    comm->setup();    // fix balance may just have given the ranks other parts of the box
+    comm->setup();    // fix balance may just have changed the subdomains
     comm->exchange();
     if (yz != 0.0) {
       domain->image_flip(0, 0, (int) yz);
@@ -90,8 +90,7 @@ class Box : public Part {
     return domain->dimension == 3 ? area * domain->zprd : area;
   }
 
-  // A warning, once in a run. A liquid or a solid changes its volume by much less than this: it boils or flies apart, or the start
-  // was far too dilute. Empty if there is nothing to say.
+  // A warning, once in a run, if the volume has changed by a factor that is impossible for a liquid or a solid; else empty.
 
   std::string warning()
   {
@@ -109,7 +108,7 @@ class Box : public Part {
     return "WARNING: " + problem(fix, text.str());
   }
 
-  // With remap v fix deform changes the box alone, and does not tell. Returns whether it has done so.
+  // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so.
 
   bool streams() const
   {
@@ -121,11 +120,11 @@ class Box : public Part {
   }
 
  private:
-  double first_volume = 0.0;     // of the run; 0 when its change has been told
-  double first_rate[6] = {};     // how fast fix deform's box vectors change, as a run begins
+  double first_volume = 0.0;     // of the run; 0 after a warning
+  double first_rate[6] = {};     // h_rate when the run began
 
-  // Take from an axis of the atoms' coordinates in the box so many of y, and of z, about its centre; no further at once than to
-  // the next rank.
+  // Shift an axis of the atoms' lamda coordinates by -y and -z times the other two (about the center of the box), in parts so small
+  // that an atom goes at most to the next rank in each exchange.
 
   void shift_lamda(int axis, double y, double z)
   {

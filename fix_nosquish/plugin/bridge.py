@@ -1,7 +1,7 @@
-"""The Python side of the plugin's ``fix python/move``: makes the class, and lends its methods.
+"""The Python side of a fix of the plugin: makes the instance, and gives C++ its methods.
 
-The fix holds a plain C struct, `Bridge`, and passes its address to `attach`, which fills in one C
-callback for each method that the instance has.
+The fix passes the address of a `structs.Bridge` to `attach`, which sets a callback for each method
+that the instance has.
 """
 
 import atexit
@@ -33,20 +33,20 @@ from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
 
 REQUIRED = "initial_integrate", "final_integrate"
-RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # last arguments of hooks
+RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # the last argument of some hooks
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
 
 def failed(bridge: Bridge, problem: BaseException) -> Outcome:
-    """Leave the message of an exception for LAMMPS; return how the run must end."""
+    """Store the message of an exception for LAMMPS; return how the run must end."""
     alike = isinstance(problem, RunError) and problem.everywhere
     text = str(problem)
     if not isinstance(problem, RunError):
         kind = type(problem)
         text = f"{kind.__name__}: {text}" if text else kind.__name__
         if sys.stderr and problem.__traceback__:
-            trace = problem.__traceback__.tb_next  # from the class's own frame on
+            trace = problem.__traceback__.tb_next  # without the frame of this file
             sys.stderr.write("".join(traceback.format_exception(kind, problem, trace)))
             sys.stderr.flush()
     argument = getattr(problem, "argument", None)
@@ -56,12 +56,12 @@ def failed(bridge: Bridge, problem: BaseException) -> Outcome:
     return Outcome.FAILED_ALIKE if alike else Outcome.FAILED_HERE
 
 
-# by the address of a bridge: the bridge, its instance and host, while the fix exists
+# by the address of a bridge: bridge, instance and host, while the fix exists
 _live: dict[int, tuple[Bridge, Any, Host | None]] = {}
 
 
 def attach(address: int) -> None:
-    """Make the instance that a new fix names, and fill in its hooks. Called by the plugin."""
+    """Make the instance for a new fix, and set its hooks. The plugin calls this."""
     bridge = Bridge.from_address(address)
     if bridge.checksum != CHECKSUM:
         print("fix_nosquish: the compiled plugin is of another version: reinstall", file=sys.stderr)
@@ -94,7 +94,7 @@ def _text(line: bytes) -> str:
     """The fix line, a word a line, as text.
 
     Raises:
-        RunError: for letters of which LAMMPS has kept a part only.
+        RunError: for letters beyond ASCII, which LAMMPS has damaged.
     """
     try:
         return line.decode()
@@ -119,10 +119,10 @@ def _construct(bridge: Bridge) -> Any:
 
 
 def _of_target(target: str, capsule: object) -> Any:
-    """Import, look up and call "module.class words", as LAMMPS's own fix python/move does."""
+    """Import the module of "module.class words", and make an instance of the class."""
     refuse(
         not target.strip(),
-        'the text behind python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
+        'the text after python/move is empty: expected "fix_nosquish.NVE GROUP BODYSTYLE ..."',
     )
     place, space, words = target.partition(" ")
     module_name, dot, name = place.rpartition(".")
@@ -158,8 +158,7 @@ def _of_target(target: str, capsule: object) -> Any:
 
 
 def _announce(bridge: Bridge, instance: Any) -> None:
-    """Note what LAMMPS must know of the instance from the start, such as its vector's size."""
-
+    """Tell LAMMPS what it must know when the fix is made, such as the size of its vector."""
     template = getattr(instance, "template", None)
     bridge.template_id = template and template.encode()
     for name in "restart_file", "rigid_flag", "follows_atoms", "flips", "needs_energy", "couples":
@@ -182,12 +181,11 @@ def _announce(bridge: Bridge, instance: Any) -> None:
 
 
 def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[..., int]:
-    """A callback that calls the method of that name, and lets no exception into C++.
+    """A callback that calls the method of that name, and passes no exception into C++.
 
-    The method takes texts as `str`. What it returns goes to the last argument of the callback, if
-    that is a place for numbers. As it is called, `virial_per_atom` of an instance that has this is
-    a zeroed view (natoms, 9); None where LAMMPS asks for none, and in hooks that have nothing to
-    add to it.
+    The method takes texts as `str`. Its result goes to the last argument of the callback, if that
+    is an address for numbers. During the call, `virial_per_atom` of an instance that has this
+    attribute is a view of zeros (natoms, 9), or None if LAMMPS needs no virial per atom.
     """
     per_atom = bridge.wants_virial_per_atom
     result = RESULTS.get(signature._argtypes_[-1]) if signature._argtypes_ else None
@@ -214,24 +212,24 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
 
 @CFUNCTYPE(None, c_void_p)
 def _release(address: int) -> None:
-    """Let go of the instance: the fix goes away, and with it the memory of the bridge."""
+    """Release the instance, because the fix and the memory of the bridge end."""
     bridge, instance, host = _live.pop(address)
     if host:
         del host._bridge
     if bridge.wants_virial:
         instance.virial = instance.virial.copy()
     for name, kind in HOOKS.items():
-        setattr(bridge, name, kind.python())  # the callbacks hold the instance, which must go now
+        setattr(bridge, name, kind.python())  # the callbacks refer to the instance
     bridge.release = type(bridge.release)()
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.phase = 0
-    if hasattr(instance, "let_go"):  # what a driver still holds must not reach into freed memory
+    if hasattr(instance, "let_go"):  # a driver may still have it, and must not read freed memory
         instance.let_go()
 
 
 @atexit.register
 def _release_all() -> None:
-    """Take back every callback: LAMMPS objects may outlive this interpreter."""
+    """Remove all callbacks, because LAMMPS may outlive this interpreter."""
     for address in list(_live):
         _release(address)

@@ -1,4 +1,4 @@
-/* Clusters of atoms that fix shake or rattle holds together, where the box moves them. */
+/* Clusters of fix shake or rattle in a box that changes. */
 
 #ifndef FIX_NOSQUISH_CLUSTERS_H
 #define FIX_NOSQUISH_CLUSTERS_H
@@ -15,23 +15,23 @@
 namespace {
 namespace nosquish {
 
-// Whether a fix holds atoms together by forces.
+// Whether a fix constrains clusters of atoms.
 
 bool holds(const Fix *fix)
 {
   return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
 }
 
-// Atoms that are held move with the box as one, by the centre of mass of their cluster. So its constraints stay, and their forces do
-// no work. An atom that is not held is its own centre.
+// A cluster moves with the box as a whole, by its center of mass, so its constraints stay satisfied, and their forces do no work.
+// An atom that is not constrained is its own cluster.
 
 class Clusters : public Part {
  public:
   using Part::Part;
 
-  // Fill the cell `clusters`, of each local atom: how far it is from the centre of its cluster, and the velocity of that, six
-  // numbers. Ghost atoms may be where they were before this step. Returns the ID of an atom of which others that are held with it
-  // stay where they are, or 0. Collective.
+  // Fill the cell `clusters`: for each local atom its position relative to the center of mass of its cluster, and the velocity of that
+  // center. Ghost atoms are updated first. Returns the ID of an atom whose cluster does not move with the box as a whole, or 0.
+  // Collective.
 
   int64_t find()
   {
@@ -68,8 +68,8 @@ class Clusters : public Part {
  private:
   std::vector<double> rows;
 
-  // The row of an atom that a fix may hold. What it holds an atom with is in what it sends along with the atom: how many there are
-  // (1: three with an angle), and their IDs. Returns whether all of these move with the box.
+  // Fill the row of an atom. What fix shake sends with an atom to another rank begins with the number of atoms of its cluster (1: three
+  // with an angle) and their IDs. Returns whether all of these move with the box.
 
   bool fill(int i, Fix *other, double *cluster) const
   {
@@ -81,7 +81,7 @@ class Clusters : public Part {
     std::fill_n(cluster, 6, 0.0);
     for (int k = 1; k <= members; k++) {
       const int j = domain->closest_image(i, atom->map((tagint) sent[k]));
-      if (j < 0) continue;    // fix shake ends the run, and says why
+      if (j < 0) continue;    // fix shake will end the run with a message
       all_move &= (atom->mask[j] & bridge.held) != 0;
       const double m = atom->rmass ? atom->rmass[j] : atom->mass[atom->type[j]];
       mass += m;

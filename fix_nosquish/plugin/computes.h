@@ -1,5 +1,5 @@
-/* Computes rigid/local/nosquish, ke/rigid/nosquish, erotate/rigid/nosquish: what LAMMPS's own say of its rigid fixes, of the fixes of
-   this plugin. */
+/* Computes rigid/local/nosquish, ke/rigid/nosquish and erotate/rigid/nosquish: LAMMPS's computes of these names for the fixes of this
+   plugin. */
 
 #ifndef FIX_NOSQUISH_COMPUTES_H
 #define FIX_NOSQUISH_COMPUTES_H
@@ -21,7 +21,7 @@ class ComputeOfBodies : public Compute {
     const std::vector<std::string> given(arg + 4, arg + std::max(4, narg));
     for (const auto &word : given)
       if (!std::count(VALUES.begin(), VALUES.end(), word))
-        end_on_all(lmp, problem("'" + word + "' is no value of a body: expected some of " + utils::join_words(VALUES, ", ")));
+        end_on_all(lmp, problem("'" + word + "' is not a value of a body: expected some of " + utils::join_words(VALUES, ", ")));
     words = utils::join_words(given, " ");
     size_local_cols = narg == 5 ? 0 : narg - 4;
     scalar_flag = extscalar = !local_flag;
@@ -30,7 +30,7 @@ class ComputeOfBodies : public Compute {
   void init() override
   {
     find();
-    size_local_rows = 0;    // there may be no bodies yet
+    size_local_rows = 0;    // the bodies may not exist yet
   }
 
   double compute_scalar() override

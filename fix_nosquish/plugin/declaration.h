@@ -1,4 +1,4 @@
-/* The fix between runs: how it is made, what it declares to LAMMPS and to Python, and what LAMMPS asks of it. */
+/* The constructor of the fix, what it declares to LAMMPS and to Python, and fix_modify. */
 
 #ifndef FIX_NOSQUISH_DECLARATION_H
 #define FIX_NOSQUISH_DECLARATION_H
@@ -21,7 +21,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   dynamic = 1;    // see init()
 
   const auto obstacle = start_python();
-  if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have a Python, and wait in it
+  if (!obstacle.empty()) failures.end_run(obstacle);    // other ranks may have started Python and wait
 
   fill_bridge();
   exchange.make_arrays();
@@ -31,7 +31,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   const auto address = std::to_string(reinterpret_cast<uintptr_t>(static_cast<Bridge *>(&bridge)));
   run_python("__import__('fix_nosquish.plugin.bridge', fromlist=['attach']).attach(" + address + ")");
   bridge.line = nullptr;
-  bridge.kept_rows = 0;    // LAMMPS drops what it has read
+  bridge.kept_rows = 0;    // LAMMPS deletes what it has read
   if (bridge.outcome != DONE) failures.end_run(bridge.message, 5.0);    // imports may take their time
 
   if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
@@ -42,7 +42,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   state.take_over();
 }
 
-// What Python may ask of this fix, and where LAMMPS keeps what Python reads.
+// Fill in the addresses of data and functions for Python.
 
 void FixPythonMove::fill_bridge()
 {
@@ -88,14 +88,14 @@ void FixPythonMove::fill_bridge()
   bridge.molecule = Lend<&Molecules::describe, &Self::molecules>();
 }
 
-// What LAMMPS is to know of the integrator, as its class declares it.
+// Set the flags of the fix from what its class declares.
 
 void FixPythonMove::declare()
 {
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
   if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
-  centroidstressflag = CENTROID_AVAIL;    // not symmetric: no force of an atom is along its arm
+  centroidstressflag = CENTROID_AVAIL;    // because the virial of an atom is not symmetric
   restart_file = bridge.restart_file;
   state.announce();
   ecouple_flag = bridge.couples;
@@ -105,7 +105,7 @@ void FixPythonMove::declare()
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
   }
-  rigid_flag = bridge.rigid_flag || bridge.follows_atoms;    // so that fix deform calls deform()
+  rigid_flag = bridge.rigid_flag || bridge.follows_atoms;    // fix deform calls deform() of rigid fixes
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
@@ -122,10 +122,10 @@ void FixPythonMove::declare()
     array_flag = 1;
     size_array_cols = bridge.array_columns;
     size_array_rows = std::max(0, bridge.array_rows);
-    size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time accepts no variable number
+    size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time needs a fixed number
   }
   global_freq = 1;
-  if (bridge.follows_atoms) arrays.declare();    // else KOKKOS copies all, for a class of which nothing is known
+  if (bridge.follows_atoms) arrays.declare();    // other classes may change all arrays
 }
 
 int FixPythonMove::setmask()
@@ -135,9 +135,8 @@ int FixPythonMove::setmask()
       (bridge.post_run ? POST_RUN : 0) | (bridge.min_force ? MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY : 0);
 }
 
-// external: forces and torques on the bodies, as Python reads the words; they go to the end of the command. bodyforces: rigid bodies
-// have the forces of all fixes (late), or of those before this one (early). temp and press: what LAMMPS's barostats take from these
-// computes, a class that changes the box finds by itself; fix rigid/nvt and rigid/nve take temp and make no use of it.
+// external: forces and torques on bodies, to the end of the command; Python interprets the words. bodyforces: bodies have the forces of
+// all fixes (late), or of those before this one (early). temp and press: accepted as by LAMMPS's rigid fixes, without effect.
 
 int FixPythonMove::modify_param(int narg, char **arg)
 {

@@ -1,4 +1,4 @@
-/* External forces on bodies (fix_modify external): what the words are in a step, and who tells LAMMPS their energy and virial. */
+/* External forces on bodies (fix_modify external): the values of its words, and a fix with their energy and virial. */
 
 #ifndef FIX_NOSQUISH_EXTERNAL_H
 #define FIX_NOSQUISH_EXTERNAL_H
@@ -20,8 +20,8 @@
 namespace {
 namespace nosquish {
 
-// The fix of which LAMMPS takes energy and virial of external forces, where fix_modify external says so: the scalar of the fix
-// that moves the bodies is another one. It has that fix's ID, with _external.
+// A fix from which LAMMPS takes energy and virial of external forces, if fix_modify external asks for it. The scalar of the fix that
+// moves the bodies is another quantity. Its ID is that of this fix and _external.
 
 class ExternalForces : public Fix {
  public:
@@ -39,12 +39,12 @@ class ExternalForces : public Fix {
     std::copy_n(told + 1, 6, virial);
   }
 
-  // in the place of the one that there is, if there is one
+  // make such a fix, or none; delete the previous one
   static void replace(Modify *modify, const std::string &id, bool tells_energy, bool tells_virial)
   {
     if (dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id))) modify->delete_fix(id);
     if (!tells_energy && !tells_virial) return;
-    const std::string style = "nosquish/external";    // known to LAMMPS for this moment: no script makes one
+    const std::string style = "nosquish/external";    // registered only here, so that no script can use it
     (*modify->fix_map)[style] = [](LAMMPS *lmp, int narg, char **arg) -> Fix * { return new ExternalForces(lmp, narg, arg); };
     Fix *made = modify->add_fix(id + " all " + style, 0);
     modify->fix_map->erase(style);
@@ -53,7 +53,7 @@ class ExternalForces : public Fix {
   }
 };
 
-// What fix_modify external asks for. Python reads the words; LAMMPS evaluates variables and columns among them in each step.
+// Python interprets the words of fix_modify external; LAMMPS evaluates the variables and columns among them in each step.
 
 class External : public Part {
  public:
@@ -66,13 +66,13 @@ class External : public Part {
     if (bridge.words && modify->nfix) ExternalForces::replace(modify, id(), false, false);
   }
 
-  // The words behind fix_modify external, with f_ID[*] as single columns.
+  // The words after fix_modify external, with f_ID[*] expanded to columns.
 
   std::string words_of(int narg, char **arg) const
   {
     Fix *there = modify->get_fix_by_id(id());
     if (there && !dynamic_cast<ExternalForces *>(there))
-      refuse("fix " + id() + " (style " + there->style + ") has the ID of the fix that tells of external forces: give it another ID");
+      refuse("fix " + id() + " (style " + there->style + ") has the ID that external forces need: give it another ID");
     char **all = arg;
     const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);
     const auto words = utils::join_words({all + 1, all + n}, " ");
@@ -82,11 +82,11 @@ class External : public Part {
     return words;
   }
 
-  // Python has read the words.
+  // After Python has interpreted the words.
 
   void set() const { ExternalForces::replace(modify, id(), bridge.tells_energy, bridge.tells_virial); }
 
-  // Have ready what the words are now.
+  // Evaluate the words.
 
   void evaluate()
   {
@@ -95,19 +95,19 @@ class External : public Part {
     sizes.clear();
     modify->clearstep_compute();
     for (std::string word; words >> word;) sizes.push_back(add(word));
-    forget_vectors(*input->variable);    // they may have velocities between the halves of a step
+    forget_vectors(*input->variable);    // they may be of velocities within a step
     modify->addstep_compute(update->ntimestep + 1);
     bridge.values = values.data();
     bridge.sizes = sizes.data();
   }
 
-  // Have LAMMPS count what Python has told of energy and virial.
+  // Pass energy and virial from Python to LAMMPS.
 
   void count() const
   {
     if (!bridge.tells_energy && !bridge.tells_virial) return;
     const auto telling = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id()));
-    if (!telling) refuse("fix " + id() + " is gone, which tells of external forces: leave out the unfix");
+    if (!telling) refuse("fix " + id() + " is gone, which has the energy and virial of external forces: remove the unfix");
     telling->take(told);
   }
 
@@ -117,8 +117,8 @@ class External : public Part {
 
   std::string id() const { return std::string(fix->id) + "_external"; }
 
-  // Add what a word is now: a number (and return 0), or one for each body (and return so many). A column is made a vector-style
-  // variable.
+  // Append the value of a word: one number (returns 0), or one for each body (returns how many). A column becomes a temporary
+  // vector-style variable.
 
   int add(const std::string &word)
   {

@@ -1,4 +1,4 @@
-/* What Python asks of LAMMPS, of the other fixes first, and what its library interface does not tell. */
+/* What Python asks about other fixes, and about LAMMPS where its library interface does not answer. */
 
 #ifndef FIX_NOSQUISH_FACTS_H
 #define FIX_NOSQUISH_FACTS_H
@@ -25,7 +25,7 @@ class Facts : public Part {
  public:
   using Part::Part;
 
-  // Fix n of all; false behind the last. The fix itself has no ID there.
+  // Facts about fix number n; returns false after the last. This fix is described without ID.
 
   bool describe(int n, void *facts) const
   {
@@ -46,7 +46,7 @@ class Facts : public Part {
     return true;
   }
 
-  // Does a fix efield have values of variables? Of fix deform and fix balance it is not known whether they use one that there is.
+  // Whether the fix may depend on variables. Fix efield allocates memory if it does; fix deform and fix balance do not tell.
 
   bool varies(Fix *other) const
   {
@@ -58,7 +58,7 @@ class Facts : public Part {
     return found;
   }
 
-  // What constrains atoms says so by the degrees of freedom that it removes. What moves them by itself may not know it yet.
+  // The degrees of freedom that another fix removes by constraints. A fix that integrates may not know them yet.
 
   int64_t removed_freedom(const char *other, const char *group_id) const
   {
@@ -77,7 +77,7 @@ class Facts : public Part {
     int dimension;
     Fix *found = modify->get_fix_by_id(other);
     void *acceleration = found ? found->extract("gvec", dimension) : nullptr;
-    if (acceleration && modify->find_fix(other) > modify->find_fix(fix->id)) {    // it has not yet looked its variables up
+    if (acceleration && modify->find_fix(other) > modify->find_fix(fix->id)) {    // it has not initialized its variables yet
       found->init();
       found->setup(0);
     }
@@ -104,14 +104,14 @@ class Facts : public Part {
     return text.c_str();
   }
 
-  // LAMMPS takes a fix whose style begins with rigid for its own class in places, without a look.
+  // Some computes of LAMMPS cast each fix whose style begins with rigid to LAMMPS's own class.
 
   void refuse_casts() const
   {
     for (const auto &other : modify->get_compute_list())
       for (const auto &name : COMPUTES)
         if (replaces(fix->style) && name == other->style)
-          refuse("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which takes each fix rigid for its own: "
+          refuse("compute " + std::string(other->id) + " (style " + name + ") is LAMMPS's own, which works only with LAMMPS's own rigid fixes: "
                  "define it with the suffix on, or write " + name + SUFFIX);
   }
 

@@ -1,4 +1,4 @@
-/* How a run ends when something fails, on one rank or on all. */
+/* Ends a run if something fails, on one rank or on all. */
 
 #ifndef FIX_NOSQUISH_FAILURES_H
 #define FIX_NOSQUISH_FAILURES_H
@@ -31,9 +31,9 @@ class Failures : public Part {
     if (failing != MPI_COMM_NULL && !finalized) MPI_Comm_free(&failing);
   }
 
-  // This rank's Python failed. If all ranks fail, as on a mistake in the class, LAMMPS ends the run in order. But a rank that fails
-  // alone must not wait for others, which wait for it in MPI; and error->one() of a LAMMPS inside Python only throws. So ranks that
-  // failed gather for a while (patience, in seconds), and then stop the others.
+  // End the run because Python has failed on this rank. If it fails on all ranks, as for an error in the class, LAMMPS ends the run
+  // in order. If not, the others wait in MPI for this rank, and error->one() of a LAMMPS inside Python only throws. So ranks that
+  // failed wait for each other for a while (patience, in seconds), and then abort.
 
   [[noreturn]] void end_run(const std::string &text, double patience = 2.0)
   {
@@ -51,12 +51,12 @@ class Failures : public Part {
     fputs(report.c_str(), screen ? screen : stderr);
     if (logfile) fputs(report.c_str(), logfile);
     fflush(nullptr);
-    std::this_thread::sleep_for(milliseconds(500));    // mpirun may drop what it has not yet read
+    std::this_thread::sleep_for(milliseconds(500));    // else mpirun may lose the message
     abort_all();
   }
 
-  // What a loop, or Python, calls must not throw into it. What LAMMPS throws on all ranks waits until they are back. An error of
-  // one rank alone ends the run at once, because the other ranks wait for this one; LAMMPS has printed it.
+  // Call a function from a loop or from Python, into which no exception may pass. An error on all ranks is kept for `throw_kept`. An
+  // error on one rank ends the run at once, because the other ranks wait for it; LAMMPS has printed it.
 
   template <typename Function> auto kept_from_loops(Function function)
   {
@@ -79,7 +79,7 @@ class Failures : public Part {
 
  private:
   MPI_Comm failing = MPI_COMM_NULL;    // of ranks whose Python failed
-  std::exception_ptr kept;             // what LAMMPS has thrown below loops
+  std::exception_ptr kept;             // an exception of LAMMPS
 
   [[noreturn]] void abort_all() const
   {
@@ -88,7 +88,7 @@ class Failures : public Part {
   }
 };
 
-// Another value in some place, until the block ends, also where LAMMPS throws.
+// Sets a variable until the end of the block, also if LAMMPS throws.
 
 template <typename T> class InPlace {
  public:

@@ -1,4 +1,4 @@
-/* LAMMPS's forces: which there are, and how they are computed anew where atoms have gone back. */
+/* LAMMPS's forces: iterate over bonded styles, and compute all forces again after atoms were moved back. */
 
 #ifndef FIX_NOSQUISH_FORCES_H
 #define FIX_NOSQUISH_FORCES_H
@@ -22,7 +22,7 @@
 namespace {
 namespace nosquish {
 
-// The styles by which atoms act on bonded ones, in LAMMPS's order.
+// Call a function for the styles of bonded forces, in LAMMPS's order.
 
 template <typename Act> void for_bonded(const Force *force, const Atom *atom, Act act)
 {
@@ -33,14 +33,14 @@ template <typename Act> void for_bonded(const Force *force, const Atom *atom, Ac
   if (force->improper) act(force->improper);
 }
 
-// A step of hybrid Monte Carlo that is not accepted.
+// Moves atoms back after a trajectory of hybrid Monte Carlo that was rejected.
 
 class GoingBack : public Part {
  public:
   using Part::Part;
 
-  // Atoms of bodies move by what is in place of their velocities. LAMMPS takes atoms no further at once than to the next rank, so
-  // they go there in parts of the way.
+  // Displace the atoms of bodies by what is stored as their velocities, in parts so small that an atom goes at most to the next rank
+  // in each exchange.
 
   void move(const Exchange &exchange) const
   {
@@ -69,7 +69,7 @@ class GoingBack : public Part {
     }
   }
 
-  // What LAMMPS does in a step between the atoms' exchange and final_integrate, with new lists of neighbors.
+  // Build neighbor lists and compute forces, as LAMMPS does in a step between the exchange of atoms and final_integrate.
 
   void renew_forces() const
   {

@@ -1,5 +1,5 @@
-/* Python in this process: found, or started. Of Python itself a few functions are called, looked up by name at run time, so that one
-   compiled plugin serves every Python version. */
+/* Finds or starts Python in this process. The few functions of Python's C interface that are used are looked up at run time, so one
+   plugin works with every version of Python. */
 
 #ifndef FIX_NOSQUISH_INTERPRETER_H
 #define FIX_NOSQUISH_INTERPRETER_H
@@ -22,8 +22,7 @@ template <typename Function> Function *symbol(const char *name)
   return reinterpret_cast<Function *>(dlsym(RTLD_DEFAULT, name));
 }
 
-// The lmp command that started this native lmp only waits for it. A signal that ends the command alone would leave this process
-// behind, so Linux is asked to end it, too. Another parent may end without that.
+// If the command lmp of the Python package has started this process, end with it, also if a signal kills only the command.
 
 void end_with_command()
 {
@@ -33,7 +32,7 @@ void end_with_command()
 #endif
 }
 
-// The Python that has this package, as the environment names it: EXECUTABLE:LIBRARY:VERSION.
+// The Python that has this package, from the environment: EXECUTABLE:LIBRARY:VERSION.
 
 struct Interpreter {
   std::string executable, libpython, version;
@@ -45,7 +44,7 @@ struct Interpreter {
     for (auto part : {&executable, &libpython, &version}) std::getline(words, *part, ':');
   }
 
-  // what is wrong with the Python that is in this process already, or nothing
+  // a message if the Python in this process has another version
   std::string unlike() const
   {
     const std::string full = symbol<const char *()>("Py_GetVersion")();
@@ -62,7 +61,7 @@ struct Interpreter {
   }
 };
 
-bool python_is_there()    // it runs, or LAMMPS was built with its package PYTHON
+bool python_is_there()    // also if LAMMPS was built with the package PYTHON, and it does not run yet
 {
   return symbol<int()>("Py_IsInitialized");
 }
@@ -72,7 +71,7 @@ bool python_runs()
   return python_is_there() && symbol<int()>("Py_IsInitialized")();
 }
 
-// Run a line of Python, whichever thread this is.
+// Run a line of Python, on any thread.
 
 void run_python(const std::string &line)
 {
@@ -81,7 +80,7 @@ void run_python(const std::string &line)
   symbol<void(int)>("PyGILState_Release")(state);
 }
 
-// LAMMPS's command python may be the first that needs Python. It then has the packages of the same virtual environment.
+// Have LAMMPS's command python, if it starts Python, use the packages of the same virtual environment.
 
 void name_python_early()
 {
@@ -89,8 +88,8 @@ void name_python_early()
   if (python_is_there() && !python_runs() && !python.executable.empty() && python.unlike().empty()) python.name_program();
 }
 
-// Make sure that Python runs in this process, and return what prevents it, or nothing. A native lmp has no Python, or the one of
-// LAMMPS's package PYTHON. The lmp command, which is a Python script, names its interpreter and its library in the environment.
+// Start Python in this process unless it runs; returns a message if that is impossible. A native lmp has no Python, or that of the
+// package PYTHON. The command lmp, a Python script, names its interpreter and library in the environment.
 
 std::string start_python()
 {
@@ -113,13 +112,13 @@ std::string start_python()
   if (!unlike.empty()) return unlike;
 
   python.name_program();
-  // This thread keeps Python's lock: a LAMMPS with the package PYTHON ends Python as one that has it.
+  // This thread keeps the GIL, because a LAMMPS with the package PYTHON finalizes Python as if it had it.
   symbol<void(int)>("Py_InitializeEx")(0);
-  // Ctrl-C ends LAMMPS at once, as it does without Python. The module signal would change that when a class imports it.
+  // Ctrl-C ends LAMMPS at once, as without Python, also after a class imports the module signal.
   run_python("import signal as s\n"
              "if s.getsignal(s.SIGINT) is s.default_int_handler: s.signal(s.SIGINT, s.SIG_DFL)\n"
              "del s");
-  // Nothing ends this interpreter in a native lmp, so nothing may wait in its buffers.
+  // A native lmp does not finalize this interpreter, so its buffers must not keep anything.
   run_python("__import__('sys').stdout.reconfigure(line_buffering=True)");
   return "";
 }

@@ -1,6 +1,6 @@
-/* What differs between versions of LAMMPS, 29 Aug 2024 to 4 Jul 2026, or is in none of the headers that LAMMPS installs.
-   COMPILED_FOR_LAMMPS is the version as a number, 20250722 for 22 Jul 2025: what needs more than one way is chosen by it, here and
-   nowhere else. Headers that only a source tree has are used where they are there. */
+/* What differs between versions of LAMMPS, 29 Aug 2024 to 4 Jul 2026, or is not in the headers that LAMMPS installs.
+   COMPILED_FOR_LAMMPS is the version as a number, 20250722 for 22 Jul 2025, and is tested only here. Headers that only a source tree
+   has are used if they are found. */
 
 #ifndef FIX_NOSQUISH_LAMMPS_VERSIONS_H
 #define FIX_NOSQUISH_LAMMPS_VERSIONS_H
@@ -22,8 +22,7 @@
 #include <cstring>
 #include <string>
 
-// What is used of a min style. Its header is not among the installed ones; without it, this is as it was read for 4 Feb 2025 to
-// 4 Jul 2026.
+// The members of a min style that are used. Its header is not installed; these are the members of 4 Feb 2025 to 4 Jul 2026.
 
 #if __has_include("min.h")
 #include "min.h"
@@ -70,14 +69,14 @@ inline const double *properties_of(const LAMMPS_NS::Molecule *molecule)
 }
 #endif
 
-// The command that is being read; only classes derived from Input may see it before 2025.
+// The current command, which is protected before 2025.
 
 struct CurrentCommand : LAMMPS_NS::Input {
   static const char *of(LAMMPS_NS::Input *input) { return input->*(&CurrentCommand::command); }
 };
 
-// LAMMPS keeps the values of a vector-style variable as long as the step is the same, though atoms may have moved since, between
-// runs or to where they were, and the variable may be another one of the same number. Only its own classes may have it forget.
+// LAMMPS does not evaluate a vector-style variable again in the same step, although atoms may have moved since, or the variable may be
+// another one of the same number. The members that make it do so are private.
 
 #if COMPILED_FOR_LAMMPS <= 20250722
 template <auto member> struct PrivateMember {
@@ -115,7 +114,7 @@ inline void forget_vectors(LAMMPS_NS::Variable &variable)
 }
 #endif
 
-// Since 4 Jul 2026 thermo_modify colname auto asks fixes that say so for names: get_thermo_colname.
+// Since 4 Jul 2026 thermo_modify colname auto calls get_thermo_colname of fixes with this flag.
 
 inline void name_columns([[maybe_unused]] LAMMPS_NS::Fix *fix)
 {
@@ -124,7 +123,7 @@ inline void name_columns([[maybe_unused]] LAMMPS_NS::Fix *fix)
 #endif
 }
 
-// The bits by which KOKKOS knows the arrays of atoms that a rigid body changes; those of a version that nobody has read are all.
+// The bits of KOKKOS for the arrays that a rigid body changes; all bits for a version whose header was not read.
 
 #if __has_include("atom_masks.h")
 #include "atom_masks.h"
@@ -141,10 +140,10 @@ inline uint64_t changed_arrays(const LAMMPS_NS::Atom *atom)
   return X_MASK | V_MASK | (atom->omega_flag ? OMEGA_MASK : 0) | (atom->angmom_flag ? ANGMOM_MASK : 0) | (atom->mu_flag ? MU_MASK : 0);
 }
 
-// What fixes have left in the restart file that was read.
+// The states of fixes in the restart file that was read.
 
 struct RestartState : LAMMPS_NS::Modify {
-  // a wanted state of a fix with this ID, which is then used; null if there is none: wanted(style, state)
+  // mark the first state of a fix with this ID for which wanted(style, state) holds as used, and return it; null if there is none
   template <typename Wanted> static char *left_by(LAMMPS_NS::Modify *modify, const char *id, Wanted wanted)
   {
     for (int k = 0; k < modify->nfix_restart_global; k++) {
@@ -157,8 +156,8 @@ struct RestartState : LAMMPS_NS::Modify {
   }
 };
 
-// How a plugin hands in a style: lammpsplugin.h, which is the same in all versions and is not among the installed headers. The
-// creator is a union there, with other creators than those of fixes.
+// The structure that registers a style: from lammpsplugin.h, which is not installed and is the same in all versions. The creator is a
+// union there.
 
 struct lammpsplugin_t {
   const char *version, *style, *name, *info, *author;
@@ -166,8 +165,8 @@ struct lammpsplugin_t {
   void *handle;
 };
 
-// End the run on all ranks, as Error::all does, but without a place in a source, which says nothing to users. Since 2025 LAMMPS can
-// point at the argument of its command that is wrong.
+// End the run on all ranks as Error::all does, without naming a source file. Since 2025 LAMMPS can point at the wrong argument of its
+// command.
 
 [[noreturn]] inline void end_on_all(LAMMPS_NS::LAMMPS *lmp, const std::string &text, int argument = -1)
 {
@@ -182,7 +181,7 @@ struct lammpsplugin_t {
 #endif
   if (lmp->comm->me == 0) utils::logmesg(lmp, message);
   utils::flush_buffers(lmp);
-  lmp->update->whichflag = 0;    // so that Python can go on
+  lmp->update->whichflag = 0;    // so that Python can continue
   if (lmp->universe->nworlds > 1) throw LAMMPSAbortException(message, lmp->universe->uworld);
   throw LAMMPSException(message);
 }

@@ -1,5 +1,5 @@
-/* What LAMMPS loads: it sees whether the plugin beside it is for this LAMMPS. Another version may lack functions that the plugin calls,
-   so that the system refuses to load it and names no more than one of them. Of LAMMPS only the library interface is used here. */
+/* The shared object that LAMMPS loads: it loads the plugin beside it if that was compiled for this LAMMPS. With another version the
+   linker would only print the name of a missing function. Only LAMMPS's library interface is used here. */
 
 #include "library.h"
 #include "lmptype.h"
@@ -12,8 +12,7 @@
 
 namespace {
 
-// The plugin relies on the layout of LAMMPS's classes, so on the very version whose headers it saw. What it can use of that version
-// without these, the library interface, it uses to see whether that LAMMPS was built of the same headers: see layout.h.
+// The plugin depends on the layout of LAMMPS's classes, so on the version of its headers. For a patched LAMMPS see layout.h.
 
 bool compiled_for(void *lmp)
 {
@@ -35,7 +34,7 @@ extern "C" void lammpsplugin_init(void *lmp, void *handle, void *enter)
     dladdr(reinterpret_cast<void *>(&compiled_for), &here);
     std::string path = here.dli_fname;
     path.erase(path.rfind("plugin"), 6);    // python_move.so
-    // Python's callbacks and the end of the process come back to its code: it must not go
+    // it is never unloaded, because Python's callbacks are called until the process ends
     if (void *plugin = dlopen(path.c_str(), RTLD_NOW | RTLD_GLOBAL | RTLD_NODELETE))
       return reinterpret_cast<decltype(&lammpsplugin_init)>(dlsym(plugin, "lammpsplugin_init"))(lmp, handle, enter);
     problem = dlerror();

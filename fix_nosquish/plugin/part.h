@@ -1,4 +1,4 @@
-/* What all parts of the fix have in common. */
+/* The base class of the parts of the fix. */
 
 #ifndef FIX_NOSQUISH_PART_H
 #define FIX_NOSQUISH_PART_H
@@ -17,18 +17,18 @@
 namespace {
 namespace nosquish {
 
-// A part sees LAMMPS, the fix that it belongs to, and what this fix shares with Python.
+// A part of the fix has access to LAMMPS, to the fix, and to what the fix shares with Python.
 
 class Part : protected Pointers {
  public:
   Part(LAMMPS *lmp, Fix *fix, Bridge &bridge) : Pointers(lmp), fix(fix), bridge(bridge) {}
 
-  // End the run on all ranks, all of which call this.
+  // End the run on all ranks. Collective.
   [[noreturn]] void refuse(const std::string &text) const { end_on_all(lmp, problem(fix, text)); }
 
   void warn(const std::string &text) const { log(("WARNING: " + problem(fix, text)).c_str()); }
 
-  // Lines for screen and log. Warnings among them are counted, and left out, as thermo_modify warn has it of LAMMPS's own.
+  // Write lines to screen and log. Warnings are counted and suppressed as set by thermo_modify warn.
 
   void log(const char *text) const
   {

@@ -1,9 +1,8 @@
-/* Particles that have an orientation: ellipsoids, lines and triangles of LAMMPS's atom styles.
+/* Particles with an orientation: ellipsoids, lines and triangles.
 
-   LAMMPS installs no headers of these styles. Of each, two methods are declared here, with which LAMMPS brings a particle to
-   ghost atoms: the one writes its shape and orientation to a buffer, the other reads its orientation from one. Where a style has
-   them in memory differs between versions. Versions that write something else write more numbers or fewer: their count tells
-   what they are, and what is not known here is refused. */
+   LAMMPS does not install the headers of these atom styles. Two methods of each are declared here, by which LAMMPS sends a particle
+   to ghost atoms: one writes its shape and orientation to a buffer, the other reads its orientation. The number of values that is
+   written identifies their format; unknown formats are refused. */
 
 #ifndef FIX_NOSQUISH_PARTICLES_H
 #define FIX_NOSQUISH_PARTICLES_H
@@ -47,16 +46,15 @@ class Particles {
  public:
   explicit Particles(Atom *atom) : atom(atom) {}
 
-  // Write of each local atom three numbers and a quaternion: the principal moments of an ellipsoid or a triangle, a line's
-  // length; zeros for an atom that is none of these. Returns whether the styles are those that are declared here, and write what
-  // is known.
+  // Write for each local atom three numbers and a quaternion: the principal moments of an ellipsoid or a triangle, or the length of a
+  // line; zeros for other atoms. Returns false if a style or a format is unknown.
 
   bool read(double *numbers)
   {
     ellipsoids = style<AtomVecEllipsoid>("ellipsoid", "N9LAMMPS_NS16AtomVecEllipsoidE");
     lines = style<AtomVecLine>("line", "N9LAMMPS_NS11AtomVecLineE");
     tris = style<AtomVecTri>("tri", "N9LAMMPS_NS10AtomVecTriE");
-    double packed[64];    // more than any of them writes; the first number is a flag
+    double packed[64];    // longer than all formats; the first number is a flag
     for (int i = 0; i < atom->nlocal; i++, numbers += 7) {
       std::fill_n(numbers, 7, 0.0);
       if (is(atom->ellipsoid, i)) {
@@ -87,7 +85,7 @@ class Particles {
     return true;
   }
 
-  // Give a local atom this orientation, if it has one.
+  // Set the orientation of a local atom, if it has one.
 
   int64_t orient(int64_t atom_of_rank, const double *quat) const
   {
@@ -108,7 +106,7 @@ class Particles {
   }
 
  private:
-  // how many numbers the styles write, from 29 Aug 2024 to 4 Jul 2026: of an ellipsoid, a superellipsoid, a line and a triangle
+  // the numbers of values of an ellipsoid, a superellipsoid, a line and a triangle, from 29 Aug 2024 to 4 Jul 2026
   enum { PLAIN = 8, SUPER = 13, LINE = 3, TRI = 17 };
 
   Atom *const atom;
@@ -118,7 +116,7 @@ class Particles {
 
   static bool is(const int *index, int i) { return index && index[i] >= 0; }
 
-  // The object of a style, if it is of this very class: those of other packages that derive from it lie otherwise in memory.
+  // The atom style of this name, if it is of exactly this class; derived classes of other packages have another layout.
 
   struct Object {
     virtual ~Object();

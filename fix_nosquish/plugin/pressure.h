@@ -1,4 +1,4 @@
-/* What the pressure and the energy of the integrator need of LAMMPS's forces. */
+/* Virial and energy of LAMMPS's forces for the integrator. */
 
 #ifndef FIX_NOSQUISH_PRESSURE_H
 #define FIX_NOSQUISH_PRESSURE_H
@@ -17,7 +17,7 @@
 namespace {
 namespace nosquish {
 
-// A compute that this fix adds, for which LAMMPS's forces tally something. A script can take it away.
+// A compute that this fix adds, so that LAMMPS tallies energy or virial. A script may delete it.
 
 class OwnCompute : public Part {
  public:
@@ -32,13 +32,13 @@ class OwnCompute : public Part {
   {
     const std::string name = std::string(fix->id) + what;
     modify->add_compute(name + words);
-    id = name;    // a script's own of this name stays
+    id = name;    // not before: add_compute refuses an ID that a script uses
   }
 
   Compute *find() const
   {
     Compute *found = modify->get_compute_by_id(id);
-    if (!found) refuse("compute " + id + " is gone, which this fix has added and needs: leave out the uncompute");
+    if (!found) refuse("compute " + id + " is gone, which this fix has added and needs: remove the uncompute");
     return found;
   }
 
@@ -52,7 +52,7 @@ class PotentialEnergy : public OwnCompute {
  public:
   using OwnCompute::OwnCompute;
 
-  // The potential energy of the last forces, for which LAMMPS has tallied it. If a step has begun since, compute pe must not know.
+  // The potential energy of the last forces, if LAMMPS has tallied it. Compute pe must not know that a step has begun since.
 
   double value() const
   {
@@ -61,18 +61,18 @@ class PotentialEnergy : public OwnCompute {
   }
 };
 
-// The pressure of the steps in which the box changes, and of those behind them.
+// The virial in steps in which the box changes, and in the steps after them.
 
 class Pressure : public OwnCompute {
  public:
-  double virial[6] = {};    // of all ranks and without this fix, where the box or its velocity changes next
+  double virial[6] = {};    // of all ranks, without this fix
 
   using OwnCompute::OwnCompute;
 
   bool box_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
   bool is_due(bigint step) const { return box_is_due(step) || box_is_due(step - 1); }
 
-  // Have LAMMPS tally the virial in the first step from this one on that needs it.
+  // Have LAMMPS tally the virial in the first step, from this one on, that needs it.
 
   void ask_from(bigint step) const
   {
@@ -80,7 +80,7 @@ class Pressure : public OwnCompute {
     ask_for(box_is_due(step - 1) ? step : (step + every - 1) / every * every);
   }
 
-  // What virial is asked for in this step by others than this fix, whose own part of it the new box does not need.
+  // The virial that others than this fix need in this step. The new box does not need the constraint virial.
 
   int asked_by_others(int vflag) const
   {
@@ -92,7 +92,7 @@ class Pressure : public OwnCompute {
     return 0;
   }
 
-  // Where it is needed, the virial of LAMMPS's forces, and of the fixes that LAMMPS counts.
+  // Sum the virial of LAMMPS's forces, and of the fixes that LAMMPS counts, if it is needed in this step.
 
   void take(double volume)
   {
@@ -114,7 +114,7 @@ class Pressure : public OwnCompute {
     ask_from(update->ntimestep + 1);
   }
 
-  // Keep the forces that LAMMPS's virial counts, before fixes add theirs: those of pairs, bonds and mesh.
+  // Store the forces that LAMMPS's virial counts (pair, bonded, kspace) before fixes add theirs.
 
   void keep_counted()
   {

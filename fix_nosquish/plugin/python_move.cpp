@@ -1,13 +1,11 @@
-/* Fixes nosquish/nve, /nvt, ..., rigid/nosquish, rigid/nve/nosquish, ..., and fix python/move, as a LAMMPS plugin.
+/* A LAMMPS plugin with the fixes nosquish/nve, /nvt, ..., rigid/nosquish, rigid/nve/nosquish, ..., and python/move.
 
-   Fix python/move is a superset of LAMMPS's own, which it replaces where LAMMPS was built with its package PYTHON. The fix line names
-   a Python class,
+   A fix calls the methods of one instance of a Python class. Fix python/move names the class,
 
        fix ID group python/move "module.class"
 
-   and the fix calls the methods of one instance of it. The class of another style is in fix_nosquish.INTEGRATORS; those of rigid/...,
-   by which LAMMPS's suffix nosquish replaces its own rigid fixes, are in host/rigid_fixes.py. Everything that is Python's is in
-   bridge.py; the two sides share the plain C struct Bridge. */
+   and replaces LAMMPS's own fix of this name, of which it is a superset. The classes of other styles are in fix_nosquish.INTEGRATORS
+   and host/rigid_fixes.py. The Python side is bridge.py; both sides share the struct Bridge (structs.py). */
 
 #include "python_move.h"
 
@@ -67,7 +65,7 @@ void FixPythonMove::final_integrate()
   });
 }
 
-// Of LAMMPS's min styles these two have a fix move its own degrees of freedom. Norm max sees one in three of them.
+// These two min styles let fixes have degrees of freedom. Norm max looks at only one of three of them.
 
 void FixPythonMove::begin_minimization()
 {
@@ -90,7 +88,7 @@ void FixPythonMove::min_post_force(int vflag)
   if (arrays.early) arrays.keep_forces();
 }
 
-// All fixes have added their forces. What is left of those on atoms would move these one by one.
+// All fixes have added their forces. The forces on the atoms of bodies are set to zero, because they would move atoms individually.
 
 double FixPythonMove::min_energy(double *forces)
 {
@@ -102,7 +100,7 @@ double FixPythonMove::min_energy(double *forces)
   return 0.0;
 }
 
-// What holds in this step: bits of When.
+// The bits of When in this step.
 
 int64_t FixPythonMove::now() const
 {
@@ -122,7 +120,7 @@ int64_t FixPythonMove::now() const
   return bits;
 }
 
-// Do what the schedule has for a hook; returns whether it has something. run/schedule.py has the same in Python.
+// Do the actions of a hook; returns false if it has none. run/schedule.py has the same in Python.
 
 bool FixPythonMove::follow(const Action *action)
 {
@@ -138,15 +136,14 @@ bool FixPythonMove::follow(const Action *action)
   return true;
 }
 
-// For Python: atoms move by what is in place of their velocities, and forces are those there. Python gets false if LAMMPS has found
-// an error.
+// Displace atoms by what is stored as their velocities, and compute the forces. Python gets false after an error of LAMMPS.
 
 bool FixPythonMove::go_back()
 {
   back.move(exchange);
   back.renew_forces();
   push();
-  make_virial_per_atom();    // for the atoms that are here now
+  make_virial_per_atom();    // for the atoms that this rank has now
   return true;
 }
 
@@ -162,7 +159,7 @@ void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
   call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
-// What acts on the bodies besides the forces of this step, which are known?
+// Evaluate external forces on bodies; the forces of this step are known.
 
 void FixPythonMove::push()
 {
@@ -172,7 +169,7 @@ void FixPythonMove::push()
   external.count();
 }
 
-// Verlet ends its step in final_integrate, but fix deform changes the box behind that.
+// Fix deform changes the box at the end of a step, after final_integrate.
 
 void FixPythonMove::end_of_step()
 {
@@ -180,11 +177,11 @@ void FixPythonMove::end_of_step()
   if (respa) with_virial([this] { call(bridge.end_of_step); });
 }
 
-// Another fix changes the box, and all that is in it (0 before, 1 behind). The box is then that of the class.
+// Another fix changes the box and all that is in it; called with 0 before and 1 after.
 
-void FixPythonMove::deform(int behind)
+void FixPythonMove::deform(int after)
 {
-  if (!behind || !bridge.at_deform) return;    // if it cannot follow, it finds another box than it knows
+  if (!after || !bridge.at_deform) return;    // a class that cannot follow will find that the box differs
   box.tell();
   follow(bridge.at_deform);
   box.keep();
@@ -195,7 +192,7 @@ void FixPythonMove::stream_with_box()
   if (box.streams()) deform(1);
 }
 
-// For a loop, which has found the next box.
+// Set the box that a loop has computed.
 
 int64_t FixPythonMove::set_box(const double *numbers)
 {
@@ -216,8 +213,8 @@ void FixPythonMove::init()
   if (update->whichflag == 2 && bridge.min_force) begin_minimization();
   bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.stream_group)
-    for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it finds its rates, perhaps behind this fix
-  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks its variables up: see `describe`
+    for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it computes its rates, perhaps after this fix
+  for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks up its variables: see `describe`
   box.begin_run();
   bridge.ghost_velocity = comm->ghost_velocity;
   bridge.scalar_pressure = force->kspace && force->kspace->scalar_pressure_flag;
@@ -244,8 +241,8 @@ void FixPythonMove::write_restart(FILE *file)
   state.write(file);
 }
 
-// What thermo_modify colname auto writes above f_ID[i], with i - 1, and above f_ID, with -1; nothing for the usual. It asks with the
-// first index of f_ID[i][j], too.
+// The name of f_ID[n + 1], or of f_ID if n is -1, for thermo_modify colname auto; empty for the default. LAMMPS calls it with the first
+// index of f_ID[i][j], too.
 
 std::string FixPythonMove::get_thermo_colname(int n)
 {
@@ -259,7 +256,7 @@ std::string FixPythonMove::get_thermo_colname(int n)
 
 double FixPythonMove::compute_vector(int i)
 {
-  if (i >= size_vector)    // thermo_style and others may have been written for another fix of this ID
+  if (i >= size_vector)    // thermo_style may have been written for another fix of this ID
     failures.refuse("f_" + std::string(id) + "[" + std::to_string(i + 1) + "] was asked for, and this fix has " +
                  std::to_string(size_vector) + " such values: thermo_style, or what else names it, was for a fix with other words. "
                  "Write it anew behind this fix");
@@ -268,7 +265,7 @@ double FixPythonMove::compute_vector(int i)
 
 double FixPythonMove::compute_array(int i, int j)
 {
-  if (i >= size_array_rows) return 0.0;    // LAMMPS asks for other rows too
+  if (i >= size_array_rows) return 0.0;    // LAMMPS also asks for other rows
   const std::array<int64_t, 3> now{update->ntimestep, bridge.phase, bridge.changes};
   if (bridge.array && now == array_when && !(bridge.facts >> LATE & 1)) return bridge.array[i * size_array_cols + j];
   const double value = ask<double>(bridge.compute_array, i, j);
@@ -276,9 +273,8 @@ double FixPythonMove::compute_array(int i, int j)
   return value;
 }
 
-// Granular pair styles look up the mass of the body of each atom here. Between runs commands ask whether what they change is in
-// bodies, to warn that it has no effect: it has one here. Fixes that insert molecules see whether their template, a place in
-// LAMMPS's list of these, is that of the bodies.
+// Granular pair styles ask for the mass of each atom's body. Between runs commands ask whether an atom is in a body, to warn that a
+// change has no effect; here it has one, so they get null. Fixes that insert molecules compare the template.
 
 void *FixPythonMove::extract(const char *name, int &dim)
 {
@@ -289,7 +285,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
   return strcmp(name, "masstotal") == 0 ? bridge.masstotal : nullptr;
 }
 
-// These words of the bodies that are counted on this rank: how many rows, and where they are until the next call.
+// The values of these words for the bodies that this rank counts: the number of rows, and the rows, valid until the next call.
 
 int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
 {

@@ -1,4 +1,4 @@
-/* The fix as LAMMPS sees it. What it does in a step is in python_move.cpp; most else is in its parts. */
+/* The fix: its hooks, which call its parts or Python. Those of a step are in python_move.cpp. */
 
 #ifndef FIX_NOSQUISH_PYTHON_MOVE_H
 #define FIX_NOSQUISH_PYTHON_MOVE_H
@@ -45,11 +45,11 @@ class FixPythonMove : public Fix {
   void final_integrate_respa(int, int) override;
   void end_of_step() override;
 
-  // the same in a minimization; the bodies' coordinates are degrees of freedom of this fix
+  // the hooks of a minimization; the coordinates of bodies are degrees of freedom of this fix
   void begin_minimization();
   void min_setup(int vflag) override
   {
-    if (bridge.dmax) setup(vflag), bridge.vflag = 0;    // its virial is there
+    if (bridge.dmax) setup(vflag), bridge.vflag = 0;    // which has computed the virial
   }
   void min_post_neighbor() override { post_neighbor(); }
   void min_post_force(int) override;
@@ -59,7 +59,7 @@ class FixPythonMove : public Fix {
   double max_alpha(double *direction) override { return ask<double>(bridge.max_alpha, address(direction)); }
   int min_dof() override { return bridge.min_dof; }
 
-  // before and behind a run, and between runs
+  // before and after a run, and between runs
   int setmask() override;
   int modify_param(int, char **) override;
   void init() override;
@@ -73,16 +73,16 @@ class FixPythonMove : public Fix {
   void zero_rotation() override { call(bridge.zero_rotation); }
   void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
 
-  // what others ask of the fix
+  // what LAMMPS and other styles ask
   bigint dof(int group) override { return ask<int64_t>(bridge.dof, group); }
   double compute_scalar() override { return ask<double>(bridge.compute_scalar); }
   double compute_vector(int) override;
   double compute_array(int, int) override;
-  std::string get_thermo_colname(int);    // overrides one of newer versions
+  std::string get_thermo_colname(int);    // an override since 4 Jul 2026
   void *extract(const char *, int &) override;
   double memory_usage() override { return exchange.bytes(); }
   bool has_bodies() const { return bridge.rows_of_rank; }
-  double kinetic_energy(int which) { return ask<double>(bridge.compute_vector, which); }    // of translation (0), or of rotation (1)
+  double kinetic_energy(int which) { return ask<double>(bridge.compute_vector, which); }    // of translation (0) or rotation (1)
   int rows_of_rank(const char *words, int group, double *&values);
 
   // atoms
@@ -101,7 +101,7 @@ class FixPythonMove : public Fix {
   }
 
  private:
-  struct Instance : Bridge {    // what is shared with Python, which lets go of the class's instance when the fix goes
+  struct Instance : Bridge {    // ends with the instance of the class
     Instance() : Bridge() {}
     ~Instance()
     {
@@ -123,10 +123,10 @@ class FixPythonMove : public Fix {
   GoingBack back{lmp, this, bridge};
   External external{lmp, this, bridge};
   Restart state{lmp, this, bridge};
-  bool respa = false, minimized = false;    // of the last forces nothing is left on the atoms of the bodies
+  bool respa = false, minimized = false;    // the forces on the atoms of bodies were set to zero
   std::vector<int> extensive;
-  std::vector<double> of_atoms;    // the virial of each, nine numbers
-  std::array<int64_t, 3> array_when;    // bridge.array is of then
+  std::vector<double> of_atoms;    // the virial of each atom, nine numbers
+  std::array<int64_t, 3> array_when;    // the step, phase and changes of bridge.array
 
   void fill_bridge(), declare(), push(), stream_with_box();
   int64_t set_box(const double *);
@@ -140,7 +140,7 @@ class FixPythonMove : public Fix {
   bool follow(const Action *);
   bool go_back();
 
-  // Do a list of passes. Returns what the first one that has found something wrong says, 0 if none has.
+  // Run a list of passes; returns the first result that is not 0, or 0.
 
   int64_t run(const Pass *pass)
   {
@@ -154,7 +154,7 @@ class FixPythonMove : public Fix {
     return 0;
   }
 
-  // Call a method of the class, if it has it.
+  // Call a method of the class, if it has it. End the run if it fails.
 
   template <typename... Types, typename... Values> void call(int (*hook)(Types...), Values... arguments)
   {
@@ -174,7 +174,7 @@ class FixPythonMove : public Fix {
     return value;
   }
 
-  // What fills in the virial has room for that of each atom, if LAMMPS asks for it.
+  // Call a function that computes the virial, with memory for that of each atom if LAMMPS needs it.
 
   template <typename Function> void with_virial(Function function)
   {
@@ -194,8 +194,7 @@ class FixPythonMove : public Fix {
     bridge.arrays->atom_virial.point(of_atoms.data(), std::max(0, bridge.natoms), 9);
   }
 
-  // Give LAMMPS the virial of each atom, as compute stress/atom and compute centroid/stress/atom have it. The step may have brought
-  // new atoms since v_init.
+  // Copy the virial of each atom to the arrays of compute stress/atom and centroid/stress/atom. Atoms may have come since v_init.
 
   void give_virial_per_atom()
   {
@@ -209,7 +208,7 @@ class FixPythonMove : public Fix {
     bridge.natoms = -1;
   }
 
-  // A function for Python and for loops, of the type that its place in the bridge has. It calls a method of the fix, or of a part.
+  // A plain function, of the type of its field in Bridge, that calls a method of the fix, or of a part of it.
 
   template <typename Result, typename... Taken> using Function = Result (*)(void *fix, Taken... taken);
 

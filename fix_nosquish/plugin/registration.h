@@ -1,4 +1,4 @@
-/* How LAMMPS learns of the styles. */
+/* Registers the styles. */
 
 #ifndef FIX_NOSQUISH_REGISTRATION_H
 #define FIX_NOSQUISH_REGISTRATION_H
@@ -9,7 +9,7 @@
 namespace {
 namespace nosquish {
 
-// Before anything relies on the layout of LAMMPS's classes.
+// Called before anything depends on the layout of LAMMPS's classes.
 
 void refuse_other_layout(LAMMPS *lmp, const std::string &style)
 {
@@ -50,11 +50,11 @@ extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
   for (const auto &name : REPLACED) styles.insert(styles.end(), {name + SUFFIX, name + "/omp" + SUFFIX, OURS + name});
   for (const auto &name : styles) {
     plugin.name = name.c_str();
-    // the same without a line of the log for each
+    // as `enter`, without a line in the log for each
     if (alike) (*lmp->modify->fix_map)[name] = reinterpret_cast<Modify::FixCreator>(make);
     else enter(&plugin, lmp);
   }
-  if (!alike) return;    // each fix says why
+  if (!alike) return;    // the fixes will say why
   for (const auto &name : COMPUTES) (*lmp->modify->compute_map)[name + SUFFIX] = make_compute;
 }
 

@@ -12,21 +12,20 @@
 namespace {
 namespace nosquish {
 
-// Before the integrator's numbers stand five of the fix: two zeros, `OURS`, which rotor it has, and how many there are of the
-// integrator. Where `WITH_BODIES` is in the place of `OURS`, there are others behind these: of how many atoms the fix line does not
-// tell the body any more, and three numbers of each. They are not in LAMMPS's state of atoms: command replicate refuses atoms that
-// have one from a restart file, and a fix of another style does not get it. LAMMPS's own rigid fixes may be given them, because a suffix is not part of the style's name there: of two zeros they
-// take nothing.
+// The state begins with five numbers: two zeros, OURS or WITH_BODIES, `rotor`, and the number of values of the integrator, which
+// follow. With WITH_BODIES, then come the number of atoms whose body does not follow from the fix line, and three numbers for each. The
+// per-atom state of LAMMPS's restart files cannot have these, because the command replicate refuses it, and a fix of another style does
+// not get it. LAMMPS's own rigid fixes may get our state, because restart files contain no suffix; they ignore it because of the zeros.
 
 class Restart : public Part {
  public:
   using Part::Part;
 
-  // Whether restart files have a state of this fix.
+  // Tell LAMMPS whether this fix has a state.
 
   void announce() const { fix->restart_global = has_state() || bridge.follows_atoms; }
 
-  // The size in bytes, for LAMMPS, then numbers. Rank 0 writes them.
+  // Write the size in bytes, then the state, on rank 0.
 
   void write(FILE *file) const
   {
@@ -41,7 +40,7 @@ class Restart : public Part {
     fwrite(bridge.kept_bodies, 3 * sizeof(double), bridge.kept_rows, file);
   }
 
-  // What the file has of bodies, before they are decided.
+  // Find the bodies of the restart file, for the constructor of the class.
 
   void find_bodies() const
   {
@@ -54,7 +53,7 @@ class Restart : public Part {
     bridge.kept_bodies = reinterpret_cast<double *>(state) + rows + 1;
   }
 
-  // The integrator's first number says what the others are.
+  // Read a state. The first value of the integrator identifies its kind.
 
   void read(const char *state) const
   {
@@ -71,7 +70,7 @@ class Restart : public Part {
     }
   }
 
-  // LAMMPS gives a fix the state that one of its ID and style has left. One of another style of ours may have left it, too.
+  // LAMMPS passes a fix the state of its ID and style. Take over that of another style of ours.
 
   void take_over() const
   {
@@ -102,7 +101,7 @@ class Restart : public Part {
     return found;
   }
 
-  // The state of another fix may end behind two numbers.
+  // The state of another fix may have only two numbers.
 
   static bool is_ours(const char *state)
   {

@@ -1,4 +1,4 @@
-/* The names of the styles, and what is said with them. */
+/* The names of the styles, and messages that contain them. */
 
 #ifndef FIX_NOSQUISH_STYLES_H
 #define FIX_NOSQUISH_STYLES_H
@@ -15,14 +15,14 @@ using namespace LAMMPS_NS;
 const std::string PYTHON_MOVE = "python/move";
 const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
 
-// With the suffix LAMMPS takes these in the place of its own, and their computes: see computes.h.
+// The styles and computes that replace LAMMPS's with -sf nosquish.
 
 const std::string SUFFIX = "/nosquish";
 const std::string REPLACED[] = {"rigid",           "rigid/nve",       "rigid/nvt",       "rigid/npt",       "rigid/nph",
                                 "rigid/small",     "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", "rigid/nph/small"};
 const std::string COMPUTES[] = {"rigid/local", "ke/rigid", "erotate/rigid"};
 
-// What users also write: nosquish/nvt/small for nosquish/nvt, and nosquish/rigid/nvt for rigid/nvt/nosquish.
+// Aliases: nosquish/nvt/small for nosquish/nvt, and nosquish/rigid/nvt for rigid/nvt/nosquish.
 
 const std::string OURS = "nosquish/", SMALL = "/small";
 
@@ -37,7 +37,7 @@ bool replaces(const std::string &style)
   return style.rfind("rigid", 0) == 0;
 }
 
-// A message that begins with the fix. LAMMPS adds the suffix to a style's name only after the constructor.
+// A message with the ID and style of the fix. LAMMPS adds the suffix to the style only after the constructor.
 
 std::string problem(const Fix *fix, const std::string &text)
 {
@@ -46,7 +46,7 @@ std::string problem(const Fix *fix, const std::string &text)
   return "Fix " + std::string(fix->id) + " " + name + ": " + text;
 }
 
-// The message for a class of LAMMPS that is not as its header says.
+// The message for a class of LAMMPS whose layout is not that of its header.
 
 std::string another_class(const std::string &name)
 {

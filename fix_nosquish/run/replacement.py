@@ -5,7 +5,7 @@ from ..host.rigid_fixes import ITERATIONS, OF_BOX, ORDER, integrator
 
 
 def replacement_notice(fix_id: str, command: Command) -> str | None:
-    """Lines for the log: which rigid fix is replaced by what, and what differs; None if none is."""
+    """Lines for the log: what replaces which rigid fix, and what differs; None if nothing does."""
     name, words = command.line.replaces, command.line.words
     if not name:
         return None
@@ -22,14 +22,14 @@ def replacement_notice(fix_id: str, command: Command) -> str | None:
     piston = kind == "NPH" or command.barostat == "mtk"
     alike = name == "rigid/npt" and piston and command.temp[0] == command.temp[1]
     source = "the higher of TSTART and TSTOP" if command.temp else "the bodies' first temperature"
+    part = "piston" if kind == "NPH" else "thermostat"
     steps = "; ".join(
         difference
         for difference, applies in (
             ("the rotation is that of rigid/nve, whose energy does not drift", name == "rigid"),
             ("linear bodies and symmetric tops rotate exactly", kind == "NVE"),
             (
-                f"{'piston' if kind == 'NPH' else 'thermostat'} and velocities of atoms are those of "
-                "the middle of the step",
+                f"{part} and velocities of atoms are those of the middle of the step",
                 kind != "NVE",
             ),
             ("iterations and order of tparam are 1 and 3", _other_order(words)),

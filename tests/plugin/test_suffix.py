@@ -374,7 +374,7 @@ REFUSED = {
     "LAMMPS's compute on ours": (
         "suffix off\ncompute 7 all {} 1\nsuffix on\n",
         "rigid/nve/small",
-        "is LAMMPS's own, which takes each fix rigid for its own",
+        "is LAMMPS's own, which works only with LAMMPS's own rigid fixes",
     ),
     "ours on LAMMPS's": (
         "compute 7 all {}/nosquish 1\nsuffix off\nunfix 1\nfix 1 bodies rigid/nve/small molecule\n",

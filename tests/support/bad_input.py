@@ -82,7 +82,7 @@ CASES = {
     "integrator before a point": Case(
         "all molecule mrot 2.5", ("integrator 'NVTT'",), module="fix_nosquish.NVTT"
     ),
-    "no text at all": Case("", ("behind python/move is empty", "GROUP BODYSTYLE"), module=""),
+    "no text at all": Case("", ("after python/move is empty", "GROUP BODYSTYLE"), module=""),
     "letters beyond ASCII": Case(
         "all molecule infile caf\u00e9", ("has letters beyond ASCII", "-var FILE name, and v_FILE")
     ),
