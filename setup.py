@@ -234,8 +234,8 @@ class BuildPlugin(build_ext):
         print(shlex.join(command), flush=True)
         if subprocess.call(command):
             refuse(
-                "the C++ compiler could not compile the LAMMPS plugin. Its first message says why. If it "
-                "is about a header, those of LAMMPS or MPI are incomplete or of another version"
+                "the C++ compiler could not compile the LAMMPS plugin. Its first message says why. "
+                "If it names a header, those of LAMMPS or MPI are incomplete or of another version"
             )
 
 
