@@ -321,7 +321,7 @@ thermo_style custom step
 {columns}
 fix body all property/atom i_body
 set group all i_body 1
-fix 1 all python/move "fix_nosquish.NVE all custom i_body"
+fix 1 all nosquish/nve custom i_body
 run 0
 displace_atoms all rotate 0 0 0 {axis} {degrees}
 run 0

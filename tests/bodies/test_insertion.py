@@ -113,13 +113,13 @@ def test_points(compared, ranks):
         "fix 3 gas evaporate 25 1 box 4928"
     )
     theirs = "fix 1 bodies rigid/nve/small molecule\nfix 9 gas nve"
-    ours = 'fix 1 bodies python/move "fix_nosquish.NVE bodies molecule flexible gas order 123"'
+    ours = "fix 1 bodies nosquish/nve molecule flexible gas order 123"
     left = compared(ours, theirs, first=first, changes=changes, ranks=ranks)
     assert left[0][0]["Atoms"][-1] == 36 + 9 - 4
     assert_same(left)
 
 
-NVT = 'fix 1 mols python/move "fix_nosquish.NVT mols molecule mol bent temp 1 1 1e-1 {}"'
+NVT = "fix 1 mols nosquish/nvt molecule mol bent temp 1 1 1e-1 {}"
 
 
 @pytest.mark.parametrize("ranks", [1, 4])
@@ -149,7 +149,7 @@ def test_table_and_switches(compared, tmp_path):
     """Locks out a table of bodies without those that came, and switched off forces that act on
     them."""
     words = "force * off off off torque * off off off output 50 v_table"
-    fix = f'variable table string t.csv\n{OURS[:-1]} {words}"'
+    fix = f"variable table string t.csv\n{OURS} {words}"
     ((thermo, _),) = compared(fix, changes=DEPOSIT, run="run 150", first=MOLECULES.format(4))
     assert np.ptp(thermo["Temp"][-2:]) < 1e-7 < np.ptp(thermo["PotEng"][-2:])
     steps = np.loadtxt(tmp_path / "t.csv", delimiter=",", skiprows=1, usecols=0)
@@ -219,7 +219,7 @@ def test_between_runs(compared):
     anew = again.replace("\nrun 70", f"\nunfix 1\n{THEIRS}\nrun 70")
     theirs = compared(THEIRS, first=first, run=anew)
     for words in "", " reinit no":
-        ours = compared(f'{OURS[:-1]}{words}"', first=first, run=again)
+        ours = compared(f"{OURS}{words}", first=first, run=again)
         assert_same([*ours, *theirs])
 
 
@@ -229,7 +229,7 @@ def test_new_atom_ids_between_runs(compared, ranks):
     deleted = "run 30\ngroup out molecule 2 5\ndelete_atoms group out\n{}run 40"
     theirs, ours = (
         compared(fix, first=MOLECULES.format(9), run=deleted.format(reset), ranks=ranks)[0][0]
-        for fix, reset in ((THEIRS, ""), (f'{OURS[:-1]} reinit no"', "reset_atoms id\n"))
+        for fix, reset in ((THEIRS, ""), (f"{OURS} reinit no", "reset_atoms id\n"))
     )
     for name in "Temp", "PotEng", "TotEng":
         np.testing.assert_allclose(ours[name], theirs[name], rtol=1e-9)
@@ -364,20 +364,24 @@ def test_rotors_stay(run_lammps, tmp_path, run, ranks):
     assert ends[0] == ends[1]
 
 
+GEAR, NVE = target("Gear"), "nosquish/nve molecule"
 MOVES = GCMC.format(-2).replace("12 0 0", "0 6 0").replace("rigid 1", "")
 CASES = {
-    "no such template": ("NVE mols molecule mol other", DEPOSIT, "no molecule template 'other'"),
-    "no template": ("NVE mols molecule", DEPOSIT, "not using the same molecule template"),
+    "no such template": (f"{NVE} mol other", DEPOSIT, "no molecule template 'other'"),
+    "no template": (NVE, DEPOSIT, "not using the same molecule template"),
     "constant pressure": (
-        "NPT mols molecule mol bent temp 1 1 1 seed 1 iso 0 0 1 compressibility 1e-1", DEPOSIT,
+        "nosquish/npt molecule mol bent temp 1 1 1 seed 1 iso 0 0 1 compressibility 1e-1", DEPOSIT,
         "bodies came or are gone by step 1, which the integrator",
     ),
-    "Gear": ("Gear mols molecule mol bent", DEPOSIT, "bodies came or are gone by step 1"),
+    "Gear": (
+        f'python/move "{GEAR} mols molecule mol bent"', DEPOSIT,
+        "bodies came or are gone by step 1",
+    ),
     "part of a body": (
-        "NVE mols molecule", EVAPORATE.replace("molecule yes", ""), "is gone by step 10: it left",
+        NVE, EVAPORATE.replace("molecule yes", ""), "is gone by step 10: it left",
     ),
     "moved": (
-        "NVE mols molecule mol bent", MOVES,
+        f"{NVE} mol bent", MOVES,
         "away from where its rigid body has it",
     ),
 }  # fmt: skip
@@ -388,10 +392,9 @@ CASES = {
 def test_refused(run_lammps, tmp_path, name, ranks):
     """Locks out a hang, a message per rank and a silently wrong run where bodies cannot follow."""
     words, changes, says = CASES[name]
-    scheme, rest = words.split(maxsplit=1)
     script = SCRIPT.format(
         style="molecular", edge=8, masses=MASSES, first=MOLECULES.format(9), changes=changes,
-        fix=f'fix 1 mols python/move "{target(scheme)} {rest}"', run="run 100",
+        fix=f"fix 1 mols {words}", run="run 100",
     )  # fmt: skip
     run = run_lammps(script, files={"mol.bent": MOLECULE}, ranks=ranks, check=False)
     assert_ended(run, [says], tmp_path)

@@ -344,7 +344,7 @@ mass 3 {mass}
 pair_style zero 4
 pair_coeff * *
 velocity all create 298 4928
-fix 1 all python/move "fix_nosquish.NVE all molecule"
+fix 1 all nosquish/nve molecule
 run 1
 """,
         files={"mol.one": template},

@@ -70,24 +70,39 @@ def test_press_berendsen(simulate, ranks):
     assert abs(first) < 1e-3 * change and 0.3 < second / first < 0.7
 
 
+NVE, MN = "nosquish/nve molecule", target("MatubayasiNakahara")
+
+
 @pytest.mark.parametrize(
     "words, change, says",
     [
-        ("NVE all molecule", "all deform 1 x erate 0.3 remap none", "fix deform with remap x or v"),
         (
-            "NVE all molecule",
+            NVE,
+            "all deform 1 x erate 0.3 remap none",
+            "fix deform with remap x or v",
+        ),
+        (
+            NVE,
             "all deform 1 xy erate 0.01 remap none",
             "fix deform with remap x or v",
         ),
-        ("NVE all molecule", "all deform 1 xy wiggle 1 5 remap v", "bodies follow constant ones"),
-        ("NVE all molecule", "some deform 1 xy erate 0.3 remap v", "lacks atoms of the bodies"),
         (
-            "NVT all molecule temp 1 1 1 seed 5",
-            "all deform 1 xy erate 0.3 remap v",
-            "NVT does not do so",
+            NVE,
+            "all deform 1 xy wiggle 1 5 remap v",
+            "bodies follow constant ones",
         ),
         (
-            "MatubayasiNakahara all molecule",
+            NVE,
+            "some deform 1 xy erate 0.3 remap v",
+            "lacks atoms of the bodies",
+        ),
+        (
+            "nosquish/nvt molecule temp 1 1 1 seed 5",
+            "all deform 1 xy erate 0.3 remap v",
+            "nosquish/nvt does not do so",
+        ),
+        (
+            f'python/move "{MN} all molecule"',
             "all deform 1 xy erate 0.3 remap v",
             "MatubayasiNakahara does not do so",
         ),
@@ -99,8 +114,7 @@ def test_other_changes_are_refused(refused, words, change, says):
     change is taken for one to other vectors of the lattice, or the class is derived from NVE."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
     script = f"{system.setup}\n{SMOOTH}group some id 1 2\ntimestep 0.004\n"
-    name, rest = words.split(maxsplit=1)
-    script += f'fix 1 all python/move "{target(name)} {rest}"\nfix box {change}\nrun 1000\n'
+    script += f"fix 1 all {words}\nfix box {change}\nrun 1000\n"
     refused(script, says, system.files)
 
 
@@ -108,7 +122,7 @@ def test_a_box_that_was_deformed_is_known(run_lammps):
     """Locks out the refusal of a box with which the bodies moved, in a run that keeps them."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
     script = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
-    script += 'fix 1 all python/move "fix_nosquish.NVE all molecule reinit no"\n'
+    script += "fix 1 all nosquish/nve molecule reinit no\n"
     script += "fix box all deform 1 x erate 0.1 remap x\nrun 50\nunfix box\nrun 50\n"
     run_lammps(script, files=system.files)
 
@@ -146,7 +160,7 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
         "velocity all set 0 50 -100 sum yes\n"  # most bodies cross faces before the last flip
         # no change of the box in a step whose table is written, before that change
         f"{FLIPS.replace('deform 1', 'deform 3')}\ntimestep 0.002\n"
-        'fix 1 all python/move "fix_nosquish.NVE all molecule output 50 v_table"\n'
+        "fix 1 all nosquish/nve molecule output 50 v_table\n"
         "dump 1 all custom 50 dump.* id mol mass xu yu zu\n"
         "dump_modify 1 sort id format float %.17g\n"
         f"{thermo('lx ly lz xy xz yz', 50)}run 100\n"
@@ -167,13 +181,13 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
             assert np.abs(place - centre).max() < 1e-9
 
 
-@pytest.mark.parametrize("words", ["NVE all molecule", "NVT all molecule temp 2 2 2e-1 seed 5"])
+@pytest.mark.parametrize("words", ["nve molecule", "nvt molecule temp 2 2 2e-1 seed 5"])
 def test_a_fix_that_reads_velocities_at_the_end_of_steps(run_lammps, words):
     """Locks out the pressure of old velocities in fix deform/pressure: the box would depend on how
     often something is printed."""
     system, found = mixture(side=3), []
     for every in 1, 20:
-        lines = f'fix 1 all python/move "fix_nosquish.{words}"\n'
+        lines = f"fix 1 all nosquish/{words}\n"
         lines += "fix 2 all deform/pressure 1 x pressure 1.0 0.1\n" + thermo("vol", every)
         script = f"{system.setup}\ntimestep 0.002\n{lines}run 20\n"
         found.append(run_lammps(script, files=system.files).thermo[-1]["Volume"])
@@ -186,7 +200,7 @@ def test_array_behind_a_change(run_lammps, tmp_path):
     system = mixture("solid planar single", side=3, spacing=2.9)
     script = (
         f"{system.setup}\n{SMOOTH}timestep 0.002\n"
-        'fix 1 all python/move "fix_nosquish.NVE all molecule"\n'
+        "fix 1 all nosquish/nve molecule\n"
         "fix before all ave/time 1 1 10 f_1[1] mode vector file before\n"
         f"fix box all deform 1 x erate 0.5\n{thermo('lx f_1[1][1]', 10)}run 10\n"
         + KEPT.format("end")

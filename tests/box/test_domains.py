@@ -230,11 +230,10 @@ def test_partitions(run_lammps, tmp_path):
 
 
 NOISY = {
-    "langevin": "NVT all molecule temp 2 2 2e-1 seed 7",
-    "csvr": "NVT all molecule temp 2 2 2e-1 thermostat csvr seed 7",
-    "crescale": "NPT all molecule temp 2 2 2e-1 thermostat nh seed 7 "
-    "iso 1 1 2e-1 compressibility 1e-2",
-    "hmc": "HMC all molecule temp 2 steps 10 seed 7",
+    "langevin": "nvt molecule temp 2 2 2e-1 seed 7",
+    "csvr": "nvt molecule temp 2 2 2e-1 thermostat csvr seed 7",
+    "crescale": "npt molecule temp 2 2 2e-1 thermostat nh seed 7 iso 1 1 2e-1 compressibility 1e-2",
+    "hmc": "hmc molecule temp 2 steps 10 seed 7",
 }
 REPLICAS = """variable w {world}
 log log.$w
@@ -253,7 +252,7 @@ def test_noise_of_worlds(run_lammps, tmp_path, scheme):
     replicas; and noise of a world that depends on how many ranks it has, or on a restart. The first
     world has the noise of a run without partitions."""
     system = mixture("solid", side=2, spacing=2.9)
-    fix = f'timestep 0.01\nfix 1 all python/move "fix_nosquish.{NOISY[scheme]}"'
+    fix = f"timestep 0.01\nfix 1 all nosquish/{NOISY[scheme]}"
     restart = f"write_restart half.$w\nclear\nread_restart half.$w\n{AFTER}{fix}"
 
     def ends(world, *partition, stop=""):

@@ -11,7 +11,7 @@ from support.systems import mixture, sizes
 
 KEPT = "dump end all custom {0} end id mol mass xu yu zu vx vy vz\n"  # as they are in a run
 KEPT += "dump_modify end sort id format float %.17g\n"
-OURS = 'fix 1 all python/move "fix_nosquish.NVE all molecule"\n'
+OURS = "fix 1 all nosquish/nve molecule\n"
 FLOW = "fix box all deform 1 xy erate {} remap v\n"
 PRINT = "thermo_style custom step pe c_peculiar {}\nthermo_modify format float %.16g\nthermo 10\n"
 PRINT = "compute peculiar all temp/deform\n" + PRINT
@@ -144,7 +144,7 @@ def test_each_run_has_its_own_rates(ends, first, then):
     begin = flow.format(first) + "run 40\nunfix box\n" if first else "run 40\n"
     found = []
     for reinit in "yes", "no":
-        lines = f'{OURS[:-2]} reinit {reinit}"\n{begin}print PART\n{flow.format(then)}'
+        lines = f"{OURS[:-1]} reinit {reinit}\n{begin}print PART\n{flow.format(then)}"
         found.append(ends(lines + KEPT.format(20) + "run 200\n"))
     assert np.abs(found[0] - found[1]).max() < 1e-9
 

@@ -63,8 +63,8 @@ ILVES = "fix hold held ilves 1e-10 25 0 b 1 2 a 1\n"
 NVE = "fix move others nve\n"
 
 
-def ours(words, name="NPT"):
-    return f'fix 1 ours python/move "fix_nosquish.{name} ours molecule temp 2 2 2e-1 {words}"\n'
+def ours(words, name="npt"):
+    return f"fix 1 ours nosquish/{name} molecule temp 2 2 2e-1 {words}\n"
 
 
 @pytest.mark.parametrize("barostat", BAROSTATS)

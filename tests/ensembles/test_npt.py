@@ -162,8 +162,8 @@ def test_volume_out_of_proportion(run_lammps, pressure, ratio, style):
     lines = {}
     for p, steps in (pressure, 4000), ("12e-2", 500):
         line = fix_npt("seed 5", f"iso {p} {p} 4e-1 every 1 compressibility 8") + thermo("vol", 10)
-        if style != "python/move":
-            line = re.sub(r'python/move "fix_nosquish\.NPT \S+ (.*)"', rf"{style} \1", line)
+        if style == "python/move":
+            line = re.sub("nosquish/npt (.* 8)", r'python/move "fix_nosquish.NPT all \1"', line)
         script = f"{system.setup}\n{FREE}timestep 0.004\n{line}run {steps}\nrun 10\n"
         done = run_lammps(script, files=system.files, ranks=2)
         lines[p] = re.findall(

@@ -24,7 +24,7 @@ from support.sampling import (
     spreads,
     thermo,
 )
-from support.systems import AFTER, mixture
+from support.systems import AFTER, line_of_class, mixture
 
 # ------------------------------------------------------------------ random numbers
 
@@ -250,9 +250,10 @@ def test_both_halves_are_one_motion(run_lammps, tmp_path):
     system, files = mixture(side=2, spacing=2.9), {"halves.py": HALVES}
     held = THERMOSTATS["csvr"] + " force 2 off on on torque 3 off off off"
     for words in THERMOSTATS["csvr"], THERMOSTATS["nh"], THERMOSTATS["separate"], held:
-        line, ends = fix_nvt(words + " rotor exact", "2 2 5e-2"), []
-        for one in line, line.replace("fix_nosquish.NVT", "halves.Halves"):
-            script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{one}run 60\n{DUMP.format('end')}"
+        words, ends = f"molecule temp 2 2 5e-2 {words} rotor exact", []
+        for line in "fix 1 {group} nosquish/nvt {words}", line_of_class("halves.Halves"):
+            fix = line.format(group="all", words=words)
+            script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix}\nrun 60\n{DUMP.format('end')}"
             run_lammps(script, files=system.files | files, timeout=280)  # the first one compiles
             ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
         assert np.abs(ends[0] - ends[1]).max() < 1e-9, words
@@ -349,7 +350,7 @@ def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
         line = line.replace("NVT", "NPT")
     if name == "NPH":
         cell = CELLS[cell].replace("barostat mtk", "")
-        line = f'fix 1 all python/move "fix_nosquish.NPH all molecule {cell}"\n'
+        line = f"fix 1 all nosquish/nph molecule {cell}\n"
     begin = f"{system.setup}\n{SMOOTH}"
     line += thermo("econserve", 13)
     first, other, end = "timestep 0.004\nrun 53\n", "timestep 0.002\n", DUMP.format("end")
@@ -382,7 +383,7 @@ def test_levels_before_and_after(run_lammps):
 
 
 FORGETS = fix_nvt(THERMOSTATS["langevin"], "2 2 1e-2")
-TRIES = 'fix 1 all python/move "fix_nosquish.HMC all molecule temp 2 steps 5 seed 771"\n'
+TRIES = "fix 1 all nosquish/hmc molecule temp 2 steps 5 seed 771\n"
 
 
 @pytest.mark.parametrize(
@@ -493,8 +494,8 @@ def test_momentum_that_others_take(run_lammps):
         "create_atoms 1 random 10 7 box\nmass 1 1\npair_style zero 2.5\npair_coeff * *\n"
         "group own id 1:8\ngroup rest subtract all own\nvelocity all create 2 9\n"
         "timestep 0.05\nvariable own atom id\nfix 2 rest nve\n"
-        'fix 1 own python/move "fix_nosquish.NVT own custom v_own '
-        f'temp 2 2 5e-1 seed 5 thermostat csvr"\n{thermo("f_1[1]", 50)}run 20000\n'
+        "fix 1 own nosquish/nvt custom v_own temp 2 2 0.5 seed 5 thermostat csvr\n"
+        f"{thermo('f_1[1]', 50)}run 20000\n"
     )
     kinetic = run_lammps(script).thermo["f_1[1]"][20:]
     assert kinetic.mean() == pytest.approx(24.0, abs=1.2)  # or 21
@@ -522,7 +523,7 @@ def test_noise_of_two_fixes(run_lammps, tmp_path):
     """Locks out two fixes whose bodies of the same number have the same noise."""
     system = mixture("pair", side=2)
     groups = "".join(f"group {name} molecule {k}\n" for k, name in enumerate("abcd", 1))
-    line = 'fix {0} all python/move "fix_nosquish.NVT all group 2 {1} temp 2 2 4e-3 seed 771"\n'
+    line = "fix {0} all nosquish/nvt group 2 {1} temp 2 2 4e-3 seed 771\n"
     script = f"{system.setup}\n{FREE}{groups}velocity all set 0 0 0\ntimestep 0.002\n"
     script += line.format(1, "a b") + line.format(2, "c d") + f"run 1\n{DUMP.format('end')}"
     run_lammps(script, files=system.files)
@@ -572,8 +573,8 @@ def test_points_move_as_with_nve(run_lammps, tmp_path):
     """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
     fix nve has them beside the bodies."""
     system, ends = mixture(side=3, spacing=2.9), []
-    one = 'fix 1 all python/move "fix_nosquish.NVE stiff molecule flexible loose"\n'
-    two = 'fix 1 stiff python/move "fix_nosquish.NVE stiff molecule"\nfix 2 loose nve\n'
+    one = "fix 1 stiff nosquish/nve molecule flexible loose\n"
+    two = "fix 1 stiff nosquish/nve molecule\nfix 2 loose nve\n"
     for words in (one, two):
         script = f"{system.setup}\n{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n"
         rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo

@@ -68,10 +68,8 @@ def test_shapes_of_a_box(run_lammps, words):
     chi-square number (Bartlett, 1933), of n + 1, n and n - 1 degrees of freedom.
     """
     setup, files, stiff, power = frame()
-    line = (
-        f"fix_nosquish.NPT all molecule temp {KT:g} {KT:g} 5e-1 seed 771 tri 0 0 1 every 2 {words}"
-    )
-    script = f'{setup}fix 1 all python/move "{line}"\n' + thermo("lx ly lz xy xz yz", 300)
+    line = f"molecule temp {KT} {KT} 0.5 seed 771 tri 0 0 1 every 2 {words}"
+    script = f"{setup}fix 1 all nosquish/npt {line}\n" + thermo("lx ly lz xy xz yz", 300)
     rows = run_lammps(f"{script}run 40000\n", files=files, timeout=600).thermo[10:]
     for k, name in enumerate(("Lx", "Ly", "Lz")):
         free = power + 1 - k
@@ -104,8 +102,8 @@ def test_crystal_as_of_lammps(run_lammps):
     fixes = [
         "fix 1 all npt temp 0.5 0.5 0.5 tri 1 1 1.0\n",
         *(
-            'fix 1 all python/move "fix_nosquish.NPT all custom v_one temp 5e-1 5e-1 5e-1 seed 5 '
-            f'tri 1 1 1 every 4 {words}"\n'
+            "fix 1 all nosquish/npt custom v_one temp 0.5 0.5 0.5 seed 5 "
+            f"tri 1 1 1 every 4 {words}\n"
             for words in ("barostat mtk", "compressibility 5e-2")
         ),
     ]
@@ -186,7 +184,7 @@ comm_modify cutoff 4
 velocity all create 1.0 4928
 timestep 0.01
 fix b all balance 2 1.0 rcb
-fix 1 all python/move "fix_nosquish.NPH all molecule xy 0 0 1"
+fix 1 all nosquish/nph molecule xy 0 0 1
 thermo_style custom step atoms lx xy
 run 130
 """
@@ -219,7 +217,7 @@ def test_what_moves_with_the_box(run_lammps, tmp_path, barostat, group):
         line = fix_mtk("NPH", GENTLY, dilate)
     else:
         line = fix_npt("seed 5", f"{GENTLY} compressibility 2 {dilate}")
-    line = line.replace(" all molecule", " ours molecule")
+    line = line.replace("fix 1 all", "fix 1 ours")
     words = line + thermo("xlo xhi ylo yhi zlo zhi xy xz yz", 100)
     columns = "id mol x y z modify sort id format float %.17g"
     dump = "write_dump others custom {} " + columns + "\n"
@@ -248,7 +246,7 @@ def test_energy_with_others(run_lammps, group):
     """Locks out forces that a piston lacks, or has too much, of atoms that stay where they are."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     begin, dilate = with_others(system, group)
-    line = fix_mtk("NPH", GENTLY, dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", GENTLY, dilate).replace("fix 1 all", "fix 1 ours")
     ratios, _ = spreads(run_lammps, begin, line, system.files, time=0.6)
     assert ratios == pytest.approx([4, 4], rel=0.2)
 
@@ -262,7 +260,7 @@ def test_gas_of_which_some_move_by_another_fix(run_lammps):
     begin = f"{system.setup}\n{FREE}group ours molecule 1:6\ngroup others subtract all ours\n"
     nve = "fix 2 others nve\nfix 3 others langevin 2 2 0.2 9182\n"
     line = fix_npt("seed 771", "iso 12e-2 12e-2 2e-1 every 5 compressibility 8 dilate all")
-    words = line.replace(" all molecule", " ours molecule") + thermo("vol", 200)
+    words = line.replace("fix 1 all", "fix 1 ours") + thermo("vol", 200)
     done = run_lammps(f"{begin}{nve}timestep 0.004\n{words}run 80000\n", files=system.files)
     rows = done.thermo[20:]
     free = 6 + int(done.log.split("atoms in group others")[0].split()[-1])
@@ -275,7 +273,7 @@ def test_faces_that_pass_atoms_that_stay(run_lammps, tmp_path):
     system = mixture(side=3, spacing=2.9)
     begin, dilate = with_others(system, "left")
     begin = begin.replace("molecule 10 12 20", "molecule 1 4 7 12 13 23:27")
-    line = fix_mtk("NPH", "iso 3 3 8e-1 every 1", dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", "iso 3 3 8e-1 every 1", dilate).replace("fix 1 all", "fix 1 ours")
     script = f"{begin}timestep 0.004\n{line}{thermo('vol', 100)}run 100\n{DUMP.format('end')}"
     ends = {}
     for ranks in (1, 2, 4):
@@ -291,7 +289,7 @@ def test_changed_forces_of_atoms_that_stay(run_lammps):
     noise: these do not move, so the box is the same without that fix."""
     system = mixture(side=3, spacing=2.9, tilt=0.3)
     begin, dilate = with_others(system, "left")
-    line = fix_mtk("NPH", TRI_CELL, dilate).replace(" all molecule", " ours molecule")
+    line = fix_mtk("NPH", TRI_CELL, dilate).replace("fix 1 all", "fix 1 ours")
     volumes = []
     for fixes in "", "fix 2 others setforce 0 0 0\n", "fix 2 others langevin 2 2 0.2 883\n":
         for ranks in 1, 2:

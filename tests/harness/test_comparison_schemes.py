@@ -25,12 +25,10 @@ from support.rotors import (
     tops,
 )
 from support.systems import OURS as NVE
-from support.systems import TWO, apart, hot_rods, mixture, smooth
+from support.systems import TWO, apart, hot_rods, line_of_class, mixture, smooth
 from validation.scenes.integrators import target
 
-MN, GEAR = (
-    NVE.replace("fix_nosquish.NVE", target(name)) for name in ("MatubayasiNakahara", "Gear")
-)
+MN, GEAR = (line_of_class(target(name)) for name in ("MatubayasiNakahara", "Gear"))
 DIPOLE, E, G = (
     np.array([0.3, -0.5, 0.7]),
     np.array([0.2, 1.0, -0.4]),

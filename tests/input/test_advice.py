@@ -9,7 +9,7 @@ import pytest
 
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.other_fixes import OtherFixes
-from support.endings import assert_ended
+from support.endings import LINEAR, assert_ended
 
 CO2 = """
 units real
@@ -31,23 +31,7 @@ thermo_modify norm no format float %.12g
 thermo 100
 region hot block INF INF INF INF 0 12 units box
 region cold block INF INF INF INF 30 42 units box
-fix 1 all python/move "fix_nosquish.NVE all molecule"
-"""
-MOLECULE = """linear molecule
-
-3 atoms
-
-Coords
-
-1 0 0 0
-2 1.16 0 0
-3 -1.16 0 0
-
-Types
-
-1 1
-2 2
-3 2
+fix 1 all nosquish/nve molecule
 """
 # a plate on a gas, which keeps one component of its force, or none
 PLATE = """
@@ -77,10 +61,7 @@ thermo_style custom step temp lx v_z
 thermo_modify norm no lost error
 thermo 100
 """
-HELD = (
-    'fix 1 plate python/move "fix_nosquish.NVE plate molecule '
-    'force * off off {} torque * off off off"\n'
-)
+HELD = "fix 1 plate nosquish/nve molecule force * off off {} torque * off off off\n"
 NPT = "fix 2 gas npt temp 1 1 1 x 0.5 0.5 5 {}\n"
 PRESSED = "fix 3 plate addforce 0 0 -0.5\n"
 
@@ -175,8 +156,8 @@ CASES = {
     ),
     "plate in a box of ours": Case(
         PLATE,
-        'fix 1 plate python/move "fix_nosquish.NPH plate molecule x 0 0 5 dilate gas '
-        'force * off off on"\nfix 2 gas nvt temp 1 1 1\n' + PRESSED,
+        "fix 1 plate nosquish/nph molecule x 0 0 5 dilate gas "
+        "force * off off on\nfix 2 gas nvt temp 1 1 1\n" + PRESSED,
         "keep the box (fix nvt), and add the pressure's force to them (fix addforce)",
         HELD.format("on") + "fix 2 gas nvt temp 1 1 1\n" + PRESSED,
         plate_floats,
@@ -190,7 +171,7 @@ CASES = {
 def test_advice_of_what_is_refused(run_lammps, tmp_path, name, ranks):
     """Locks out a message that sends the user to what is refused, too, or to what does not do what
     was meant; and what is refused here: it went wrong without a word, or ended the run later."""
-    case, how = CASES[name], {"files": {"mol.co2": MOLECULE}, "ranks": ranks}
+    case, how = CASES[name], {"files": {"mol.co2": LINEAR}, "ranks": ranks}
     first = run_lammps(f"{case.setup}{case.lines}run 200\n", check=False, **how)
     assert_ended(first, [case.says], tmp_path)
     assert "Step" not in first.log, "refused as the run begins"
@@ -208,7 +189,7 @@ def test_recenter_of_another_group(run_lammps, tmp_path, ranks):
     """Locks out a run that ends later because fix recenter moves the bodies' atoms, too, which its
     group does not tell; and one that is refused although it moves other atoms alone, by which
     nothing changes."""
-    how = {"files": {"mol.co2": MOLECULE}, "ranks": ranks}
+    how = {"files": {"mol.co2": LINEAR}, "ranks": ranks}
     line = "fix h some recenter INIT INIT INIT{}\n"
     run = run_lammps(f"{SOME}{line.format(' shift all')}run 50\n", check=False, **how)
     assert_ended(run, ["fix h (style recenter) moves atom", "use fix momentum with"], tmp_path)
@@ -238,7 +219,7 @@ def test_atoms_that_nobody_is_said_to_move(run_lammps, tmp_path):
     """Locks out a run that ends because atoms were moved without the name of the fix that may have
     done so: one with a user's code, whose group does not tell."""
     script = f'{SOME}group none empty\nfix h none python/move "push.Push"\nrun 200\n'
-    files = {"mol.co2": MOLECULE, "push.py": PUSH}
+    files = {"mol.co2": LINEAR, "push.py": PUSH}
     run = run_lammps(script, files=files, check=False)
     assert_ended(run, ["something else moved it, perhaps fix h (style python/move)"], tmp_path)
 
@@ -262,9 +243,9 @@ def test_advice_of_noise_that_no_energy_tests(run_lammps, tmp_path):
         "create_atoms 1 random 8 7 NULL overlap 2 maxtry 1000\nset atom * diameter 1\n"
         "pair_style hybrid/overlay zero 2 brownian 1 1 1 1.5 2 1 77 1 0\npair_coeff * * zero\n"
         "pair_coeff * * brownian\ntimestep 0.001\nvariable own atom id\n"
-        'fix 1 all python/move "fix_nosquish.{}"\nrun 10\n'
+        "fix 1 all nosquish/{}\nrun 10\n"
     )
-    refused = run_lammps(script.format("HMC all custom v_own temp 1 steps 10 seed 5"), check=False)
-    advice = "leave it out, or use fix_nosquish.NVT with thermostat langevin"
+    refused = run_lammps(script.format("hmc custom v_own temp 1 steps 10 seed 5"), check=False)
+    advice = "leave it out, or use fix nosquish/nvt with thermostat langevin"
     assert_ended(refused, ["pair style brownian has friction or noise", advice], tmp_path)
-    run_lammps(script.format("NVT all custom v_own temp 1 1 1 seed 5"))
+    run_lammps(script.format("nvt custom v_own temp 1 1 1 seed 5"))

@@ -127,7 +127,7 @@ create_atoms 1 random 10 4928 inner
 pair_style none
 {"set group all mass 1.0" if style in ("smd", "peri") else "mass * 1.0"}
 SET
-fix 1 all python/move "fix_nosquish.NVE all single"
+fix 1 all nosquish/nve single
 run 1
 """
     ranks = 2 if style == "sph" else 1
@@ -150,7 +150,7 @@ def test_group_of_the_fix(run_case):
 def test_before_the_box(run_lammps, tmp_path):
     """Locks out a crash where the fix line stands above read_data."""
     run = run_lammps(
-        'fix 1 all python/move "fix_nosquish.NVE all single"\n',
+        "fix 1 all nosquish/nve single\n",
         ranks=2,
         check=False,
         timeout=SECONDS,
@@ -166,7 +166,7 @@ def test_before_the_box(run_lammps, tmp_path):
         "create_atoms 1 single 0.5 0.5 0.5 units lattice\nset atom 82 mol 28",
         "displace_atoms odd move 0.1 0.1 0.1",
         "change_box all x scale 1.1 remap",
-        'unfix 1\nfix 1 odd python/move "fix_nosquish.NVE odd single"',
+        "unfix 1\nfix 1 odd nosquish/nve single",
         "velocity all create 2.0 87287",
     ],
 )

@@ -218,10 +218,10 @@ def test_groups_with_other_bits(run_lammps, tmp_path):
     system, ends = mixture(side=2, spacing=2.9), []
     group, line = (
         "group {0} molecule {1}\n",
-        'fix {1} all python/move "fix_nosquish.NVE {0} reinit no"\n',
+        "fix {1} {0} nosquish/nve {2} reinit no\n",
     )
     groups = [group.format(*which) for which in ("a1", "b2", "c3")]
-    fixes = line.format("all group 2 a b", 1) + line.format("c molecule", 2)
+    fixes = line.format("all", 1, "group 2 a b") + line.format("c", 2, "molecule")
     others = "group a delete\ngroup b delete\ngroup c delete\n" + "".join(reversed(groups))
     for between in "", others:
         script = (
@@ -700,7 +700,7 @@ def test_spheres_as_points(run_lammps):
     degrees of freedom that leave out how they turn."""
     script, data = clumps(points=False)
     script += "group bodies molecule <= 20\ngroup loose subtract all bodies\n"
-    fix = 'fix 1 all python/move "fix_nosquish.NVE bodies molecule flexible loose"\n'
+    fix = "fix 1 bodies nosquish/nve molecule flexible loose\n"
     log = run_lammps(f"{script}\n{fix}run 0\n", files={"data.clumps": data}).log
     assert "20 rigid bodies with 60 atoms: 20 three-dimensional; 21 flexible atoms" in log
     assert f"{20 * 6 + 21 * 6} left to the bodies" in log
@@ -717,7 +717,7 @@ def test_particles_that_do_not_spin(run_lammps):
     spins = run_lammps(
         f"{script}\n{still}set group all omega 0 0 1\n{fix}\nrun 0\n", files=files
     ).log
-    warm = fix.replace("NVE all molecule", "NVT all molecule temp 1 1 1 seed 7")
+    warm = fix.replace("nve molecule", "nvt molecule temp 1 1 1 seed 7")
     warmed = run_lammps(f"{script}\n{still}{warm}\nrun 0\n", files=files).log
     assert "the bodies' rotation starts colder than their translation" in said
     assert "starts colder" not in spins + warmed
@@ -768,8 +768,8 @@ def test_restart_of_two_fixes(simulate, run_lammps, tmp_path):
         return f"""{neighbours}timestep {system.dt:.17g}
 variable s string {of_solids}
 variable p string {of_planars}
-fix 1 all python/move "fix_nosquish.NVE solid molecule infile v_s flexible single"
-fix two all python/move "fix_nosquish.NVE planar molecule infile v_p"
+fix 1 solid nosquish/nve molecule infile v_s flexible single
+fix two planar nosquish/nve molecule infile v_p
 """
 
     whole = f"{system.setup}\n{fixes('solids', 'planars')}run 20\nwrite_restart state\nrun 20\n"

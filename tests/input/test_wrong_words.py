@@ -45,7 +45,8 @@ class Refused(NamedTuple):
 
 def native(words):
     """The line of a fix, without what its words need."""
-    return f'fix 1 all python/move "fix_nosquish.{words}"\n'
+    style, group, rest = words.split(maxsplit=2)
+    return f"fix 1 {group} nosquish/{style.lower()} {rest}\n"
 
 
 LOOSE = "group loose molecule 1\ngroup stiff subtract all loose\n"
@@ -157,14 +158,14 @@ BESIDE_TRAJECTORIES = [
     ("fix 2 rest nve", "fix 2 (style nve) may change"),
     ("fix 2 all momentum 10 linear 1 1 1", "fix 2 (style momentum) may change"),
     ("fix 2 all deform 10 x scale 1.1", "fix 2 (style deform) may change"),
-    ("fix 2 all addforce 0 0 1", "test: fix_modify 2 energy yes, or use fix_nosquish.NVT"),
+    ("fix 2 all addforce 0 0 1", "test: fix_modify 2 energy yes, or use fix nosquish/nvt"),
     ("fix 2 rest viscous 1", "fix 2 (style viscous) may change"),
     (
-        'fix 2 rest python/move "fix_nosquish.NVE rest molecule"',
-        'fix 2 ("NVE rest molecule") moves bodies beside hybrid Monte Carlo',
+        "fix 2 rest nosquish/nve molecule",
+        'fix 2 ("nosquish/nve molecule") moves bodies beside hybrid Monte Carlo',
     ),
     ("comm_modify vel yes", "needs forces that do not depend on velocities"),
-    ("run_style respa 2 2", "the integrator HMC does not support run_style respa"),
+    ("run_style respa 2 2", "the integrator nosquish/hmc does not support run_style respa"),
 ]
 # of forces that hybrid Monte Carlo is given: variables, words, and which of them is refused
 OF_FORCES = [
@@ -184,8 +185,8 @@ OF_FORCES = [
 ]
 # keywords of others that NVE would take and ignore
 OF_NVE = [
-    ("temp 2 2 1", "has no thermostat: use fix_nosquish.NVT or fix_nosquish.NPT"),
-    ("steps 10", "it is a keyword of fix_nosquish.HMC"),
+    ("temp 2 2 1", "has no thermostat: use fix nosquish/nvt or fix nosquish/npt"),
+    ("steps 10", "it is a keyword of fix nosquish/hmc"),
 ]
 
 REFUSED = [
@@ -234,12 +235,12 @@ REFUSED = [
     ),
     *(Refused(f"{before}\n{fix_npt('seed 5')}", says) for before, says in BESIDE_BAROSTATS),
     Refused(
-        LOOSE + fix_npt("seed 5").replace(" all molecule", " stiff molecule"),
+        LOOSE + fix_npt("seed 5").replace("fix 1 all", "fix 1 stiff"),
         "atoms are in no body",
     ),
     Refused(
-        f'{LOOSE}fix 2 loose python/move "fix_nosquish.NVE loose molecule"\n'
-        + fix_npt("seed 5").replace(" all molecule", " stiff molecule"),
+        f"{LOOSE}fix 2 loose nosquish/nve molecule\n"
+        + fix_npt("seed 5").replace("fix 1 all", "fix 1 stiff"),
         "would not follow the box that this fix changes",
     ),
     Refused(

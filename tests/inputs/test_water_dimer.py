@@ -12,7 +12,7 @@ atom_style    full
 boundary      f f f
 read_data     data.dimer
 include       forcefield.dimer
-fix           1 all python/move "fix_nosquish.NVE all molecule"
+fix 1 all nosquish/nve molecule
 dump          1 all custom {every} positions id x y z
 dump_modify   1 sort id format float %.17g
 thermo_style  custom step temp pe etotal

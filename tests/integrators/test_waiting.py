@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from support.running import ROOT
-from support.systems import OURS, apart, mixture
+from support.systems import OURS, apart, line_of_class, mixture
 
 STEPS = 60
 
@@ -40,7 +40,7 @@ def test_output_changes_nothing_for_bodies_of_many_atoms(run_lammps, tmp_path):
 atom_style bond
 read_data data.mixed
 include forcefield.mixed
-fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"
+fix 1 bodies nosquish/nve molecule
 fix 2 chains nve
 thermo {every}
 timestep 0.004
@@ -81,7 +81,7 @@ def test_readers_find_velocities(run_lammps, tmp_path):
     in each step has."""
     system = mixture("solid row")
     lines = f"""{system.setup}
-fix 1 bodies python/move "fix_nosquish.NVE bodies molecule"
+fix 1 bodies nosquish/nve molecule
 compute ke all ke
 variable ke equal c_ke
 variable step equal step
@@ -151,7 +151,7 @@ def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
     for name in "Busy", "Lazy":
         run = simulate(
             system,
-            OURS.replace("fix_nosquish.NVE", f"following.{name}"),
+            line_of_class(f"following.{name}"),
             steps,
             every=steps,
             ranks=ranks,
@@ -182,7 +182,7 @@ def test_a_hook_of_ones_own_finds_the_end_of_the_step(simulate, tmp_path):
     """Locks out bodies in the middle of a step behind a `final_integrate` that a class has itself:
     what it does to their velocities then depends on how often there is output."""
     (tmp_path / "damped.py").write_text(DAMPED)
-    fix, system = OURS.replace("fix_nosquish.NVE", "damped.Damped"), mixture("solid row pair")
+    fix, system = line_of_class("damped.Damped"), mixture("solid row pair")
     looked, alone = (simulate(system, fix, STEPS, every=every) for every in (1, STEPS))
     np.testing.assert_array_equal(alone.x, looked.x)
     np.testing.assert_array_equal(alone.v, looked.v)

@@ -603,7 +603,7 @@ set group all mol 1
 mass 1 1.0
 pair_style zero 1.0
 pair_coeff * *
-fix 1 all python/move "fix_nosquish.NVE all molecule"
+fix 1 all nosquish/nve molecule
 run 1
 """
 COMPILERS = {"numba", "llvmlite"}

@@ -10,7 +10,6 @@ import pytest
 
 from support.running import LAMMPS, read_thermo
 from support.systems import LIKE_LAMMPS, RIGID, SMALL, mixture
-from validation.scenes.integrators import target
 
 THERMO = (
     "thermo_style custom step temp pe ke {}\nthermo_modify norm no format float %.16g\nthermo 10\n"
@@ -78,7 +77,7 @@ def test_bodyforces(both, words, ranks):
 def test_bodyforces_early_in_runs_in_a_row(both):
     """Locks out forces of fixes behind this one in the half step that one run leaves to the next,
     where that does not compute the forces anew."""
-    fix = 'fix 1 all python/move "fix_nosquish.NVT all molecule temp 1 1 1 seed 5"'
+    fix = "fix 1 all nosquish/nvt molecule temp 1 1 1 seed 5"
     early = f"{fix}\n{PUSH}fix_modify 1 bodyforces early\n{THERMO.format('')}"
     one, other = both(f"{early}run 20 pre yes\nrun 20 pre no", f"{early}run 40")
     for name in "PotEng", "KinEng":
@@ -99,16 +98,16 @@ def test_bodyforces_that_are_refused(refused, system, word, says):
 @pytest.mark.parametrize(
     "words, line",
     [
-        ("NVE all molecule", "bodyforces"),
-        ("NVE all molecule", "temp thermo_temp"),
-        ("NVE all molecule", "press thermo_press"),
-        ("NPH all molecule iso 0 0 1", "temp"),
+        ("nve molecule", "bodyforces"),
+        ("nve molecule", "temp thermo_temp"),
+        ("nve molecule", "press thermo_press"),
+        ("nph molecule iso 0 0 1", "temp"),
     ],
 )
 def test_fix_modify_that_is_refused(refused, system, words, line):
     """Locks out a crash where a word has no value, and a temperature or pressure for an integrator
     that has no use for it, taken without a word."""
-    script = f'{system.setup}\nfix 1 all python/move "fix_nosquish.{words}"\nfix_modify 1 {line}\n'
+    script = f"{system.setup}\nfix 1 all nosquish/{words}\nfix_modify 1 {line}\n"
     says = f"does not support fix_modify {line.split()[0]} command"
     refused(script, says, system.files)
 
@@ -121,7 +120,7 @@ def test_gravity(both, how, ranks):
     or by fix gravity alone, which may be defined behind the bodies' fix."""
     weight = "fix g all gravity 2.0 vector 1 -1 0.5"
     end = f"{THERMO.format('')}run 20\nrun 20"
-    ours = OURS if how == "fix" else OURS[:-1] + ' gravity g"'
+    ours = OURS if how == "fix" else f"{OURS} gravity g"
     disable = "" if how == "fix" else " disable"
     lines = [f"{weight}{disable}", ours]
     if how == "variable behind":
@@ -145,25 +144,24 @@ GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
 @pytest.mark.parametrize(
     "before, words, after, says",
     [
-        (GRAVITY, "NVE all molecule gravity h", "", "'h' is not a fix gravity"),
-        (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "NVE all molecule gravity g", "", "run_style"),
-        (GRAVITY, "HMC all molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
+        (GRAVITY, "nve molecule gravity h", "", "'h' is not a fix gravity"),
+        (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "nve molecule gravity g", "", "run_style"),
+        (GRAVITY, "hmc molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
     ],
     ids=["none", "respa", "HMC"],
 )
 def test_gravity_that_is_refused(refused, system, before, words, after, says):
     """Locks out bodies without the weight that is asked for, or with that of several levels, and a
     test of an energy without that of the weight."""
-    scheme, rest = words.split(maxsplit=1)
-    line = f'fix 1 all python/move "{target(scheme)} {rest}"'
+    line = f"fix 1 all nosquish/{words}"
     refused(f"{system.setup}\n{before}\n{line}\n{after}\nrun 0\n", says, system.files)
 
 
 @pytest.mark.parametrize("suffix", ["omp", "opt"])
-@pytest.mark.parametrize("words", ["NVE all molecule", "NVT all molecule temp 1 1 1 seed 5"])
+@pytest.mark.parametrize("words", ["nve molecule", "nvt molecule temp 1 1 1 seed 5"])
 def test_suffix(both, words, suffix):
     """Locks out bodies that miss forces, or virial, of styles that a suffix chooses."""
-    fix = f'fix 1 all python/move "fix_nosquish.{words}"\n'
+    fix = f"fix 1 all nosquish/{words}\n"
     pair = "pair_style lj/cut 2.5\npair_coeff * * 1.0 1.0\n"
     end = f"{pair}{fix}{THERMO.format('press')}run 40"
     ours, plain = both(f"suffix {suffix}\n{end}", f"suffix off\n{end}", first="package omp 2")

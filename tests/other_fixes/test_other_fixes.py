@@ -260,7 +260,7 @@ def test_temperature_behind_shake(run_lammps, tmp_path):
     """Locks out a temperature of the atoms before, counted as if nothing had held them: 94 K of
     heating where fix shake had left rigid water, but for its tolerance."""
     text = spce(tmp_path, lines="thermo_style custom step temp").read_text()
-    text += 'unfix hold\nunfix move\nfix 1 all python/move "fix_nosquish.NVE all molecule"\nrun 0\n'
+    text += "unfix hold\nunfix move\nfix 1 all nosquish/nve molecule\nrun 0\n"
     run_lammps(text)
     log = (tmp_path / "water.log").read_text()
     (line,) = re.findall(r"  start velocities: (.*)", log)
@@ -527,7 +527,7 @@ pair_coeff * *
 comm_modify cutoff 4
 variable d equal 0.8+step*0.004
 timestep 0.002
-fix 1 all python/move "fix_nosquish.NVE all molecule"
+fix 1 all nosquish/nve molecule
 fix a all adapt 20 {what}
 compute t all temp/sphere
 thermo_modify temp t

@@ -22,7 +22,7 @@ from validation.running import startup
 
 NATIVE = str(PREFIX / "lmp")
 VERSION = time.strftime("%d %b %Y", time.strptime(str(NUMBER), "%Y%m%d"))
-NVE = 'python/move "fix_nosquish.NVE water molecule"'
+NVE = "nosquish/nve molecule"
 SCRIPT = (
     ICE
     + """
@@ -131,7 +131,7 @@ def test_install_prefix(tmp_path, run_ice):
     settings = of_shell()
     assert Path(settings["LAMMPS_PLUGIN_PATH"]).parent == startup.package() / "plugin"
     start = started_with(settings | {"LAMMPS_PLUGIN_PATH": str(made.parent)})
-    ours, _ = run_ice(f'{NVE[:-1]} order 123"', start, ranks=2)
+    ours, _ = run_ice(f"{NVE} order 123", start, ranks=2)
     rigid, _ = run_ice("rigid/nve molecule", start)
     assert len(ours.thermo) == 5
     for name in ours.thermo.dtype.names:

@@ -48,7 +48,7 @@ pair_coeff 1 1 0.15 3.1
 neighbor 1.0 bin
 neigh_modify every {EVERY} delay 0 check no exclude molecule/intra all
 velocity all create 600 4928 loop all
-fix 1 all python/move "fix_nosquish.NVE all molecule"
+fix 1 all nosquish/nve molecule
 timestep 2.0
 thermo 1000
 run {EVERY}

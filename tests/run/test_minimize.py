@@ -211,7 +211,7 @@ def test_minimize_overlapping_start(run_lammps, tmp_path, ranks):
     goes_on(table)
 
 
-@pytest.mark.parametrize("ranks", [2, 8])
+@pytest.mark.parametrize("ranks", [2, 4])
 def test_minimize_beside_other_atoms(run_lammps, tmp_path, ranks):
     """Locks out atoms in no body that stay where they are, bodies of two fixes that move as those
     of one, and forces that are left on either."""

@@ -237,7 +237,7 @@ def test_units_in_the_header(run_lammps, tmp_path, units):
         f"units {units}\natom_style atomic\nregion b block 0 4 0 4 0 4\ncreate_box 1 b\n"
         "create_atoms 1 single 1 1 1\n"
         "create_atoms 1 single 2 1 1\nmass 1 1\npair_style none\n"
-        'fix 1 all python/move "fix_nosquish.NVE all single output 1 table"\nrun 0\n'
+        "fix 1 all nosquish/nve single output 1 table\nrun 0\n"
     )
     words = dict(
         zip(("mass", "length", "time", "velocity", "clock", "force", "torque"), UNIT_WORDS[units])
@@ -726,7 +726,7 @@ def test_column_of_a_former_fix(refused, ranks):
     """Locks out a Python error, or another fix's value, where output outlives the words of the fix
     that gave it."""
     system = mixture(side=2, spacing=3)
-    fix = 'fix 1 all python/move "fix_nosquish.HMC all molecule temp 1 seed 4 steps 1"'
+    fix = "fix 1 all nosquish/hmc molecule temp 1 seed 4 steps 1"
     script = (
         f"{system.setup}\n{fix}\nthermo_style custom step f_1[7]\nrun 0\nunfix 1\n"
         f"{OURS.format(group='all', words='molecule')}\nrun 10\n"
@@ -762,11 +762,11 @@ tell(table)
 tell(getattr, held, "lammps")
 tell(fix_nosquish.body_table, lmp, "1")
 try:
-    lmp.command('fix 1 all python/move "fix_nosquish.HMC all molecule temp 300 seed 1 nosuch 2"')
+    lmp.command('fix 1 all nosquish/hmc molecule temp 300 seed 1 nosuch 2')
 except Exception as error:
     broken = error  # which holds the frames, and so the integrator, that was not finished
 tell(fix_nosquish.body_table, lmp, "1")
-lmp.command('fix 1 all python/move "{words}"')
+lmp.command('{fix}')
 lmp.command("run 5")
 print("AFTER", len(fix_nosquish.body_table(lmp, "1")))
 lmp.close()
@@ -778,11 +778,11 @@ tell(table)
 def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
     """Locks out an integrator that a driver holds, whose fix is gone, which reads freed memory,
     has body_table fail, and has a new fix refused because of bodies that it no longer moves."""
-    words = "fix_nosquish.HMC all molecule temp 300 steps 5 seed 1"
+    fix = "fix 1 all nosquish/hmc molecule temp 300 steps 5 seed 1"
     more = "from mpi4py import MPI" if ranks > 1 else ""
-    (tmp_path / "drive.py").write_text(HELD.format(more=more, words=words))
+    (tmp_path / "drive.py").write_text(HELD.format(more=more, fix=fix))
     system = mixture("solid planar pair")
-    script = f'{system.setup}\nfix 1 all python/move "{words}"\nrun 5\n'
+    script = f"{system.setup}\n{fix}\nrun 5\n"
     run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
     said = run.screen.split("SAID ")[1:]  # two ranks may print on one line
     assert len(said) == 5 * ranks

@@ -40,13 +40,13 @@ run           10
 run           10 {how}
 write_dump    all custom {end} id x y z vx vy vz modify sort id format float %.16g
 """
-OURS = 'python/move "fix_nosquish.NVE GROUP molecule order 123"'
+OURS = "nosquish/nve molecule order 123"
 THEIRS = "rigid/nve molecule"
 
 
 class Case(NamedTuple):
-    """What a script does after the first run; FIX(group)
-    stands for the rigid fix of that group, without its ID.
+    """What a script does after the first run; FIX
+    stands for the rigid fix, without its ID and group.
 
     With `anew`, rigid/nve's fix is defined anew before the second run, because it does not take
     this change over. With `reshaped`, ours is, because it would give bodies their shape again,
@@ -63,7 +63,7 @@ class Case(NamedTuple):
 
 
 INSIDE = "displace_atoms all move 1.4 1.4 1.4 units box"  # no body crosses a face of the box
-HALVES = "unfix 1\ngroup a molecule <= 13\ngroup b subtract bodies a\nfix 1 a FIX(a)\n"
+HALVES = "unfix 1\ngroup a molecule <= 13\ngroup b subtract bodies a\nfix 1 a FIX\n"
 CASES = {
     # atoms come and go, so that LAMMPS moves its arrays: views of the old ones are dead
     "arrays moved": Case(
@@ -80,7 +80,7 @@ CASES = {
     "32 groups": Case(groups="\n".join(f"group g{k} empty" for k in range(30))),
     # of a new fix: LAMMPS's rigid fixes count degrees of freedom that they must not after a first
     # run (test_other_fixes.py)
-    "new velocities": Case("unfix 1\nfix 1 bodies FIX(bodies)\nvelocity all create 2.0 87287"),
+    "new velocities": Case("unfix 1\nfix 1 bodies FIX\nvelocity all create 2.0 87287"),
     "velocity set": Case("variable w atom 0.3*sin(x)\nvelocity bodies set 0.1 v_w NULL"),
     "velocity scale": Case("velocity all scale 2.0 temp thermo_temp"),
     "velocity zero": Case(
@@ -96,8 +96,7 @@ CASES = {
     "run every": Case("", 'every 3 "variable a equal step" "print $a"'),
     "run every with commands": Case("", 'every 5 "velocity all scale 1.5 temp thermo_temp"'),
     "run start stop": Case(
-        "variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\n"
-        "fix 1 bodies FIX(bodies)",
+        "variable r equal ramp(0,3)\nfix 0 bodies addforce v_r 0 0\nunfix 1\nfix 1 bodies FIX",
         "start 0 stop 100",
     ),
     "run upto": Case("", "upto\n"),
@@ -136,9 +135,9 @@ CASES = {
     "group grown": Case(HALVES + "run 3\ngroup a molecule 14:20"),
     "molecules joined": Case("reset_atoms mol all\nrun 5\nbalance 0.9 shift xyz 5 1.01"),
     "molecules divided": Case("reset_atoms mol all single yes"),
-    "joined before the first run": Case("unfix 1\nfix 1 bodies FIX(bodies)\nreset_atoms mol all"),
+    "joined before the first run": Case("unfix 1\nfix 1 bodies FIX\nreset_atoms mol all"),
     "one body changed": Case(
-        "unfix 1\ngroup a molecule 2 5\nfix 1 a FIX(a)\nrun 3\ngroup a molecule 7\n"
+        "unfix 1\ngroup a molecule 2 5\nfix 1 a FIX\nrun 3\ngroup a molecule 7\n"
         "group odd id 4\ngroup b subtract a odd\ngroup a clear\ngroup a union b",
         words="single",
     ),
@@ -149,15 +148,13 @@ CASES = {
     ),
     "custom values changed": Case(
         "variable f atom mol\nvariable g atom 40-mol\nunfix 1\nset group all i_frag v_f\n"
-        "fix 1 bodies FIX(bodies)\n"
+        "fix 1 bodies FIX\n"
         "run 3\nset atom 4*6 i_frag 1\nrun 3\nset group all i_frag v_g",
         groups="fix p all property/atom i_frag\nset group all i_frag 1",
         words="custom i_frag",
     ),
-    "minimised without the fix": Case(
-        "unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX(bodies)"
-    ),
-    "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX(bodies)"),
+    "minimised without the fix": Case("unfix 1\nmin_style cg\nminimize 0 0 4 8\nfix 1 bodies FIX"),
+    "new fix": Case("unfix 1\nrun 5\nfix other bodies FIX"),
     # a variable that tells bodies apart is read once: atoms stay in their bodies wherever they go
     "variable changed": Case(
         "variable k equal 1\nwrite_data data.out\nbalance 0.9 shift xyz 5 1.01\nrun 5\n"
@@ -171,8 +168,8 @@ CASES = {
         words="custom v_b",
         anew=True,
     ),
-    "same fix again": Case("fix 1 bodies FIX(bodies)"),
-    "two fixes": Case(HALVES + "fix 2 b FIX(b)"),
+    "same fix again": Case("fix 1 bodies FIX"),
+    "two fixes": Case(HALVES + "fix 2 b FIX"),
     "beside rigid/nve": Case(HALVES + "fix 2 b rigid/nve molecule"),
     "beside fix nve": Case(HALVES + "fix 2 b nve"),
     "read_data add": Case(
@@ -186,26 +183,20 @@ CASES = {
 def script(name, case, fix, number):
     """The input of a case with one of the two fixes."""
     between = case.between + (
-        "\nunfix 1\nfix 1 bodies FIX(bodies)"
-        if (case.anew if fix == THEIRS else case.reshaped)
-        else ""
+        "\nunfix 1\nfix 1 bodies FIX" if (case.anew if fix == THEIRS else case.reshaped) else ""
     )
     end = f"end.{number}.{'theirs' if fix == THEIRS else 'ours'}"
     text = SCRIPT.format(
         name=end,
         end=end,
         groups=case.groups + "\ngroup bodies type 1",
-        fix="FIX(bodies)",
+        fix="FIX",
         how=case.how,
         between=between.replace("{end}", end),
     )
     if case.how == "upto\n":
         text = text.replace("run           10 upto", "run 20 upto")
-    return re.sub(
-        r"FIX\((\w+)\)",
-        lambda match: fix.replace("molecule", case.words).replace("GROUP", match[1]),
-        text,
-    )
+    return text.replace("FIX", fix.replace("molecule", case.words))
 
 
 @pytest.fixture(scope="module")
@@ -410,8 +401,7 @@ def test_rerun(run_lammps, ranks):
         ("without", "compute_modify thermo_temp dynamic/dof no"),
         ("with", "fix 1 bodies {fix}"),
     ):
-        fix = OURS.replace("GROUP", "bodies")
-        text = RERUN.format(setup=setup, fix=fix, before=before.format(fix=fix))
+        text = RERUN.format(setup=setup, fix=OURS, before=before.format(fix=OURS))
         tables[name] = run_lammps(text, files={"mol.bent": BENT}, ranks=ranks).thermo
         assert tables[name]["Step"].tolist() == 2 * [0, 5, 10, 15, 20]
         np.testing.assert_allclose(
@@ -445,10 +435,8 @@ def test_rerun_of_rounded_places(run_lammps, tmp_path, ranks):
     setup = SCRIPT.split("{groups}")[0].replace("{name}", "rerun") + "thermo 5\ngroup bodies type 1"
     frames = []
     for name in "without", "with":
-        fix = OURS.replace("GROUP", "bodies")
-        text = ROUNDED.format(
-            setup=setup, fix=fix, name=name, again=f"fix 1 bodies {fix}" if name == "with" else ""
-        )
+        again = f"fix 1 bodies {OURS}" if name == "with" else ""
+        text = ROUNDED.format(setup=setup, fix=OURS, name=name, again=again)
         log = run_lammps(text, files={"mol.bent": BENT}, ranks=ranks).log
         assert "deformed" not in log
         parts = (tmp_path / name).read_text().split("ITEM: TIMESTEP\n")[1:]

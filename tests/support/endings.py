@@ -24,6 +24,23 @@ Types
 3 1
 """
 
+LINEAR = """carbon dioxide
+
+3 atoms
+
+Coords
+
+1 0 0 0
+2 1.16 0 0
+3 -1.16 0 0
+
+Types
+
+1 1
+2 2
+3 2
+"""
+
 # Classes that do, when LAMMPS calls them, what no input script can.
 SPOIL = """
 from ctypes import c_double

@@ -1,5 +1,7 @@
 """Fix lines of the ensembles: thermostats, barostats, hybrid Monte Carlo."""
 
+from support.systems import line_of_class
+
 THERMOSTATS = {
     "langevin": "seed 771",
     "csvr": "seed 771 thermostat csvr",
@@ -9,9 +11,9 @@ THERMOSTATS = {
 }
 
 
-def fix_nvt(words, temperature="2 2 4e-3", group="all"):
-    """The fix line, with a temperature, its goal and the damping time."""
-    return f'fix 1 {group} python/move "fix_nosquish.NVT all molecule temp {temperature} {words}"\n'
+def fix_nvt(words, temperature="2 2 4e-3"):
+    """The fix line; temperature: TSTART TSTOP TDAMP."""
+    return f"fix 1 all nosquish/nvt molecule temp {temperature} {words}\n"
 
 
 POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
@@ -19,8 +21,8 @@ POINTS = "group loose molecule 1 2 3 4 5\ngroup stiff subtract all loose\n"
 
 def fix_nvt_with_points(words, temperature="2 2 2e-1"):
     """The lines for bodies and, besides, the atoms of five molecules as points."""
-    line = f"NVT stiff molecule temp {temperature} {words} flexible loose"
-    return f'{POINTS}fix 1 all python/move "fix_nosquish.{line}"\n'
+    line = f"fix 1 stiff nosquish/nvt molecule temp {temperature} {words} flexible loose"
+    return f"{POINTS}{line}\n"
 
 
 NPT_THERMOSTATS = THERMOSTATS | {"chains": "seed 771 thermostat nh tchain 5"}  # the barostat draws
@@ -28,9 +30,8 @@ NPT_CELL = "iso 12e-2 12e-2 2e-1 every 5 compressibility 8"
 
 
 def fix_npt(words, cell=NPT_CELL, temperature="2 2 2e-1"):
-    """The fix line."""
-    line = f"NPT all molecule temp {temperature} {words} {cell}"
-    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
+    """The fix line; temperature: TSTART TSTOP TDAMP."""
+    return f"fix 1 all nosquish/npt molecule temp {temperature} {words} {cell}\n"
 
 
 MTK_WORDS = {
@@ -46,10 +47,9 @@ MTK_CELL = "iso 12e-2 12e-2 4e-1 every 5"
 
 
 def fix_mtk(name, cell=MTK_CELL, more=""):
-    """The fix line."""
-    words = "NPH all molecule" if name == "NPH" else "NPT all molecule barostat mtk"
-    line = f"{words} {MTK_WORDS[name]} {cell} {more}"
-    return f'fix 1 all python/move "fix_nosquish.{line}"\n'
+    """The fix line of a name in `MTK_WORDS`."""
+    style = "nph molecule" if name == "NPH" else "npt molecule barostat mtk"
+    return f"fix 1 all nosquish/{style} {MTK_WORDS[name]} {cell} {more}\n"
 
 
 TRI_CELL = "tri 12e-2 12e-2 2e-1 every 5"
@@ -64,10 +64,11 @@ TRI_FIXES = {
 }
 
 
-def fix_hmc(words, name="fix_nosquish.HMC", group="all"):
-    """The lines of the fix, with variables that its words may name."""
+def fix_hmc(words, name=None, group="all"):
+    """The lines of the fix, with variables that its words may name, or of a class of HMC's."""
+    line = line_of_class(name) if name else "fix 1 {group} nosquish/hmc {words}"
     variables = "variable half equal 0.5\nvariable none equal 1e-300\n"
-    return f'{variables}fix 1 all python/move "{name} {group} molecule {words}"\n'
+    return f"{variables}{line.format(group=group, words=f'molecule {words}')}\n"
 
 
 CHOSEN = {"equal": "moments equal 3", "scale": "moments scale v_four", "step": "moments step"}

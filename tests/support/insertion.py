@@ -47,7 +47,7 @@ MOLECULES = (
     "velocity all create 1.0 4711 loop geom"
 )
 THEIRS = "fix 1 mols rigid/nve/small molecule mol bent"
-OURS = 'fix 1 mols python/move "fix_nosquish.NVE mols molecule mol bent order 123"'
+OURS = "fix 1 mols nosquish/nve molecule mol bent order 123"
 DEPOSIT = (
     "fix 2 mols deposit 12 0 8 4567 region box near 1.0 vx -1 1 vy -1 1 vz -1 1 mol bent rigid 1"
     " units box"

@@ -28,7 +28,7 @@ from validation.statistics import motion
 
 # what a restart file does not have
 AFTER = "neighbor 0.4 bin\nneigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
-OURS = 'fix 1 {group} python/move "fix_nosquish.NVE {group} {words}"'
+OURS = "fix 1 {group} nosquish/nve {words}"
 LIKE_LAMMPS = OURS.replace("{words}", "{words} order 123")
 RIGID = "fix 1 {group} rigid/nve {words}"
 SMALL = "fix 1 {group} rigid/nve/small {words}"
@@ -44,6 +44,11 @@ def water():
     )
     box = re.search(r"(\S+) xlo", files["data.water"].replace("0.0 ", "", 1))[1]
     return System(setup, files, float(box) * np.eye(3), 1.0)
+
+
+def line_of_class(name):
+    """The fix line of a class of one's own, module.Class, as `OURS`."""
+    return f'fix 1 {{group}} python/move "{name} {{group}} {{words}}"'
 
 
 def differ(ours, theirs, h):
@@ -90,7 +95,7 @@ def script(
         dt: time step, in units of the system's own.
         before, after: further lines: before the fix, and after the run.
     """
-    ours = "python/move" in fix
+    ours = "nosquish/" in fix or "python/move" in fix
     group = group or ("all" if ours else system.group)
     return f"""{system.setup}
 {before}

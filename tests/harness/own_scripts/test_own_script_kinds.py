@@ -12,6 +12,7 @@ from support import (
     needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
+from support.endings import LINEAR
 from support.harness import Silent, take
 from validation.check import measure as check
 from validation.compare import case as cases
@@ -83,28 +84,12 @@ fix int all rigid/nvt/small molecule mol g temp 300 300 50
 fix mc all gcmc 5 9 0 0 5431 300 -1 1 mol g pressure 900 rigid int group all tfac_insert 1.6667
 run 9
 """
-CO2 = """CO2
-
-3 atoms
-
-Coords
-
-1 0 0 0
-2 1.16 0 0
-3 -1.16 0 0
-
-Types
-
-1 1
-2 2
-3 2
-"""
 
 
 def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path):
     """Locks out rows that know no template, so that molecules which come are no bodies: a fix
     replaced that of a grand canonical script without its keyword mol, as one that others lack."""
-    (tmp_path / "mol.co2").write_text(CO2)
+    (tmp_path / "mol.co2").write_text(LINEAR)
     path = tmp_path / "in.gas"
     path.write_text(GCMC)
     own = take(path, tmp_path / "out")
