@@ -87,7 +87,7 @@ def test_energy_of_bodies_among_held_atoms(run_lammps, thermostat):
     """Locks out degrees of freedom without the bodies' total momentum, which atoms that shake holds
     change, and chains that such collisions drive: the kinetic energy is canonical."""
     setup, files = system(2)
-    line = ours(words(thermostat, "none"), "NVT") + thermo("f_1[1] f_1[2]", 50)
+    line = ours(words(thermostat, "none"), "nvt") + thermo("f_1[1] f_1[2]", 50)
     heat = "fix heat others langevin 2 2 0.5 9182\n"
     script = f"{setup}{SMOOTH}{heat}{SHAKE}{NVE}timestep 0.002\n{line}run 60000\n"
     rows = run_lammps(script, files=files).thermo[200:]
@@ -102,7 +102,7 @@ def test_energy(run_lammps, thermostat, barostat):
     """Locks out constraints that do work when the box changes: energy fell by 40 times what there
     was in 8 ps, with crescale; and sums of which ranks have a part each."""
     setup, files = system(3)
-    name = "NVT" if barostat == "none" else "NPT"
+    name = "nvt" if barostat == "none" else "npt"
     line = ours(words(thermostat, barostat), name).replace("every 2", "every 1")
     line = line.replace("y 8", "y 4").replace("12e-2 2e-1", "12e-2 4e-1")
     line += thermo("etotal econserve vol", 20)

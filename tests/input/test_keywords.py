@@ -221,7 +221,7 @@ def test_groups_with_other_bits(run_lammps, tmp_path):
         "fix {1} {0} nosquish/nve {2} reinit no\n",
     )
     groups = [group.format(*which) for which in ("a1", "b2", "c3")]
-    fixes = line.format("all", 1, "group 2 a b") + line.format("c", 2, "molecule")
+    fixes = line.format("all", 1, "group 2 a b") + line.format("all", 2, "group 1 c")
     others = "group a delete\ngroup b delete\ngroup c delete\n" + "".join(reversed(groups))
     for between in "", others:
         script = (

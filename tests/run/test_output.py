@@ -786,7 +786,7 @@ def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
     run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
     said = run.screen.split("SAID ")[1:]  # two ranks may print on one line
     assert len(said) == 5 * ranks
-    gone = [line for line in said if line.startswith("RunError fix 1 (HMC) no longer exists")]
+    gone = [line for line in said if line.startswith("RunError fix 1 (nosquish/hmc) no longer")]
     assert len(gone) == 3 * ranks
     assert sum("RunError there is no fix 1" in line for line in said) == 2 * ranks
     counts = [
