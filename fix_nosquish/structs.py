@@ -89,6 +89,34 @@ class When(IntFlag):
     GATHERS = auto()  # forces on bodies are summed once more when the next step begins
 
 
+class OtherFix(NamedTuple):
+    """Another fix of the simulation; in C++ the struct FixFacts."""
+
+    id: str
+    style: str
+    groupbit: int
+    time_integrate: bool  # it moves the atoms of its group
+    between: bool  # it is called between initial_integrate and final_integrate
+    end_of_step: bool  # it is called at the end of every nevery-th step
+    nevery: int
+    integrates: bool  # it is called in initial_integrate or final_integrate
+    box_change: bool  # it changes the box
+    called: bool  # it is called in steps
+    constrains: bool  # it removes degrees of freedom, and does not integrate
+    has_energy: bool  # it knows the energy of its forces
+    energy_in_pe: bool  # fix_modify energy adds it to the potential energy
+    post_force: bool  # it may change forces
+    has_virial: bool  # it knows the virial of its forces
+    virial_in_press: bool  # fix_modify virial adds it to the pressure
+    moves: bool  # it may change positions before the forces of a step, and does not integrate
+    varies: bool  # it may depend on variables
+    counts_heat: bool  # it is a thermostat that counts the energy that it exchanges
+
+    def has(self, groups: Any) -> Any:
+        """Whether atoms are in its group, (n,) bool, from the bits of their groups, (n,) uint32."""
+        return groups & (self.groupbit & 0xFFFFFFFF) != 0
+
+
 IN_NO_BODY = -1  # the origin of an atom, see exchange.h
 UNDECIDED = -(2**62)  # in place of the ID of an atom's body: the atom is newer than the membership
 CONSTANTS = {"IN_NO_BODY": IN_NO_BODY, "UNDECIDED": UNDECIDED}
@@ -100,14 +128,6 @@ CELLS = {
     **each("F1", "atom_mass type_mass virial"),
     **each("I1", "groups type"),
     **each("L1", "origins membership"),
-}
-
-# another fix: see `host.hosts.OtherFix`
-FIX_FACTS = {
-    **each(TEXT, "id style"),
-    **each(INT, "groupbit time_integrate between end_of_step nevery integrates box_change called"),
-    **each(INT, "constrains has_energy energy_in_pe post_force has_virial virial_in_press moves"),
-    **each(INT, "varies counts_heat"),
 }
 
 # A loop that is bound to cells; it returns 0 if all is well. A list of passes ends with no loop.
@@ -265,7 +285,9 @@ HOOKS = {
 
 STRUCTS: dict[str, Mapping[str, Type]] = {
     "Arrays": {name: Type(f"{kind} {{}}", None) for name, kind in CELLS.items()},
-    "FixFacts": FIX_FACTS,
+    "FixFacts": {
+        name: TEXT if kind is str else INT for name, kind in OtherFix.__annotations__.items()
+    },
     "Pass": PASS,
     "Action": ACTION,
     "Bridge": {

@@ -3,39 +3,12 @@
 import sys
 from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from ..errors import RunError
-
-
-class OtherFix(NamedTuple):
-    """A fix of the same simulation."""
-
-    id: str
-    style: str
-    groupbit: int
-    time_integrate: bool  # it moves the atoms of its group
-    between: bool  # it is called between initial_integrate and final_integrate
-    end_of_step: bool  # it is called at the end of every nevery-th step
-    nevery: int
-    integrates: bool  # it is called where initial_integrate or final_integrate is
-    box_change: bool  # it changes the box
-    called: bool  # it is called in steps, at all
-    constrains: bool  # it takes degrees of freedom, and moves no atoms by itself
-    has_energy: bool  # it knows the energy of its forces
-    energy_in_pe: bool  # which fix_modify energy adds to the potential energy
-    post_force: bool  # it may change forces
-    has_virial: bool  # it knows the virial of its forces
-    virial_in_press: bool  # which fix_modify virial adds to LAMMPS's
-    moves: bool  # it may change positions before the forces of a step, and integrates none
-    varies: bool  # what it does may depend on variables, of those styles that the plugin looks at
-    counts_heat: bool  # it is a thermostat that counts the energy that it takes
-
-    def has(self, groups: np.ndarray) -> np.ndarray:
-        """Which atoms are in its group, (n,) bool, of the bits of the groups that each is in."""
-        return groups & np.uint32(self.groupbit & 0xFFFFFFFF) != 0
+from ..structs import OtherFix
 
 
 class Host:
