@@ -1,4 +1,4 @@
-"""What the verbs' command lines share: types of words, options, and how a verb ends."""
+"""The command lines of the verbs: types of arguments, shared options, exit status."""
 
 import argparse
 import shlex
@@ -17,48 +17,48 @@ T = TypeVar("T")
 
 
 class Script(str):
-    """A word of the command line that is the path of a script of one's own."""
+    """An argument that is the path of a user's script."""
 
 
 class Parser(argparse.ArgumentParser):
-    """Of a verb: refuses names of integrators that its scenes do not have, see `add_only`."""
+    """The parser of a verb; refuses unknown names of integrators, see `add_only`."""
 
     def parse_known_args(self, *words: Any, **more: Any) -> Any:
-        """As of argparse, whose types look at a word before those behind it are known."""
-        found, unknown = super().parse_known_args(*words, **more)
-        values = vars(found)
-        given = [one for some in values.values() if isinstance(some, list) for one in some]
-        script = any(isinstance(one, Script) for one in (*given, *values.values()))
+        """Parse, then check what depends on several arguments: argparse's types see one only."""
+        arguments, unknown = super().parse_known_args(*words, **more)
+        values = vars(arguments)
+        items = [item for value in values.values() if isinstance(value, list) for item in value]
+        script = any(isinstance(item, Script) for item in (*items, *values.values()))
         if not script and "run_number" in values:
-            refuse_options(found, OF_SCRIPTS, "is for a script of your own")
+            refuse_options(arguments, OF_SCRIPTS, "is for a script of your own")
         if values.get("only") and "integrators" in values and not script:
-            known = found.integrators()
-            for one in (one for one in found.only if known and one not in known):
-                told = f"there is no integrator {one}: choose from {', '.join(known)}"
-                self.error(f"argument --only: {told}")
-        return found, unknown
+            known = arguments.integrators()
+            for name in (name for name in arguments.only if known and name not in known):
+                why = f"there is no integrator {name}: choose from {', '.join(known)}"
+                self.error(f"argument --only: {why}")
+        return arguments, unknown
 
 
 def add_verb(
     verbs: Verbs, name: str, function: Callable[[argparse.Namespace], int], **texts: Any
 ) -> argparse.ArgumentParser:
-    """The parser of a verb, which ``function`` of the parsed arguments runs to its exit status."""
+    """Add a verb; ``function`` runs it with the parsed arguments and returns the exit status."""
     parser = verbs.add_parser(name, **texts)
     parser.set_defaults(function=function, parser=parser)
     return parser
 
 
 OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `add_script_options` adds
-# options of other names
-SPELT = {"variables": "-var", "run_number": "--run", "folder": "--from", "limits": "--from"}
+# options that are not called as their values
+OPTION_NAMES = {"variables": "-var", "run_number": "--run", "folder": "--from", "limits": "--from"}
 
 
 def refuse_options(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:
-    """End with a message if an option is given; ``names`` are those of the options' values."""
+    """Exit with a message if an option is given; ``names``: of the attributes of its values."""
     parser = arguments.parser
     for name in names:
         if getattr(arguments, name, None) not in (None, parser.get_default(name)):
-            parser.error(f"{SPELT.get(name, f'--{name}')} {why}")
+            parser.error(f"{OPTION_NAMES.get(name, f'--{name}')} {why}")
 
 
 def exit_status(interrupted: bool, failed: bool) -> int:
@@ -67,12 +67,12 @@ def exit_status(interrupted: bool, failed: bool) -> int:
 
 
 def in_order(names: Collection[str], wanted: Collection[str] | None) -> list[str]:
-    """Those of ``names`` that are wanted, in their own order; all if none is named."""
+    """The wanted ones of ``names``, in the order of these; all if none is named."""
     return [name for name in names if name in (wanted or names)]
 
 
 def positive_integer(word: str) -> int:
-    """A positive whole number."""
+    """A type of argparse: a positive integer."""
     value = int(word)
     if value < 1:
         raise argparse.ArgumentTypeError(f"{word}: a positive whole number is expected")
@@ -80,7 +80,7 @@ def positive_integer(word: str) -> int:
 
 
 def positive_number(word: str) -> float:
-    """A positive number."""
+    """A type of argparse: a positive number."""
     value = float(word)
     if not 0 < value < float("inf"):
         raise argparse.ArgumentTypeError(f"{word}: a positive number is expected")
@@ -88,19 +88,19 @@ def positive_number(word: str) -> float:
 
 
 def positive_integers(words: str) -> tuple[int, ...]:
-    """Positive whole numbers with commas between them."""
+    """A type of argparse: positive integers, separated by commas."""
     return tuple(positive_integer(word) for word in words.split(","))
 
 
 def positive_numbers(words: str) -> tuple[float, ...]:
-    """Positive numbers with commas between them."""
+    """A type of argparse: positive numbers, separated by commas."""
     return tuple(positive_number(word) for word in words.split(","))
 
 
 def add_number(
     parser: argparse.ArgumentParser, option: str, default: float, metavar: str, text: str
 ) -> None:
-    """An option with a positive number: a whole one if the default is."""
+    """Add an option with a positive number; an integer if the default is one."""
     kind = positive_integer if isinstance(default, int) else positive_number
     parser.add_argument(
         option,
@@ -112,40 +112,44 @@ def add_number(
 
 
 def add_ranks(parser: argparse.ArgumentParser, default: int = 2, of: str = "each run") -> None:
-    """The option --ranks."""
+    """Add the option --ranks."""
     add_number(parser, "--ranks", default, "N", f"MPI ranks of {of}")
 
 
 def add_only(
     parser: Any, known: Callable[[], Collection[str]], text: str = "integrators, by name"
 ) -> None:
-    """The option --only, of scenes with ``known()`` integrators, at which `Parser` looks, and of a
-    script, whose integrators are not known before it is read: see `select`."""
+    """Add the option --only.
+
+    Args:
+        known: returns the names of the scenes' integrators, for `Parser`.  Those of a script are
+            not known before it is read: see `select`.
+    """
     parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
     parser.set_defaults(integrators=known)
 
 
 def select(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
-    """Those of the integrators that --only names, by name or label; all if it names none.
+    """The integrators that --only names, by name or label; all if it names none.
 
     Raises:
-        SystemExit: one has no such name.
+        SystemExit: there is no such integrator.
     """
-    labels = {name: getattr(one, "label", name) for name, one in known.items()}
+    labels = {name: getattr(item, "label", name) for name, item in known.items()}
     names = {label: name for name, label in labels.items()} | {name: name for name in known}
-    for one in wanted or ():
-        if one not in names:
-            told = (
+    for word in wanted or ():
+        if word not in names:
+            choices = ", ".join(
                 name if label == name else f'{name} ("{label}")' for name, label in labels.items()
             )
-            print(f"there is no integrator {one}: choose from {', '.join(told)}", file=sys.stderr)
-            raise SystemExit(2)  # as of words that the parser refuses
-    some = {names[one] for one in wanted or names}
-    return [one for name, one in known.items() if name in some]
+            print(f"there is no integrator {word}: choose from {choices}", file=sys.stderr)
+            raise SystemExit(2)  # like the parser
+    selected = {names[word] for word in wanted or names}
+    return [item for name, item in known.items() if name in selected]
 
 
 def require_scenes() -> None:
-    """Let nothing begin that needs built-in scenes, where there are none.
+    """Exit if there are no built-in scenes.
 
     Raises:
         SystemExit: this is no checkout.
@@ -158,8 +162,11 @@ def require_scenes() -> None:
 
 
 def is_script(word: str, known: Callable[[], Collection[str]]) -> bool:
-    """Whether a word of the command line is a script's path, and no scene's name, of ``known()``,
-    which is called only where there are scenes."""
+    """Whether an argument is the path of a script, not the name of a scene.
+
+    Args:
+        known: returns the scenes' names; called only in a checkout.
+    """
     return not INPUTS.exists() or word not in known()
 
 
@@ -170,42 +177,44 @@ def _is_path(word: str) -> bool:
 def scene_or_script_type(known: Callable[[], Collection[str]]) -> Callable[[str], str]:
     """A type of argparse: the name of a scene, or the path of a LAMMPS input script.
 
-    ``known()``, the scenes' names, is called when a word is there only.
+    Args:
+        known: returns the scenes' names; called only if there is an argument.
     """
 
-    def word(text):
-        own = is_script(text, known)
-        if own and not _is_path(text):
+    def scene_or_script(word):
+        if not is_script(word, known):
+            return word
+        if not _is_path(word):
             require_scenes()
             raise argparse.ArgumentTypeError(
-                f"there is no scene {text}, and no input script: choose from {', '.join(known())}"
+                f"there is no scene {word}, and no input script: choose from {', '.join(known())}"
             )
-        return Script(text) if own else text
+        return Script(word)
 
-    return word
+    return scene_or_script
 
 
 def add_script(parser: argparse.ArgumentParser) -> None:
-    """The argument that is a script of one's own, of verbs that have no scenes."""
+    """Add the argument of verbs that take a script only."""
 
-    def word(text):
-        if not _is_path(text):
-            raise argparse.ArgumentTypeError(f"there is no input script {text}")
-        return Script(text)
+    def path(word):
+        if not _is_path(word):
+            raise argparse.ArgumentTypeError(f"there is no input script {word}")
+        return Script(word)
 
-    parser.add_argument("scene", type=word, metavar="SCRIPT", help="a LAMMPS input script")
+    parser.add_argument("scene", type=path, metavar="SCRIPT", help="a LAMMPS input script")
 
 
 def add_script_options(parser: argparse.ArgumentParser) -> None:
-    """The options that say more of a script of one's own."""
+    """Add the options that select what is rigid in a user's script."""
     group = parser.add_argument_group("for a script of your own")
     help = "set a variable of the script, as LAMMPS's option -var does"
     group.add_argument(
         *("-var", "--var"), dest="variables", nargs="+", action="append", metavar="WORD", help=help
     )
     for option, metavar, help in (
-        ("--fix", "ID", "the fix to replace, if it could be one of several"),
-        ("--group", "GROUP", "the group of the rigid atoms, if no fix names it"),
+        ("--fix", "ID", "the fix to replace, if several could be meant"),
+        ("--group", "GROUP", "the group of the rigid atoms, if no fix defines it"),
         ("--bodies", "WORDS", 'what forms one body in it: molecule, or "custom i_NAME"'),
     ):
         more: dict = {"action": "append"} if option == "--fix" else {}
@@ -217,11 +226,11 @@ def add_script_options(parser: argparse.ArgumentParser) -> None:
 
 
 def add_targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None:
-    """The option --target, names with values."""
+    """Add the option --target: names with values."""
 
     def target(word):
-        measure, found, value = word.partition("=")
-        if not found:
+        measure, equals, value = word.partition("=")
+        if not equals:
             raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
         return measure, positive_number(value)
 
@@ -231,13 +240,13 @@ def add_targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None
 
 
 def add_launch(parser: argparse.ArgumentParser) -> None:
-    """The option --launch."""
+    """Add the option --launch."""
 
     def command(words):
         program, *_ = shlex.split(words) or [""]
         if "{ranks}" not in words:
-            told = '{ranks} is missing, the number of ranks, as in "srun -n {ranks}"'
-            raise argparse.ArgumentTypeError(f"{words}: {told}")
+            why = '{ranks} is missing, the number of ranks, as in "srun -n {ranks}"'
+            raise argparse.ArgumentTypeError(f"{words}: {why}")
         if not shutil.which(program):
             raise argparse.ArgumentTypeError(f"{words}: there is no program {program}")
         return words
@@ -251,14 +260,14 @@ def add_launch(parser: argparse.ArgumentParser) -> None:
 
 
 def add_silence(parser: argparse.ArgumentParser, default: float) -> None:
-    """The option --silence."""
+    """Add the option --silence."""
     add_number(
         parser, "--silence", default, "S", "end a run that has written nothing for S seconds"
     )
 
 
 def add_length(parser: argparse.ArgumentParser, full: str) -> None:
-    """The options --short, the default, and --full."""
+    """Add the options --short, the default, and --full."""
     length = parser.add_mutually_exclusive_group()
     length.add_argument(
         "--short", action="store_true", help="a few minutes, for a first look (the default)"
@@ -267,7 +276,7 @@ def add_length(parser: argparse.ArgumentParser, full: str) -> None:
 
 
 def add_out(parser: argparse.ArgumentParser, default: str, short: bool = False) -> None:
-    """The option --out; with ``short`` another default for --short, see `output_folder`."""
+    """Add the option --out; ``short``: whether --short has another default."""
     other = f"; --short: {default}-short" if short else ""
     parser.set_defaults(usual=default)
     parser.add_argument(
@@ -276,21 +285,21 @@ def add_out(parser: argparse.ArgumentParser, default: str, short: bool = False) 
 
 
 def output_folder(arguments: argparse.Namespace, short: bool = False) -> Path:
-    """The output folder, which is made."""
+    """The output folder, which is created."""
     return make_folder(arguments, arguments.out or Path(arguments.usual + "-short" * short))
 
 
-def make_folder(arguments: argparse.Namespace, found: Path) -> Path:
-    """A folder, which is made.
+def make_folder(arguments: argparse.Namespace, path: Path) -> Path:
+    """A folder, which is created.
 
     Raises:
-        SystemExit: it cannot be made, or written to.
+        SystemExit: it cannot be created, or written to.
     """
     try:
-        found.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=found):
+        path.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        told = f"{error.strerror}: give another folder by --out"
-        arguments.parser.exit(2, f"output folder {found}: {told}\n")
-    return found
+        why = f"{error.strerror}: give another folder by --out"
+        arguments.parser.exit(2, f"output folder {path}: {why}\n")
+    return path

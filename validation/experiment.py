@@ -1,7 +1,7 @@
-"""The experiment that every verb is a plan of.
+"""Experiments of the verbs.
 
-A *point* is a scheme at a time step. A *trajectory* is one run of a point from one start. `perform`
-runs the trajectories that are not there yet, and `Observable` says what is measured of them.
+A *point* is a scheme at a time step.  A *trajectory* is one run of a point from one start.
+`perform` runs the trajectories without results.  An `Observable` is measured in them.
 """
 
 from collections.abc import Callable, Collection
@@ -25,11 +25,11 @@ class Trajectory:
     """One run of a point from one start.
 
     Attributes:
-        name: of its folder, below the experiment's.
+        name: of its folder, in that of the experiment.
         label: for the terminal.
-        job: makes its job when its turn comes, for the file of its start is made before.
-        point: whose run it is; None for one that makes a start.
-        start: name of the trajectory that makes its start; empty for none.
+        job: returns its job, once the file of its start exists.
+        point: that is run; None for a run that creates a start.
+        start: name of the trajectory that creates its start; empty for none.
     """
 
     name: str
@@ -41,12 +41,12 @@ class Trajectory:
 
 @dataclass(frozen=True)
 class Observable:
-    """What is measured.
+    """A measured quantity.
 
     Attributes:
-        key: its name in summaries.
+        key: in summaries.
         title, unit: for tables and figures.
-        of: its estimate, of what a verb keeps of a trajectory; None where that does not tell it.
+        of: its estimate from a verb's record of a trajectory; None if the record has none.
     """
 
     key: str
@@ -57,15 +57,15 @@ class Observable:
 
 @dataclass
 class Outcome:
-    """What became of trajectories.
+    """The outcome of an experiment.
 
     Attributes:
-        jobs: of those that have ended, by name.
-        failed: why some failed, by name.
-        left_out: names of those that were not run, because the trajectory that makes their start
-            has failed, or their scheme with a step that is not longer.
-        versions: what LAMMPS says of itself.
-        interrupted: whether a Ctrl-C came.
+        jobs: of the trajectories that have ended, by name.
+        failed: why trajectories failed, by name.
+        left_out: names of those that were not run, because their start or the same scheme at the
+            same or a shorter step has failed.
+        versions: LAMMPS's, by name.
+        interrupted: whether Ctrl-C was pressed.
     """
 
     jobs: dict[str, run.Job] = field(default_factory=dict)
@@ -76,7 +76,7 @@ class Outcome:
 
 
 def failure(result: run.Result) -> str | None:
-    """Why a result is none, if LAMMPS or a fix ended its run."""
+    """Why LAMMPS or a fix has ended a run; None for a complete one."""
     return result.error
 
 
@@ -88,21 +88,21 @@ def perform(
     judge: Callable[[run.Result], str | None] = failure,
     ladders: bool = True,
 ) -> Outcome:
-    """Run what is not there yet, and say what became of each trajectory.
+    """Run the trajectories without results.
 
     Processes with the same command share the trajectories, through locks in the store's folder.
-    Trajectories that make starts come before the others. A run that LAMMPS or a fix has ended with
-    a message is a result, which is kept and not run again.
+    Trajectories that create starts come first.  A run that LAMMPS or a fix has ended with a message
+    is a result, and not run again.
 
     Args:
         trajectories: in the order in which they run; the shorter steps of a scheme come first.
-        judge: why a result is none, or None; a run that goes on with wrong numbers has failed, too.
-        ladders: whether a scheme that has failed is left out at that step and longer ones.
+        judge: returns why a result is a failure, or None; wrong numbers are one, too.
+        ladders: whether a scheme that has failed is left out at longer steps.
 
     Returns:
-        after a Ctrl-C, what had ended before it.
+        the outcome; after Ctrl-C, of what had ended before.
     """
-    done, every = Outcome(), list(trajectories)
+    outcome, every = Outcome(), list(trajectories)
     starts = [trajectory for trajectory in every if trajectory.point is None]
     points = [trajectory for trajectory in every if trajectory.point is not None]
     try:
@@ -110,18 +110,18 @@ def perform(
             by_name = {trajectory.name: trajectory for trajectory in stage}
             for name in store.shared(by_name):
                 trajectory = by_name[name]
-                needed = [one for one in every if _needs(trajectory, one, ladders)]
-                if any(_has_failed(one, done, judge) for one in needed):
-                    done.left_out.add(name)
+                needed = [other for other in every if _needs(trajectory, other, ladders)]
+                if any(_has_failed(other, outcome, judge) for other in needed):
+                    outcome.left_out.add(name)
                 else:
-                    _run(trajectory, done, meter, judge)
+                    _run(trajectory, outcome, meter, judge)
     except KeyboardInterrupt:
-        done.interrupted = True
-    return done
+        outcome.interrupted = True
+    return outcome
 
 
 def _needs(trajectory: Trajectory, other: Trajectory, ladders: bool) -> bool:
-    """Whether a trajectory is of no use if another one has failed."""
+    """Whether a trajectory is useless if another one has failed."""
     if other.name == trajectory.start:
         return True
     if not ladders or other is trajectory or trajectory.point is None or other.point is None:
@@ -130,28 +130,28 @@ def _needs(trajectory: Trajectory, other: Trajectory, ladders: bool) -> bool:
     return other.point.scheme == scheme and other.point.dt <= dt
 
 
-def _has_failed(trajectory: Trajectory, done: Outcome, judge) -> bool:
+def _has_failed(trajectory: Trajectory, outcome: Outcome, judge) -> bool:
     """Whether a trajectory has failed, here or in another process."""
-    if trajectory.name not in done.jobs:
+    if trajectory.name not in outcome.jobs:
         job = trajectory.job()
         if run.is_there(job, failures=True):
-            _end(trajectory.name, job, run.collect(job.directory), done, judge)
-    return trajectory.name in done.failed
+            _end(trajectory.name, job, run.collect(job.directory), outcome, judge)
+    return trajectory.name in outcome.failed
 
 
-def _run(trajectory: Trajectory, done: Outcome, meter: run.Meter, judge) -> None:
-    """Run a trajectory, or take over what is there, with its progress shown."""
+def _run(trajectory: Trajectory, outcome: Outcome, meter: run.Meter, judge) -> None:
+    """Run a trajectory, or take its stored result."""
     job = trajectory.job()
     meter.begin(trajectory.label, sum(job.runs))
     result = run.once(job, meter.at, failures=True)
     meter.end(result.error)
     if result.interrupted:
         raise KeyboardInterrupt
-    _end(trajectory.name, job, result, done, judge)
+    _end(trajectory.name, job, result, outcome, judge)
 
 
-def _end(name: str, job: run.Job, result: run.Result, done: Outcome, judge) -> None:
-    done.jobs[name] = job
-    done.versions |= result.versions
+def _end(name: str, job: run.Job, result: run.Result, outcome: Outcome, judge) -> None:
+    outcome.jobs[name] = job
+    outcome.versions |= result.versions
     if why := judge(result):
-        done.failed[name] = why
+        outcome.failed[name] = why

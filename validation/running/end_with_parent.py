@@ -1,9 +1,9 @@
 """Run a command that ends with its parent process: ``python end_with_parent.py PID WORD ...``.
 
-PID is that process.  When it is killed the command gets SIGTERM.  Else it would go on, and write
-where another process of the harness does the same run again.  (Linux keeps this setting when a
-program is replaced by another.)  It is done here, and not between fork and exec, because nothing
-of Python may run there beside threads.
+PID is the parent.  When it is killed the command gets SIGTERM: otherwise it would go on, and write
+to files of a run that another process of the harness has begun again.  (Linux keeps this setting
+when a program is replaced by another.)  It is not done between fork and exec, because Python must
+not run there if there are threads.
 """
 
 import ctypes

@@ -1,4 +1,4 @@
-"""Files of plain data that are there as a whole, or not at all: a process may end at any moment."""
+"""JSON files that are written atomically: a process may end at any moment."""
 
 import json
 import os
@@ -8,7 +8,7 @@ from typing import Any
 
 
 def write(path: Path, plain: Any) -> None:
-    """Write plain data as JSON, whole or not at all."""
+    """Write plain data atomically."""
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.{os.getpid()}.part")
     part.write_text(json.dumps(plain, indent=1, ensure_ascii=False) + "\n")
@@ -16,25 +16,25 @@ def write(path: Path, plain: Any) -> None:
 
 
 def read(path: Path) -> dict | None:
-    """The data in a file, with names; None if there is no file, or it is damaged, which is said."""
+    """The object in a file; None if there is no file, or, with a message, if it is damaged."""
     try:
-        found = json.loads(path.read_text())
+        data = json.loads(path.read_text())
     except FileNotFoundError:
         return None
     except ValueError as error:
         report_damage(path, error)
         return None
-    if not isinstance(found, dict):
-        report_damage(path, "no data with names")
+    if not isinstance(data, dict):
+        report_damage(path, "no JSON object")
         return None
-    return found
+    return data
 
 
 def report_damage(path: Path, why: object) -> None:
-    """Say, once for each file, that what it is for is done again."""
-    if path not in _said:
-        _said.add(path)
-        print(f"{path} is damaged ({why}): what it belongs to is done again", file=sys.stderr)
+    """Print, once for each file, that it is ignored."""
+    if path not in _reported:
+        _reported.add(path)
+        print(f"{path} is damaged ({why}): its work is done again", file=sys.stderr)
 
 
-_said: set[Path] = set()
+_reported: set[Path] = set()

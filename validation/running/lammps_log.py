@@ -17,7 +17,7 @@ _SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
 class Columns(dict[str, np.ndarray]):
-    """Thermo output by column; a name that is none is answered with those that there are."""
+    """Thermo output by column; the error for a missing column lists those that exist."""
 
     def __missing__(self, name: str) -> np.ndarray:
         raise KeyError(f"the output has no column {name}: it has {', '.join(self) or 'none'}")

@@ -1,4 +1,4 @@
-"""A file that one process at a time has, by which several share a folder."""
+"""Locked files, by which processes share a folder."""
 
 import contextlib
 import fcntl
@@ -8,8 +8,13 @@ from pathlib import Path
 
 @contextlib.contextmanager
 def locked(path: Path, wait: bool = True) -> Iterator[bool]:
-    """A context in which no other process has the file; it gives whether it is ours, which it may
-    not be without waiting. The system takes it from a process that was killed."""
+    """Context with the file locked; yields whether this process has the lock.
+
+    The operating system releases the lock of a process that was killed.
+
+    Args:
+        wait: whether to wait for another process; without it the lock may not be ours.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
     with open(path, "w") as file:
         try:

@@ -1,4 +1,4 @@
-"""Where and with what something was measured, and hashes of what it follows from."""
+"""Where and with what something was measured, and hashes of what it depends on."""
 
 import functools
 import hashlib
@@ -18,8 +18,7 @@ from . import startup
 
 
 def circumstances() -> dict:
-    """What was asked for, when, where and with what, as plain data."""
-    # of this package's files, whatever its version number says
+    """The command, date, machine and versions, as plain data."""
     return {
         "command": shlex.join([COMMAND, *sys.argv[1:]]),
         "date": now(),
@@ -29,11 +28,11 @@ def circumstances() -> dict:
 
 
 def package(summary: dict) -> str:
-    """With which package something was measured, of its `circumstances`: version, and the first
-    digits of its files' hash."""
+    """The package with which something was measured, from its `circumstances`: version, and the
+    first digits of the hash of its files."""
     found = summary.get("versions", {})
     if "package" not in found:
-        return "a package that is not told"
+        return "an unknown package"
     return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
 
 
@@ -72,7 +71,7 @@ def contents(path: Path) -> str:
 
 @functools.cache
 def package_hash() -> str:
-    """Of the code of the installed fix_nosquish, and of the older schemes that come with it."""
+    """Hash of the code of the installed fix_nosquish and of the older schemes."""
     folder = startup.package()
     found = hashlib.sha256()
     harness = folder.parent / INSTALLED, folder.parent / "validation"  # this one of a checkout
@@ -83,9 +82,8 @@ def package_hash() -> str:
 
 
 def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
-    """Hash of what a run follows from beside its ``run.Job``: the scene's files, further files,
-    versions, and with ours the package.  A file that is not there counts for nothing: LAMMPS says
-    so when it reads it."""
+    """Hash of what a run depends on beside its ``run.Job``: the scene's files, further files,
+    versions, and for ours the package.  Missing files are ignored: LAMMPS reports them."""
     package = package_hash() if integrator.kind == "ours" else None
     found = [
         versions(),
@@ -97,7 +95,7 @@ def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
 
 
 def worker_versions(versions: dict) -> dict:
-    """Versions that only a running LAMMPS can tell, under their own names."""
+    """Versions that only a running LAMMPS knows, with other keys."""
     names = {"lammps": "lammps_release", "mpi": "mpi_library"}
     return {names[key]: value for key, value in versions.items() if key in names}
 

@@ -1,15 +1,15 @@
-"""The library that lets the harness see what LAMMPS does with a user's script: ``recorder.cpp``.
+"""The library ``recorder.cpp``, with which the harness follows what LAMMPS does with a script.
 
 A process that is started with `environment` sees each file that LAMMPS opens.  What LAMMPS writes
-goes into a folder, an *overlay*, that stands for the root of all files, so no file of the user's is
-written to; what it reads comes from there if it is there.  A reader (see ``reader``) sees each
-command, too, and answers whether LAMMPS executes it.
+goes into a folder, an *overlay* of the root of the file system, so that no file of the user's is
+changed; what it reads comes from there if it exists there.  A reader (see ``reader``) also sees
+each command, and decides whether LAMMPS executes it.
 """
 
 from importlib import metadata
 from pathlib import Path
 
-ALIAS = "/validation-out"  # as the output folder is called in commands
+ALIAS = "/validation-out"  # name of the output folder in commands
 LIBRARY = "recorder.so"
 OVERLAYS = "VALIDATION_OVERLAYS"
 
@@ -20,10 +20,10 @@ def environment(
     """Variables of the environment with which to start ranks.
 
     Args:
-        overlay: of a script, two folders below the output folder, which is `ALIAS` in commands;
-            empty for the harness's own scenes, which need no variables.
-        written: another overlay, to which all is written.
-        preloaded: other libraries.
+        overlay: of a script, two folders below the output folder; empty for built-in scenes,
+            which need no variables.
+        written: another overlay, to which everything is written.
+        preloaded: other libraries to preload.
     """
     if not overlay:
         return {}
@@ -33,8 +33,8 @@ def environment(
 
 
 def _library() -> Path:
-    """The library for the LAMMPS that there is: beside this file or, in a checkout without a build,
-    of the installed package.
+    """The library for the installed LAMMPS: beside this file or, in a checkout without a build, in
+    the installed package.
 
     Raises:
         SystemExit: there is none.
@@ -53,7 +53,7 @@ def _library() -> Path:
             if file.parent.name == name and file.exists():
                 return file
     raise SystemExit(
-        f"the harness reads scripts by a library that was not compiled for lammps {version}: "
+        f"the library that reads scripts was not compiled for lammps {version}: "
         "install fix_nosquish again (pip install --force-reinstall --no-deps, in a checkout with "
         "a dot as the last word)"
     )

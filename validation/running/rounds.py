@@ -1,7 +1,6 @@
-"""Runs timed in turn (A B C A B C ...), each a fresh process on the same start.
+"""Runs timed in turn (A B C A B C ...), each a new process from the same start.
 
-So a change in the machine's load meets all of them alike, and numbers of one round compare like
-with like.
+A change in the machine's load then affects all of them, and numbers of one round are comparable.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""Starts of any size, built once and kept; and from the atoms that an earlier run has left."""
+"""Starts: of any size, built once; and from the atoms of an earlier run."""
 
 import os
 import shlex
@@ -11,12 +11,12 @@ from ..scenes import Scene
 from . import run
 from .machine import contents
 
-STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run goes on from
+STATE = "x y z ix iy iz vx vy vz"  # of an atom, all that a run continues from
 EXACT = "sort id format float %.17g"  # of a dump: to the last bit
 
 
 def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
-    """The scene with so many bodies; its data file is built if there is none yet.
+    """The scene with a number of bodies; its data file is built if it does not exist.
 
     Args:
         folder: for data files.
@@ -47,18 +47,18 @@ def of_size(scene: Scene, bodies: int, folder: Path) -> Scene:
 
 
 def to_dump(dump: Path | str, every: int) -> list[str]:
-    """LAMMPS commands that dump all atoms every so many steps, for `from_dump`."""
+    """LAMMPS commands that dump all atoms for `from_dump`; ``every``: steps."""
     return [f'dump state all custom {every} "{dump}" id {STATE}', f"dump_modify state {EXACT}"]
 
 
 def read(dump: Path | str, step: int, dimension: int = 3, box: bool = False) -> str:
-    """The LAMMPS command that gives the atoms of a scene what a dump of them all has.
+    """The LAMMPS command that reads the state of all atoms from a dump.
 
-    The counter of steps stays: the step only tells which snapshot of the dump is meant.
+    The step selects the snapshot; the step counter of LAMMPS stays.
 
     Args:
-        dimension: in two LAMMPS refuses what is said of z.
-        box: whether the box becomes that of the dump, too.
+        dimension: in two dimensions LAMMPS accepts no z.
+        box: whether to take the box of the dump, too.
     """
     fields = STATE if dimension == 3 else " ".join(one for one in STATE.split() if "z" not in one)
     sized = "yes" if box else "no"

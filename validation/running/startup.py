@@ -1,6 +1,6 @@
-"""What a start costs, beside that of LAMMPS alone.
+"""The cost of a start, beside that of LAMMPS alone.
 
-Each is a process of its own that reads the scene, defines the fix and does one step.
+Each is one process that reads the scene, defines the fix and does one step.
 """
 
 import os
@@ -19,7 +19,7 @@ PLAIN = Integrator("nve", "fix nve", ("fix 1 {group} nve",), kind="free")
 
 
 def package() -> Path:
-    """Folder of the fix_nosquish that LAMMPS would import, which need not be the checkout's."""
+    """Folder of the fix_nosquish that LAMMPS imports; it may differ from the checkout's."""
     find = "find_spec('fix_nosquish').submodule_search_locations[0]"
     code = f"from importlib.util import find_spec; print({find})"
     found = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
@@ -31,17 +31,17 @@ def package() -> Path:
 def measure(
     scene: Scene, ours: Integrator, folder: Path, ranks: int, rounds: int, meter: Meter
 ) -> dict:
-    """Time starts with ours and without in turn; a Ctrl-C passes through.
+    """Time starts with our fix and with fix nve in turn; Ctrl-C raises KeyboardInterrupt.
 
-    One start before does what is done once for all: it compiles loops that no library has.
+    A start before these does what is done once: it compiles loops that are in no library.
 
     Args:
-        folder: for the runs' files.
-        ranks: MPI ranks; one rank has one core to itself, also for what a compiler does in threads.
+        folder: for the files of the runs.
+        ranks: MPI ranks; a single rank runs on one core, including threads of a compiler.
 
     Returns:
-        of ``ours``, of ``plain`` (fix nve) and of ``added`` (their difference in the same round)
-        the spreads of ``wall`` and ``cpu`` (s, of all processes together); ``ranks``, ``error``.
+        spreads of ``wall`` and ``cpu`` (s, all processes together) of ``ours``, of ``plain`` (fix
+        nve) and of ``added`` (their difference in the same round); ``ranks``, ``error``.
     """
     times: dict[str, list[tuple[float, float]]] = {"ours": [], "plain": []}
     folder.mkdir(parents=True, exist_ok=True)
@@ -66,7 +66,11 @@ def _spreads(times: list[tuple[float, float]]) -> dict:
 
 
 def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tuple[float, float]:
-    """(wall, cpu) of a process that does one step; a ChildProcessError says why it did not."""
+    """(wall, cpu) of a process that does one step.
+
+    Raises:
+        ChildProcessError: it failed.
+    """
     script, said = place / "in.start", place / "stderr.txt"
     lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
     script.write_text("\n".join(lines))

@@ -1,13 +1,11 @@
-"""What was measured is kept, and not measured again while all that it follows from is the same.
+"""Stored results, which are not measured again as long as all that they depend on is the same.
 
-There is one rule for what a result follows from, `Store.origin`: versions, the installed package,
-the harness's code, files, and settings.  Files of the code that only show numbers do not count, see
-`code`.
+`Store.origin` is a hash of what a result depends on: versions, the installed package, the harness's
+code, files, and settings.  Code that only shows numbers does not count, see `code`.
 
-There is one rule for resuming, `Store.once`: a complete record of the same origin is taken, else
-the work is done, and what it gives is kept, whole or not at all.  Records of other origins stay
-beside it.  (One run of LAMMPS is kept by ``run.once`` in the same way: with its job, which has the
-input itself.)
+`Store.once` returns the complete record of the same origin, or does the work and stores it.
+Records of other origins stay beside it.  (A run of LAMMPS is stored by ``run.once`` in the same
+way, with its job, which has the input itself.)
 """
 
 import contextlib
@@ -23,15 +21,15 @@ from .lock import locked
 
 RECORD = {"name", "base", "complete", "date", "record"}
 HARNESS = Path(__file__).resolve().parents[1]
-# files that no number follows from; criteria judges numbers, and makes none
+# files on which no number depends; criteria judges numbers only
 SHOWN = {"pages", "report.py", "figures.py", "command.py", "command_line.py", "criteria.py"}
 
 
 class Store:
-    """Records of a verb, plain data, each in a file of a folder.
+    """Records of a verb: plain data, each in a file of a folder.
 
     Args:
-        folder: of the files; it is made when a record is kept.
+        folder: of the files; it is created with the first record.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -39,22 +37,22 @@ class Store:
 
     @functools.cached_property
     def base(self) -> str:
-        """Hash of what all records follow from: versions, package and code, as it is now."""
+        """Hash of what all records depend on: versions, package and code."""
         return digest(machine.versions(), machine.package_hash(), code())
 
     def origin(self, *settings, files: Iterable[Path] = ()) -> str:
-        """Hash of all that a record follows from.
+        """Hash of all that a record depends on.
 
         Args:
             settings: plain data, or dataclasses of such.
-            files: further files, and folders, whose files count.
+            files: files, and folders of files.
         """
         return digest(self.base, settings, [*map(machine.contents, files)])
 
     def once(self, name: str, origin: str, make: Callable[[], dict]) -> dict:
-        """The record of this name and origin; ``make`` gives it if there is none, or none complete.
+        """The complete record of this name and origin; if there is none, ``make`` returns it.
 
-        A Ctrl-C in ``make`` passes through, and nothing is kept then.
+        After Ctrl-C in ``make`` nothing is stored.
 
         Args:
             name: of the record; with slashes, its file is in such folders.
@@ -67,11 +65,11 @@ class Store:
         return record
 
     def kept(self, name: str, origin: str) -> dict | None:
-        """What is kept, or None: ``record``, ``complete``, ``date``, ``origin`` and ``base``."""
+        """The stored ``record``, ``complete``, ``date``, ``origin`` and ``base``; None if none."""
         return _record(self._file(name, origin))
 
     def keep(self, name: str, origin: str, record: dict, complete: bool = True) -> None:
-        """Keep a record; one that is not ``complete`` is for its maker to go on from."""
+        """Store a record; one that is not ``complete`` is continued later."""
         plain = {
             "name": name,
             "origin": origin,
@@ -83,7 +81,7 @@ class Store:
         json_files.write(self._file(name, origin), plain)
 
     def shared(self, names: Iterable[str]) -> Iterator[str]:
-        """The names, each while no other process has it; those that others have come last."""
+        """The names, each locked against other processes; those locked by others come last."""
         waiting: list[str] = []
         for some, wait in (list(names), False), (waiting, True):
             for name in some:
@@ -94,7 +92,7 @@ class Store:
                         waiting.append(name)
 
     def locked(self, name: str, wait: bool = True) -> contextlib.AbstractContextManager[bool]:
-        """A context in which no other process has the name; it gives whether it is ours."""
+        """Context with the name locked; yields whether this process has the lock."""
         return locked(self.folder / f"{name}.lock", wait)
 
     def _file(self, name: str, origin: str) -> Path:
@@ -103,23 +101,22 @@ class Store:
 
 @contextlib.contextmanager
 def alone(folder: Path) -> Iterator[None]:
-    """A context in which no other process measures in an output folder: for verbs that do not share
-    their runs.  Else one would write where the other's LAMMPS is at work, or reads.
+    """Context with an output folder locked, for verbs whose runs are not shared among processes.
 
     Raises:
-        SystemExit: another one does.
+        SystemExit: another process has the lock.
     """
     with locked(folder / "alone.lock", wait=False) as mine:
         if not mine:
             raise SystemExit(
-                f"another command measures in {folder} now: wait for its end, or give another "
+                f"another command uses {folder} now: wait until it ends, or give another "
                 "folder by --out"
             )
         yield
 
 
 def _record(file: Path) -> dict | None:
-    """What `Store.keep` wrote; None if there is none."""
+    """What `Store.keep` has written; None if there is none."""
     kept = json_files.read(file)
     if kept is not None and not kept.keys() >= RECORD:
         json_files.report_damage(file, "no record")
@@ -137,12 +134,12 @@ def _plain(found):
         return [type(found).__name__, asdict(found)]
     if isinstance(found, Path):
         return str(found)
-    raise TypeError(f"{found!r} is no plain data: a result cannot be said to follow from it")
+    raise TypeError(f"{found!r} is no plain data, so a result cannot depend on it")
 
 
 @functools.cache
 def code() -> str:
-    """Hash of the harness's files that numbers can follow from: all but those of `SHOWN`."""
+    """Hash of the harness's files on which numbers can depend: all but those of `SHOWN`."""
     kinds = "*.py", "*/*.py", "*/*.c", "*/*.cpp"
     files = sorted(path.relative_to(HARNESS) for kind in kinds for path in HARNESS.glob(kind))
     kept = (file for file in files if not SHOWN.intersection(file.parts))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..command_line import in_order
 from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, rounds, run
 from ..running.starts import from_dump, to_dump
@@ -147,7 +146,7 @@ class Plan:
             only: names of schemes; None is all of LAMMPS, or with ``short`` those of `SHORT`.
             dt: time steps, fs; None is each scheme's own, or with ``short`` that of `SHORT`.
         """
-        names = in_order(list(self.schemes), only)
+        names = [name for name in self.schemes if name in (only or self.schemes)]
         usual = {name: scheme.steps for name, scheme in self.schemes.items()}
         if short:
             usual |= {name: some for name, some in SHORT.items() if name in usual}
