@@ -1,4 +1,4 @@
-"""Start one LAMMPS run in a process group of its own, watch it, collect what it left.
+"""Start a LAMMPS run in its own process group, watch it, and collect its result.
 
 A crash, a hang or a bad command ends that run only: its ``Result`` says why.
 """
@@ -28,18 +28,18 @@ from .lock import locked
 
 WORKER = Path(__file__).with_name("worker.py")
 END_WITH_PARENT = Path(__file__).with_name("end_with_parent.py")
-RESET = "reset_timestep 0"  # a scene has it in its setup, if fixes there forbid it later
-SUFFIX = "nosquish"  # by which LAMMPS takes our fixes for its rigid ones
+RESET = "reset_timestep 0"  # in a scene's setup if its fixes forbid it later
+SUFFIX = "nosquish"  # with which LAMMPS replaces its rigid fixes by ours
 THERMO = "thermo_style custom step time temp press pe ke etotal"
 LOOK = 0.2  # s between two looks at a running job
-COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s that a first use may need, its words
-HUNG = "no sign of life"  # begins the message of a run that hung
+COMPILING, COMPILES = 600.0, " compiles its loops, once"  # s of a first use, and its message
+HUNG = "no sign of life"  # beginning of the message of a run that hung
 GRACE = 5.0  # s that processes have to end after SIGTERM
-AGAIN = 0.5  # s in which more signals count as the one that came
+AGAIN = 0.5  # s in which further signals count as the same one
 
 
 class Meter(Protocol):
-    """What is told of progress: ``pages.console.Meter``, or one that shows nothing."""
+    """Shows progress: ``pages.console.Meter``, or a silent one."""
 
     def begin(self, label: str, total: int) -> None: ...
 
@@ -53,20 +53,19 @@ class Job:
     """One trajectory.
 
     Attributes:
-        directory: where its files go; what an earlier run left there is removed.
+        directory: for its files; those of an earlier run are removed.
         folder: working directory of LAMMPS.
         commands: LAMMPS commands before the first run.
         runs: numbers of steps; positions are kept at the start and after each.
-        body_property: per-atom integer that tells bodies apart; None keeps no positions.
-        setups: how often `run 0`, which makes all of a run's preparations, is timed before the
-            runs.
+        body_property: per-atom integer that identifies bodies; None keeps no positions.
+        setups: number of timed `run 0`, all preparations of a run, before the runs.
         ranks: number of MPI ranks.
-        silence: s without a word in the log after which the run counts as hung.
-        origin: hash of what the result follows from beside all this (see ``machine.origin``).
+        silence: s without output in the log after which the run counts as hung.
+        origin: hash of what else the result depends on (see ``machine.origin``).
         motion: whether velocities and masses are kept with the positions.
-        overlay: see ``Scene``; what the run writes goes into an overlay of its own.
-        worker: file of the harness that does it, by its place there; empty for LAMMPS's.
-        given: what another worker is given, plain data.
+        overlay: see ``Scene``; what the run writes goes into its own overlay.
+        worker: path of its worker in the harness; empty for that of LAMMPS.
+        given: input of another worker, plain data.
     """
 
     directory: str
@@ -76,7 +75,7 @@ class Job:
     body_property: str | None
     setups: int = 0
     ranks: int = 1
-    silence: float = field(default=120.0, compare=False)  # no part of what the result follows from
+    silence: float = field(default=120.0, compare=False)  # the result does not depend on it
     origin: str | None = None
     motion: bool = False
     overlay: str = ""
@@ -86,17 +85,17 @@ class Job:
 
 @dataclass
 class Result:
-    """What a run left behind, complete or not.
+    """The result of a run, complete or not.
 
     Attributes:
-        error: None, or in one line why the run is not complete.
+        error: one line on why the run is not complete; None if it is.
         thermo: column name to array (see ``lammps_log.thermo``).
         timings: of each completed run.
         positions: None if they were not kept.
-        versions: what the worker says of itself, or {}.
+        versions: of the worker, or {}.
         memory: peak memory of each rank in KiB.
         seconds: wall time of each `run 0` and of each run (see ``worker``).
-        interrupted: whether a Ctrl-C came.
+        interrupted: whether Ctrl-C was pressed.
     """
 
     error: str | None
@@ -130,7 +129,7 @@ def job(
         runs: numbers of steps, done one after the other.
         dt: time step in the scene's units.
         every: steps between thermo samples; 0 samples the ends of each run only.
-        keeps: what is kept of the atoms at the start and after each run; see ``Job.motion``.
+        keeps: what to store of the atoms at the start and after each run; see ``Job.motion``.
         setups, origin: see ``Job``.
         more: LAMMPS commands before the first run.
     """
@@ -166,8 +165,7 @@ def job(
 
 
 def without_suffix(line: str) -> str:
-    """A command with which LAMMPS's fixes and computes stay its own: of the command suffix without
-    nosquish; other suffixes stay."""
+    """The command without the suffix nosquish, with which LAMMPS would replace its own fixes."""
     names = line.split()[1:]
     if not line.startswith("suffix ") or SUFFIX not in names:
         return line
@@ -176,12 +174,12 @@ def without_suffix(line: str) -> str:
 
 
 def thermo(*more) -> list[str]:
-    """LAMMPS commands for the columns of the output that measures ask for, and these."""
+    """LAMMPS commands for the standard columns of the output, and these."""
     return [" ".join((THERMO, *more)), 'thermo_modify norm no flush yes format float "%.15g"']
 
 
 def folder_name(name: str) -> str:
-    """The name of an integrator or a run, fit for a folder."""
+    """The name of an integrator or a run as that of a folder."""
     return re.sub(r"[/ ]", "-", name)
 
 
@@ -190,11 +188,11 @@ def run(
     on_step: Callable[[int], object] = lambda step: None,
     environment: Mapping[str, str] | None = None,
 ) -> Result:
-    """Do a job and collect its result; a Ctrl-C ends the run and is in the result.
+    """Do a job and collect its result; Ctrl-C ends the run, and is noted in the result.
 
     Args:
-        on_step: called with the last step in the log, now and then.
-        environment: more environment variables for the ranks.
+        on_step: called now and then with the last step in the log.
+        environment: further environment variables of the ranks.
     """
     directory = Path(job.directory)
     if (directory / "job.json").exists():
@@ -223,11 +221,12 @@ def run(
 def once(
     job: Job, on_step: Callable[[int], object] = lambda step: None, failures: bool = False
 ) -> Result:
-    """Do a job, as `run`, unless the complete result of the same job, its origin included, is
-    there; ``on_step`` and ``failures`` as for `run` and `is_there`.
+    """Do a job, unless the complete result of the same job with the same origin exists.
 
-    Another process that is at work in its directory is waited for: its result may be what is asked
-    for.
+    Waits for another process that works in its directory.
+
+    Args:
+        on_step: see `run`.  failures: see `is_there`.
     """
     try:
         with locked(Path(job.directory) / LOCK):
@@ -237,7 +236,7 @@ def once(
 
 
 def _empty(directory: Path) -> None:
-    """Remove all that a run has left but the lock, which another process may wait for."""
+    """Remove the files of a run except the lock, for which another process may wait."""
     for one in directory.iterdir():
         if one.is_dir():
             shutil.rmtree(one)
@@ -246,12 +245,12 @@ def _empty(directory: Path) -> None:
 
 
 def is_there(job: Job, failures: bool = False) -> bool:
-    """Whether the complete result of the same job, its origin included, is in its directory.
+    """Whether the complete result of the same job with the same origin is in its directory.
 
     Args:
-        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for no less
-            than ``job.silence``, counts as complete; one that was killed does not, nor one that
-            the machine ended, as by a full disk.
+        failures: whether a run that LAMMPS or a fix ended with a message, or that hung for at
+            least ``job.silence``, counts as complete.  A run that was killed does not, nor one
+            that the machine ended, for example by a full disk.
     """
     directory = Path(job.directory)
     known = _kept(directory)
@@ -262,7 +261,7 @@ def is_there(job: Job, failures: bool = False) -> bool:
 
 
 def _kept(directory: Path) -> Job | None:
-    """The job whose files are in a directory; None if no job, or none of this version, is there."""
+    """The job whose files are in a directory; None without a job of this version."""
     path = directory / "job.json"
     plain = json_files.read(path)
     try:
@@ -273,7 +272,7 @@ def _kept(directory: Path) -> Job | None:
 
 
 def _lasts(directory: Path) -> bool:
-    """Whether a run failed by what it is: LAMMPS says so, or a fix through it, or it hung."""
+    """Whether a run would fail again: LAMMPS or a fix has ended it, or it hung."""
     message = _read(directory / "error.txt")
     return bool(re.match(rf"'?ERROR|{HUNG}", message)) and os.strerror(ENOSPC) not in message
 
@@ -297,15 +296,15 @@ def collect(directory: Path | str) -> Result:
         or lammps_log.error(output)
         or f"ended without a message: {_exit(output)}, see {directory / 'output.txt'}"
     )
-    told = dict(done or {})
+    facts = dict(done or {})
     return Result(
         error=one_line(message) if done is None else None,
         thermo=lammps_log.thermo(log),
         timings=lammps_log.timings(log),
         positions=positions,
-        memory=told.pop("memory", []),
-        seconds=told.pop("seconds", {}),
-        versions=told,
+        memory=facts.pop("memory", []),
+        seconds=facts.pop("seconds", {}),
+        versions=facts,
     )
 
 
@@ -315,10 +314,10 @@ def watch(
     silence: float,
     on_step: Callable[[int], object] = lambda step: None,
 ) -> bool:
-    """Wait for the end; True if it was given up as hung.
+    """Wait for the end; True if the run counts as hung.
 
-    Looks are counted, not the clock's time: a run that was stopped together with this process is
-    not hung when both go on.
+    Time is counted in looks, not by the clock: a run that was suspended together with this process
+    is not hung when both continue.
     """
     size, quiet, waited = 0, 0.0, 0.0
     while process.poll() is None:
@@ -341,18 +340,17 @@ def watch(
 
 
 def _compiles(log: Path) -> bool:
-    """Whether our fix compiles its loops, in the run with this log: it says so, then is quiet."""
+    """Whether our fix is compiling its loops, in the run with this log."""
     return COMPILES in _read(log.with_name("output.txt")).rstrip().rpartition("\n")[2]
 
 
 @contextlib.contextmanager
 def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
-    """A process in a group of its own, which is ended with the block, however that ends, and with
-    this process (see ``tied``).
+    """A process in its own group, which ends with the block and with this process.
 
-    Ctrl-C, and the signals that count as one (see ``validation.__main__``), raise KeyboardInterrupt
-    in the block, or behind it, and once: while the process begins they wait for it, and more of
-    them neither keep it from being ended nor, soon after, its result from being written.
+    Ctrl-C, and the signals that count as one (see ``validation.__main__``), raise one
+    KeyboardInterrupt in the block or after it.  They are held back while the process starts, while
+    it is ended, and for `AGAIN` afterwards, so that its result is written.
 
     Args:
         more: keywords of Popen.
@@ -367,8 +365,8 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
             "stdin": subprocess.DEVNULL,
             "start_new_session": True,
         }
-        tied = sys.executable, "-IS", str(END_WITH_PARENT), str(os.getpid())
-        process = subprocess.Popen([*tied, *words], **how | more)
+        parent = sys.executable, "-IS", str(END_WITH_PARENT), str(os.getpid())
+        process = subprocess.Popen([*parent, *words], **how | more)
         try:
             try:
                 stop.open()
@@ -387,7 +385,7 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
 
 
 class _Stop:
-    """A signal's handler that raises KeyboardInterrupt once, while it is open; else it waits."""
+    """A signal handler that raises KeyboardInterrupt once while it is open, and else defers it."""
 
     def __init__(self) -> None:
         self.came = self.raises = self.waits = False
@@ -400,14 +398,14 @@ class _Stop:
         self.waits = True
 
     def open(self) -> None:
-        """From now on raise; what waits does at once."""
+        """Raise from now on; a deferred signal raises at once."""
         self.raises = True
         if self.waits:
             self()
 
 
 def end(process: subprocess.Popen) -> None:
-    """End what is left of the process group."""
+    """End all processes of the group."""
     for sign, grace in ((signal.SIGTERM, GRACE), (signal.SIGKILL, GRACE)):
         try:
             os.killpg(process.pid, sign)
@@ -421,7 +419,7 @@ def end(process: subprocess.Popen) -> None:
 
 
 def launch_by(command: str | None) -> None:
-    """From now on start ranks by this command, as ``srun -n {ranks}``; None is mpirun."""
+    """Start ranks by this command from now on, such as ``srun -n {ranks}``; None is mpirun."""
     global _launch
     _launch = command
 
@@ -430,7 +428,7 @@ _launch: str | None = None
 
 
 def launcher(ranks: int) -> list[str]:
-    """The words that start so many ranks of the command behind them."""
+    """The words before a command that start it on this number of ranks."""
     if _launch is None:
         return [mpirun(), "-np", str(ranks)]
     return [word.replace("{ranks}", str(ranks)) for word in shlex.split(_launch)]
@@ -446,7 +444,7 @@ def mpirun() -> str:
 
 
 def _exit(output):
-    """How mpirun says that a rank ended."""
+    """How a rank has ended, from mpirun's message."""
     found = re.search(r"EXIT STRING: (.+?) *$|EXIT CODE: (\d+)", output, re.M)
     return (found.group(1) or f"exit code {found.group(2)}") if found else "cause unknown"
 

@@ -1,12 +1,11 @@
-"""One LAMMPS run, inside each MPI rank: ``mpirun -np N python worker.py job.json``.
+"""One LAMMPS run, in each MPI rank: ``mpirun -np N python worker.py job.json``.
 
-Started as a file, not as a module, and the checkout is kept off ``sys.path``:
-what is measured is the installed fix_nosquish, found by LAMMPS as a user's would be.
+It is started as a file, without the checkout in ``sys.path``, so LAMMPS loads the installed
+fix_nosquish, as for a user.
 
-The job (written by ``run.py``) holds ``folder``, ``commands``, ``setups`` (how often
-`run 0` is timed), ``runs`` (a list of numbers of steps, done one after the other as one
-trajectory, over all of which what a fix changes in a run is changed once), ``body_property`` and
-``motion``.  Left beside job.json:
+The job (written by ``run.py``) has ``folder``, ``commands``, ``setups`` (number of timed `run 0`),
+``runs`` (numbers of steps, done one after the other as one trajectory; ramps span all of them),
+``body_property`` and ``motion``.  Files left beside job.json:
 
     log.lammps      LAMMPS's log
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
@@ -15,8 +14,8 @@ trajectory, over all of which what a fix changes in a run is changed once), ``bo
                     velocities as the positions, and ``mass`` of each atom
     done.json       versions; ``memory``, each rank's peak in KiB; ``seconds``, wall times of
                     ``setups`` and of ``runs``;
-                    written last, so its presence means success; it and the positions are there
-                    as a whole, or not at all
+                    written last, so its presence means success; it and the positions are
+                    written atomically
     error.txt       the message of the first rank that failed
 
 If messages are counted (see ``counting``), then in the last run only.
@@ -39,16 +38,16 @@ from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
 
 
 def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
-    """A per-atom array of all ranks, in order of atom ID; every rank must call."""
+    """A per-atom array of all ranks, in order of atom ID; collective."""
     values = np.array(lmp.gather_atoms(name, kind, count))
     return values.reshape(-1, count) if count > 1 else values
 
 
 def bodies_of(lmp: lammps, name: str) -> np.ndarray:
-    """The number of each atom's body, in order of atom ID; every rank must call.
+    """The number of each atom's body, in order of atom ID; collective.
 
     Raises:
-        ValueError: a file that tells it knows the atoms by other IDs.
+        ValueError: in the file that has them the atoms have other IDs.
     """
     if not name.endswith(".npy"):
         return gather(lmp, name, 0, 1)
@@ -56,8 +55,8 @@ def bodies_of(lmp: lammps, name: str) -> np.ndarray:
     if not np.array_equal(types, gather(lmp, "type", 0, 1)):
         raise ValueError(
             "atoms have other IDs than when the script was read, as reset_atoms and delete_atoms "
-            "give them by where atoms are: write_data behind these, and give a script that reads "
-            "that file"
+            "give them by where atoms are: use write_data after these, and give a script that "
+            "reads that file"
         )
     return bodies
 
@@ -70,16 +69,15 @@ def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
 
 
 def masses(lmp: lammps) -> np.ndarray:
-    """Mass of each atom, in order of atom ID; every rank must call."""
+    """Mass of each atom, in order of atom ID; collective."""
     if lmp.extract_setting("rmass_flag"):
         return gather(lmp, "rmass", 1, 1)
     return lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
 
 
 def near(command: str, folder: str, out: Path) -> str:
-    """A command that names files in and beside these folders from the first one, where LAMMPS
-    works, or, of a user's script, from the output folder (see ``recorder``): LAMMPS takes
-    no quotes in a path, nor letters beyond ASCII."""
+    """A command with paths relative to LAMMPS's folder or, for a user's script, below the name of
+    the output folder (see ``recorder``): LAMMPS accepts no quotes and only ASCII in paths."""
     if overlays := os.environ.get("VALIDATION_OVERLAYS"):
         return command.replace(f'"{overlays.splitlines()[0]}/', '"/validation-out/')
     here = os.path.realpath(folder)
@@ -88,11 +86,11 @@ def near(command: str, folder: str, out: Path) -> str:
 
 
 def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
-    """Refuse LAMMPS's own fixes that ours have replaced, as the suffix nosquish does wherever it
-    was set: a result must be that of the fix that its name says; every rank must call.
+    """Refuse fixes of LAMMPS that the suffix nosquish has replaced by ours: a result must be that
+    of the fix in its name; collective.
 
     Raises:
-        ValueError: which fix is another one.
+        ValueError: a fix was replaced.
     """
     lmp.command("info fixes out log")
     lmp.flush_buffers()
@@ -112,7 +110,7 @@ def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
 
 
 def timed(lmp: lammps, command: str, counted: bool = False) -> float:
-    """Wall time of a LAMMPS command, that of the slowest rank, in s."""
+    """Wall time of a LAMMPS command on the slowest rank, s."""
     MPI.COMM_WORLD.Barrier()
     MPI.Pcontrol(int(counted))
     begin = MPI.Wtime()
@@ -123,7 +121,7 @@ def timed(lmp: lammps, command: str, counted: bool = False) -> float:
 
 
 def leave(out: Path, arrays: dict, done: dict) -> None:
-    """Write what there is of a run, the files as a whole or not at all."""
+    """Write the results of a run atomically."""
     if arrays:
         with open(out / "positions.part", "wb") as file:
             np.savez(file, **arrays)
@@ -133,7 +131,7 @@ def leave(out: Path, arrays: dict, done: dict) -> None:
 
 
 def work(job: dict, out: Path) -> None:
-    """Run the job and leave its files in ``out``."""
+    """Run the job and write its files to ``out``."""
     os.chdir(job["folder"])
     lmp = lammps(cmdargs=["-log", str(out / "log.lammps"), "-screen", "none", "-nocite"])
     world = MPI.COMM_WORLD
@@ -190,8 +188,8 @@ def main() -> None:
         traceback.print_exc()
         if isinstance(failure, UnicodeError):  # of LAMMPS's message about what it has replaced
             failure = ValueError(
-                "LAMMPS takes no letters beyond ASCII in commands, and the path of a file has "
-                "them: give another folder by --out"
+                "LAMMPS accepts only ASCII characters in commands, and the path of a file has "
+                "others: give another folder by --out"
             )
         try:
             error = path.parent / "error.txt"
