@@ -1,7 +1,7 @@
-"""The bounds of ``sample``, all in one place, and what is held against them.
+"""The bounds of ``sample``, and the checks against them.
 
-They were set before the data: the errors that users accept today at 2 fs, of hybrid Monte Carlo a
-smaller one, and a cost that was set as a goal.
+They were set before the data: the errors that users accept today at 2 fs, a smaller one for hybrid
+Monte Carlo, and a cost as a goal.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from .plan import LAMMPS, LEAST
 
 # of biases, in the observables' units; 25 atm change the density of water by 0.1 %
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0, "density": 0.2}
-RELATIVE = 1.0  # %, of averages that have no bound of their own
+RELATIVE = 1.0  # %, of averages without their own bound
 # errors that are not worth more time, whatever a rival's is: see `rivals`
 LEAST_ERRORS = {one.key: RELATIVE for one in OBSERVABLES if one.relative} | BOUNDS
 WITHOUT_BIAS = {"potential": 0.004}  # of hybrid Monte Carlo, which has no error of the step
@@ -52,8 +52,8 @@ TITLES = {
 
 
 def checks(summary: Mapping) -> list[Check]:
-    """What is held against the bounds, of runs that are long enough to tell their own errors: ours
-    at longer steps than those of today, and OpenMM."""
+    """Checks of runs that are long enough to estimate their errors: of ours at longer steps than
+    those of today, and of OpenMM."""
     if summary["settings"]["time"] < LEAST:
         return []
     today = summary["known"][0]["dt"]
@@ -84,7 +84,7 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
 
 
 def _named(key: str) -> tuple[str, str]:
-    """What a number that has bounds is, in words, and its unit."""
+    """Description of a number with bounds, and its unit."""
     if key not in BY_KEY:
         return DEVIATION
     one = BY_KEY[key]
@@ -92,7 +92,7 @@ def _named(key: str) -> tuple[str, str]:
 
 
 def _gains(summary: Mapping) -> Iterator[Check]:
-    """Of the point that is best beside the rivals."""
+    """Checks of the point with the best gains over the rivals."""
     best = rivals.best(summary["rows"]) or {"faster": {}}
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]

@@ -1,9 +1,9 @@
-"""The error of averages, of bias and of noise, that a scheme with a step gives for its time.
+"""Bias, noise and cost of averages with each scheme and step.
 
 All schemes move the same molecules from the same starts.  Biases are distances from the limit of
-small steps that schemes of the same distribution share (`limit`), or from what theory knows.  Noise
-is what one independent sample costs.  Where a scheme is at two states the ratio of its
-distributions is known without any reference (`structure.between_states`).
+small steps that schemes of the same distribution share (`limit`), or from exact values.  Noise is
+the cost of an independent sample.  For a scheme at two states the ratio of the distributions is
+known exactly (`structure.between_states`).
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -23,28 +23,28 @@ from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
 from .plan import KINETIC, LAMMPS, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
-# of each of two states independent samples, as fewer cannot tell a slope, and how many are taken
-# for an independent one, as physical_validation has bins to fill (it counts independent ones)
+# independent samples that each of two states needs, and how many samples are taken for an
+# independent one, because physical_validation fills bins
 LEAST_SAMPLES, DENSER = 50, 4
 # of a row: numbers of each observable
 NESTED = "means", "biases", "remembers", "noise", "faster", "seconds"
-KNOWN = Point("known", 0.0)  # what stands for a limit that another command has found
+KNOWN = Point("known", 0.0)  # the key of a limit from another command
 
 
 @dataclass
 class Numbers:
-    """What a start of a point gave, or all of them together.
+    """Averages of a point from one start, or from all.
 
     Attributes:
         means: of observables.
-        remembers: of each, ps of an independent sample; of a square only with all starts.
+        remembers: of each, ps per independent sample; of a square only with all starts.
         variances: of each, of a sample.
         vectors: of squares, the autocovariances of the components, (components, lags).
         apart: ps between samples.
-        state: samples that are held against those of another state, at constant pressure.
+        state: samples to compare with those of another state, at constant pressure.
         far: standard deviations between the distribution of the bodies' kinetic energy and the
             canonical one, see `structure.distribution`.
-        loop: s of a step with its samples.
+        loop: s per step, with samples.
     """
 
     means: dict[str, Estimate]
@@ -57,14 +57,19 @@ class Numbers:
     loop: float = 0.0
 
     def noise(self, key: str) -> Estimate:
-        """Variance of a mean times ps."""
+        """Variance of a mean times the length of the run, ps."""
         return self.remembers[key].times(self.variances[key])
 
 
 @dataclass
 class Results:
-    """What the runs gave: of each point the numbers of its starts, by their numbers, why one
-    failed, and s of a core for a ps without samples, in each round."""
+    """Results of all runs.
+
+    Attributes:
+        numbers: averages by point and number of the start.
+        errors: why a start of a point has failed.
+        costs: CPU time per ps without samples, s, in each round.
+    """
 
     numbers: dict[Point, dict[int, Numbers]] = field(default_factory=dict)
     errors: dict[Point, str] = field(default_factory=dict)
@@ -72,21 +77,21 @@ class Results:
 
     @property
     def good(self) -> list[Point]:
-        """Points of which no start failed."""
+        """Points without a failed start."""
         return [point for point in self.numbers if point not in self.errors]
 
 
 def sample(
     runs: Runs, points: Collection[Point], known: Mapping[str, Mapping], meter: run.Meter
 ) -> dict:
-    """Run what is not there yet, and measure; points that earlier commands of the same lengths
-    have left in the folder are measured, too.
+    """Run what has no result yet, and measure, also the points of earlier commands with the same
+    lengths in the folder.
 
-    Several processes of the same command share the runs.
+    Several processes with the same command share the runs.
 
     Args:
-        known: limits of small steps, by observable, that are taken in the place of the runs' own,
-            see `known_limits`.
+        known: limits of small steps, by observable, in place of those of the runs, see
+            `known_limits`.
 
     Returns:
         plain data: circumstances, settings, and what `summarize` gives.
@@ -121,10 +126,10 @@ def sample(
 
 
 def known_limits(folder: Path, scene: str) -> dict:
-    """The limits of small steps that another command has found of the same scene.
+    """The limits of small steps of the same scene from another command.
 
     Raises:
-        SystemExit: it has left nothing there, or of another scene.
+        SystemExit: the folder has none, or of another scene.
     """
     summary = json_files.read(folder / "summary.json") or {}
     if summary.get("scene") != scene or not summary.get("limits"):
@@ -133,7 +138,7 @@ def known_limits(folder: Path, scene: str) -> dict:
 
 
 def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
-    """The numbers of a run that is there, or why it has none."""
+    """Add the averages of a completed run, or why it failed."""
     result, samples = table(job)
     if result.error:
         found.errors.setdefault(point, result.error)
@@ -145,10 +150,10 @@ def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job)
 
 
 def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
-    """What a ps of each point costs; whether a Ctrl-C came.
+    """Add the cost of each point; whether Ctrl-C was pressed.
 
     Args:
-        time: whether to time what no earlier command has.
+        time: whether to time points without a stored cost.
     """
     # of LAMMPS, from the first start that a point has
     first = {
@@ -165,7 +170,7 @@ def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
 
 
 def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
-    """A run's numbers."""
+    """The averages of a run."""
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
@@ -190,13 +195,13 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
 
 
 def thin(*series: np.ndarray, times: int = 1) -> np.ndarray:
-    """So many times the samples, (series, samples), that are independent in each of the series."""
+    """Samples, (series, samples), of which one in ``times`` is independent in all series."""
     apart = max(map(measures.statistical_inefficiency, series))
     return np.stack(series)[:, :: int(np.ceil(apart / times))]
 
 
 def pool(starts: Sequence[Numbers]) -> Numbers:
-    """The means over starts; of a vector's components all starts together tell the memory."""
+    """Means over starts; correlation times of vectors from the components of all starts."""
 
     def over(name: str) -> dict[str, Estimate]:
         some = [getattr(numbers, name) for numbers in starts]
@@ -224,7 +229,7 @@ Fits = Mapping[str, limit.Fit]  # by observable
 def summarize(
     found: Results, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]
 ) -> dict:
-    """Rows of the points that were run, and the limits that they are held against; plain data.
+    """Rows of the points that were run, and the limits that they are compared with; plain data.
 
     Args:
         known: see `sample`.
@@ -265,7 +270,7 @@ def _fit(means, key, plan, known) -> limit.Fit | None:
 
 
 def limit_as_dict(fit: limit.Fit) -> dict:
-    """A limit as plain data: its number, how well the points agree with it, and their weights."""
+    """A limit as plain data: the estimate, how well the points agree with it, and their weights."""
     told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
     return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
@@ -278,9 +283,9 @@ def _row(
 
     Returns:
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
-        ``remembers``, ps of an independent sample.  ``deviation``: of a state beside the first, see
+        ``remembers``, ps per independent sample.  ``deviation``: from the first state, see
         `structure.between_states`.  ``distribution``: of the kinetic energy, over starts.
-        ``clock``: of another engine, s by the clock for a ps.  The others are of `_spent` and of
+        ``clock``: of OpenMM, wall time per ps, s.  The others are of `_spent` and of
         `rivals.compare`.
     """
     plan, error = runs.plan, found.errors.get(point)
@@ -317,7 +322,7 @@ def _row(
 
 
 def _biases(point, plan, means, fits) -> dict[str, Estimate]:
-    """Of each observable, in its units."""
+    """The bias of each observable, in its units."""
     scheme, found = plan.schemes[point.scheme], {}
     for key, mean in means[point].means.items():
         exact = BY_KEY[key].exact(plan, scheme)
@@ -329,20 +334,20 @@ def _biases(point, plan, means, fits) -> dict[str, Estimate]:
 
 
 def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
-    """Of biases of an observable, over that of its mean."""
+    """Unit of an observable's biases over that of its mean."""
     return 100 / limits[key].limit.value if BY_KEY[key].relative else 1.0
 
 
 def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float]) -> dict:
-    """What a point's averages cost.
+    """The cost of a point's averages.
 
     Args:
         units: of biases of observables, over those of their means.
 
     Returns:
-        plain data: ``cost``, s of one core for a ps, over rounds that were timed in turn;
-        ``sample``, s of a core for an independent sample of the slowest observable; ``noise``, of
-        each observable the variance of its mean times s of a core, in the unit of biases squared.
+        plain data: ``cost``, CPU time per ps, s, over rounds that were timed in turn; ``sample``,
+        CPU time per independent sample of the slowest observable; ``noise``, of each observable
+        the variance of its mean times CPU time, in the unit of biases squared.
     """
     cost, spent = float(np.median(costs)), {}
     for key in (key for key in CONFIGURATIONS if key in units):
@@ -352,14 +357,14 @@ def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float])
 
 
 def slowest(numbers: Numbers) -> str:
-    """The observable of configurations whose independent samples take the longest."""
+    """The observable of configurations with the longest correlation time."""
     some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
     return max(some, key=lambda key: some[key].value)
 
 
 def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:
-    """How far the distributions of a point at another state, and of the first state's, are from
-    what the states demand, in standard deviations."""
+    """Deviation of a point at another state and of the first state from the exact ratio of their
+    distributions, in standard deviations; None if it cannot be estimated."""
     first = means.get(Point(plan.schemes[point.scheme].first, point.dt))
     states = [one.state for one in (first, means[point]) if one and one.state]
     if len(states) < 2 or min(state.values.shape[1] for state in states) < LEAST_SAMPLES * DENSER:

@@ -1,6 +1,6 @@
-"""What `sample` looks at: each observable is an entry of `OBSERVABLES`.
+"""The observables of `sample`: entries of `OBSERVABLES`.
 
-A scene without the columns that one needs is without it.
+An observable is left out in scenes without the columns that it needs.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,27 +17,27 @@ from .schemes import Scheme
 ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
 FINE = 1e5  # compressibilities are in 1e-5/atm
 MOLECULE = "kcal/mol a molecule"
-# columns of a run's output after the part that is left out, each (samples,)
+# columns of a run's output after equilibration, each (samples,)
 Table = Mapping[str, np.ndarray]
 Series = Callable[[Table, Plan, Scheme], np.ndarray | None]
 
 
 @dataclass(frozen=True)
 class Observable:
-    """A mean that is looked at.
+    """A mean that is measured.
 
     Attributes:
         key: in rows and files.
         unit: of biases; of the mean itself, too, unless biases are ``relative``.
         of_mean: unit of the mean where biases are relative, if it has one.
-        series: whose mean it is; None if there is none.
-        vector: columns of the vector that it is the square of, if it is one.
+        series: whose mean it is; returns None if there is none.
+        vector: columns of the vector whose square it is, if any.
         relative: whether biases are in per cent of the limit.
-        exact: the limit, where theory has it; None where it is that of small steps.
-        moves: whether it is of velocities, not of configurations.
-        refined: of a scheme whose averages are refined, the series that depends on no velocity, of
-            all steps; None for one whose error is not taken off.
-        extensive: whether that is of all bodies, and its mean that of one.
+        exact: returns the exact value, or None if the limit of small steps is needed.
+        moves: whether it depends on velocities.
+        refined: the series of all steps, independent of velocities, for refined averages; None if
+            the observable is not refined.
+        extensive: whether that series is a sum over bodies, and the mean is per body.
     """
 
     key: str
@@ -53,7 +53,7 @@ class Observable:
     extensive: bool = True
 
     def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-        """Its samples; a refined series is a few shorter than the table."""
+        """The samples, (samples,); a refined series is a few samples shorter than the table."""
         if not scheme.refined or self.refined is None:
             return self.series(table, plan, scheme)
         a = self.refined(table, plan, scheme)
@@ -66,7 +66,7 @@ class Observable:
 
 
 def _freedom(table: Table) -> int:
-    """Degrees of freedom of the bodies, and of atoms in none."""
+    """Degrees of freedom of bodies and of atoms in no body."""
     found = [
         2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
     ]
@@ -74,7 +74,7 @@ def _freedom(table: Table) -> int:
 
 
 def _column(name: str, scale: Callable[[Plan], float] | None = None) -> Series:
-    """A column, or this over a number."""
+    """A column, divided by a number if there is one."""
 
     def series(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
         column = table.get(name)
@@ -88,8 +88,8 @@ def _bodies(plan: Plan) -> float:
 
 
 def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Of which the mean is var(U) / (kT)^2 of a body: the heat capacity of configurations, at
-    constant volume."""
+    """Series with the mean var(U) / (kT)^2 per body: the configurational heat capacity at constant
+    volume."""
     if scheme.pressure is not None:
         return None
     return (
@@ -98,7 +98,7 @@ def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _compressibility(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Of which the mean is var(V) / (kT <V>)."""
+    """Series with the mean var(V) / (kT <V>)."""
     if scheme.pressure is None:
         return None
     volume = table["Volume"]
@@ -111,20 +111,20 @@ def _density(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray:
-    """With what a total momentum at zero takes off, which a barostat does not count."""
+    """The pressure, corrected for a total momentum that is kept at zero."""
     if scheme.pressure is not None:
         return table["Press"]
     return table["Press"] + of_momentum(scheme.held, scheme.temperature, table["Volume"])
 
 
 def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> float | np.ndarray:
-    """The pressure that so many degrees of freedom of the total momentum would have, atm: a scheme
-    that keeps it at zero lacks this, and one that does not has it.  ``volume`` in Angstrom^3."""
+    """The pressure, atm, of ``held`` degrees of freedom of the total momentum, which schemes lack
+    that keep it at zero; ``volume`` in Angstrom^3."""
     return held * BOLTZMANN * temperature / (3 * volume) * ATM
 
 
 def _refined_pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """With the mean kinetic energy of the centres in the place of the fluctuating one."""
+    """The pressure with the mean kinetic energy of the centres instead of its fluctuations."""
     moves = table[MOTIONS[0][0]]
     kinetic = 2 * (moves - moves.mean()) / (3 * table["Volume"]) * ATM
     return _pressure(table, plan, scheme) - kinetic
@@ -194,8 +194,8 @@ CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable
 
 
 def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Estimate | None:
-    """The bias of U/N divided by the heat capacity of configurations: the change of the
-    temperature that would shift U/N as much, K.
+    """The bias of U/N divided by the configurational heat capacity: the change of temperature
+    that would shift U/N as much, K.
 
     Args:
         biases, limits: by the observable's key, as plain data.

@@ -1,5 +1,4 @@
-"""What ``sample`` runs of a scene: its starts, schemes with their time steps from each start, and
-runs that tell what a ps costs."""
+"""What ``sample`` runs: starts, schemes with time steps from each start, and timed runs."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
@@ -18,12 +17,12 @@ from .schemes import FIRST_SEED, RAW, Scheme
 
 LAMMPS = "LAMMPS"  # the program that runs schemes without an engine
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
-SETTLES, SETTLE = 0.1, 10.0  # of a point's time, and ps at most, that are left out before it
-BEGIN = 20.0  # ps at most of a run that makes a start
-LEAST = 20.0  # ps of a point: of a shorter one blocks are as short as the energy remembers
-BEGIN_STEP = 2.0  # fs of a run that makes a start, at most
+SETTLES, SETTLE = 0.1, 10.0  # equilibration: part of a point's time, and ps at most
+BEGIN = 20.0  # ps at most of a run that creates a start
+LEAST = 20.0  # ps of a point: in shorter ones blocks are as short as the correlation time
+BEGIN_STEP = 2.0  # fs at most, in a run that creates a start
 SPARSE = 2  # OpenMM's samples are so many times rarer: its pressure takes two steps
-ROUNDS, SECONDS = 3, 0.5  # of what is timed in turn; s of each of its segments
+ROUNDS, SECONDS = 3, 0.5  # of timed runs; s of each of their segments
 TIMED = "timed"  # folder of these runs, and what is kept of them
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
 SHORT = {  # points of --short, where the scene has the scheme
@@ -68,33 +67,32 @@ FORCES = ("fx", "fy", "fz"), ("f_raw[1]", "f_raw[2]", "f_raw[3]")
 
 @dataclass(frozen=True)
 class Lengths:
-    """How much is done of each point: ps of each start, and the number of these."""
+    """Length of the runs of each point from each start, ps, and the number of starts."""
 
     time: float
     starts: int = 1
 
     @property
     def folder(self) -> str:
-        """Of its runs: those of another length stay beside them."""
+        """Folder of the runs; those of other lengths stay beside it."""
         return f"{self.time:.12g}-ps"
 
     @property
     def settle(self) -> float:
-        """ps before it that are left out."""
+        """ps of equilibration."""
         return min(SETTLE, SETTLES * self.time)
 
     @property
     def begin(self) -> float:
-        """ps of a run that makes a start."""
+        """ps of a run that creates a start."""
         return min(BEGIN, self.time)
 
     def runs(self, dt: float, stride: int = 1) -> list[int]:
-        """Steps that are left out, and steps that are sampled: multiples of ``stride``."""
+        """Steps of equilibration, and steps that are sampled: multiples of ``stride``."""
         return [at_least_one(ps, stride * dt) * stride for ps in (self.settle, self.time)]
 
     def every(self, dt: float, scheme: Scheme) -> int:
-        """Steps between samples: of a settled run at least eight of them; one where averages are
-        refined, which takes steps one after the other."""
+        """Steps between samples: at least eight samples a run; one step for refined averages."""
         if scheme.refined:
             return 1
         stride = scheme.stride
@@ -103,21 +101,22 @@ class Lengths:
 
 
 def at_least_one(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has; a run without any would sample nothing."""
+    """The number of steps of dt (fs) in a time (ps), at least one."""
     return max(1, steps(time, dt))
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A scene at its temperature, what is run, and what is looked at of it.
+    """A scene at its temperature, what is run, and what is measured.
 
     Attributes:
         schemes: by name.
-        starter: makes the starts.
-        known: points that users have today: costs are told beside theirs.
-        turning: degrees of freedom of all rotation; 0 tells no temperatures of the two motions.
-        dipole: whether the whole's dipole is looked at.
-        longest: fs, of steps from which averages at step zero follow; 0 for the scheme's reach.
+        starter: creates the starts.
+        known: points that users run today, for comparison of costs.
+        turning: degrees of freedom of all rotation; 0 if temperatures of translation and rotation
+            are not measured.
+        dipole: whether the total dipole is measured.
+        longest: the longest step of an extrapolation, fs; 0 for the scheme's reach.
     """
 
     scene: Scene
@@ -139,8 +138,8 @@ class Plan:
         dt: Collection[float] | None = None,
         short: bool = False,
     ) -> list[Point]:
-        """What is measured, in the order in which it runs; before a point at another state that at
-        the first one.
+        """The points to measure, in the order in which they run; a point at another state comes
+        after that at the first one.
 
         Args:
             only: names of schemes; None is all of LAMMPS, or with ``short`` those of `SHORT`.
@@ -196,8 +195,8 @@ class Runs:
     """Runs in a folder.
 
     Attributes:
-        silence: s without a sign of life after which a run is given up.
-        fewer: whether longer steps than the shortest run from half of the starts only.
+        silence: s without output after which a run is given up.
+        fewer: whether steps other than the shortest run from half of the starts only.
     """
 
     plan: Plan
@@ -208,12 +207,12 @@ class Runs:
 
     @property
     def store(self) -> Store:
-        """What is kept of them beside their own files."""
+        """Records of the runs, beside their files."""
         return Store(self.folder)
 
     @property
     def starts(self) -> range:
-        """Their numbers."""
+        """Numbers of the starts."""
         return range(1, self.lengths.starts + 1)
 
     def starts_of(self, point: Point, points: Collection[Point]) -> range:
@@ -222,7 +221,7 @@ class Runs:
         return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
 
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
-        """The starts, all points from the first one, then all from the next one."""
+        """The runs that create starts, then all points from each start in turn."""
         made = [
             Trajectory(start_name(n), f"start {n}", partial(self.start, n)) for n in self.starts
         ]
@@ -234,7 +233,7 @@ class Runs:
         return made
 
     def perform(self, points: Collection[Point], meter: run.Meter) -> Outcome:
-        """Run what is not there yet; a scheme that fails at a step may hold at a longer one."""
+        """Run what has no result; a scheme that fails at a step may succeed at a longer one."""
         return perform(self.trajectories(points), self.store, meter, ladders=False)
 
     def steps(self, points: Collection[Point]) -> int:
@@ -247,7 +246,7 @@ class Runs:
         return total
 
     def left(self) -> list[Point]:
-        """Points of which the folder has runs."""
+        """Points with runs in the folder."""
         names = {run.folder_name(name): name for name in self.plan.schemes}
         found = []
         for path in self.folder.glob("start-*/*-fs/job.json"):
@@ -257,7 +256,7 @@ class Runs:
         return found
 
     def start(self, number: int) -> run.Job:
-        """The run that makes a start."""
+        """The run that creates a start."""
         seeded, runs = self.plan.starter.seeded(number), [self._begin]
         more = to_dump(self._dump(number), self._begin)
         how: dict = {"dt": self._step, "every": max(1, self._begin // 100), "keeps": "nothing"}
@@ -279,7 +278,7 @@ class Runs:
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
-        """What LAMMPS, or another engine, is told of a point."""
+        """Input of a point, for the page."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
             return openmm_engine.words(self.job(point, 1).given)
@@ -288,15 +287,15 @@ class Runs:
     def costs(
         self, loops: Mapping[Point, tuple[int, float]], meter: run.Meter, time: bool
     ) -> dict[Point, list[float]]:
-        """What a ps costs, s of one core: points are timed in turn, without samples, in some
-        rounds; those whose averages are refined with what these take.  One that fails has none.
+        """CPU time per ps, s, in each round: points are timed in turn, without samples, except for
+        those of refined averages.  A point that fails has none.
 
         Args:
-            loops: of each point the start that it is timed from, and about how many s a step takes.
-            time: whether to time what no earlier command has.
+            loops: of each point the start from which it is timed, and roughly the s per step.
+            time: whether to time points without a stored cost.
 
         Raises:
-            KeyboardInterrupt: after a Ctrl-C, or if nothing is kept that may not be timed.
+            KeyboardInterrupt: after Ctrl-C, or if there is no stored cost and ``time`` is False.
         """
         names = {_name(start, point): point for point, (start, _) in loops.items()}
 
@@ -331,7 +330,7 @@ class Runs:
     def _job(
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
     ) -> run.Job:
-        """A run of LAMMPS; its momentum is zero, for some schemes keep it."""
+        """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
         barostat = self.plan.starter.pressure is not None
         begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
@@ -360,18 +359,17 @@ class Runs:
 
 
 def start_name(number: int) -> str:
-    """Of the folder of a start."""
+    """The folder of a start."""
     return f"start-{number}/start"
 
 
 def _name(start: int, point: Point) -> str:
-    """Of the folder of a point's run from a start."""
+    """The folder of a point's run from a start."""
     return f"start-{start}/{run.folder_name(point.scheme)}-{point.dt:g}-fs"
 
 
 def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
-    """What a run has left, and its samples: of each column those after the part that is left out;
-    none if there is an error in the result."""
+    """The result of a run, and its samples after equilibration by column; none after an error."""
     result = run.collect(job.directory)
     kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
     found = {name: values[kept] for name, values in result.thermo.items()}
@@ -381,9 +379,9 @@ def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
 
 
 def cost(loop: float, cpu: float | None, dt: float) -> float:
-    """s of one core for a ps.
+    """CPU time per ps, s.
 
     Args:
-        loop: us of a step by the clock.  cpu: percent of a core that the run had.  dt: fs.
+        loop: wall time per step, us.  cpu: CPU use, percent.  dt: fs.
     """
     return loop * 1e-6 * FS_PER_PS / dt * (100.0 if cpu is None else cpu) / 100

@@ -1,10 +1,9 @@
-"""How much less time than the best rival a point takes to the same error of an average.
+"""Speed-up over the best rival, at the same error of an average.
 
-The error of each average is fixed by the rivals: E is the upper end of the 95 % interval of |bias|
-of the rival that has the smallest one, and at least its bound.  A point's time is
-that after which bias^2 + variance = 2 E^2: a rival with this bias then has as much noise.  The best
-rival is the one that takes the least.  A bias that is significantly above E fails whatever the
-time.
+The rivals fix the error of each average: E is the smallest upper end of the 95 % interval of |bias|
+among them, and at least its bound.  A point's time is that until bias^2 + variance = 2 E^2, where a
+rival with this bias has equal noise.  The best rival takes the least time.  A bias significantly
+above E fails, however long the run.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,7 @@ NEVER, NOT_AT_ALL = Interval(inf, inf, inf), Interval(0.0, 0.0, 0.0)
 
 
 def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict]:
-    """Adds to each row what its averages take.
+    """Add to each row the times that its averages take.
 
     Args:
         rows: of `measure.told`, plain data.
@@ -42,11 +41,10 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
 
 
 def best(rows: Sequence[Mapping]) -> Mapping | None:
-    """The point of ours whose smallest gain is the largest, of equal ones the next smallest, and so
-    on; None without one.
+    """Our point with the largest smallest gain, then the largest second smallest, and so on; None
+    without one.
 
-    It is chosen by the gains, so the chosen one's are a little too large, by less than their
-    intervals.
+    Because the gains select it, they are slightly too large, by less than their intervals.
     """
     ours = [row for row in rows if row["ours"] and row["faster"]]
     return max(ours, key=gains, default=None)
@@ -62,7 +60,7 @@ def _value(interval: Mapping) -> float:
 
 
 def estimate(gain: Mapping, bound: float) -> Estimate:
-    """A gain with its margin towards a bound; None where it has no end there."""
+    """A gain with its margin towards a bound; None if the interval has no end there."""
     value, low, high = (gain[name] for name in ("value", "low", "high"))
     if value is None or (value < bound and high is None):
         return Estimate(None)

@@ -1,7 +1,7 @@
-"""What an average costs: its error, of bias and noise, against the time that is spent.
+"""The error of an average as a function of CPU time.
 
-After T seconds a mean has the bias b and the noise A / T squared, where A is the variance of a
-sample times the cost of an independent one.  So error^2 = b^2 + A / T.
+After T seconds error^2 = b^2 + A / T, where b is the bias and A the variance of a sample times the
+cost of an independent one.
 """
 
 from typing import NamedTuple
@@ -14,24 +14,24 @@ DRAWS, SEED = 4000, 7  # of errors, for intervals of numbers that are far from n
 
 
 class BiasAndNoise(NamedTuple):
-    """What a scheme with a step gives.
+    """Bias and noise of an average with one scheme and step.
 
     Attributes:
-        bias: of a mean.
-        noise: variance of the mean times s that were spent on it, A above.
+        bias: b.
+        noise: A, variance of the mean times CPU time, s.
     """
 
     bias: Estimate
     noise: Estimate
 
     def error(self, seconds: np.ndarray | float) -> np.ndarray:
-        """The total error after so many s; of a bias that is not known well its error counts, too,
-        so that a short run does not pass for a right one."""
+        """The total error after this CPU time, s; it includes the error of the bias, so that
+        a short run does not seem accurate."""
         squares = self.bias.value**2 + self.bias.error**2 + self.noise.value / np.asarray(seconds)
         return np.sqrt(squares)
 
     def draws(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Biases and noises, as likely as their errors say; another ``number`` gives others."""
+        """Random biases and noises within their errors, (DRAWS,); ``number``: of the sequence."""
         rng = np.random.default_rng((SEED, number))
         freedom = self.bias.freedom
         shape = rng.normal(size=DRAWS) if freedom is None else rng.standard_t(freedom, DRAWS)
@@ -51,7 +51,7 @@ class Interval(NamedTuple):
 
     @classmethod
     def of(cls, draws: np.ndarray) -> "Interval":
-        """Of numbers as likely as each other."""
+        """The interval of equally likely numbers."""
         ends = 50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)
         # a rank, not a mean of two: one of these may be infinite
         found = np.percentile(draws, (50, *ends), method="nearest")
@@ -68,14 +68,14 @@ def _seconds(bias, noise, error):
         return np.where(room > 0, noise / room, np.inf)
 
 
-def seconds(worth: BiasAndNoise, error: float) -> Interval:
-    """s to a total error, with the errors of bias and noise."""
-    return Interval.of(_seconds(*worth.draws(), error))
+def seconds(average: BiasAndNoise, error: float) -> Interval:
+    """CPU time until a total error, s, with its interval."""
+    return Interval.of(_seconds(*average.draws(), error))
 
 
 def times(known: BiasAndNoise, other: BiasAndNoise, error: float) -> Interval:
-    """How many times less the other one takes to a total error."""
-    if np.isnan([one.value for worth in (known, other) for one in worth]).any():
+    """CPU time until a total error, divided by that of the other scheme."""
+    if np.isnan([one.value for average in (known, other) for one in average]).any():
         return Interval(np.nan, np.nan, np.nan)
     first, second = known.draws(1), other.draws(2)
     spent, other_spent = _seconds(*first, error), _seconds(*second, error)
