@@ -39,11 +39,11 @@ NOTES = {
 
 
 def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | None) -> list[Point]:
-    """What is run: one scheme, by default the first of this package's, which is the script's own if
-    that is one, at ``steps`` (fs), or the usual ones.
+    """The points to run: one scheme, by default the first of this package's (the script's own if it
+    is one), at ``steps`` (fs) or the default ones.
 
     Raises:
-        SystemExit: there is not one scheme, or no series of its steps.
+        SystemExit: there is not exactly one scheme, or its averages are no series in the step.
     """
     ours = (name for name, scheme in plan.schemes.items() if scheme.ours)
     names = only or [next(ours, plan.known[0].scheme)]
@@ -52,13 +52,13 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
     scheme = plan.schemes[names[0]]
     if any("moments step" in line for line in scheme.lines):
         raise SystemExit(
-            f"{scheme.label}: with 'moments step' the moments of inertia are others at each step, "
-            "which no series in the step describes: give moments of one size, as 'moments equal 6'"
+            f"{scheme.label}: with 'moments step' the moments of inertia depend on the step, so "
+            "the averages are no series in it: give fixed moments, such as 'moments equal 6'"
         )
     if scheme.refined or scheme.reach == inf:
         raise SystemExit(
-            f"{scheme.label}: its averages have no error in the square of the step, so --to-zero "
-            "has nothing to take off: 'sample' alone tells them"
+            f"{scheme.label}: its averages have no error in the square of the step, so "
+            "--to-zero does not apply: use 'sample' without it"
         )
     longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
     dts = sorted(set(steps or default_steps(longest)))
@@ -68,16 +68,16 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 
 def default_steps(longest: float) -> tuple[float, ...]:
-    """The steps, fs, if none are given: rounded down, unless they are very short."""
+    """Default steps, fs: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
     return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
 def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
-    """Averages at step zero, by observable; none of a pressure that a barostat keeps.
+    """Averages at step zero, by observable, except for a pressure that a barostat controls.
 
     Args:
-        rows: of `measure.told`, of one scheme.
+        rows: of `measure.summarize`, of one scheme.
         time: ps of each start.
 
     Returns:
@@ -127,7 +127,7 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
 
 
 def _normal(one: Estimate) -> float:
-    """The standard error of a normal variable with the same margin."""
+    """Standard error of a normal variable with the same margin."""
     return one.margin / margin(1.0)
 
 
@@ -135,7 +135,7 @@ def _normal(one: Estimate) -> float:
 
 
 def said(summary: Mapping) -> Said:
-    """Averages at step zero, as sentences, a table and a figure."""
+    """The report on averages at step zero."""
     zero, rows = summary["zero"], summary["rows"]
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
@@ -159,7 +159,7 @@ def said(summary: Mapping) -> Said:
 
 
 def unit(key: str) -> str:
-    """Of a mean."""
+    """Unit of a mean."""
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
 

@@ -1,4 +1,4 @@
-"""A number beside the bounds that it is held against."""
+"""Numbers compared with bounds."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -16,20 +16,19 @@ VERDICTS = "holds", "does not hold", "cannot tell"
 
 @dataclass(frozen=True)
 class Check:
-    """A number, and between which bounds it has to be.
+    """A number with its bounds.
 
     Attributes:
-        part: under which heading it stands.
-        subject: whose number it is.
-        what: the number, in words.
-        value: measured; None if it could not be.
-        error: its standard error; 0 for a number that has none, as one that is computed, not
-            sampled.
+        part: heading.
+        subject: what was measured, for example an integrator with a step.
+        what: description of the number.
+        value: None if it could not be measured.
+        error: standard error; 0 for a number that is computed, not sampled.
         freedom: degrees of freedom of the error; None for many.
         low, high: bounds; None for none.
         unit: of all of these.
-        note: what else there is to say, as why there is no value.
-        source: who says so.
+        note: for example why there is no value.
+        source: of the bounds.
     """
 
     part: str
@@ -48,7 +47,7 @@ class Check:
     def of(
         cls, part: str, subject: str, what: str, found: Estimate | float | None, **more
     ) -> "Check":
-        """The check of an `Estimate`, of a number without an error, or of none."""
+        """The check of an `Estimate`, of a number without error, or of None."""
         one = found if isinstance(found, Estimate) else Estimate(found)
         number = {"value": None} if one.value is None else one.plain()
         return cls(part, subject, what, **number | more)
@@ -65,8 +64,8 @@ class Check:
 
     @property
     def holds(self) -> bool | None:
-        """Whether all of value ± `margin` is within the bounds: False if all is outside of them,
-        None if neither, or without bounds."""
+        """True if the interval value ± `margin` is within the bounds, False if it is outside, None
+        otherwise and without bounds."""
         if self.value is None or (self.low is None and self.high is None):
             return None
         low, high = (
@@ -91,11 +90,11 @@ class Check:
 
 
 def measured(check: Mapping) -> str:
-    """The number of a check as text; ``check`` is of `Check.plain`."""
+    """The number of a `Check.plain` as text."""
     return f"{Estimate.of(check).text()} {check['unit']}".strip()
 
 
 def bound(check: Mapping) -> str:
-    """The bounds of a check as text; ``check`` is of `Check.plain`."""
+    """The bounds of a `Check.plain` as text."""
     low, high = (None if check[key] is None else f"{check[key]:.4g}" for key in ("low", "high"))
     return f"{low} … {high}" if low and high else f"≥ {low}" if low else f"≤ {high}" if high else ""

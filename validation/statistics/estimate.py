@@ -1,8 +1,8 @@
-"""A number with its error: one class for all that is sampled.
+"""A sampled number with its error.
 
-Errors are standard errors (one standard deviation of the estimate). An error that few values tell
-is uncertain itself: its degrees of freedom go with it. What is shown beside a number, and what
-verdicts go by, is its margin, made of both: the half width of its 95 % interval.
+Errors are standard errors (one standard deviation of the estimate).  An error from few values is
+uncertain itself, so its degrees of freedom are kept.  Both give the margin, the half width of the
+95 % confidence interval, which is shown beside a number and decides verdicts.
 """
 
 from collections.abc import Mapping
@@ -16,9 +16,10 @@ SURE = f"{100 * CONFIDENCE:g} %"  # the same as text
 
 
 def margin(error: float, freedom: float | None = None, confidence: float = CONFIDENCE) -> float:
-    """Half the width of the interval of this confidence.
+    """Half width of the confidence interval: the standard error times Student's t.
 
-    The standard error times Student's t for these degrees of freedom; None for a normal variable.
+    Args:
+        freedom: degrees of freedom; None for a normal variable.
     """
     quantile = (1 + confidence) / 2
     return error * float(
@@ -29,12 +30,12 @@ def margin(error: float, freedom: float | None = None, confidence: float = CONFI
 def combined(*parts: tuple[float, float | None]) -> tuple[float, float | None]:
     """Standard error of a sum of independent numbers, and its degrees of freedom.
 
-    With these its margin is the root of the sum of theirs squared. Such a margin covers at least as
-    often as those of the parts (W. G. Howe, J. Am. Stat. Assoc. 69, 789, 1974); one with Welch's
-    and Satterthwaite's degrees of freedom covers less often where a part has very few.
+    The squared margin is the sum of the squared margins.  Its coverage is at least that of the
+    parts (W. G. Howe, J. Am. Stat. Assoc. 69, 789, 1974); with the degrees of freedom of Welch and
+    Satterthwaite it is lower if a part has very few.
 
     Args:
-        parts: of each (error, freedom).
+        parts: (error, freedom) of each number.
     """
     size = max((abs(error) for error, _ in parts), default=0.0)
     if not 0 < size < np.inf:
@@ -58,7 +59,7 @@ class Estimate(NamedTuple):
 
     @classmethod
     def of(cls, plain: Mapping) -> "Estimate":
-        """From plain data, which may have more than an estimate; no error is an error of 0."""
+        """From plain data, which may have further keys; a missing error is 0."""
         return cls(plain["value"], plain["error"] or 0.0, plain.get("freedom"))
 
     @property
@@ -79,7 +80,7 @@ class Estimate(NamedTuple):
         }
 
     def text(self) -> str:
-        """Value ± margin, in a form that shows both, whatever their size."""
+        """Value ± margin as text, for all magnitudes."""
         if self.value is None:
             return "–"
         if not self.error > 0:
@@ -100,9 +101,9 @@ def rounded(value: float, margin: float) -> str:
 
 
 def plain(found: Mapping[str, Any]) -> dict:
-    """Plain data of estimates and other things; what is None is left out, but for ``error``."""
+    """Plain data of estimates and other values; None is left out, except for ``error``."""
     return {
-        key: one.plain() if isinstance(one, Estimate) else one
-        for key, one in found.items()
-        if one is not None or key == "error"
+        key: value.plain() if isinstance(value, Estimate) else value
+        for key, value in found.items()
+        if value is not None or key == "error"
     }

@@ -1,10 +1,10 @@
-"""The limit of small steps that several schemes share, and how far each point is from it.
+"""The common limit of small steps of several schemes, and the bias of each point.
 
 Schemes that sample the same distribution differ by errors of the step only.  These are even in it:
 U_s(h) = U0 + a_s h^2 + b_s h^4, with one U0 for all.  A weighted least-squares fit to all points
 gives U0 with a smaller error than any one run with a very short step (`fit`).
 
-Points of one scheme alone tell U0, too (`extrapolate`).
+`extrapolate` estimates U0 from one scheme.
 """
 
 import math
@@ -18,9 +18,9 @@ from scipy import special
 from .estimate import CONFIDENCE, Estimate, combined, margin
 from .measures import difference
 
-ENOUGH = 4  # steps of a scheme that has a term in h^4, too
-# of what the longest step is off, the term in h^4 is about such a part, and of this that in h^6.
-# Where a motion is unstable at the step s, each is (h / s)^2 of the one before
+ENOUGH = 4  # steps of a scheme with a term in h^4
+# ratio of successive terms of the error at the longest step, in h^2, h^4, h^6: (h / s)^2 for a
+# motion that is unstable at the step s
 SHARE = 0.3
 POWERS = 3  # of the square of the step
 Key = TypeVar("Key", bound=Hashable)
@@ -28,14 +28,13 @@ Key = TypeVar("Key", bound=Hashable)
 
 @dataclass(frozen=True)
 class Fit:
-    """The limit, from several points.
+    """The limit from a fit of several points.
 
     Attributes:
-        points: all of them, by key.
-        weights: U0 is the sum of these times the points' values; a point that is not in the fit
-            has none.
-        chi2, freedom: of what the fit leaves, and its degrees of freedom.
-        terms: U0, and the factors of the fit's other terms.
+        points: all points, by key.
+        weights: of the points of the fit in U0.
+        chi2, freedom: of the residuals, and their degrees of freedom.
+        terms: U0, and the coefficients of the other terms.
     """
 
     points: Mapping
@@ -51,16 +50,16 @@ class Fit:
         return Estimate(float(value), *self._error(self.weights))
 
     def bias(self, key: Hashable) -> Estimate:
-        """How far a point is from U0."""
+        """The value of a point minus U0."""
         parts = self.distance(key)
         value = sum(weight * self.points[one].value for one, weight in parts.items())
         return Estimate(float(value), *self._error(parts))
 
     def distance(self, key: Hashable) -> dict:
-        """The points' weights in a point less U0.
+        """Weights of the points in a point minus U0.
 
-        Points are independent of each other, but a point in the fit is a part of U0: with these
-        weights the error of the difference needs no covariance.
+        Points are independent, but a point of the fit contributes to U0: with these weights the
+        error of the difference needs no covariance.
         """
         parts = {one: -weight for one, weight in self.weights.items()}
         parts[key] = parts.get(key, 0.0) + 1.0
@@ -68,12 +67,12 @@ class Fit:
 
     @property
     def probability(self) -> float | None:
-        """Of such a chi2, or a larger one, if the model is right; None if nothing is left over."""
+        """Probability of this or a larger chi2 if the model is correct; None without residuals."""
         return float(special.chdtrc(self.freedom, self.chi2)) if self.freedom else None
 
     @property
     def agrees(self) -> bool:
-        """Whether the points agree with the model, in all but one of twenty cases by chance."""
+        """Whether the points agree with the model, at the 5 % level."""
         return self.probability is None or self.probability > 1 - CONFIDENCE
 
     def _error(self, parts):
@@ -86,12 +85,12 @@ def fit(
     steps: Mapping[Key, tuple[str, float]],
     reaches: Mapping[str, float],
 ) -> Fit | None:
-    """The `Fit` of points that are independent of each other; None if they do not tell a limit.
+    """The `Fit` of independent points; None if they do not determine a limit.
 
     Args:
-        steps: of each point the scheme and the step.
-        reaches: of each scheme that shares the limit the longest step whose error the terms can
-            have; infinite for a scheme that has no error of the step.
+        steps: scheme and step of each point.
+        reaches: for each scheme that shares the limit, the longest step whose error the terms
+            describe; infinite for a scheme without error of the step.
     """
     used = [one for one in points if _is_in(steps[one], reaches) and points[one].error > 0]
     terms = _terms([steps[one] for one in used], reaches)
@@ -99,12 +98,12 @@ def fit(
 
 
 def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | None:
-    """The `Fit` of means of one scheme, by step; None if less than two steps tell a mean.
+    """The `Fit` of means of one scheme, by step; None with less than two steps.
 
     U(h) = U0 + a x + b x^2 + c x^3, with x the square of the step over that of the longest one.
-    How large b and c are about is known beside what is seen of a (`SHARE`).  So each is a point of
-    the fit by itself, by the name of its power of h: a number that is zero with this standard
-    error.  What the means do not tell of them is a part of U0's error.
+    The magnitudes of b and c are estimated from a (`SHARE`): each is a further point of the fit,
+    with the name of its power of h, the value zero and this standard error.  So the error of U0
+    includes what the means do not determine of them.
 
     Args:
         powers: of x.
@@ -122,7 +121,7 @@ def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit |
 
 
 def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
-    """The weighted least-squares fit, with U0 in the first column; None if that is not told."""
+    """The weighted least-squares fit, with U0 in the first column; None if it is not determined."""
     # an error that few values tell is uncertain: its margin weighs it as a normal one
     size = np.array([points[one].margin / margin(1.0) for one in used])
     if not len(used):

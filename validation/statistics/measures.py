@@ -1,6 +1,6 @@
-"""From time series and positions to numbers with errors.  NumPy and SciPy, no LAMMPS.
+"""Estimates with errors from time series and positions.  NumPy and SciPy, no LAMMPS.
 
-The errors account for the correlation in time of successive samples; see `estimate`.
+The errors account for the correlation of successive samples; see `estimate`.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,14 +11,14 @@ from scipy import special
 
 from .estimate import CONFIDENCE, Estimate, combined, margin
 
-LEAST_OF_LINE = 8  # values that tell a walk from noise about a line
+LEAST_OF_LINE = 8  # values needed to distinguish a random walk from noise about a line
 FEW_BLOCKS = 12  # for the error of its mean
-MOST_OF_ALL = 0.5  # of a series, that is one independent sample: no more can be told from it
-SURELY = 1e6  # degrees of freedom of an error that is known
+MOST_OF_ALL = 0.5  # largest correlation time, in lengths of the series, that is corrected for
+SURELY = 1e6  # degrees of freedom of an exact error
 
 
 def autocorrelation(x: np.ndarray) -> Estimate:
-    """How many successive samples carry as much as one independent sample.
+    """Statistical inefficiency: the number of successive samples per independent sample.
 
     g = 1 + 2 sum_k rho(k), with rho the normalised autocorrelation, summed to the
     first window of five times its own g/2 (A. Sokal's automatic windowing); at least 1.  Its error
@@ -38,7 +38,7 @@ def autocorrelation(x: np.ndarray) -> Estimate:
 
 
 def autocovariance(x: np.ndarray) -> np.ndarray:
-    """Of series with a mean that is known to be zero.
+    """Autocovariance of series whose mean is exactly zero.
 
     Args:
         x: (samples, series).
@@ -78,13 +78,13 @@ def _of_square(covariances: np.ndarray) -> float:
 
 
 def _products(x: np.ndarray) -> np.ndarray:
-    """Of each lag the sum of x_i x_(i + lag), along the first axis."""
+    """Sum of x_i x_(i + lag) for each lag, along the first axis."""
     spectrum = np.fft.rfft(x, 2 * len(x), axis=0)
     return np.fft.irfft(np.abs(spectrum) ** 2, axis=0)[: len(x)]
 
 
 def _windowed(correlation: np.ndarray) -> tuple[float, int]:
-    """1 + 2 sum_k rho(k), summed to the first window of five times its own half, and the window."""
+    """1 + 2 sum_k rho(k), summed to the first window of five times its half, and the window."""
     g = 2 * np.cumsum(correlation) - 1
     enough = np.arange(len(g)) >= 2.5 * g
     window = int(np.argmax(enough)) if enough.any() else len(g) - 1
@@ -92,14 +92,13 @@ def _windowed(correlation: np.ndarray) -> tuple[float, int]:
 
 
 def statistical_inefficiency(x: np.ndarray) -> float:
-    """How many successive samples carry as much as one independent sample, see
-    `autocorrelation`."""
+    """The value of `autocorrelation`."""
     return autocorrelation(x).value
 
 
 def mean_of_few(values: Sequence[float]) -> Estimate:
-    """The mean of few independent values, of starts for example, with the error that their scatter
-    tells; of one value that is infinite."""
+    """The mean of a few independent values, for example of starts, with the error from their
+    scatter; infinite for a single value."""
     number = len(values)
     if number < 2:
         return Estimate(values[0], np.inf)
@@ -107,12 +106,11 @@ def mean_of_few(values: Sequence[float]) -> Estimate:
 
 
 def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
-    """The mean of independent estimates of one number, as the starts of a run give them.
+    """The mean of independent estimates of one number, for example of starts.
 
-    Its error is made of theirs, with the degrees of freedom of Welch and Satterthwaite: of two or
-    three starts the scatter alone tells next to nothing.  Only where starts are further apart than
-    their errors allow (F test, in one of twenty cases by chance) their scatter tells the error.
-    A difference of starts that is as large as their errors is seen in few cases only.
+    Its error combines theirs, with the degrees of freedom of Welch and Satterthwaite, because the
+    scatter of two or three starts is a poor estimate.  If starts differ by more than their errors
+    allow (F test, 5 %), the error is that of their scatter.
     """
     if len(starts) == 1:
         return starts[0]
@@ -132,11 +130,11 @@ def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
 def mean(x: np.ndarray) -> Estimate:
     """`Estimate` of the mean, in units of ``x``.
 
-    The margin is the larger one of sd sqrt(g / n) and of what the scatter of the means of
-    `FEW_BLOCKS` equal blocks says.  For the window of g closes behind the first fast decay: a slow
-    part behind it, small in each sample but most of the mean's error, is seen by the blocks only,
-    as far as its correlation time is shorter than a block.  Of noise without a slow part the larger
-    one is too large, by 8 % on average.
+    The margin is the larger of sd sqrt(g / n) and that from the scatter of the means of
+    `FEW_BLOCKS` equal blocks.  The window of g closes after the first fast decay, so a slow
+    component that is small in each sample but dominates the error of the mean is seen by the
+    blocks only, if its correlation time is shorter than a block.  Without a slow component the
+    margin is too large by 8 % on average.
 
     The margin covers 93 % or more where the correlation time is up to a tenth of the series, and
     80 % where it is all of it: degrees of freedom are those of g's own error.
@@ -154,8 +152,8 @@ def mean(x: np.ndarray) -> Estimate:
 
 
 def squares(x: np.ndarray) -> np.ndarray:
-    """(x - <x>)^2 of each sample, times n / (n - g): so their mean is the variance about what the
-    mean is in ever longer series, in units of ``x``^2."""
+    """(x - <x>)^2 of each sample times n / (n - g), so that the mean is the variance about the
+    exact mean, in units of ``x``^2."""
     x = np.asarray(x, float)
     return _squares(x, statistical_inefficiency(x))
 
@@ -167,8 +165,8 @@ def _squares(x, g):
 def standard_deviation(x: np.ndarray) -> Estimate:
     """`Estimate` of the standard deviation about the series' own mean, in units of ``x``.
 
-    The error is that of the mean of (x - <x>)^2, divided by 2 sd.  Of less than three values it is
-    infinite.
+    The error is that of the mean of (x - <x>)^2, divided by 2 sd; infinite for less than three
+    values.
     """
     x = np.asarray(x, float)
     sd = float(np.std(x, ddof=min(1, len(x) - 1)))
@@ -179,7 +177,7 @@ def standard_deviation(x: np.ndarray) -> Estimate:
 
 
 def about_line(t: np.ndarray, x: np.ndarray) -> Estimate:
-    """`standard_deviation` about the least-squares line, of a series that drifts."""
+    """`standard_deviation` about the least-squares line, for a series that drifts."""
     line = _line(np.asarray(t, float))
     return standard_deviation(x - line @ (np.linalg.pinv(line) @ x))
 
@@ -256,16 +254,14 @@ def _walk(blocks):
 
 
 def _modes(t):
-    """What no line reaches: variances of a walk's independent modes there, and the modes as
-    columns."""
+    """Independent modes of a random walk orthogonal to lines: variances, and modes as columns."""
     rest = np.linalg.qr(_line(t), mode="complete")[0][:, 2:]
     values, vectors = np.linalg.eigh(rest.T @ _walk(len(t)) @ rest)
     return values, rest @ vectors
 
 
 def _most_likely_walk(t, x):
-    """The variance of the walk's step from block to block that makes what the line leaves over most
-    likely, and its error."""
+    """The maximum-likelihood variance of the walk's step from block to block, and its error."""
     values, modes = _modes(t)
     power = (modes.T @ x) ** 2
     if not np.any(power):
@@ -296,8 +292,11 @@ def quotient(first: Estimate, second: Estimate) -> Estimate:
 
 
 def without_noise(off: np.ndarray) -> Estimate:
-    """The rms of a mean difference, without what noise makes of it; ``off`` has independent
-    measurements of the difference as rows.  The error is by the jackknife over these."""
+    """The rms of a mean difference, corrected for noise.
+
+    Args:
+        off: independent measurements of the difference, as rows; the error is their jackknife's.
+    """
     products = off @ off.T / off.shape[1]
     n, own = len(products), np.diag(products)
     pairs = products.sum() - own.sum()
@@ -328,7 +327,7 @@ def nearest_image(
 
 
 def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
-    """Arrays (bodies, n): the atoms of all bodies of n atoms, for each n; of body 0 none."""
+    """Arrays (bodies, n) of the atoms of all bodies with n atoms, for each n, without body 0."""
     order = np.argsort(bodies, kind="stable")
     inside = order[bodies[order] != 0]
     _, first, sizes = np.unique(bodies[inside], return_index=True, return_counts=True)
@@ -336,7 +335,7 @@ def body_groups(bodies: np.ndarray) -> list[np.ndarray]:
 
 
 class Spread(TypedDict):
-    """What few values are, as plain data."""
+    """A few values, as plain data."""
 
     median: float
     min: float
@@ -346,8 +345,8 @@ class Spread(TypedDict):
 
 def spread(values: Iterable[float]) -> Spread:
     """The `Spread` of values."""
-    own = [float(value) for value in values]
-    return Spread(median=float(np.median(own)), min=min(own), max=max(own), values=own)
+    some = [float(value) for value in values]
+    return Spread(median=float(np.median(some)), min=min(some), max=max(some), values=some)
 
 
 def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:

@@ -1,4 +1,4 @@
-"""Dumps of atoms, and what of bodies' motion stays the same without forces."""
+"""Dumps of atoms, and conserved quantities of free bodies."""
 
 from pathlib import Path
 
@@ -34,8 +34,8 @@ def read(path: Path) -> tuple[np.ndarray, np.ndarray]:
 def conserved(
     mass: np.ndarray, x: np.ndarray, v: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a body without forces keeps, in each frame: kinetic energy (frames,), momentum, angular
-    momentum about its centre (frames, 3).
+    """Conserved quantities of a free body in each frame: kinetic energy (frames,), momentum,
+    angular momentum about its centre (frames, 3).
 
     Args:
         mass: (atoms,) of the body.  x, v: (frames, atoms, 3).

@@ -1,4 +1,4 @@
-"""Where a run's atoms were."""
+"""Positions of atoms in a run."""
 
 from dataclasses import dataclass, field
 
@@ -11,7 +11,7 @@ def _nothing() -> np.ndarray:
 
 @dataclass(frozen=True)
 class Positions:
-    """Atoms of a run, in order of ID, at its start and after each of its parts (see ``worker``).
+    """Atoms of a run, in order of ID, at its start and after each part (see ``worker``).
 
     Attributes:
         x: (frames, atoms, 3).  bodies: (atoms,), 0 for none.
@@ -28,5 +28,5 @@ class Positions:
 
     @property
     def cell(self) -> np.ndarray:
-        """Of the last frame."""
+        """Cell vectors of the last frame, as rows."""
         return self.cells[-1]

@@ -1,4 +1,4 @@
-"""What a run's atoms tell: bodies' degrees of freedom, g(r), and what two states have in common."""
+"""Degrees of freedom of bodies, g(r), and tests of sampled distributions."""
 
 import contextlib
 import io
@@ -19,7 +19,7 @@ import physical_validation  # noqa: E402  it imports pymbar
 
 records = physical_validation.data
 
-STRAIGHT = 1e-6  # of a body's length that a linear one may be wide
+STRAIGHT = 1e-6  # largest width of a linear body, in parts of its length
 REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
 BLOCKS = 5  # of a run's frames, for the noise of g(r)
 # samples, for physical_validation; the seed is of its resampling
@@ -27,7 +27,7 @@ INDEPENDENT = {"verbosity": 0, "bootstrap_seed": 1, "data_is_uncorrelated": True
 
 
 class Motion:
-    """Bodies and atoms of a run, from what it left (see ``worker``).
+    """Bodies and atoms of a run (see ``worker``).
 
     Attributes:
         x, v: (frames, atoms, 3), Angstrom and Angstrom/fs.
@@ -48,15 +48,14 @@ class Motion:
         return measures.nearest_image(d, self.cell, self.periodic)
 
     def _parts(self, x, group):
-        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), each body put
-        together."""
+        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), unwrapped."""
         r, mass = x[group], self.mass[group][..., None]
         r = r[:, :1] + self._image(r - r[:, :1])
         centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
         return centre, r - centre[:, None]
 
     def turning(self, dimension: int) -> int:
-        """Degrees of freedom of all bodies' turning."""
+        """Rotational degrees of freedom of all bodies."""
         found = 0
         for group in self.groups:
             bodies, atoms = group.shape
@@ -68,7 +67,7 @@ class Motion:
 
 
 def _straight(r):
-    """Which bodies are linear, of atoms (bodies, n, 3) about their centres."""
+    """Mask of the linear bodies; ``r``: atoms about their centres (bodies, n, 3)."""
     if r.shape[1] == 2:
         return np.ones(len(r), bool)
     singular = np.linalg.svd(r, compute_uv=False)
@@ -82,7 +81,7 @@ def pair_distribution(
     width: float = BIN,
     blocks: int = BLOCKS,
 ) -> np.ndarray:
-    """g(r) of the bodies' heaviest atoms, by mdtraj: (blocks, bins), of successive parts of the
+    """g(r) of the heaviest atom of each body, by mdtraj: (blocks, bins), for successive blocks of
     frames; bins of ``width`` in ``reach``."""
     most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
     heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
@@ -97,7 +96,7 @@ def of_sites(
     width: float = BIN,
     blocks: int = BLOCKS,
 ) -> np.ndarray:
-    """g(r) of equal atoms, (blocks, bins), of successive parts of the frames.
+    """g(r) of equal atoms, (blocks, bins), for successive blocks of frames.
 
     Args:
         x: (frames, atoms, 3), in any unit of length.  cells: (frames, 3, 3), vectors as rows.
@@ -120,7 +119,7 @@ def of_sites(
 
 
 def _quiet(function, *arguments, **more):
-    """Call, without what it prints."""
+    """Call a function without its output."""
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         return function(*arguments, **more)
@@ -150,18 +149,18 @@ def _data(temperature, natoms, held=0, pressure=None, **more):
 
 
 def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held: int = 0) -> float:
-    """How far the kinetic energies of nonlinear bodies are from the canonical distribution, in
+    """Deviation of the kinetic energies of nonlinear bodies from the canonical distribution, in
     standard deviations.
 
-    A single body among many is a small part of a large whole, so its distribution is canonical also
-    where the whole's energy is constant.  physical_validation holds mean and width against the
-    gamma distribution; the larger distance counts.
+    The distribution of a single body among many is canonical even at constant total energy.
+    physical_validation compares mean and width with the gamma distribution; the larger deviation
+    is returned.
 
     Args:
         energies: independent ones, kcal/mol.
         temperature: K.
-        bodies: how many an energy is of.
-        held: degrees of freedom that are not theirs, as those of a total momentum that is zero.
+        bodies: number of bodies in each energy.
+        held: missing degrees of freedom, for example of a total momentum that is zero.
     """
     # two atoms' degrees of freedom are six, a body's
     data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
@@ -179,13 +178,12 @@ class Sampled(NamedTuple):
 
 
 def between_states(first: Sampled, second: Sampled) -> float | None:
-    """How far two states' distributions are from the canonical ones, in standard deviations; None
-    if they overlap too little to tell.
+    """Deviation of the distributions of two states from the canonical ones, in standard
+    deviations; None if they overlap too little.
 
-    By physical_validation (Shirts, J. Chem. Theory Comput. 9, 909, 2013).  The logarithm of the
-    ratio of two distributions is a straight line, whatever is sampled, and its slope is known: of
-    volumes at two pressures, or of enthalpies at two temperatures.  No force field and no limit of
-    small steps is needed.
+    By physical_validation (Shirts, J. Chem. Theory Comput. 9, 909, 2013): the logarithm of the
+    ratio of the distributions of volumes at two pressures, or of enthalpies at two temperatures, is
+    a straight line with a known slope.
     """
     runs = [
         _data(temperature, 2, pressure=pressure, potential_energy=energies, volume=volumes)

@@ -1,6 +1,6 @@
-"""What a script's bodies are: kinds, shapes, moments, how fast they turn and shake.
+"""Kinds, shapes and moments of inertia of a script's bodies, and their fastest motions.
 
-From the atoms that ``reader`` has left; in LAMMPS's units of the script.
+From the atoms that ``reader`` has left, in the script's units.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,11 +25,11 @@ class BodyKind:
     Attributes:
         name: its atoms' types with their numbers, as "2:1 1:2".
         number: of bodies.  atoms: of each.
-        shape: in a word.  freedom: degrees of freedom of each.
+        shape: one word.  freedom: degrees of freedom of each.
         mass, size: of each; twice the largest distance of an atom from its centre.
         moments: (3,) principal moments, the largest first, means.
-        scatter: largest relative deviation of a body's moment from the mean.
-        angle: rms angle that one turns in a step at the temperature about its fastest axis.
+        scatter: largest deviation of a body's moment from the mean, relative to the largest.
+        angle: rms rotation in a step about the fastest axis, rad.
     """
 
     name: str
@@ -62,8 +62,8 @@ class BodyGroup(NamedTuple):
 
 
 def body_groups(script: UserScript) -> tuple[list[BodyGroup], float]:
-    """The script's bodies by kind; and how much larger one is by its image flags than by nearest
-    images, at most."""
+    """The script's bodies by kind; and the largest difference of a body's extent by image flags
+    from that by nearest images."""
     atoms, cell, periodic = (
         script.atoms,
         np.array(script.reading["cell"]),
@@ -137,7 +137,7 @@ def mvv2e(script: UserScript) -> float:
 
 
 def temperature(script: UserScript) -> float:
-    """That the script keeps, where it is a number; else what it has at its start."""
+    """The temperature of the thermostat if it is a number, else that of the start."""
     try:
         return float((script.rigid.state.temp or ("",))[0])
     except ValueError:
@@ -145,18 +145,19 @@ def temperature(script: UserScript) -> float:
 
 
 def thermal_energy(script: UserScript) -> float:
-    """kT in the script's energy."""
+    """kT in the script's units of energy."""
     return script.reading["boltzmann"] * temperature(script)
 
 
 def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, float]:
-    """Angular frequencies (1/time) of the stiffest motions that forces of the start tell, if they
-    are those of springs in equilibrium: mean square force = kT x spring constant.  A thermostat's
-    noise is none of them.
+    """Angular frequencies (1/time) of the stiffest motions, from the forces of the start.
+
+    For harmonic motions in equilibrium mean square force = kT x spring constant.  The forces do not
+    include the noise of thermostats.
 
     Returns:
-        of ``centres``, ``turning`` (about the axis where it is largest) and ``other atoms``, those
-        that have a force: an ideal gas and what ``fix setforce`` holds have none.
+        of ``centres``, ``turning`` (about the stiffest axis) and ``other atoms``, without those
+        that have no force.
     """
     mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
     squares: dict[str, list] = {"centres": [], "turning": [], "other atoms": []}
@@ -177,7 +178,7 @@ def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str
 
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:
-    """Which atoms each fix of the script moves that is known to move atoms, as masks."""
+    """Masks of the atoms that each fix of the script moves, by ID."""
     found: dict[str, np.ndarray] = {}
     for one, line in script.reading["fixes"].items():
         style = rigid_atoms.style_of(line)

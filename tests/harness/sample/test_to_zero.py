@@ -164,9 +164,9 @@ def test_what_is_run(water):
     assert extrapolation.default_steps(0.9) == pytest.approx((0.3, 0.6, 0.9))
     for only, steps, said in (
         (["csvr", "nh"], None, "one scheme"),
-        (["csvr-step"], None, "others at each step"),
+        (["csvr-step"], None, "depend on the step"),
         (["csvr"], (8.0,), "two steps"),
-        (["csvr-refined"], None, "nothing to take off"),
+        (["csvr-refined"], None, "does not apply"),
     ):
         with pytest.raises(SystemExit, match=said):
             extrapolation.points(water, only, steps)
