@@ -19,9 +19,9 @@ def add(verbs: command_line.Verbs) -> None:
         description="Run a scene at constant temperature, or at constant pressure, with this "
         "package's thermostats and barostats, and with LAMMPS's, at 0.5 to 14 fs. Compare averages "
         "with their common limit of small steps, and measure what an independent sample costs. "
-        "Bias and noise give the total error as a function of CPU time. After Ctrl-C the same command continues. Commands with the same run lengths "
-        "and folder add schemes and steps to it. Several processes with the same command share "
-        "the runs.",
+        "Bias and noise give the total error as a function of CPU time. After Ctrl-C the same "
+        "command continues. Commands with the same run lengths and folder add schemes and steps to "
+        "it. Several processes with the same command share the runs.",
         epilog="A scheme that fails is a result. Exit status: 0, 1 if no run succeeds or if "
         "--to-zero refuses an average, 130 after Ctrl-C.",
     )
