@@ -75,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     only = arguments.only and [
         scheme.name for scheme in command_line.select(plan.schemes, arguments.only)
     ]
+    plan.refuse_long(arguments.dt or ())
     if arguments.to_zero:
         command_line.refuse_options(
             arguments, ["limits"], "is for biases, which --to-zero does not tell"

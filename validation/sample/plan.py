@@ -18,6 +18,7 @@ SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # equilibration: part of a point's time, and ps at most
 BEGIN = 20.0  # ps at most of a run that creates a start
 LEAST = 20.0  # ps of a point: in shorter ones blocks are as short as the correlation time
+TOO_LONG = 5  # longest default steps: beyond, atoms are lost at once
 BEGIN_STEP = 2.0  # fs at most, in a run that creates a start
 ROUNDS, SECONDS = 3, 0.5  # of timed runs; s of each of their segments
 TIMED = "timed"  # folder of these runs, and what is kept of them
@@ -124,6 +125,19 @@ class Plan:
     turning: int = 0
     dipole: bool = False
     longest: float = 0.0
+
+    def refuse_long(self, dt: Collection[float]) -> None:
+        """Refuse time steps, fs, at which nothing is stable.
+
+        Raises:
+            SystemExit: one is longer than `TOO_LONG` times the longest default step.
+        """
+        longest = TOO_LONG * max(step for scheme in self.schemes.values() for step in scheme.steps)
+        if max(dt, default=0.0) > longest:
+            raise SystemExit(
+                f"--dt {max(dt):g}: {max(dt):g} fs is too long for a step: nothing is stable here "
+                f"beyond {longest:g} fs"
+            )
 
     def label(self, point: Point) -> str:
         """A point, for tables and the terminal."""

@@ -248,6 +248,13 @@ def test_rows_of_known_schemes(tmp_path):
     assert lost["error"] == "Lost atoms" and not lost["means"] and not lost["starts"]
 
 
+def test_a_step_that_is_too_long():
+    """Locks out a step that was meant in another unit, and ends in lost atoms after the starts."""
+    planned().refuse_long((14.0, 60.0))
+    with pytest.raises(SystemExit, match="--dt 200: 200 fs is too long for a step"):
+        planned().refuse_long((2.0, 200.0))
+
+
 def test_limits_of_another_folder(tmp_path):
     """Locks out a limit that is taken from another scene's results, or from none."""
     (tmp_path / "summary.json").write_text(
