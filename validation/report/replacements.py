@@ -21,10 +21,11 @@ COLUMNS = (
 NOTE = (
     "In each cell the usual lines are before the arrow, and fix nosquish after it. Speeds are "
     "from CPU times, measured in turn. The error of the temperature is that of the mean potential "
-    "energy divided by the heat capacity. At constant pressure, the last column is the error of "
-    'the density. ± is the half width of the 95 % confidence interval. "Averages" are energies, '
-    "pressure and structure: the strong friction of langevin with a damping time of 50 fs slows "
-    "diffusion, and thermostat csvr does not."
+    "energy divided by the heat capacity. At constant pressure, the last error is that of the "
+    'density. ± is the half width of the 95 % confidence interval. "Averages" are energies, '
+    "pressure and structure: the strong friction of thermostat langevin with a damping time of 50 "
+    "fs, and larger moments of inertia (keyword moments), slow the motion. Thermostat csvr hardly "
+    "changes it."
 )
 NONE = "does not apply"
 
