@@ -4,6 +4,7 @@ import functools
 import os
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 # for this process, before numpy is imported, and all that tests start: threads, one for each core,
@@ -28,8 +29,11 @@ from support.running import LAUNCHERS, ROOT, Run, mpirun
 from support.sessions import Session
 from support.systems import result, script
 
+EXTRA = "rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"
+MISSING = [name for name in EXTRA if not find_spec(name)]  # of the extra `validation`
 # no package has KOKKOS: these tests are for who has one
 collect_ignore = [] if os.environ.get("KOKKOS_LAMMPS") else ["plugin/test_kokkos.py"]
+collect_ignore += ["harness"] if MISSING else []
 
 # there are more ranks than cores: those that wait give theirs to others, in collective calls, too,
 # which MPICH's own for one node do not (8 ranks on 2 cores start in a tenth of the time)
@@ -53,6 +57,8 @@ def pytest_sessionstart(session):
     session.config.tested = None
     if hasattr(session.config, "workerinput"):
         return
+    if MISSING and session.config.option.nothing_missing:
+        raise pytest.UsageError(f"the extra 'validation' lacks {', '.join(MISSING)}")
     try:
         session.config.tested = tested()
     except SystemExit as refusal:
@@ -61,7 +67,8 @@ def pytest_sessionstart(session):
 
 
 def pytest_report_header(config):
-    return config.tested
+    left_out = f"tests/harness is left out: the extra 'validation' lacks {', '.join(MISSING)}"
+    return [config.tested, *([left_out] if MISSING else [])]
 
 
 def case_of(item):

@@ -111,8 +111,10 @@ def test_nothing_missing(checkout, options):
     done = run(
         checkout, *options, "-rA", "--continue-on-collection-errors", parts=PARTS, module=MODULE
     )
-    told = re.findall(r"^(SKIPPED|FAILED|ERROR|XFAIL)", done.stdout, re.MULTILINE)
+    printed = re.findall(r"^(SKIPPED|FAILED|ERROR|XFAIL)", done.stdout, re.MULTILINE)
     expected = ["ERROR", "ERROR", "XFAIL"] if options else ["SKIPPED", "SKIPPED", "XFAIL"]
     assert (
-        sorted(told) == expected and "no engine" in done.stdout and "no_such_module" in done.stdout
+        sorted(printed) == expected
+        and "no engine" in done.stdout
+        and "no_such_module" in done.stdout
     ), done.stdout

@@ -367,16 +367,16 @@ def test_turns_of_lines():
         shape -= shape.mean(axis=1, keepdims=True)
         placed = shape @ turn.transpose(0, 2, 1) + 1e-14 * rng.normal(size=shape.shape)
         products = np.einsum("nka,nkb->nab", placed, shape)
-        found = shapes.best_turns(products)
+        result = shapes.best_turns(products)
         # directions that were turned as the atoms were, or by something else
         told = turn if bend == 0 else other
-        found = shapes.twist(found, products, told, other)
-        assert np.abs(found - turn).max() < (1e-10 if bend == 0 else 1e-6)
+        result = shapes.twist(result, products, told, other)
+        assert np.abs(result - turn).max() < (1e-10 if bend == 0 else 1e-6)
         if bend == 0:  # nothing is told but the turn before
             line = shape[:, 0] / np.linalg.norm(shape[:, 0], axis=1)[:, None]
             weak = np.einsum("na,nb->nab", np.einsum("nab,nb->na", turn, line), line)
-            found = shapes.twist(found, products, weak, turn)
-            assert np.abs(found - turn).max() < 1e-10
+            result = shapes.twist(result, products, weak, turn)
+            assert np.abs(result - turn).max() < 1e-10
 
 
 # a LAMMPS whose style of ellipsoids writes COUNT numbers for ghost atoms: of a superellipsoid of
@@ -454,11 +454,11 @@ def test_ellipsoids_of_other_versions(tmp_path, count, expected):
     command = ["g++", "-std=c++17", f"-DCOUNT={count}", "-I", tmp_path, "-I", headers]
     sources = [tmp_path / name for name in ("ellipsoids.cpp", "read.cpp")]
     subprocess.run([*command, *sources, "-o", program], check=True)
-    told = subprocess.run([program], check=True, capture_output=True, text=True).stdout
+    printed = subprocess.run([program], check=True, capture_output=True, text=True).stdout
     if expected is None:
-        assert told.strip() == "unknown"
+        assert printed.strip() == "unknown"
     else:
-        np.testing.assert_allclose(np.array(told.split(), float), expected, rtol=1e-5)
+        np.testing.assert_allclose(np.array(printed.split(), float), expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize("ranks", [1, 4])

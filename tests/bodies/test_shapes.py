@@ -143,9 +143,9 @@ def test_bodies_keep_their_shape(run_dumps, name, ranks):
             for a in (atoms["before"], atoms["placed"])
         )
         np.testing.assert_allclose(new, old, rtol=0, atol=1e-12)
-    said = re.findall(SAID, run.log)
-    assert len(said) == 1 and int(said[0][0]) == (far > 1e-8).sum()
-    assert int(said[0][1]) == far.argmax() + 1 and float(said[0][3]) == pytest.approx(
+    logged = re.findall(SAID, run.log)
+    assert len(logged) == 1 and int(logged[0][0]) == (far > 1e-8).sum()
+    assert int(logged[0][1]) == far.argmax() + 1 and float(logged[0][3]) == pytest.approx(
         far.max(), rel=0.05
     )
     _, other = run_dumps(
@@ -290,9 +290,9 @@ def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
     or the order of the types, or where fragments have the same types."""
     system, (_, differ, warned) = herd(name), SPECIES[name]
     run = run_lammps(script(system, "run 5\nrun 5"), files=system.files, ranks=ranks)
-    said = re.findall("^WARNING: the 27 bodies of 3 atoms.*", run.log, re.M)
-    assert len(said) == warned and ("differ in shape" in run.log) == warned, run.log
-    told = re.findall(r": (\d+) differ from it by more than 0.001 of its size", "".join(said))
+    logged = re.findall("^WARNING: the 27 bodies of 3 atoms.*", run.log, re.M)
+    assert len(logged) == warned and ("differ in shape" in run.log) == warned, run.log
+    told = re.findall(r": (\d+) differ from it by more than 0.001 of its size", "".join(logged))
     assert told == [str(differ)] * (differ > 0)
 
 

@@ -185,13 +185,13 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
 def test_a_fix_that_reads_velocities_at_the_end_of_steps(run_lammps, words):
     """Locks out the pressure of old velocities in fix deform/pressure: the box would depend on how
     often something is printed."""
-    system, found = mixture(side=3), []
+    system, results = mixture(side=3), []
     for every in 1, 20:
         lines = f"fix 1 all nosquish/{words}\n"
         lines += "fix 2 all deform/pressure 1 x pressure 1.0 0.1\n" + thermo("vol", every)
         script = f"{system.setup}\ntimestep 0.002\n{lines}run 20\n"
-        found.append(run_lammps(script, files=system.files).thermo[-1]["Volume"])
-    assert found[0] == found[1]
+        results.append(run_lammps(script, files=system.files).thermo[-1]["Volume"])
+    assert results[0] == results[1]
 
 
 def test_array_behind_a_change(run_lammps, tmp_path):

@@ -142,11 +142,11 @@ def test_each_run_has_its_own_rates(ends, first, then):
     changed velocities that nobody has changed."""
     flow = "fix box all deform 1 xy erate 0.5 remap {}\n"
     begin = flow.format(first) + "run 40\nunfix box\n" if first else "run 40\n"
-    found = []
+    results = []
     for reinit in "yes", "no":
         lines = f"{OURS[:-1]} reinit {reinit}\n{begin}print PART\n{flow.format(then)}"
-        found.append(ends(lines + KEPT.format(20) + "run 200\n"))
-    assert np.abs(found[0] - found[1]).max() < 1e-9
+        results.append(ends(lines + KEPT.format(20) + "run 200\n"))
+    assert np.abs(results[0] - results[1]).max() < 1e-9
 
 
 def test_files_between_runs(ends):

@@ -24,10 +24,10 @@ def blocks(text):
 
 def files(text):
     """From name to content of the files that a page shows, of one or more blocks each."""
-    found = {}
+    results = {}
     for _, name, content in blocks(text):
-        found[name] = found.get(name, "") + content
-    return found
+        results[name] = results.get(name, "") + content
+    return results
 
 
 # ---- the README and the results
@@ -50,8 +50,10 @@ def test_pages_have_the_committed_results(path):
 def test_ci_finds_the_test_command():
     """Locks out a README without the one command that .ci/run takes from it."""
     taken = re.search(r"sed -n '(.*)' README.md", (ROOT / ".ci/run").read_text())[1]
-    found = subprocess.run(["sed", "-n", taken, ROOT / "README.md"], capture_output=True, text=True)
-    assert len(found.stdout.splitlines()) == 1, found.stdout
+    result = subprocess.run(
+        ["sed", "-n", taken, ROOT / "README.md"], capture_output=True, text=True
+    )
+    assert len(result.stdout.splitlines()) == 1, result.stdout
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())

@@ -37,12 +37,12 @@ DUMP = "\nwrite_dump all custom end id mol type xu yu zu modify sort id format f
 
 def to_nearest(atoms, kind, heavy):
     """Of each atom of a type the distance to the nearest one of another type in its molecule."""
-    found = []
+    results = []
     for _, molecule, own, *place in atoms:
         if own == kind:
             others = atoms[(atoms[:, 1] == molecule) & (atoms[:, 2] == heavy), 3:]
-            found.append(np.linalg.norm(others - place, axis=1).min())
-    return np.array(found)
+            results.append(np.linalg.norm(others - place, axis=1).min())
+    return np.array(results)
 
 
 def solute(runs, folder):

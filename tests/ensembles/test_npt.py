@@ -20,8 +20,8 @@ def test_ramp(run_lammps, words):
     script = f"{system.setup}\n{FREE}timestep 0.01\n{line}run 1000\nrun 500 start 0 stop 2000\n"
     rows = run_lammps(script, files=system.files).thermo
     for step, pressure in ((1000, 0.48), (1500, 0.39)):
-        found = rows["Volume"][rows["Step"] == step][0 if step == 1000 else -1]
-        assert found == pytest.approx(217 * 2.0 / pressure, rel=0.3), step
+        result = rows["Volume"][rows["Step"] == step][0 if step == 1000 else -1]
+        assert result == pytest.approx(217 * 2.0 / pressure, rel=0.3), step
 
 
 @pytest.mark.parametrize(
@@ -82,13 +82,13 @@ def test_forces_that_the_virial_lacks(run_lammps):
     system = mixture("pair", side=2)
     field = "variable pull atom 5.0*(-1)^id\nfix 2 all addforce v_pull 0 0\n"
     script = f"{system.setup}\n{FREE}timestep 0.002\n{field}{fix_npt('seed 5')}"
-    told = {
+    logged = {
         words: run_lammps(f"{script}{words}run 10\n", files=system.files).log
         for words in ("", "fix_modify 2 virial yes\n")
     }
     says = "WARNING: fix 2 (style addforce) changes forces, and the virial lacks these"
-    assert [log.count(says) for log in told.values()] == [1, 0]
-    assert "use 'fix_modify 2 virial yes'" in told[""]
+    assert [log.count(says) for log in logged.values()] == [1, 0]
+    assert "use 'fix_modify 2 virial yes'" in logged[""]
 
 
 @pytest.mark.parametrize("virial", ["yes", "no"])
@@ -112,12 +112,12 @@ def test_pressures_that_are_printed(run_lammps, ranks, every):
     one too: they are the same whatever else is printed, and of atoms as of all."""
     system = mixture(side=3)
     words = fix_npt("seed 771", f"iso 12e-2 12e-2 2e-1 every {every} compressibility 8")
-    found = {}
+    results = {}
     for steps in 1, 2, 6:
         script = f"{system.setup}\ntimestep 0.002\n{words}{thermo('press', steps)}run 12\n"
         rows = run_lammps(script, files=system.files, ranks=ranks).thermo
-        found[steps] = rows["Press"][rows["Step"] % 6 == 0]
-    assert (found[1] == found[2]).all() and (found[1] == found[6]).all()
+        results[steps] = rows["Press"][rows["Step"] % 6 == 0]
+    assert (results[1] == results[2]).all() and (results[1] == results[6]).all()
     atoms = (
         "compute s all centroid/stress/atom NULL\ncompute p all reduce sum c_s[1] c_s[2] c_s[3]\n"
     )
@@ -171,7 +171,7 @@ def test_volume_out_of_proportion(run_lammps, pressure, ratio, style):
         )
         if p == pressure:
             volumes = done.thermo["Volume"]
-    assert [len(found) for found in lines.values()] == [1, 0]
+    assert [len(result) for result in lines.values()] == [1, 0]
     ((step, told),) = lines[pressure]
     assert float(told) == pytest.approx(ratio, rel=0.1)
     assert volumes[int(step) // 10] / volumes[0] == pytest.approx(ratio, rel=0.2)

@@ -52,9 +52,9 @@ def test_normal_numbers():
     of_words = np.array([philox.minus_log(w) for w in words.tolist()])
     np.testing.assert_allclose(of_words, -np.log((words + 1) / 2**32), rtol=1e-15, atol=1e-16)
     turns = 2 * np.pi * ((words + 0.5) / 2**32) - np.pi / 4
-    found = np.array([philox.direction(w) for w in words.tolist()])
+    actual = np.array([philox.direction(w) for w in words.tolist()])
     expected = np.stack([np.cos(turns), np.sin(turns)], axis=1)
-    np.testing.assert_allclose(found, expected, atol=3e-15)
+    np.testing.assert_allclose(actual, expected, atol=3e-15)
     pairs = np.array([philox.normal_pair(w, w) for w in words.tolist()])
     long = np.sqrt(-2 * np.log((words + 1) / 2**32))[:, None]
     np.testing.assert_allclose(pairs, long * expected, rtol=0, atol=1e-13)
@@ -118,10 +118,10 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
     frames = range(8 if name == "langevin" else 1)
     script += "".join(DUMP.format(f"end{k}") + "run 20\n" for k in frames)
     run_lammps(script, files=system.files)
-    found = [body_momenta(tmp_path / f"end{k}") for k in frames]
-    moves = np.concatenate([one[1] / np.sqrt(2.0 * one[0])[:, None] for one in found])
-    turns = np.concatenate([one[3] for one in found]) / sqrt(2.0)
-    spins = np.concatenate([one[2] for one in found])
+    results = [body_momenta(tmp_path / f"end{k}") for k in frames]
+    moves = np.concatenate([one[1] / np.sqrt(2.0 * one[0])[:, None] for one in results])
+    turns = np.concatenate([one[3] for one in results]) / sqrt(2.0)
+    spins = np.concatenate([one[2] for one in results])
     assert np.abs(np.corrcoef(moves.T, spins.T)[:3, 3:]).max() < 4.5 / sqrt(len(moves))
     for numbers in (*moves.T, *turns.T):
         numbers = numbers[np.isfinite(numbers)]
@@ -408,8 +408,8 @@ def test_noise_does_not_repeat(run_lammps, tmp_path, line, between):
     script += f"reset_timestep 0\n{again}{DUMP.format('two')}"
     script += f"{between if between != 'clear' else ''}\nreset_timestep 0\nrun 20\n"
     run_lammps(script + DUMP.format("three"), files=system.files)
-    found = [body_momenta(tmp_path / name)[1].ravel() for name in ("one", "two", "three")]
-    assert np.abs(np.corrcoef(found) - np.eye(3)).max() < 0.4  # 192 numbers
+    results = [body_momenta(tmp_path / name)[1].ravel() for name in ("one", "two", "three")]
+    assert np.abs(np.corrcoef(results) - np.eye(3)).max() < 0.4  # 192 numbers
 
 
 def test_noise_does_not_repeat_by_pre_no(run_lammps, refused):
@@ -434,8 +434,8 @@ def test_ramp(run_lammps):
     expected = {200: 3.0, 300: 2.0, 100: 2.0, 350: 2.0, 400: 3.0}
     degrees = 3 * 216
     for step, goal in expected.items():
-        found = rows["f_1[3]"][rows["Step"] == step][-1]
-        assert abs(found / goal - 1) < 5 * sqrt(2 / degrees) + 0.02, (step, found)
+        actual = rows["f_1[3]"][rows["Step"] == step][-1]
+        assert abs(actual / goal - 1) < 5 * sqrt(2 / degrees) + 0.02, (step, actual)
 
 
 # ------------------------------------------------------------------ components that are off
@@ -665,8 +665,8 @@ PUSHES = {
 
 def assert_degrees(run_lammps, scripts, expected, **how):
     """Of each script the log says so many degrees of freedom, and why."""
-    said = COUNTED.findall(run_lammps("".join(scripts), **how).log)
-    for (degrees, why), (number, words) in zip(expected, said, strict=True):
+    logged = COUNTED.findall(run_lammps("".join(scripts), **how).log)
+    for (degrees, why), (number, words) in zip(expected, logged, strict=True):
         assert int(number) == degrees and why in words, (why, number, words)
 
 

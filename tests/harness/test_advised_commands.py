@@ -10,7 +10,6 @@ import sys
 
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.running import BIN, ROOT
 
 if str(ROOT) not in sys.path:
@@ -29,8 +28,8 @@ def commands(text):
     or where the next one begins."""
     text = re.sub(r' --launch "[^"]*"', "", text)
     start = r"(?:^|[`\">/]|^ {4}|^(?:\$|#) |&& )nosquish "
-    found = re.findall(rf"(?m){start}(?!\S*/)([^\n<`;\"\\]*)", text)
-    return sorted({re.sub(r"[.,:)]+$", "", one.strip()) for one in found} - {"", "VERB"})
+    result = re.findall(rf"(?m){start}(?!\S*/)([^\n<`;\"\\]*)", text)
+    return sorted({re.sub(r"[.,:)]+$", "", one.strip()) for one in result} - {"", "VERB"})
 
 
 def refused(words):
@@ -43,9 +42,9 @@ def refused(words):
 
 
 def assert_accepted(text, least=1):
-    found = commands(text)
-    assert len(found) >= least, "no command was found: look at how they are found"
-    wrong = [why for why in map(refused, found) if why]
+    result = commands(text)
+    assert len(result) >= least, "no command was found: look at how they are found"
+    wrong = [why for why in map(refused, result) if why]
     assert not wrong, "\n".join(wrong)
 
 
@@ -65,10 +64,10 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
     """Locks out a name that nothing knows found out late, or never, and a refusal that does not
     tell the names that there are."""
     assert refused(asked)
-    told = capsys.readouterr().err
-    assert "choose from" in told and asked.split()[1].removeprefix("--") in told
+    printed = capsys.readouterr().err
+    assert "choose from" in printed and asked.split()[1].removeprefix("--") in printed
     if asked.split()[0] == "compare":
-        assert "dimer, water, peptide" in told
+        assert "dimer, water, peptide" in printed
 
 
 @pytest.mark.parametrize(
@@ -138,5 +137,5 @@ def test_scenes_of_an_installed_harness(tmp_path):
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {code}"
     (tmp_path / "inputs").mkdir()
     for folder, place in ((ROOT, ROOT), (ROOT / "docs", ROOT), (package, tmp_path)):
-        found = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
-        assert found.split() == [f"{place}/inputs", f"{place}/validation/results"]
+        result = subprocess.check_output([sys.executable, "-c", code], cwd=folder, text=True)
+        assert result.split() == [f"{place}/inputs", f"{place}/validation/results"]

@@ -17,7 +17,6 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take, with_lines
@@ -32,8 +31,8 @@ from validation.user_script import shapes
 
 def forces_within(own, out):
     """How many pairs within a body have forces, and the remark."""
-    found = check._forces_within(own, shapes.body_groups(own)[0], out, 1, 300.0)
-    return found.value, check._told(found).note
+    result = check._forces_within(own, shapes.body_groups(own)[0], out, 1, 300.0)
+    return result.value, check._told(result).note
 
 
 # ---- is the script sound
@@ -88,10 +87,12 @@ def test_check_finds_what_does_not_fit(tmp_path):
     kinds = shapes.body_kinds(own, groups)
     checks = [*check._bodies(own, gap, kinds), *check._script(own)]
     checks += check._step(own, groups, kinds)
-    found = {(one.subject, one.what): one.holds for one in checks}
-    assert found["atoms", "that no fix moves"] is False
-    assert found["thermostats", "of the bodies"] is True
-    assert [holds for (_, what), holds in found.items() if what.startswith("rms angle")] == [False]
+    results = {(one.subject, one.what): one.holds for one in checks}
+    assert results["atoms", "that no fix moves"] is False
+    assert results["thermostats", "of the bodies"] is True
+    assert [holds for (_, what), holds in results.items() if what.startswith("rms angle")] == [
+        False
+    ]
     for one in map(check._told, checks):
         assert bool(one.note) == (one.part == "step" or not one.holds), one
 
@@ -179,8 +180,12 @@ def test_rigid_parts_are_found_by_their_chemistry():
     atoms = {"mass": np.array(mass), "x": np.array(x, float), "bonds": np.array(bonds)}
     body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3)
     assert counts == {"water": 1, "CH3": 2, "NH3": 1, "rings": 1}
-    found = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
-    assert {frozenset(ring + hydrogens), frozenset([methyl, *of_methyl]), frozenset(water)} < found
+    results = {frozenset(1 + np.flatnonzero(body == one)) for one in range(1, 6)}
+    assert {
+        frozenset(ring + hydrogens),
+        frozenset([methyl, *of_methyl]),
+        frozenset(water),
+    } < results
     assert body.max() == 5 and not body[np.array(chair) - 1].any()
     for wanted, number in (["CH3"], 2), (["water", "XH"], 14), (["water", "rings", "XH"], 9):
         body, counts = parts.rigid(atoms, 40 * np.eye(3), [True] * 3, wanted)
@@ -270,17 +275,17 @@ def test_what_is_printed_for_rigid_parts_runs_as_it_is(which, tmp_path, run_lamm
     (tmp_path / "in.solute").write_text(text)
     words = ["check", str(tmp_path / "in.solute"), "--rigid", "--out", str(tmp_path / "out")]
     assert main(words) == 0
-    told = capsys.readouterr().out
-    printed = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    output = capsys.readouterr().out
+    printed = [line.strip() for line in output.splitlines() if line.startswith("    ")]
     assert not [line for line in lines if line not in printed], printed
-    done = run_lammps(with_lines(text, told), options=("-log", "log.lammps"))
+    done = run_lammps(with_lines(text, output), options=("-log", "log.lammps"))
     assert "27 rigid bodies with 81 atoms" in done.log
     rows = done.thermo
     assert rows["Step"][-1] == 20 and rows["c_far"][-1] > 0.01
     assert (rows["c_still"][-1] == 0) == (which == "a part stands still")
     holds = which in ("shake", "rattle", "pressure and shake")
     assert bool(re.search(r"^ *2 = # of size 2 clusters$", done.log, re.M)) == holds
-    assert ("Keywords that ours does not have: drag 0.2" in told) == (which == "pressure")
+    assert ("Keywords that ours does not have: drag 0.2" in output) == (which == "pressure")
 
 
 @pytest.mark.parametrize("name", ["plain", "Zürich", 'a"b', "two words"])
@@ -299,9 +304,9 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     )
     (place / "in.made").write_text(text)
     assert main(["check", str(place / "in.made"), "--rigid", "--out", str(place / "out")]) == 0
-    told = capsys.readouterr().out
-    assert "51 × water" in told
-    (place / "in.changed").write_text(with_lines(text, told))
+    printed = capsys.readouterr().out
+    assert "51 × water" in printed
+    (place / "in.changed").write_text(with_lines(text, printed))
     command = [str(Path(sys.executable).with_name("lmp")), "-in", "in.changed", "-log", "log"]
     subprocess.run(command, cwd=place, check=True, stdout=subprocess.DEVNULL)
     log = (place / "log").read_text()
@@ -321,12 +326,12 @@ def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys)
     script = tmp_path / "in.shake"
     words = ["--rigid", "water", "XH", "--out", str(tmp_path / "out")]
     assert main(["check", str(script), *words]) == 0
-    told = capsys.readouterr().out
-    assert "1,417 × water, 76 × XH" in told
-    (tmp_path / "in.rigid").write_text(with_lines(script.read_text(), told))
+    printed = capsys.readouterr().out
+    assert "1,417 × water, 76 × XH" in printed
+    (tmp_path / "in.rigid").write_text(with_lines(script.read_text(), printed))
     shown = script.read_text().replace("econserve", "econserve f_cmap")
     shown = shown.replace("run             ${steps}", "run 0")
-    before, after = (run_lammps(text).thermo[0] for text in (shown, with_lines(shown, told)))
+    before, after = (run_lammps(text).thermo[0] for text in (shown, with_lines(shown, printed)))
     for name in "PotEng", "f_cmap":
         assert after[name] == pytest.approx(before[name], rel=1e-8)
     assert before["f_cmap"] < -5
@@ -372,5 +377,5 @@ def test_check_of_atoms_that_a_fix_holds(tmp_path):
                         lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
     own = take(path, tmp_path / "out")
     groups, _ = shapes.body_groups(own)
-    found = [one.subject for one in check._step(own, groups, shapes.body_kinds(own, groups))]
-    assert found[1:] == ["centres", "turning"]
+    results = [one.subject for one in check._step(own, groups, shapes.body_kinds(own, groups))]
+    assert results[1:] == ["centres", "turning"]

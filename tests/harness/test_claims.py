@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from validation import RESULTS, __main__, pages
 from validation.claims import measure, paper, published, report, theory
@@ -204,17 +203,17 @@ def dimers(count=16):
 def test_who_is_more_accurate_in_the_liquid(size, holds):
     """Locks out the ratio turned round, a verdict within the errors, a wander that is left out, a
     claim from a trajectory that ended early, and a length that the claim does not tell."""
-    found = {"water-nosquish": made("a", noise(1.0, 1), "water")}
-    found["water-matubayasi-nakahara"] = made("b", noise(size, 2), "water")
-    one = claim(found, "more accurate", "120 ps")
+    results = {"water-nosquish": made("a", noise(1.0, 1), "water")}
+    results["water-matubayasi-nakahara"] = made("b", noise(size, 2), "water")
+    one = claim(results, "more accurate", "120 ps")
     assert one["value"] == pytest.approx(size, abs=5 * one["error"]) and one["error"] < 0.05
     assert one["verdict"] == WORD[holds]
     steps = np.repeat(np.random.default_rng(3).normal(size=8) * 2 * size, 500)
-    found["water-matubayasi-nakahara"].total += steps
-    assert claim(found, "more accurate")["value"] > 1.5 * size
-    found["water-matubayasi-nakahara"].error = "interrupted"
-    assert {check["subject"] for check in judged(found)["checks"]} == {"NO_SQUISH"}
-    assert len(judged(found)["rows"]) == 2
+    results["water-matubayasi-nakahara"].total += steps
+    assert claim(results, "more accurate")["value"] > 1.5 * size
+    results["water-matubayasi-nakahara"].error = "interrupted"
+    assert {check["subject"] for check in judged(results)["checks"]} == {"NO_SQUISH"}
+    assert len(judged(results)["rows"]) == 2
 
 
 def test_who_drifts():
@@ -244,16 +243,16 @@ def test_who_drifts():
 def test_who_is_equal(size, equal):
     """Locks out a difference that passes since errors are large, one that does since it is small,
     and the root mean square for the mean in the average measure."""
-    found = {
+    results = {
         "peptide-nosquish": made("a", noise(size, 1), "peptide"),
         "peptide-shake": made("b", noise(1.0, 2), "peptide"),
     }
-    assert claim(found, "equal: sd")["verdict"] == WORD[equal]
-    measured = claim(found, "shake 1e-8 + nve, average measure")
+    assert claim(results, "equal: sd")["verdict"] == WORD[equal]
+    measured = claim(results, "shake 1e-8 + nve, average measure")
     assert measured["value"] == pytest.approx(np.sqrt(2 / np.pi) * 1e-4, rel=0.05)
     uneven = noise(1.0, 3, level=0.0) * np.repeat(np.linspace(0.4, 1.6, 8), 500) - 10000
-    found["peptide-nosquish"] = made("a", uneven, "peptide")
-    assert claim(found, "equal: sd")["verdict"] == "cannot tell"
+    results["peptide-nosquish"] = made("a", uneven, "peptide")
+    assert claim(results, "equal: sd")["verdict"] == "cannot tell"
 
 
 # ---- statistics of these
@@ -290,12 +289,12 @@ def test_random_walk_is_told_from_noise():
     """Locks out a rate that is off by the time of a block, an error that is not the estimate's
     scatter, and noise taken for a walk."""
     t, rng = 0.02 * np.arange(2048), np.random.default_rng(9)
-    found = []
+    results = []
     for _ in range(100):
         white = rng.normal(size=len(t))
         walk = np.cumsum(rng.normal(size=len(t))) * np.sqrt(3.0 * 0.02)
-        found.append(measures.random_walk(t, white + walk)[:2])
-    rates, errors = np.transpose(found)
+        results.append(measures.random_walk(t, white + walk)[:2])
+    rates, errors = np.transpose(results)
     assert rates.mean() == pytest.approx(3.0, rel=0.15)
     assert errors.mean() == pytest.approx(rates.std(), rel=0.4)
     still = [measures.random_walk(t, rng.normal(size=len(t)))[:2] for _ in range(20)]
@@ -316,8 +315,8 @@ def result(sd, error=None, slope=0.0):
 def beside(times, **more):
     """Checks by time step, where each spread is so many times the published one."""
     theirs = published.PUBLISHED
-    found = {f"{dt:g}-fs": result(x * theirs[dt], **more) for dt, x in times.items()}
-    return {check.subject: check for check in published.checks(found)}
+    results = {f"{dt:g}-fs": result(x * theirs[dt], **more) for dt, x in times.items()}
+    return {check.subject: check for check in published.checks(results)}
 
 
 def test_published_numbers_have_errors_too():

@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from support.running import BIN, read_thermo
 from validation import pages
@@ -57,9 +56,9 @@ def test_numbers_leave_warm_up_and_preparations_out():
     job = run.Job(
         "", "", ["units lj", "fix 1 all nve", "fix 2 all nve"], [2, 4, 4, 4], None, setups=2
     )
-    found = rounds.timing(job, result)
-    assert found.modify == pytest.approx(200) and found.loop == pytest.approx(500)
-    assert (found.cpu, found.setups, found.memory) == (94.0, [0.5, 0.25], [10, 20])
+    actual = rounds.timing(job, result)
+    assert actual.modify == pytest.approx(200) and actual.loop == pytest.approx(500)
+    assert (actual.cpu, actual.setups, actual.memory) == (94.0, [0.5, 0.25], [10, 20])
 
 
 # ------------------------------------------------------------- scenes

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from validation import RESULTS
 from validation.__main__ import main
 from validation.statistics import measures
@@ -34,10 +33,10 @@ def test_stress(tmp_path):
             if row["integrator"] in ("nosquish", "rigid/nve")
         }
 
-    found = values(tmp_path)
-    assert len(found) == 4
+    result = values(tmp_path)
+    assert len(result) == 4
     known = values(RESULTS / "stress")
-    assert found == pytest.approx({place: known[place] for place in found}, rel=0.05)
+    assert result == pytest.approx({place: known[place] for place in result}, rel=0.05)
 
 
 @pytest.mark.timeout(300)
@@ -52,9 +51,9 @@ def test_claims(tmp_path):
         }
 
     main(["claims", "theory/symplectic", "--full", "--out", str(tmp_path)])
-    found = values(tmp_path / "theory")
-    assert len(found) > 3
-    assert found == pytest.approx(values(RESULTS / "theory"), rel=0.02)
+    result = values(tmp_path / "theory")
+    assert len(result) > 3
+    assert result == pytest.approx(values(RESULTS / "theory"), rel=0.02)
 
 
 @pytest.mark.timeout(300)
@@ -63,13 +62,13 @@ def test_cost(tmp_path):
 
     def counts(folder):
         names = "messages", "bytes", "collectives", "collective_bytes"
-        (found,) = (
+        (result,) = (
             one
             for one in summary(folder)["counts"]
             if (one["decomposition"], one["integrator"], one["ranks"], one["bodies"])
             == ("brick", "nosquish", 2, 2000)
         )
-        return {name: found[name] for name in names}
+        return {name: result[name] for name in names}
 
     main(["cost", "messages", "--ranks", "2", "--only", "nosquish", "--out", str(tmp_path)])
     assert counts(tmp_path) == pytest.approx(counts(RESULTS / "cost-messages"), rel=0.05)

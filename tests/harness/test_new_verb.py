@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.running import ROOT
 
 

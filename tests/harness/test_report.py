@@ -11,8 +11,8 @@ import subprocess
 
 import pytest
 from matplotlib.figure import Figure as Drawing
+from rich.console import Console
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.running import ROOT
 from validation import __main__ as command
 from validation import pages
@@ -71,8 +71,6 @@ def test_terminal_files_and_page(tmp_path):
     cell beside them makes broken ones, a busy machine's ratio without its range, markup or HTML in
     a name, an empty table, a failure or a Ctrl-C that nothing is said of, and a figure of an
     earlier command beside the numbers of now."""
-    from rich.console import Console  # the extra's
-
     (tmp_path / "empty.csv").write_text("of an earlier command")
     summary = WHERE | {"interrupted": True}
     pages.write(said(Drawing()), summary, tmp_path)
@@ -96,13 +94,13 @@ def test_terminal_files_and_page(tmp_path):
     assert not re.search(r"@import|url\(|fetch\(|<link|<iframe|(src|href)=\"(?!data:|#)", page)
     screen = Console(record=True, width=150, file=io.StringIO())
     pages.show(screen, said(), summary, tmp_path)
-    told = screen.export_text()
+    printed = screen.export_text()
     for text in "Question?", "Answer.", "✗ [b] <i>", "✗ rigid: lost [atoms]", "Interrupted":
-        assert text in told, text
+        assert text in printed, text
     assert (
-        told.count("✗") == 2
-        and " 0.32  0.32 [0.3–1]" in told
-        and "does not hold: theirs: drift: 3.00 ± 0.20" in told
+        printed.count("✗") == 2
+        and " 0.32  0.32 [0.3–1]" in printed
+        and "does not hold: theirs: drift: 3.00 ± 0.20" in printed
     )
     pages.draw(said(), tmp_path)
     assert not (tmp_path / "cost.png").exists()
@@ -283,11 +281,11 @@ def test_page_in_a_browser(tmp_path):
         [BROWSER, *words, "--dump-dom", (tmp_path / "look.html").as_uri()],
         capture_output=True, text=True, timeout=200, check=True,
     )  # fmt: skip
-    found = re.findall(r'<pre class="found">(\d+) (\w+) (.*?)</pre>', done.stdout, re.S)
-    lines = {(width, what): text for width, what, text in found}
+    result = re.findall(r'<pre class="found">(\d+) (\w+) (.*?)</pre>', done.stdout, re.S)
+    lines = {(width, what): text for width, what, text in result}
     for width in "400", "401", "1300", "1301":
         assert not lines[width, "wide"].strip() and not lines[width, "spilled"].strip(), width
-    assert [text for width, what, text in found if (width, what) == ("401", "sorted")] == [
+    assert [text for width, what, text in result if (width, what) == ("401", "sorted")] == [
         *("9,10,1e2,–", "1e2,10,9,–")
     ]
     marks = html.unescape(lines["401", "marks"]).split("; ")
@@ -312,6 +310,6 @@ def test_own_results_before_committed_ones_and_broken_ones_told(tmp_path, monkey
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "summary.json").write_text(text)
     assert command.main(["report", "--results", str(tmp_path / "own")]) == 0
-    page, told = (tmp_path / "own" / "report.html").read_text(), capsys.readouterr().out
+    page, printed = (tmp_path / "own" / "report.html").read_text(), capsys.readouterr().out
     assert page.count('<section id="') == 1 and "Abacus" in page and "No results of" in page
-    assert "cut/summary.json: JSONDecodeError" in told and "odd/summary.json: Module" in told
+    assert "cut/summary.json: JSONDecodeError" in printed and "odd/summary.json: Module" in printed

@@ -40,8 +40,8 @@ def test_the_margin_of_a_drift_covers(n, time):
     rng, t = np.random.default_rng(n), np.arange(n) * 0.1
     for step in (0.0, 0.03, 0.3, 10.0, None):
         series = 0.3 * t - 7.0 + noise_of(rng, 250, n, time * n, step)
-        found = [measures.drift(t, row) for row in series]
-        off, margins = np.transpose([(one.value - 0.3, one.margin) for one in found])
+        results = [measures.drift(t, row) for row in series]
+        off, margins = np.transpose([(one.value - 0.3, one.margin) for one in results])
         assert np.mean(np.abs(off) < margins) > 0.93, step
         # the walk that white noise allows, or its correlation time, makes it wider
         assert np.median(margins) < (7.0 if step == 0.0 else 2.7) * margin(np.std(off)), step
@@ -79,14 +79,14 @@ def test_ratio_of_pairs():
     """Locks out the ratio turned round, and the scatter of the single ratios given as the error of
     their mean."""
     rng = np.random.default_rng(6)
-    found = np.array(
+    result = np.array(
         [
             measures.ratio(*np.exp(rng.normal(size=(2, 50)) * 0.1 + [[0.0], [0.3]]))
             for _ in range(200)
         ]
     )
-    assert found[:, 0].mean() == pytest.approx(np.exp(0.3), rel=0.01)
-    assert found[:, 1].mean() == pytest.approx(found[:, 0].std(), rel=0.2)
+    assert result[:, 0].mean() == pytest.approx(np.exp(0.3), rel=0.01)
+    assert result[:, 1].mean() == pytest.approx(result[:, 0].std(), rel=0.2)
 
 
 SLOW = 500  # samples of correlation time
@@ -131,15 +131,15 @@ def test_the_mean_of_a_short_series_covers(time):
     the series it covered in 80 % of cases, at 0.3 in 62 %; a variance that is too small by what the
     mean's error takes off it; and a margin so wide that it covers always."""
     rng, n = np.random.default_rng(8), 300
-    found = [
+    results = [
         (measures.mean(x), measures.squares(x).mean()) for x in noise_of(rng, 600, n, time * n, 0)
     ]
-    hits = np.mean([abs(one.value) < one.margin for one, _ in found])
+    hits = np.mean([abs(one.value) < one.margin for one, _ in results])
     assert (0.93 if time < 0.3 else 0.86) < hits < 0.985
-    scatter = margin(np.std([one.value for one, _ in found]))
-    assert np.median([one.margin for one, _ in found]) < (1.3 if time < 0.03 else 2.0) * scatter
+    scatter = margin(np.std([one.value for one, _ in results]))
+    assert np.median([one.margin for one, _ in results]) < (1.3 if time < 0.03 else 2.0) * scatter
     if time < 0.3:
-        assert np.mean([square for _, square in found]) == pytest.approx(1.0, abs=0.06)
+        assert np.mean([square for _, square in results]) == pytest.approx(1.0, abs=0.06)
 
 
 def test_error_of_standard_deviation():
@@ -155,9 +155,11 @@ def test_margin_of_few_is_students(number, table):
     """Locks out two standard errors of few values that are called 95 %, where they cover 83 % (two)
     or 90 % (four); a table of Student's t beside it."""
     rows = np.random.default_rng(number).normal(size=(4000, number))
-    found = [measures.mean_of_few(row) for row in rows]
-    assert found[0].margin / found[0].error == pytest.approx(table, rel=1e-3)
-    assert np.mean([abs(one.value) < one.margin for one in found]) == pytest.approx(0.95, abs=0.012)
+    results = [measures.mean_of_few(row) for row in rows]
+    assert results[0].margin / results[0].error == pytest.approx(table, rel=1e-3)
+    assert np.mean([abs(one.value) < one.margin for one in results]) == pytest.approx(
+        0.95, abs=0.012
+    )
     assert measures.margin(1.0) == pytest.approx(1.960, abs=1e-3)
 
 
@@ -214,5 +216,5 @@ def test_distance_ignores_periodic_images(cell):
 def test_distance_counts_in_a_direction_that_is_not_periodic():
     """Locks out folding across a wall."""
     d = np.array([[9.0, 9.0, 9.0]])
-    found = measures.nearest_image(d, CUBE, (True, True, False))
-    np.testing.assert_allclose(found, [[-1.0, -1.0, 9.0]])
+    result = measures.nearest_image(d, CUBE, (True, True, False))
+    np.testing.assert_allclose(result, [[-1.0, -1.0, 9.0]])

@@ -10,7 +10,6 @@ import committed
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from support.running import ROOT
 from validation.__main__ import main
@@ -75,12 +74,12 @@ def raises(error):
 def test_verdicts(tmp_path, number, side, verdict):
     """Locks out a number that is not finite and passes, an error bar that is forgotten, a lower
     bound taken for an upper one, and an analysis of a broken run that ends all."""
-    found = row(case(number, side=side), folder=tmp_path)
-    assert found["verdict"] == verdict
-    assert (found["value"] is None) == (verdict in measure.BROKEN)
+    results = row(case(number, side=side), folder=tmp_path)
+    assert results["verdict"] == verdict
+    assert (results["value"] is None) == (verdict in measure.BROKEN)
     if verdict in measure.BROKEN:
-        assert found["note"]
-    json.dumps(found, allow_nan=False)
+        assert results["note"]
+    json.dumps(results, allow_nan=False)
 
 
 @pytest.mark.parametrize("size", [1e80, 1e150, 1e200])
@@ -90,8 +89,8 @@ def test_drift_of_what_blew_up(size):
     t = np.linspace(0.0, 1.0, 1000)
     x = np.exp(40 * (t - 1)) + 1e-3 * np.sin(1e5 * t)
     with np.errstate(all="ignore"):
-        found = measures.drift(t, size * x)
-    np.testing.assert_allclose(found.times(1 / size), measures.drift(t, x), rtol=1e-9)
+        result = measures.drift(t, size * x)
+    np.testing.assert_allclose(result.times(1 / size), measures.drift(t, x), rtol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -114,8 +113,8 @@ def test_where_ours_is_worse(verdicts, breaks, behind):
         {"integrator": name, "kind": kinds[name], "verdict": verdict}
         for name, verdict in verdicts.items()
     ]
-    found = measure.worse([{"name": "test", "rows": rows}])
-    assert [bool(names) for names in found.values()] == [breaks, behind]
+    result = measure.worse([{"name": "test", "rows": rows}])
+    assert [bool(names) for names in result.values()] == [breaks, behind]
 
 
 def test_rows_are_kept(tmp_path, monkeypatch):
@@ -135,8 +134,8 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     def run_them(names, full=False):
         summary = stress(cases, names, tmp_path, full, ["nosquish", "rigid"])
         measure.json_files.write(tmp_path / "summary.json", summary)
-        found = {told["name"]: len(told["rows"]) for told in summary["cases"]}
-        return found, summary["interrupted"], summary["command"]
+        results = {told["name"]: len(told["rows"]) for told in summary["cases"]}
+        return results, summary["interrupted"], summary["command"]
 
     assert run_them(["one"])[:2] == ({"one": 1}, True)
     assert run_them(["one"])[:2] == ({"one": 2}, False)
@@ -145,8 +144,8 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     assert run_them(["one"], full=True)[0] == {"one": 2}
     assert done[5:] == [("one", "nosquish", 2), ("one", "rigid", 2)]
     monkeypatch.setattr("validation.running.store.code", lambda: "other")
-    found, _, command = run_them(["two"])
-    assert found == {"two": 2} and command == "nosquish stress two --short"
+    results, _, command = run_them(["two"])
+    assert results == {"two": 2} and command == "nosquish stress two --short"
     assert len(done) == 9
 
 
@@ -191,16 +190,16 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
     passed = dict.fromkeys(measure.ALL, 0)
     assert [told["name"] for told in summary["cases"]] == [*CASES]
     for told in summary["cases"]:
-        found = CASES[told["name"]]
-        assert (told["low"], told["high"]) == found.bound.within(), found.name
-        texts = [one.text() for one in found.criteria.values()]
-        assert [one["text"] for one in told["criteria"]] == texts, found.name
+        result = CASES[told["name"]]
+        assert (told["low"], told["high"]) == result.bound.within(), result.name
+        texts = [one.text() for one in result.criteria.values()]
+        assert [one["text"] for one in told["criteria"]] == texts, result.name
         for line in told["rows"]:
-            again = measure.judged(found, line)
+            again = measure.judged(result, line)
             keys = "verdict", "value", "note"
             assert [again[key] for key in keys] == [line[key] for key in keys], line["command"]
             passed[line["integrator"]] += line["verdict"] == "pass" and told["part"] == "extreme"
-        assert {"fail", "blow-up"} & {line["verdict"] for line in told["rows"]}, found.name
+        assert {"fail", "blow-up"} & {line["verdict"] for line in told["rows"]}, result.name
     page = (ROOT / "docs" / "results" / "stability.md").read_text()
     for name, label in report._labels(summary["cases"]).items():
         assert f"| `{committed.cell(label)}` | {passed[name]} |" in page
@@ -239,13 +238,13 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
 def test_many_looks_are_one_verdict(starts):
     """Locks out that each look at more starts spends all of the 5 %: of a number that lies on its
     bound 13 % of the verdicts were sure then."""
-    found = case(None, starts=starts)
-    assert found.looks == [1, 2, 4, 8][: 1 + 3 * (starts > 1)]
+    result = case(None, starts=starts)
+    assert result.looks == [1, 2, 4, 8][: 1 + 3 * (starts > 1)]
     sure = 0
     for seed in range(4000):
         values = 1.0 + 0.3 * np.random.default_rng(seed).normal(size=starts)
-        numbers = [[Number(value, 0.3) for value in values[:look]] for look in found.looks]
-        sure += any(found.verdict(some) != "cannot tell" for some in numbers)
+        numbers = [[Number(value, 0.3) for value in values[:look]] for look in result.looks]
+        sure += any(result.verdict(some) != "cannot tell" for some in numbers)
     assert 0.02 < sure / 4000 < 0.06
 
 
@@ -265,8 +264,8 @@ APART = [
 def test_cases_tell_integrators_apart(tmp_path, name, length, passes, does_not):
     """Locks out a bound that nobody can fail, and one that nobody can keep."""
     for who, verdicts in (passes, ("pass",)), (does_not, ("fail", "blow-up")):
-        found = row(CASES[name], who, tmp_path / "runs", length)
-        assert found["verdict"] in verdicts, found
+        result = row(CASES[name], who, tmp_path / "runs", length)
+        assert result["verdict"] in verdicts, result
 
 
 def changing(monkeypatch, bears):
@@ -287,13 +286,13 @@ def test_limit_by_halving(monkeypatch, good):
     be, or invents a limit below the first step."""
     steps = np.arange(0.5, 12.1, 0.25)
     tried = changing(monkeypatch, lambda dt: dt < 0.4 + 0.25 * good)
-    found = molecules.halved(None, None, steps, 1.0)
+    result = molecules.halved(None, None, steps, 1.0)
     assert len(set(tried)) <= 8
-    assert good < 4 or any(0.7 < 2 * dt / found.value < 1.3 for dt in tried)
+    assert good < 4 or any(0.7 < 2 * dt / result.value < 1.3 for dt in tried)
     if good == 0:
-        assert found.value == found.error == 0.0 and found.note.startswith("not even at 0.5 fs")
+        assert result.value == result.error == 0.0 and result.note.startswith("not even at 0.5 fs")
     elif good < 47:
-        assert (found.value, found.error) == (0.375 + 0.25 * good, 0.0625)
+        assert (result.value, result.error) == (0.375 + 0.25 * good, 0.0625)
 
 
 def test_limit_of_runs(tmp_path):
@@ -303,11 +302,11 @@ def test_limit_of_runs(tmp_path):
     def measured(stand, length):
         return molecules.halved(stand, SCENES["dimer"], np.array(length), 200.0)
 
-    found = row(case(measured, side="≥"), folder=tmp_path / "long", length=[50.0, 60.0])
-    assert (found["verdict"], found["value"]) == ("fail", 0.0)
-    assert found["note"].startswith("not even at 50 fs"), found
-    found = row(case(measured, side="≥"), folder=tmp_path / "short", length=[0.3, 0.6, 50.0])
-    assert found["note"] == "stable at 0.6 fs, not at 50 fs"
+    results = row(case(measured, side="≥"), folder=tmp_path / "long", length=[50.0, 60.0])
+    assert (results["verdict"], results["value"]) == ("fail", 0.0)
+    assert results["note"].startswith("not even at 50 fs"), results
+    results = row(case(measured, side="≥"), folder=tmp_path / "short", length=[0.3, 0.6, 50.0])
+    assert results["note"] == "stable at 0.6 fs, not at 50 fs"
 
 
 def test_refused_bodies_are_not_run(tmp_path):
@@ -318,8 +317,8 @@ def test_refused_bodies_are_not_run(tmp_path):
         scene = dataclasses.replace(SCENES["dimer"], bodies="nonsense")
         stand.run(scene, "run", [1], dt=0.1, every=1)
 
-    found = row(case(measured), "rigid/nve", tmp_path)
-    assert found["verdict"] == "blow-up" and "ERROR" in found["note"], found
+    results = row(case(measured), "rigid/nve", tmp_path)
+    assert results["verdict"] == "blow-up" and "ERROR" in results["note"], results
 
 
 # ---- the command

@@ -232,8 +232,8 @@ def test_suspects():
         OtherFix(**nothing | {"id": style, "style": style, "end_of_step": 1, "called": 1})
         for style in ("python/invoke", "momentum", "ave/time", "temp/csvr", "deform", "new/style")
     ]
-    found = [fix.style for fix in OtherFixes(fixes).suspects()]
-    assert found == ["python/invoke", "new/style"]
+    results = [fix.style for fix in OtherFixes(fixes).suspects()]
+    assert results == ["python/invoke", "new/style"]
 
 
 def test_advice_of_noise_that_no_energy_tests(run_lammps, tmp_path):

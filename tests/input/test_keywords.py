@@ -713,13 +713,13 @@ def test_particles_that_do_not_spin(run_lammps):
     fix = OURS.format(group="all", words="molecule")
     still = "velocity all create 1.0 4928\nset group all omega 0 0 0\n"
     files = {"data.clumps": data}
-    said = run_lammps(f"{script}\n{still}{fix}\nrun 0\n", files=files).log
+    logged = run_lammps(f"{script}\n{still}{fix}\nrun 0\n", files=files).log
     spins = run_lammps(
         f"{script}\n{still}set group all omega 0 0 1\n{fix}\nrun 0\n", files=files
     ).log
     warm = fix.replace("nve molecule", "nvt molecule temp 1 1 1 seed 7")
     warmed = run_lammps(f"{script}\n{still}{warm}\nrun 0\n", files=files).log
-    assert "the bodies' rotation starts colder than their translation" in said
+    assert "the bodies' rotation starts colder than their translation" in logged
     assert "starts colder" not in spins + warmed
 
 

@@ -384,7 +384,7 @@ write_dump all custom {name} id x y z vx vy vz modify sort id format float %.16g
     assert np.abs(nearest(delta[:, 1:4], BODIES.h)).max() < 1e-8
     assert np.abs(delta[:, 4:]).max() < 1e-8
     if row.shows:
-        found = [
+        results = [
             re.findall(
                 row.shows,
                 (tmp_path / f"{row.file}.{name}").read_text() if row.file else logs[name],
@@ -392,7 +392,7 @@ write_dump all custom {name} id x y z vx vy vz modify sort id format float %.16g
             )
             for name in ("ours", "without")
         ]
-        assert found[0] != found[1] and (found[0] or word == "warn")
+        assert results[0] != results[1] and (results[0] or word == "warn")
     if row.column:
         with_it, without = (read_thermo(logs[name])[row.column] for name in ("ours", "without"))
         assert np.abs(with_it - without).max() > 1e-6

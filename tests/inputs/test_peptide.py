@@ -94,22 +94,22 @@ def test_bodies_are_the_residues_groups(data, atoms, names):
     assert (elements[names.n_atoms :].reshape(-1, 3) == ["O", "H", "H"]).all()
     bonds = {frozenset((int(i) - 1, int(j) - 1)) for *_, i, j in data["Bonds"]}
 
-    found = {}
+    results = {}
     for number in range(1, body.max() + 1):
         heavy, *hydrogens = np.flatnonzero(body == number)
         assert elements[heavy] in "CNO" and (elements[hydrogens] == "H").all() and hydrogens
         assert all(frozenset((heavy, h)) in bonds for h in hydrogens)
         residue = names.atom(heavy).residue if heavy < names.n_atoms else "water"
-        found.setdefault(residue, []).append(
+        results.setdefault(residue, []).append(
             f"{elements[heavy]}H{len(hydrogens) if len(hydrogens) > 1 else ''}"
         )
     assert (body[elements == "H"] > 0).all()
 
-    water = found.pop("water")
+    water = results.pop("water")
     assert water == ["OH2"] * ((len(body) - names.n_atoms) // 3)
     first = names.residue(0)
-    found[first][found[first].index("NH3")] = "NH"  # the chain's end
-    assert {residue: sorted(groups) for residue, groups in found.items()} == {
+    results[first][results[first].index("NH3")] = "NH"  # the chain's end
+    assert {residue: sorted(groups) for residue, groups in results.items()} == {
         residue: sorted(GROUPS[residue.name].split()) for residue in names.residues
     }
     carbonyls = [atom.index for atom in names.atoms if atom.name in ("C", "O")]

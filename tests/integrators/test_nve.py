@@ -177,8 +177,8 @@ def test_start_velocities(simulate, ranks):
             assert abs((r[i] - r[j]) @ (new[i] - new[j])) < 1e-13
         lost += 0.5 * mass @ (old**2 - new**2).sum(axis=1)
     kinetic = 0.5 * system.mass @ (before.v**2).sum(axis=1)
-    said = re.search(r"start velocities: (\S+) of the kinetic energy (\S+)", after.log)
-    np.testing.assert_allclose([float(said[1]), float(said[2])], [lost, kinetic], rtol=1e-6)
+    logged = re.search(r"start velocities: (\S+) of the kinetic energy (\S+)", after.log)
+    np.testing.assert_allclose([float(logged[1]), float(logged[2])], [lost, kinetic], rtol=1e-6)
     assert lost > 0.1 * kinetic
 
 
@@ -231,10 +231,10 @@ def test_wide_body_with_wrong_flags(simulate, ranks):
         simulate(system, fix, 20, ranks=n, dt=0.05) for fix, n in ((RIGID, 1), (OURS, ranks))
     )
     assert apart(ours, theirs, system.h) < 1e-7
-    said = [line for line in ours.log.splitlines() if line.startswith("WARNING")]
-    assert len(said) == 1 and said[0].startswith(
+    logged = [line for line in ours.log.splitlines() if line.startswith("WARNING")]
+    assert len(logged) == 1 and logged[0].startswith(
         "WARNING: the body of molecule 1 (its first atom is 1) may be cut by a periodic face"
-    ), said
+    ), logged
     assert "WARNING" not in simulate(wide(True), OURS, 50, dt=0.05).log
 
 

@@ -115,18 +115,18 @@ def test_temperatures_and_pressures_are_those_of_lj_units(simulate, scaled, styl
         return simulate(system, fix, 50, **how)
 
     plain = mixture()
-    want, found = run(plain), run(scaled(style), **numbers)
-    found = found._replace(x=found.x / units.length, v=found.v * (units.time / units.length))
+    want, result = run(plain), run(scaled(style), **numbers)
+    result = result._replace(x=result.x / units.length, v=result.v * (units.time / units.length))
     stretched = plain.h * np.cbrt(want.thermo["Volume"][-1] / want.thermo["Volume"][0])
     # the digits of LAMMPS's constants
-    assert apart(found, want, stretched) < 1e-4
-    assert np.abs(found.v - want.v).max() < 1e-3
-    volumes = found.thermo["Volume"] / units.length**3
+    assert apart(result, want, stretched) < 1e-4
+    assert np.abs(result.v - want.v).max() < 1e-3
+    volumes = result.thermo["Volume"] / units.length**3
     np.testing.assert_allclose(volumes, want.thermo["Volume"], rtol=1e-5)
     column = column.capitalize() if column == "econserve" else column
-    energies = found.thermo[column] / units.energy
+    energies = result.thermo[column] / units.energy
     np.testing.assert_allclose(energies, want.thermo[column], rtol=1e-4, atol=1e-3)
-    assert ("WARNING" in found.log) == ("WARNING" in want.log)
+    assert ("WARNING" in result.log) == ("WARNING" in want.log)
 
 
 @pytest.mark.parametrize("style", METRES)

@@ -226,8 +226,8 @@ def start(folder, code=USE, arguments=(), ranks=None, cache="cache"):
 
 def answer(process):
     """What a process says; it may compile first, which takes a minute on a slow machine."""
-    output, said = process.communicate(timeout=200)
-    assert process.returncode == 0, output + said
+    output, printed = process.communicate(timeout=200)
+    assert process.returncode == 0, output + printed
     return json.loads(output)
 
 
@@ -473,9 +473,9 @@ def test_no_memory_on_one_rank(tmp_path):
     """Locks out a loop that writes to address 0 and on, where C's realloc has no memory to give."""
     (tmp_path / "growing.py").write_text(GROW)
     process = start(tmp_path, USE_GROW, ranks=2)
-    output, said = process.communicate(timeout=200)
-    assert process.returncode and "went on" not in output, output + said
-    assert (output + said).count("fix_nosquish: there is no memory left on this node") == 1
+    output, printed = process.communicate(timeout=200)
+    assert process.returncode and "went on" not in output, output + printed
+    assert (output + printed).count("fix_nosquish: there is no memory left on this node") == 1
 
 
 # ---------------------------------------------------------------- where the machine code is kept
@@ -564,8 +564,8 @@ def test_an_empty_file(copied):
 def test_folder_that_cannot_be_written(copied):
     """Locks out: an error that does not say which folder it is, where the user has no cache: a file
     is in the place of its folder, where not even root can write."""
-    _, said = start(copied, cache="helpers.py").communicate(timeout=200)
-    assert "NotADirectoryError" in said and "helpers.py/fix_nosquish'" in said
+    _, printed = start(copied, cache="helpers.py").communicate(timeout=200)
+    assert "NotADirectoryError" in printed and "helpers.py/fix_nosquish'" in printed
 
 
 @pytest.mark.parametrize("whose", ["file", "owner"])

@@ -45,9 +45,9 @@ def test_refused(splitting, more, says):
 )
 def test_passes(splitting, passes, tail_moves, prepared):
     """Locks out a second pass over the bodies where nothing is measured, and none where it is."""
-    found = stages(splitting, KNOWN)
-    assert len(found.middle) == passes
-    assert (found.tail_moves, found.prepared) == (tail_moves, prepared)
+    result = stages(splitting, KNOWN)
+    assert len(result.middle) == passes
+    assert (result.tail_moves, result.prepared) == (tail_moves, prepared)
 
 
 def test_nothing_prepares():
@@ -91,15 +91,15 @@ def test_rows_that_tell_who_a_body_is(run_lammps, tmp_path, splitting, more):
     wherever they stand in a step: only body 3 is slowed down."""
     system, steps = mixture(side=2), 4
     end = "dump 1 all custom {0} end id mol vx vy vz\ndump_modify 1 sort id format float %.17g\n"
-    found = {}
+    results = {}
     for name in "slow.Slow", "fix_nosquish.NVE":
         script = f"{system.setup}\n{more}pair_coeff * * 0 1\ntimestep 0.001\n"
         script += f'fix 1 bodies python/move "{name} bodies molecule"\n{end.format(steps)}'
         script += f"run {steps}\n"
         files = system.files | {"slow.py": OWN.format(splitting=splitting)}
         run_lammps(script, files=files)
-        found[name] = np.loadtxt((tmp_path / "end").read_text().split("vz\n")[-1].splitlines())
-    slowed, free = found.values()
+        results[name] = np.loadtxt((tmp_path / "end").read_text().split("vz\n")[-1].splitlines())
+    slowed, free = results.values()
     other = slowed[:, 1] != 3
     np.testing.assert_allclose(slowed[other], free[other], rtol=1e-6, atol=1e-9)
     times = steps * (3 if more else 1)  # a step of the outer level begins, and two of the inner one

@@ -349,8 +349,8 @@ def test_forces_from_python(run_bodies, run_lammps, tmp_path, ranks):
     done = run_lammps(
         system.setup, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"]
     )
-    found = motion.read(tmp_path / "end")[1][0][:, 1:]
-    assert found == pytest.approx(atoms, abs=1e-13)
+    actual = motion.read(tmp_path / "end")[1][0][:, 1:]
+    assert actual == pytest.approx(atoms, abs=1e-13)
     assert done.thermo["TotEng"][-1] == pytest.approx(expected["TotEng"][-1], rel=1e-12)
     assert np.ptp(expected["TotEng"][1:]) > 1e-3
 

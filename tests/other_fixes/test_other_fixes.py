@@ -290,10 +290,10 @@ def test_velocity_scale(run_all, ranks):
     bodies = len(np.unique(system.molecule))
     bodies = {"all": bodies, "some": 60, "rest": bodies - 60}
     expected = [0.5 * kelvin * (6 * bodies[group] - 3) for _, group, kelvin in asked]
-    found = [float(number) for number in re.findall(r"^HAS (\S+)", log, re.M)]
+    actual = [float(number) for number in re.findall(r"^HAS (\S+)", log, re.M)]
     # a whole number of degrees of freedom is removed from the atoms'
-    np.testing.assert_allclose(found, expected, rtol=0.6 / (6 * 60 - 3))
-    np.testing.assert_allclose(found[1], expected[1], rtol=1e-10)  # rigid motion already
+    np.testing.assert_allclose(actual, expected, rtol=0.6 / (6 * 60 - 3))
+    np.testing.assert_allclose(actual[1], expected[1], rtol=1e-10)  # rigid motion already
 
 
 # ---- fixes that change velocities at the end of a step

@@ -334,10 +334,10 @@ def test_momentum_and_angular_momentum(simulate, ranks, steps):
     drop = assemble(bodies, h, temperature=0.3, setup="boundary s s s", seed=11)
     before = SMOOTH + "neigh_modify every 5 delay 0 check no\n" + sums()
     how = {"columns": "c_sums[*]", "every": steps // 5, "ranks": ranks}
-    found = simulate(drop, OURS, steps, before=before, **how)
+    result = simulate(drop, OURS, steps, before=before, **how)
     for name in "PL":
-        change = np.abs(vector(found, name) - vector(found, name)[0]).max()
-        off = change / vector(found, name.lower()).sum(axis=1).min()
+        change = np.abs(vector(result, name) - vector(result, name)[0]).max()
+        off = change / vector(result, name.lower()).sum(axis=1).min()
         assert off < 1e-12, f"{name} off by {off:.3g}"
 
 
@@ -393,10 +393,10 @@ def test_cases(simulate, name):
     """Locks out what each case says: bodies that depend on where a run was cut or on image
     counters, that leave the plane or ignore other fixes, and r-RESPA that does not converge. The
     committed results have what LAMMPS's fixes come to."""
-    found = reported.MEASURES[name](
+    result = reported.MEASURES[name](
         lambda system, steps, **how: simulate(system, OURS, steps, **how)
     )
-    number = found if isinstance(found, reported.Number) else reported.Number(found)
+    number = result if isinstance(result, reported.Number) else reported.Number(result)
     assert cases.CASES[name].verdict([number]) == "pass", number
 
 

@@ -128,10 +128,10 @@ def masks(folder, version, *before):
     words = ["g++", "-std=c++17", "-E", f"-DCOMPILED_FOR_LAMMPS={version}", *includes, program]
     text = subprocess.run(words, capture_output=True, text=True, check=True).stdout
     named = dict(re.findall(r"(\w+_MASK) = ([^,}]+)", text))
-    found = re.search(r"^MASKS (.*)", text, re.MULTILINE)[1].split()
+    results = re.search(r"^MASKS (.*)", text, re.MULTILINE)[1].split()
     for _ in named:  # one is named by another
-        found = [named.get(one, one).strip() for one in found]
-    return [eval(one.replace("ULL", "")) for one in found]
+        results = [named.get(one, one).strip() for one in results]
+    return [eval(one.replace("ULL", "")) for one in results]
 
 
 @pytest.mark.parametrize("version", BITS)

@@ -114,8 +114,8 @@ def test_advice_has_the_form_in_use(run_lammps, what, form):
     text = run_of(system, name, form, 1, words=words).replace(
         "thermo_style", f"{after}\nthermo_style"
     )
-    said = " ".join(run_lammps(text, files=system.files, check=False).screen.split())
-    assert says.format(**named) in said
+    printed = " ".join(run_lammps(text, files=system.files, check=False).screen.split())
+    assert says.format(**named) in printed
 
 
 def test_each_style_has_its_class():
@@ -178,8 +178,8 @@ def test_several_lammps(tmp_path):
         [sys.executable, "-c", SEVERAL], cwd=tmp_path, text=True, capture_output=True, timeout=100
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    _, *found = next(line for line in done.stdout.splitlines() if "FOUND" in line).split()
-    assert len(found) == 8 and len(set(found)) == 1, found
+    _, *result = next(line for line in done.stdout.splitlines() if "FOUND" in line).split()
+    assert len(result) == 8 and len(set(result)) == 1, result
 
 
 ALIASES = {  # what users write: the style that it is, and its words

@@ -18,7 +18,7 @@ from fix_nosquish.host.own_fix import OwnFix
 from fix_nosquish.ranks.communicator import ALONE
 from support.bad_input import CASES
 from support.debian import ICE, debian, ice, obstacle
-from support.endings import BENT, SECONDS, SPOIL, left_behind
+from support.endings import BENT, SECONDS, SPOIL, processes_in
 from support.systems import OURS as NVE
 from support.systems import apart, mixture
 
@@ -162,12 +162,12 @@ def test_bad_input_ends_all_ranks(run_lammps, tmp_path, name):
     expected = FOUND_LATER.get(name, case.expected)
     run = run_lammps(case.script, files=files, launcher=debian(2), check=False, timeout=SECONDS)
     assert run.code != 0, run.screen
-    said = [line for line in run.screen.splitlines() if all(words in line for words in expected)]
+    printed = [line for line in run.screen.splitlines() if all(words in line for words in expected)]
     if name in IN_IMPORT:
-        assert said, run.screen
+        assert printed, run.screen
     else:
-        assert len([line for line in said if line.startswith("ERROR")]) == 1, run.screen
-    assert not left_behind(tmp_path)
+        assert len([line for line in printed if line.startswith("ERROR")]) == 1, run.screen
+    assert not processes_in(tmp_path)
 
 
 # the plugin and LAMMPS's own fix draw the same numbers
@@ -231,8 +231,10 @@ def test_what_needs_the_plugin(run_lammps, fix, says, ranks):
     are tested without an energy, or hang on one rank."""
     how = {"launcher": debian(ranks), "check": False, "timeout": SECONDS}
     done = run_lammps(SCRIPT.format(fix=fix, runs="run 10"), files={"data.ice": ice()}, **how)
-    said = [line for line in done.screen.splitlines() if says in line]
-    assert done.code and len([line for line in said if line.startswith("ERROR")]) == 1, done.screen
+    printed = [line for line in done.screen.splitlines() if says in line]
+    assert done.code and len([line for line in printed if line.startswith("ERROR")]) == 1, (
+        done.screen
+    )
 
 
 def test_a_failed_fix_goes_away(capfd):

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.endings import left_behind
+from support.endings import processes_in
 from support.running import BIN, LAUNCHERS, read_thermo
 
 MELT = """
@@ -596,16 +596,16 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
 
 def parents(folder):
     """Process number -> that of its parent, of all processes that work in a folder."""
-    found = {}
+    results = {}
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if Path(os.readlink(process / "cwd")) == folder:
-                found[int(process.name)] = int(
+                results[int(process.name)] = int(
                     (process / "stat").read_text().rsplit(")", 1)[1].split()[1]
                 )
         except OSError:
             pass  # ended meanwhile, or another user's
-    return found
+    return results
 
 
 @pytest.mark.parametrize(
@@ -655,7 +655,7 @@ def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
                 number,
             )
         assert command.wait(10) != 0
-        wait_for(lambda: not left_behind(tmp_path), 10)
+        wait_for(lambda: not processes_in(tmp_path), 10)
         assert list(read_thermo((tmp_path / "log.lammps").read_text())["Step"]) == [0, 5, 10]
     finally:
         for process in parents(tmp_path):

@@ -421,8 +421,8 @@ def test_infile_of_custom(on, tmp_path, ranks):
     columns = [f"f_1[2][{k}]" for k in (1, 2, 3, 13, 14, 15, 4)]
     how = {"before": own, "steps": 0, "columns": " ".join(columns)}
     text = run_of("rigid/nve", "", **how).replace("molecule \n", "custom i_own\n")
-    found = on(text).thermo[0]
-    x, image = ([f"{found[c]:.17g}" for c in some] for some in (columns[:3], columns[3:6]))
+    result = on(text).thermo[0]
+    x, image = ([f"{result[c]:.17g}" for c in some] for some in (columns[:3], columns[3:6]))
     row = f"2 50.0 {' '.join(x)} 9 10 11 0 0 0 0.5 0 0 0 0 0 {' '.join(image)}\n"
     (tmp_path / "in.bodies").write_text("1\n" + row)
     text = text.replace("custom i_own", "custom i_own infile in.bodies")

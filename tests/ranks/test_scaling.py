@@ -72,10 +72,10 @@ def arrays(thing, name="", seen=None):
         parts = dict(enumerate(thing))
     elif type(thing).__module__.startswith("fix_nosquish") or hasattr(thing, "values"):
         parts = vars(thing)
-    found = {}
+    results = {}
     for key, part in parts.items():
-        found |= arrays(part, f"{name}.{key}", seen)
-    return found
+        results |= arrays(part, f"{name}.{key}", seen)
+    return results
 
 
 def run_counted():

@@ -27,12 +27,12 @@ def atoms(path):
 def norms(path):
     """The largest force and the largest torque on a molecule, from its atoms' forces."""
     molecule, mass, x, f = atoms(path)
-    found = []
+    results = []
     for one in np.unique(molecule):
         here = molecule == one
         d = x[here] - np.average(x[here], axis=0, weights=mass[here])
-        found.append([f[here].sum(axis=0), np.cross(d, f[here]).sum(axis=0)])
-    return np.linalg.norm(found, axis=2).max(axis=0)
+        results.append([f[here].sum(axis=0), np.cross(d, f[here]).sum(axis=0)])
+    return np.linalg.norm(results, axis=2).max(axis=0)
 
 
 def bent(before, after):

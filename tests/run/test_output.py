@@ -502,14 +502,14 @@ def test_force_on_held_bodies(simulate, tmp_path, fix, ranks):
         words=words, ranks=ranks, columns=" ".join(columns), before=FILE,
     ).thermo  # fmt: skip
     for i, j in SOME_SUMS:
-        found, name = thermo[f"f_1[{i}][{j + 6}]"], f"c_{'ft'[j > 3]}[{i}][{(j - 1) % 3 + 1}]"
+        result, name = thermo[f"f_1[{i}][{j + 6}]"], f"c_{'ft'[j > 3]}[{i}][{(j - 1) % 3 + 1}]"
         assert np.abs(thermo[name]).min() > 1e-6
-        close(found, thermo[name], 1e-10 * np.abs(found).max())
+        close(result, thermo[name], 1e-10 * np.abs(result).max())
         if local:
             close(thermo[f"c_m{j}"], thermo[f"v_m{j}"], 1e-12)
         if "output" in fix:
             table = read_table(tmp_path / "bodies.csv")
-            close(table[NAMES[j - 7]][table["body"] == i], found, 1e-12)
+            close(table[NAMES[j - 7]][table["body"] == i], result, 1e-12)
 
 
 def test_vector(simulate):
@@ -784,11 +784,11 @@ def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
     system = mixture("solid planar pair")
     script = f"{system.setup}\n{fix}\nrun 5\n"
     run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
-    said = run.screen.split("SAID ")[1:]  # two ranks may print on one line
-    assert len(said) == 5 * ranks
-    gone = [line for line in said if line.startswith("RunError fix 1 (nosquish/hmc) no longer")]
+    printed = run.screen.split("SAID ")[1:]  # two ranks may print on one line
+    assert len(printed) == 5 * ranks
+    gone = [line for line in printed if line.startswith("RunError fix 1 (nosquish/hmc) no longer")]
     assert len(gone) == 3 * ranks
-    assert sum("RunError there is no fix 1" in line for line in said) == 2 * ranks
+    assert sum("RunError there is no fix 1" in line for line in printed) == 2 * ranks
     counts = [
         sum(map(int, re.findall(rf"{word} (\d+)", run.screen))) for word in ("BEFORE", "AFTER")
     ]

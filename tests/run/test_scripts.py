@@ -373,8 +373,8 @@ def test_told_of_changes(run_lammps):
     )
     log = run_lammps(text, files={"mol.bent": BENT}, ranks=2).log
     logs = re.split(r"^PART .*\n", log, flags=re.M)[1:]
-    found = [re.findall(r"since this fix was defined \((.*?)\)\.", one) for one in logs]
-    assert found == [[told] if told else [] for _, told in TOLD.values()]
+    results = [re.findall(r"since this fix was defined \((.*?)\)\.", one) for one in logs]
+    assert results == [[told] if told else [] for _, told in TOLD.values()]
 
 
 RERUN = """

@@ -1,4 +1,4 @@
-"""Runs that end with an error: molecules and classes for them, and what such an end is to be."""
+"""Runs that end with an error: molecules and classes for them, and how they have to end."""
 
 import os
 import re
@@ -71,20 +71,21 @@ class BreaksOnOneRank(NVE):
 """
 
 
-def left_behind(folder):
-    """Processes that still work in a folder."""
-    found = []
+def processes_in(folder):
+    """Command lines of the processes whose working directory is this folder."""
+    commands = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if Path(os.readlink(process / "cwd")) == folder:
-                found.append((process / "cmdline").read_text().replace("\0", " "))
+                commands.append((process / "cmdline").read_text().replace("\0", " "))
         except OSError:
             pass  # ended meanwhile, or another user's
-    return found
+    return commands
 
 
 def assert_ended(run, expected, folder):
-    """The run failed with one LAMMPS error that says all this, and nothing of it still runs."""
+    """Assert that a run failed with one LAMMPS error that contains all of these texts, and that
+    none of its processes is left in the folder."""
     errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
     assert run.code != 0, f"the run went on:\n{run.screen}"
     assert len(errors) == 1, f"{len(errors)} messages:\n{run.screen}"
@@ -92,7 +93,7 @@ def assert_ended(run, expected, folder):
     assert not missing, f"no {missing} in the message:\n{errors[0]}"
     assert not re.search(r"\(fix_nosquish\S*:\d+\)", run.screen), "it names a source of the plugin"
     for _ in range(20):
-        if not left_behind(folder):
+        if not processes_in(folder):
             return
         time.sleep(0.1)
-    raise AssertionError(f"still running: {left_behind(folder)}")
+    raise AssertionError(f"still running: {processes_in(folder)}")

@@ -55,17 +55,17 @@ def refused(text, tmp_path, **ask):
     return message
 
 
-def with_lines(text, told):
-    """A script with what a verb tells of it: lines in the place of the last of the fixes that go,
-    of its timestep, if it says so, and without commands that name these fixes."""
+def with_lines(text, advice):
+    """A script changed as a verb advises: its lines replace the last of the fixes that they replace
+    and, if it says so, the timestep; commands that name these fixes are removed."""
     kept, lost = text.replace("&\n", "").splitlines(), []
-    (place,) = re.findall(r"These lines.* replace .*", told)
-    for named in re.findall(r"or its computes: (.*)\.", told):
+    (place,) = re.findall(r"These lines.* replace .*", advice)
+    for named in re.findall(r"or its computes: (.*)\.", advice):
         lost += named.split("; ")
     ids = re.findall(r"fix (\S+) \(", place)
     fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
     assert ids and {line.split()[1] for line in fixes} == set(ids)
-    made = [line.strip() for line in told.splitlines() if line.startswith("    ")]
+    made = [line.strip() for line in advice.splitlines() if line.startswith("    ")]
     lost += [line for line in kept if line.startswith("timestep") and "timestep" in place]
     kept[kept.index(fixes[-1])] = "\n".join(made)
     return "\n".join(line for line in kept if line not in (*fixes, *lost)) + "\n"

@@ -22,10 +22,10 @@ __getattr__ = of_fix_line(Tells)
 
 def assert_lammps_virial(run):
     """The last virial that a class of TELLS has told is that of compute pressure, c_f."""
-    told = np.array(run.log.rsplit("VIRIAL ", 1)[1].split("\n")[0].split(), float)
+    logged = np.array(run.log.rsplit("VIRIAL ", 1)[1].split("\n")[0].split(), float)
     last = run.thermo[-1]
     theirs = np.array([last[f"c_f[{k}]"] for k in range(1, 7)]) * last["Volume"]
-    np.testing.assert_allclose(told, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
+    np.testing.assert_allclose(logged, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max())
 
 
 VIRIAL_LINES = "compute f all pressure NULL virial\n" + thermo("elong vol c_f[*]", 1)

@@ -50,14 +50,14 @@ def body_momenta(path):
 def spreads(run_lammps, begin, line, files, time=2):
     """How much more econserve spreads when a time step is doubled, twice, from 0.001 on, while the
     energy itself changes by far more; and the last run's thermo table."""
-    found = []
+    results = []
     for dt in (0.001, 0.002, 0.004):
         words = line + thermo("etotal econserve vol", round(0.02 / dt))
         script = f"{begin}timestep {dt}\n{words}run {round(time / dt)}\n"
         rows = run_lammps(script, files=files).thermo
-        found.append(rows["Econserve"].std())
-        assert np.ptp(rows["TotEng"]) > 50 * found[-1]
-    return [found[1] / found[0], found[2] / found[1]], rows
+        results.append(rows["Econserve"].std())
+        assert np.ptp(rows["TotEng"]) > 50 * results[-1]
+    return [results[1] / results[0], results[2] / results[1]], rows
 
 
 # a box that changes in each fifth step does so in the same steps on the way back

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.comparison import row
@@ -54,9 +53,9 @@ def test_temperatures_of_bodies_are_those_they_were_given(tmp_path):
     v = np.zeros((frames, len(mass), 3))
     v[:, group] = centre[:, :, None] + np.cross(omega[:, :, None], r)
     x = np.broadcast_to(own.atoms["x"], v.shape)
-    found, _ = series(own, x, v, range(frames))
-    assert found.motion.turning(3) == 2 * own.bodies  # of linear ones
-    moving, turning = errors.temperatures(cases.of_script(own), found)
+    result, _ = series(own, x, v, range(frames))
+    assert result.motion.turning(3) == 2 * own.bodies  # of linear ones
+    moving, turning = errors.temperatures(cases.of_script(own), result)
     assert moving.mean() == pytest.approx(kelvin, rel=0.01)
     assert turning.mean() == pytest.approx(kelvin, rel=0.01)
 
@@ -73,12 +72,12 @@ def test_numbers_are_of_what_counts_of_a_run(tmp_path):
     thermo |= {"Step": np.arange(1.0 + frames), "Econserve": np.arange(1.0 + frames)}
     (made, positions) = series(own, x, v, [frames])
     result = SimpleNamespace(positions=positions, thermo=thermo)
-    found = errors.numbers(case, 1.0, result, first / frames)
+    actual = errors.numbers(case, 1.0, result, first / frames)
     rest = np.arange(first, 1.0 + frames)
-    assert found.estimates["energy_sd"].value == pytest.approx(np.std(rest, ddof=1))
+    assert actual.estimates["energy_sd"].value == pytest.approx(np.std(rest, ddof=1))
     (moving,), (turning,) = errors.temperatures(case, made)
-    assert found.kinds[0].value == pytest.approx((moving - turning) / case.temperature, rel=1e-9)
-    assert len(found.rdf) > 10
+    assert actual.kinds[0].value == pytest.approx((moving - turning) / case.temperature, rel=1e-9)
+    assert len(actual.rdf) > 10
 
 
 def test_what_a_failure_is():
@@ -117,9 +116,9 @@ def test_targets_are_those_that_a_script_has(tmp_path):
     with pytest.raises(LookupError, match="there is no target speed"):
         of(co2, {"speed": 1.0})
     spce = take(scripts.spce(tmp_path), tmp_path / "out2")
-    found = of(spce, {"energy": 0.1})
-    assert found["energy"] == 0.1 and found["drift"] == cases.HEATED
-    assert "density" not in found
+    results = of(spce, {"energy": 0.1})
+    assert results["energy"] == 0.1 and results["drift"] == cases.HEATED
+    assert "density" not in results
     path = scripts.rings(tmp_path)
     rings = take(path, tmp_path / "out3")
     assert "energy" not in of(rings, {})  # fix langevin stays
@@ -180,10 +179,10 @@ def test_the_energys_change_is_what_is_said_of_it(kind, taken):
     energy = walk + np.sqrt(2) * np.sin(angle) + random.normal(size=len(walk))
     for stride in (1, 12, 48, 96):
         for part in (1, 10):
-            found = energies(own, energy[: len(energy) // part : stride], stride)["energy"]
+            result = energies(own, energy[: len(energy) // part : stride], stride)["energy"]
             forgotten = 1 - np.exp(-0.02 * cases.SPAN)
             right = np.sqrt(0.5 + forgotten + 1) / 2.0
-            assert abs(found.value - right) < 2 * found.margin < 0.3
+            assert abs(result.value - right) < 2 * result.margin < 0.3
     about = cases.about(cases.of_script(own))
     assert f"kept in {span:g} {own.units.time}, rms" in about["energy"]["what"]
     heated = kind == "spce"
@@ -197,12 +196,12 @@ def test_g_is_the_same_in_each_unit_of_length(unit):
     volume in single precision is none."""
     x = np.random.default_rng(1).uniform(0, 20, (40, 60, 3))
     cells = np.array([20 * np.eye(3)] * len(x))
-    found = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
+    result = structure.of_sites(x * unit, cells * unit, (2.0 * unit, 9.5 * unit), 0.5 * unit)
     r = np.abs(x[:, :, None] - x[:, None])
     r = np.linalg.norm(np.minimum(r, 20 - r), axis=3)[:, np.triu(np.ones((60, 60), bool), 1)]
     edges = 2.0 + 0.5 * np.arange(16)
     ideal = r.size * 4 / 3 * np.pi * np.diff(edges**3) / 20**3
-    np.testing.assert_allclose(found.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
+    np.testing.assert_allclose(result.mean(axis=0), np.histogram(r, edges)[0] / ideal, rtol=0.01)
 
 
 WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
@@ -259,8 +258,8 @@ def test_integrators_whose_energy_says_nothing(taken):
     one = Estimate(1.0, 0.1)
     told = errors.Numbers(dict.fromkeys(("drift", "energy", "energy_sd"), one))
     points = [Point(name, 2.0) for name in own.integrators]
-    found = errors.errors(case, {point: {1: told} for point in points}, points[0])
-    for point, known in found.items():
+    result = errors.errors(case, {point: {1: told} for point in points}, points[0])
+    for point, known in result.items():
         lost = set(case.unknown.get(point.scheme, ()))
         assert set(known) == {"energy_sd", "drift", "energy"} - lost
 
@@ -281,8 +280,8 @@ def summary_of(targets, *rows, **more):
 
 def told(summary):
     """The answer, and further sentences."""
-    found = report.said(summary)
-    return found.answer, list(found.lines)
+    result = report.said(summary)
+    return result.answer, list(result.lines)
 
 
 def test_the_answer_is_the_choice_with_its_lines():
@@ -350,17 +349,19 @@ def test_one_rule_and_one_number():
     silence about a busy machine."""
     rows = [row(dt, cost=[5 / dt, 4 / dt, 8 / dt], drift=(0.1, 0.6)) for dt in (1.0, 2.0, 3.0)]
     rows[2]["errors"]["drift"] = Estimate(0.1, 0.1).plain()  # by itself it would be met
-    found = report.said(summary_of({"drift": 1.0}, *rows))
-    verdicts = [one["verdict"] for one in found.tables[1].rows]
-    assert found.answer.startswith("Not sure") and verdicts == ["cannot tell"] * 3
+    result = report.said(summary_of({"drift": 1.0}, *rows))
+    verdicts = [one["verdict"] for one in result.tables[1].rows]
+    assert result.answer.startswith("Not sure") and verdicts == ["cannot tell"] * 3
     rows[2] |= {"alone": True, "share": 40.0}
-    found = report.said(summary_of({"drift": 1.0}, *rows))
-    assert [one["verdict"] for one in found.tables[1].rows] == ["met"] * 3
-    shown = found.tables[1].columns[2].cell(found.tables[1].rows[2], short=True).text
-    assert found.tables[1].columns[2].heading == "CPU time (s/ns)"
-    assert f"3 fs: {shown} s of CPU time per ns" in found.answer and shown == "1.67"
-    assert any("The machine was busy: a rank had as little as 40 %" in line for line in found.lines)
-    assert any(choice.RULE in line for line in found.lines)
+    result = report.said(summary_of({"drift": 1.0}, *rows))
+    assert [one["verdict"] for one in result.tables[1].rows] == ["met"] * 3
+    shown = result.tables[1].columns[2].cell(result.tables[1].rows[2], short=True).text
+    assert result.tables[1].columns[2].heading == "CPU time (s/ns)"
+    assert f"3 fs: {shown} s of CPU time per ns" in result.answer and shown == "1.67"
+    assert any(
+        "The machine was busy: a rank had as little as 40 %" in line for line in result.lines
+    )
+    assert any(choice.RULE in line for line in result.lines)
 
 
 def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
@@ -374,10 +375,10 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
 
     # ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5; then noise is half of the square
     for (value, error), least in ((0.0, 0.1), 29), ((0.014, 0.01), 10), ((0.11, 0.1), 73):
-        found, answer = minutes(value, error)
-        assert found == least and f"About --budget {least} (minutes) would decide" in answer
-    found, answer = minutes(0.0, 10.0, 1)
-    assert found is None and "try about --budget 50 first" in answer
+        result, answer = minutes(value, error)
+        assert result == least and f"About --budget {least} (minutes) would decide" in answer
+    result, answer = minutes(0.0, 10.0, 1)
+    assert result is None and "try about --budget 50 first" in answer
     bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
     answer, lines = told(summary_of({"drift": 1.0}, bad, row(2.0, drift=(0.9, 0.3))))
     assert answer.startswith("No step that was tried is within the targets")
@@ -473,12 +474,12 @@ def test_a_committed_point_is_measured_again(tmp_path, monkeypatch):
     steady(monkeypatch, 2e-6)
     words = ["compare", "dimer", "--budget", "0.02", "--steps", "0.2,0.4", "--out", str(tmp_path)]
     assert main([*words, "--only", "nosquish"]) in (0, 1)
-    found, known = (
+    result, known = (
         next(one for one in json.loads(path.read_text())["points"]
              if (one["integrator"], one["dt"]) == ("nosquish", 0.4))["errors"]["energy_sd"]
         for path in (tmp_path / "summary.json", RESULTS / "compare-dimer" / "summary.json")
     )  # fmt: skip
-    apart = measures.difference(Estimate.of(found), Estimate.of(known))
+    apart = measures.difference(Estimate.of(result), Estimate.of(known))
     assert abs(apart.value) < apart.margin
 
 
@@ -506,8 +507,8 @@ def test_lists_of_neighbours_are_timed_as_they_are_advised(tmp_path, monkeypatch
     wide = replace(case.scene, setup=(*case.scene.setup, "neighbor 2.4 bin"))
     settings = plan.Settings(tmp_path / "out", 0.1)
     point = Point("nosquish", 4.0)
-    found = lists.measure(replace(case, scene=wide), point, settings, 0.0, Silent())
-    wider, smaller, both = (one["lines"] for one in found)
+    result = lists.measure(replace(case, scene=wide), point, settings, 0.0, Silent())
+    wider, smaller, both = (one["lines"] for one in result)
     logs = tmp_path / "out" / "runs" / "lists"
     usual, other = (
         (logs / run.folder_name(name) / "log.lammps").read_text()
@@ -518,7 +519,7 @@ def test_lists_of_neighbours_are_timed_as_they_are_advised(tmp_path, monkeypatch
     assert (before.skin, after.skin) == (2.4, pytest.approx(3.6)) and after.sized > before.sized
     assert after.cutoff - after.skin == pytest.approx(before.cutoff - before.skin)
     assert both == wider + smaller and size == pytest.approx(before.cutoff / 3, rel=1e-2)
-    assert all(len(one["ratio"]["values"]) == plan.ROUNDS for one in found)
+    assert all(len(one["ratio"]["values"]) == plan.ROUNDS for one in result)
     for minutes, startup in (0.0, 0.0), (0.1, 9.0):  # none for lists; too little of it
         short = replace(settings, minutes=minutes)
         assert lists.measure(case, point, short, startup, Silent()) == []
@@ -554,9 +555,9 @@ def test_what_is_said_of_lists():
     """Locks out advice that one slow round makes, or one where a faster setting has no doubt."""
 
     def told(*ratios):
-        found = [{"lines": [f"line {k}"], "ratio": measures.spread(one)}
+        results = [{"lines": [f"line {k}"], "ratio": measures.spread(one)}
                  for k, one in enumerate(ratios)]  # fmt: skip
-        return [*lists.said(found)]
+        return [*lists.said(results)]
 
     assert told() == [] and "not faster" in told((0.9, 0.8, 0.99))[0]
     assert "by 10 % (5 to 20 %" in told((0.9, 0.8, 0.95))[0]

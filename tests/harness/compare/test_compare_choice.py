@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.comparison import row
 from validation.compare import choice, law, measure, plan
 from validation.compare.choice import choose, level_of_each
@@ -26,9 +25,9 @@ def by_hand(rows, targets, level):
     comparisons: places in the list."""
 
     def ends(one, wide):  # of all errors, in targets; infinite where they are not known
-        found = [one["errors"].get(name, {"value": 0.0, "error": math.inf}) for name in targets]
+        results = [one["errors"].get(name, {"value": 0.0, "error": math.inf}) for name in targets]
         return [(error["value"] + wide * error["error"]) / most
-                for error, most in zip(found, targets.values())]  # fmt: skip
+                for error, most in zip(results, targets.values())]  # fmt: skip
 
     sure, single = (NormalDist().inv_cdf((1 + one) / 2) for one in (level, 0.95))
     fails = {name: min((one["dt"] for one in rows if one["failed"] and one["integrator"] == name),
@@ -58,7 +57,7 @@ def by_hand(rows, targets, level):
 
 def some_rows(random, count=15):
     """Random rows: failed, not timed, without a number among them."""
-    found = []
+    results = []
     for n in range(count):
         errors = {
             name: (10 ** random.uniform(-2, 0.5), 10 ** random.uniform(-3, -0.5))
@@ -69,8 +68,8 @@ def some_rows(random, count=15):
         cost = spent if random.random() < 0.9 else None
         one = row(0.5 * 1.4 ** (n // 3), NAMES[n % 3], cost, **errors)
         one["lines"] = [one["lines"][0] + " mrot 2" * (n % 3 == 0)]
-        found.append(one | {"failed": "exploded" if random.random() < 0.08 else None})
-    return found
+        results.append(one | {"failed": "exploded" if random.random() < 0.08 else None})
+    return results
 
 
 def disagreements(cases=300):
@@ -80,9 +79,9 @@ def disagreements(cases=300):
         rows = some_rows(random)
         targets = {name: 10 ** random.uniform(-1, 1) for name in ("x", "y")}
         level = level_of_each(NAMES)
-        found = choose(rows, targets, level)
-        places = [{rows.index(one) for one in some} for some in (found.ties, found.perhaps)]
-        best = None if found.best is None else rows.index(found.best)
+        result = choose(rows, targets, level)
+        places = [{rows.index(one) for one in some} for some in (result.ties, result.perhaps)]
+        best = None if result.best is None else rows.index(result.best)
         if (best, *places) != by_hand(rows, targets, level):
             yield best, places
 
@@ -98,8 +97,8 @@ def test_a_bar_across_the_target_is_not_met():
     """Locks out a point whose value is below the target and whose error bar is not; and one above
     that is called out of the question."""
     fast, slow = row(1.0, "a", [1.0], x=(0.9, 0.06)), row(1.0, "b", [5.0], x=(0.5, 0.06))
-    found = choose([fast, slow], {"x": 1.0}, 0.95)
-    assert found.best is slow and found.perhaps == (fast,)
+    result = choose([fast, slow], {"x": 1.0}, 0.95)
+    assert result.best is slow and result.perhaps == (fast,)
     verdicts = [choose([fast], {"x": most}, 0.95).verdict for most in (1.0, 0.8, 1.03, 0.7)]
     assert verdicts == ["cannot tell", "cannot tell", "met", "not met"]
     near, factor = choice.nearest([fast, slow], {"x": 0.1})
@@ -113,8 +112,8 @@ def test_integrators_whose_runs_do_not_tell_a_target():
     lost = row(1.0, "rigid/nvt", [0.5], t=(0.1, 0.1)) | {"without": ["drift"]}
     ours, wanted = row(1.0, t=(0.1, 0.1), drift=(0.1, 0.1)), {"drift": 1.0, "t": 1.0}
     assert choose([lost, ours], wanted, 0.95).best is ours
-    found = choose([lost], wanted, 0.95)
-    assert found.best is lost and found.targets == {"t": 1.0}
+    result = choose([lost], wanted, 0.95)
+    assert result.best is lost and result.targets == {"t": 1.0}
     assert choose([lost], {"drift": 1.0}, 0.95).best is None
 
 
@@ -171,8 +170,8 @@ def test_steps_judged_from_the_shortest_are_wrong_as_seldom_as_they_say(sizes, e
                 x=(abs(size * dt**2 + error * np.sqrt(dt) * random.normal()), error * np.sqrt(dt)))
             for n, size in enumerate(sizes) for dt in STEPS
         ]  # fmt: skip
-        found = choose(rows, {"x": 1.0}, level_of_each("abc"))
-        named = [found.best, *found.ties] if found.best else []
+        result = choose(rows, {"x": 1.0}, level_of_each("abc"))
+        named = [result.best, *result.ties] if result.best else []
         wrong.append(any(sizes["abc".index(p["integrator"])] * p["dt"] ** 2 > 1 for p in named))
     assert np.mean(wrong) < 0.06
 
@@ -233,9 +232,9 @@ def test_a_step_that_the_whole_procedure_names_is_good(shape):
                     where = [one["dt"] for one in rows].index(best.point.dt)
                     errors = {"t": Estimate(abs(alone), long).plain()}
                     rows[where] = rows[where] | {"alone": True, "errors": errors}
-                found = choose(rows, wanted, level).best
+                result = choose(rows, wanted, level).best
                 before.append(first["dt"] if first else 0.0)
-                named.append(found["dt"] if found else 0.0)
-                wrong += found is not None and size * grows(found["dt"]) > 1
+                named.append(result["dt"] if result else 0.0)
+                wrong += result is not None and size * grows(result["dt"]) > 1
     assert wrong / len(named) < 0.05
     assert shape == "same" or np.mean(named) > 1.1 * np.mean(before)

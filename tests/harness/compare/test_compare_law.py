@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from validation.compare import law
 from validation.statistics import measures
 from validation.statistics.estimate import Estimate
@@ -29,9 +28,9 @@ def test_error_bars_from_longer_steps_cover(part, size, held):
     covered, steps = {1.0: [], 2.0: [], 3.0: []}, (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
     for _ in range(300):
         against = run(finer, held)
-        found = {dt: run(dt) for dt in steps} | ({finer: against} if held else {})
+        results = {dt: run(dt) for dt in steps} | ({finer: against} if held else {})
         for dt, own in covered.items():
-            one = law.by_law(dt, found, against, finer)
+            one = law.by_law(dt, results, against, finer)
             own.append(abs(one.value - size * dt**2 * (1 + part * dt**2)) < one.margin)
     assert min(map(np.mean, covered.values())) > 0.89
 
@@ -72,9 +71,9 @@ def test_error_bars_cover_near_the_end_of_stability(size):
         means = {
             dt: size * pole(dt) + random.normal() for dt in (0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
         }
-        found = {dt: Estimate(mean, 1.0) for dt, mean in means.items()}
+        results = {dt: Estimate(mean, 1.0) for dt, mean in means.items()}
         for dt, own in covered.items():
-            one = law.by_law(dt, found, found[0.5], 0.5)
+            one = law.by_law(dt, results, results[0.5], 0.5)
             own.append(abs(one.value - size * pole(dt)) < one.margin)
     assert min(map(np.mean, covered.values())) > 0.92
 
@@ -84,9 +83,9 @@ def test_a_law_of_what_is_not_finite_or_single():
     one, lost = Estimate(1.0, 0.1), Estimate(1.0, np.inf)
     assert law.by_law(2.0, {2.0: one}).value == 1.0
     assert law.by_law(2.0, {2.0: lost}) is None
-    found = {2.0: one, 3.0: lost, 4.0: one, 6.0: one}
-    assert np.isfinite(law.by_law(2.0, found).margin)
-    assert law.by_law(2.0, found, lost, 1.0).margin == np.inf
+    results = {2.0: one, 3.0: lost, 4.0: one, 6.0: one}
+    assert np.isfinite(law.by_law(2.0, results).margin)
+    assert law.by_law(2.0, results, lost, 1.0).margin == np.inf
     near = {1.0: one, 1.0000001: one}
     assert abs(law.by_law(1.0, near, one, 1.0).value) < 1e8  # nothing to tell it from
 

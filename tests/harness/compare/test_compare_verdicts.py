@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from support import needs_extra  # noqa: F401  the extra validation
 from validation.compare import case as cases
 from validation.compare import choice, errors
 from validation.compare.errors import Numbers, Series
@@ -163,8 +162,8 @@ def test_noise_that_runs_hide_makes_bars_wider():
                 for point, one in zip(points, off)}  # fmt: skip
 
     def pooled(starts, shared):
-        found = errors.Pooled.of(starts, shared)
-        return found.with_settling(found.means[points[0]])
+        result = errors.Pooled.of(starts, shared)
+        return result.with_settling(result.means[points[0]])
 
     calm = pooled(made(0.05), True)
     assert calm[:2] == pytest.approx((0.0, 0.1 / np.sqrt(2)))
@@ -186,8 +185,8 @@ def test_margins_of_few_points_cover(number, least):
         starts = {
             point: {n: Estimate(5 * random.normal(), 1.0) for n in (1, 2)} for point in points
         }
-        found = errors.Pooled.of(starts, True).means
-        hits.append(abs(found[points[0]].value) < found[points[0]].margin)
+        result = errors.Pooled.of(starts, True).means
+        hits.append(abs(result[points[0]].value) < result[points[0]].margin)
     assert least < np.mean(hits) < 0.98
 
 
@@ -202,19 +201,19 @@ def test_the_error_of_g_is_that_from_the_limit():
         return Numbers({}, [], 1 + 0.1 * point.dt**2 * curve + 1e-4 * random.normal(size=60))
 
     points = [Point(name, dt) for dt in (1.0, 1.5, 3.0) for name in ("a", "b")]
-    found = {point: {n: run(point) for n in (1, 2)} for point in points}
+    results = {point: {n: run(point) for n in (1, 2)} for point in points}
     case = replace(CASE, reference="a")
-    told = errors.errors(case, found, points[0])
+    told = errors.errors(case, results, points[0])
     for point in points:
         assert told[point]["rdf"].value == pytest.approx(0.1 * point.dt**2, rel=0.02)
-    alone = {point: {1: one[1]} for point, one in found.items()}
+    alone = {point: {1: one[1]} for point, one in results.items()}
     assert not any("rdf" in one for one in errors.errors(case, alone, points[0]).values())
     cut = {n: slice(0, 60 - 10 * n) for n in (1, 2)}  # in boxes of other sizes
     shorter = {point: {n: Numbers({}, [], one.rdf[cut[n]]) for n, one in starts.items()}
-               for point, starts in found.items()}  # fmt: skip
+               for point, starts in results.items()}  # fmt: skip
     assert all("rdf" in one for one in errors.errors(case, shorter, points[0]).values())
     # a longer run is held against the noise that the short ones tell
     long = {point: {2: run(point)} for point in (points[0], points[4])}
-    bars = [errors.errors(case, long, points[0], True, found, times)[points[4]]["rdf"].error
+    bars = [errors.errors(case, long, points[0], True, results, times)[points[4]]["rdf"].error
             for times in (1.0, 100.0)]  # fmt: skip
     assert bars[1] < 0.2 * bars[0]

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take
@@ -31,13 +30,13 @@ def test_fastest_motions(tmp_path):
     force[group] = np.cross(torque, r) / (r**2).sum(axis=(1, 2))[:, None, None]
     force[body == 0] = 2.0
     own = replace(own, atoms=own.atoms | {"f": force})
-    found, unit = (
+    results, unit = (
         shapes.fastest_motions(own, groups),
         shapes.thermal_energy(own) * shapes.mvv2e(own),
     )
-    assert found["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
+    assert results["turning"] == pytest.approx(3.0 / np.sqrt(moments[:, 0].mean() * unit))
     free = own.atoms["mass"][body == 0].min()
-    assert found["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
+    assert results["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
 
 
 def test_units_are_lammpss():
@@ -130,9 +129,9 @@ def test_pair_energies_that_cannot_be_shifted(taken, commands, fixes, press, shi
     nobody counts what a fix gives."""
     own = taken("clusters")
     said = {"commands": commands, "fixes": dict(enumerate(fixes))}
-    found = replace(own.rigid, state=replace(own.rigid.state, press=press))
+    result = replace(own.rigid, state=replace(own.rigid.state, press=press))
     made = pair_shift.with_shifted_pairs(
-        replace(own, reading=said, rigid=found), tell=lambda note: None
+        replace(own, reading=said, rigid=result), tell=lambda note: None
     )
     added = made.scene.then[len(own.scene.then) :]
     assert added == ("pair_modify shift yes tail no",) * shifts

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import GAS, refused, take
 from validation.running import run, starts
 from validation.user_script import loader

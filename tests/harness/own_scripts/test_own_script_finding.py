@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import GAS, Silent, take
@@ -30,11 +29,11 @@ def test_atoms_with_molecule_id_0_are_a_body():
     body = rigid_atoms.number_bodies(said, atoms, "all", ["molecule"])
     assert body.tolist() == [1, 2, 2, 1, 0]
     line = "fix 1 all rigid/nve molecule"
-    found = rigid_atoms.RigidAtoms(
+    result = rigid_atoms.RigidAtoms(
         ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", rigid_atoms.State(), body
     )
     assert any(
-        "The 2 atoms with molecule-ID 0" in one for one in candidates.describe(found, said, atoms)
+        "The 2 atoms with molecule-ID 0" in one for one in candidates.describe(result, said, atoms)
     )
 
 
@@ -66,13 +65,13 @@ def test_keywords_go_into_all_rows_that_have_them(line):
         "held_bonds": np.zeros(2, bool),
     }
     said = {"groups": ["all", "some"], "fixes": {"1": f"fix 1 some {line}"}, "commands": []}
-    found = rigid_atoms.find(said, atoms)
-    made, _, notes = candidates.integrators(found, "lj")
+    result = rigid_atoms.find(said, atoms)
+    made, _, notes = candidates.integrators(result, "lj")
     lines = {one.name: one.lines[-1] for one in made}
-    rows = [name.format(found.state.ensemble) for name in ROWS]
+    rows = [name.format(result.state.ensemble) for name in ROWS]
     assert [k for k, name in enumerate(rows) if name in lines] == [*WORDS[line]], lines
-    kept, words = "".join(f" {word}" for word in found.keywords), line.split()
-    assert [word.split()[0] for word in found.keywords] == [
+    kept, words = "".join(f" {word}" for word in result.keywords), line.split()
+    assert [word.split()[0] for word in result.keywords] == [
         w for w in words if w in rigid_atoms.SHARED_KEYWORDS
     ]
     for name in rows[:3]:
@@ -116,14 +115,14 @@ def test_noise_is_no_stiff_force(ranks, tmp_path):
     """Locks out a step that `check` calls too long for the noise of a thermostat, which is no
     spring: it adds twice the step over the damping time to the square of frequency x step. And
     a thermostat beside the bodies' fix that is not seen."""
-    path, found = scripts.rings(tmp_path), []
+    path, results = scripts.rings(tmp_path), []
     text = path.read_text()
     for line in "", "fix heat all langevin 300 300 1 11\nfix heat all langevin 300 300 2 11\n":
         path.write_text(text.replace("fix heat all langevin 300 300 200 11\n", line))
         own = take(path, tmp_path / "out", ranks)
-        found.append(shapes.fastest_motions(own, shapes.body_groups(own)[0]))
+        results.append(shapes.fastest_motions(own, shapes.body_groups(own)[0]))
         assert not any("store/force" in one for one in own.scene.setup + own.scene.then)
-    quiet, noisy = found
+    quiet, noisy = results
     assert noisy == pytest.approx(quiet, rel=1e-9) and set(quiet) == {"centres", "turning"}
     assert "The temperature is controlled by fix heat (langevin)" in " ".join(own.notes)
 
@@ -191,9 +190,9 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     fixes say the same as ours in other words, in another order, or with another seed."""
     fixes = {str(i): f"fix {i} all {line}" for i, line in enumerate(lines, 1)}
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = rigid_atoms.find(said, HELD)
-    assert found.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
-    those, reference, _ = candidates.integrators(found, "lj")
+    result = rigid_atoms.find(said, HELD)
+    assert result.state.ensemble == ("nve" if "temp" not in " ".join(lines) else "nvt")
+    those, reference, _ = candidates.integrators(result, "lj")
     assert reference == those[0].name == name
     assert len({one.name for one in those}) == len(those)
     assert sum(one.name == "yours" for one in those) == (name == "yours")
@@ -206,9 +205,9 @@ def test_a_box_that_changes_its_angles_has_no_rigid_fix(tilts):
     line = f"npt temp 1 1 2 {tilts}"
     fixes = {"1": "fix 1 all shake 1e-4 100 0 b 1", "2": f"fix 2 all {line}"}
     said = {"groups": ["all"], "fixes": fixes, "commands": [*fixes.values()]}
-    found = rigid_atoms.find(said, HELD)
-    assert found.state.ensemble == "npt" and found.state.tilts
-    those, reference, notes = candidates.integrators(found, "real")
+    result = rigid_atoms.find(said, HELD)
+    assert result.state.ensemble == "npt" and result.state.tilts
+    those, reference, notes = candidates.integrators(result, "real")
     assert reference == "shake"
     assert {one.kind for one in those} == {"ours", "constraints"}
     assert all(tilts in " ".join(one.lines) for one in those)

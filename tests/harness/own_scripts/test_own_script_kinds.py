@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.endings import LINEAR
@@ -185,15 +184,15 @@ def test_a_script_with_the_suffix_has_the_rows_of_one_without(form, taken, tmp_p
     path = scripts.rings(tmp_path)
     text = path.read_text().replace("fix bodies", f"{words}\nfix bodies")
     path.write_text(f"package omp 1\n{text}")
-    own, found = take(path, tmp_path / "out"), {}
+    own, results = take(path, tmp_path / "out"), {}
     for one in own, taken("rings"):
         kept = {name: each for name, each in one.integrators.items()
                 if name in ("yours", "nosquish", "rigid/nve", "rigid/nve/small")}  # fmt: skip
         out = Path(one.scene.overlay).parents[1]
         rows, _ = check._starts(replace(one, integrators=kept), out, 1, 300.0, Silent())
         assert [row["error"] for row in rows] == [None] * len(rows)
-        found[one is own] = {row["label"]: row["pressure"] for row in rows}
-    with_it, without = found[True], found[False]
+        results[one is own] = {row["label"]: row["pressure"] for row in rows}
+    with_it, without = results[True], results[False]
     yours = with_it.pop("yours: nosquish/nve", None)
     assert with_it == pytest.approx(without, rel=1e-6) and len(without) == 3
     assert without["nosquish/nve"] != pytest.approx(without["rigid/nve"], rel=1e-2)

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import GAS, Silent, refused, take
@@ -139,11 +138,11 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     word, a variable's temperature, the first line of a fix that is defined twice, and a lost
     fix_modify."""
     _, own, folder = staged
-    found = own.rigid
-    assert (found.group, found.flexible, found.rest) == ("bodies", "points", True)
-    assert found.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
-    assert found.state == rigid_atoms.State(("1.5", "1.5", "1"))
-    assert found.dropped == ("moments equal 6",)
+    result = own.rigid
+    assert (result.group, result.flexible, result.rest) == ("bodies", "points", True)
+    assert result.body.tolist() == [1, 1, 2, 2, 0, 0, 0]
+    assert result.state == rigid_atoms.State(("1.5", "1.5", "1"))
+    assert result.dropped == ("moments equal 6",)
     assert shapes.temperature(own) == 1.5
     assert not any("fix_nosquish" in line for line in (*own.scene.setup, *own.scene.then))
     yours = own.integrators["yours"]
@@ -151,7 +150,7 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     assert any("own integrator only: fix_modify 1 virial yes." in line for line in own.notes)
     rows, _ = check._starts(own, folder / "out", 1, 300.0, Silent())
     assert [row["error"] for row in rows] == [None] * len(rows)
-    held = replace(found, constraints="b 1")
+    held = replace(result, constraints="b 1")
     lines = next(candidates._constrained(held)).commands(own.scene)
     assert lines[0] == "group own_all union bodies points" and "own_all nvt" in lines[1]
 

@@ -6,7 +6,6 @@ import re
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from validation import command_line

@@ -3,7 +3,6 @@
 import multiprocessing
 from pathlib import Path
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.harness import Silent
 from validation import experiment
 from validation.experiment import Point, Trajectory

@@ -13,7 +13,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support import needs_extra  # noqa: F401  the extra validation
 from support.running import ROOT
 from validation.running import lammps_log, run
 from validation.scenes import Scene
@@ -135,12 +134,12 @@ def scene(tmp_path_factory):
 
 def running(word):
     """IDs of the processes whose command has a word."""
-    found = []
+    results = []
     for one in Path("/proc").glob("[0-9]*/cmdline"):
         with contextlib.suppress(OSError):
             if word.encode() in one.read_bytes() and int(one.parent.name) != os.getpid():
-                found.append(int(one.parent.name))
-    return found
+                results.append(int(one.parent.name))
+    return results
 
 
 @pytest.mark.timeout(60)

@@ -57,14 +57,14 @@ def test_origin_is_all_that_counts(tmp_path, monkeypatch):
     """Locks out a record that stays though a file, a version or the package is another."""
     file = tmp_path / "input"
     file.write_text("one")
-    found = {Store(tmp_path).origin(Settings(3), files=[file])}
+    results = {Store(tmp_path).origin(Settings(3), files=[file])}
     file.write_text("two")
-    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
+    results.add(Store(tmp_path).origin(Settings(3), files=[file]))
     monkeypatch.setattr(machine, "versions", lambda: {"lammps": "another"})
-    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
+    results.add(Store(tmp_path).origin(Settings(3), files=[file]))
     monkeypatch.setattr(machine, "package_hash", lambda: "another")
-    found.add(Store(tmp_path).origin(Settings(3), files=[file]))
-    assert len(found) == 4
+    results.add(Store(tmp_path).origin(Settings(3), files=[file]))
+    assert len(results) == 4
     with pytest.raises(TypeError, match="is no plain data"):
         Store(tmp_path).origin(object())
 
@@ -181,6 +181,6 @@ def test_nothing_of_python_runs_between_fork_and_exec(monkeypatch):
     with run.started(["sh", "-c", "trap"], stdout=output, text=True) as process:
         assert process.communicate()[0] == ""  # no signal is ignored
     with run.started(["no-such-program"], stderr=output, text=True) as process:
-        said = process.communicate()[1]
-    assert said == "ERROR: no-such-program cannot be started: No such file or directory\n"
+        printed = process.communicate()[1]
+    assert printed == "ERROR: no-such-program cannot be started: No such file or directory\n"
     assert len(seen) == 2 and not any(more.get("preexec_fn") for more in seen)

@@ -37,12 +37,12 @@ def fit(points):
 def test_the_limit_of_exact_numbers():
     """Locks out a limit or a bias that is off where nothing is uncertain, a term that is missing,
     and points that have no place in the fit."""
-    found = fit({key: Estimate(exact(*key), error) for key, error in STEPS.items()})
-    assert found.limit.value == pytest.approx(-9.0, abs=1e-9) and found.chi2 < 1e-9
-    assert found.freedom == 8 - 1 - 1 - 2
-    assert ("a", 6.0) not in found.weights and ("other", 2.0) not in found.weights
+    result = fit({key: Estimate(exact(*key), error) for key, error in STEPS.items()})
+    assert result.limit.value == pytest.approx(-9.0, abs=1e-9) and result.chi2 < 1e-9
+    assert result.freedom == 8 - 1 - 1 - 2
+    assert ("a", 6.0) not in result.weights and ("other", 2.0) not in result.weights
     for key in STEPS:
-        assert found.bias(key).value == pytest.approx(exact(*key) + 9.0, abs=1e-9)
+        assert result.bias(key).value == pytest.approx(exact(*key) + 9.0, abs=1e-9)
 
 
 @pytest.mark.parametrize("freedom", [None, 11])
@@ -57,11 +57,11 @@ def test_the_limits_error_covers(freedom):
         for key, error in STEPS.items():
             told = error if freedom is None else error * np.sqrt(rng.chisquare(freedom) / freedom)
             points[key] = Estimate(exact(*key) + error * rng.normal(), told, freedom)
-        found = fit(points)
-        agree += found.agrees
-        inside[None] += abs(found.limit.value + 9.0) < found.limit.margin
+        result = fit(points)
+        agree += result.agrees
+        inside[None] += abs(result.limit.value + 9.0) < result.limit.margin
         for key in STEPS:
-            one = found.bias(key)
+            one = result.bias(key)
             inside[key] += abs(one.value - exact(*key) - 9.0) < one.margin
     # with errors that few values tell a margin is too wide rather than too narrow
     low, high = (0.93, 0.97) if freedom is None else (0.93, 0.995)
@@ -82,17 +82,17 @@ def test_a_point_of_the_fit_is_correlated_with_it():
     """Locks out errors of a point and the limit that are added as if they were independent: the
     only exact point is the limit."""
     points = {("exact", 6.0): Estimate(-9.0, 0.04), ("other", 2.0): Estimate(-8.0, 0.03)}
-    found = fit(points)
-    assert found.limit == Estimate(-9.0, 0.04) and found.bias(("exact", 6.0)).error == 0
-    assert found.bias(("other", 2.0)).error == pytest.approx(0.05)
+    result = fit(points)
+    assert result.limit == Estimate(-9.0, 0.04) and result.bias(("exact", 6.0)).error == 0
+    assert result.bias(("other", 2.0)).error == pytest.approx(0.05)
 
 
 def test_a_wrong_model_is_seen():
     """Locks out a chi2 that agrees with everything."""
     points = {key: Estimate(exact(*key), error) for key, error in STEPS.items()}
     points["exact", 6.0] = Estimate(-8.7, 0.04)
-    found = fit(points)
-    assert not found.agrees and found.probability < 1e-4
+    result = fit(points)
+    assert not result.agrees and result.probability < 1e-4
 
 
 def test_no_limit():
@@ -112,8 +112,8 @@ def test_the_error_of_an_autocorrelation_time():
     """Locks out a time of an independent sample without its error, or with another one, and one
     that is too small where the mean of a short series is taken off."""
     rng, truth = np.random.default_rng(2), 1 / np.tanh(0.5 / 10.0)
-    found = [measures.autocorrelation(remembering(rng, 20000, 10.0)) for _ in range(300)]
-    off = np.array([(one.value - truth) / one.error for one in found])
+    results = [measures.autocorrelation(remembering(rng, 20000, 10.0)) for _ in range(300)]
+    off = np.array([(one.value - truth) / one.error for one in results])
     assert 0.75 < off.std() < 1.3 and abs(off.mean()) < 0.5
     short = [measures.autocorrelation(remembering(rng, 200, 5.0)).value for _ in range(600)]
     assert np.mean(short) == pytest.approx(1 / np.tanh(0.5 / 5.0), rel=0.12)
@@ -131,13 +131,13 @@ def test_the_memory_of_a_square():
     large, and an error that does not cover: runs of 100 memories, as those of water."""
     rng, memory, samples = np.random.default_rng(6), 40.0, 4000
     keep = np.exp(-2 / memory)  # of the square: that of a component, squared
-    truth, found = (1 + keep) / (1 - keep), {}
+    truth, results = (1 + keep) / (1 - keep), {}
     for starts in 1, 6:
-        found[starts] = [memory_of_a_square(rng, starts, samples, memory) for _ in range(150)]
-        values = np.array([one.value for one in found[starts]])
+        results[starts] = [memory_of_a_square(rng, starts, samples, memory) for _ in range(150)]
+        values = np.array([one.value for one in results[starts]])
         assert abs(values.mean() / truth - 1) < 0.03
-        covered = [abs(one.value - truth) < one.margin for one in found[starts]]
-        assert np.mean(covered) > 0.85 and found[starts][0].freedom == 3 * starts - 1
+        covered = [abs(one.value - truth) < one.margin for one in results[starts]]
+        assert np.mean(covered) > 0.85 and results[starts][0].freedom == 3 * starts - 1
     # in runs of ten memories squares of noise would make it 13 % too large
     short = [memory_of_a_square(rng, 1, samples // 10, memory).value for _ in range(600)]
     assert 0.85 < np.mean(short) / truth < 1.0
@@ -146,7 +146,7 @@ def test_the_memory_of_a_square():
         measures.autocorrelation(sum(remembering(rng, samples, memory) ** 2 for _ in range(3)))
         for _ in range(150)
     ]
-    assert np.std([one.value for one in squares]) > 1.3 * np.std([one.value for one in found[1]])
+    assert np.std([one.value for one in squares]) > 1.3 * np.std([one.value for one in results[1]])
 
 
 def test_a_gains_interval_covers():
@@ -158,8 +158,8 @@ def test_a_gains_interval_covers():
             precision.BiasAndNoise(Estimate(0.0), Estimate(noise, 0.2 * noise))
             for noise in np.exp(0.2 * rng.normal(size=2))
         )
-        found = precision.times(first, second, 1.0)
-        inside += found.low <= 1.0 <= found.high
+        result = precision.times(first, second, 1.0)
+        inside += result.low <= 1.0 <= result.high
     assert 0.94 < inside / 2000 < 0.965
 
 
@@ -199,7 +199,7 @@ def test_two_states_of_series(wide, low, high):
     kt, ((*_, low_state), _, (*_, high_state)) = BOLTZMANN * 298.0 * ATM, schemes.STATES
     apart = sd**2 * (high_state - low_state) / kt  # of two normal distributions
     assert 1.5 < apart / sd < 2.5
-    found = []
+    results = []
     for _ in range(12):
         pair = []
         for pressure, mean in (low_state, volume), (high_state, volume - apart):
@@ -208,8 +208,8 @@ def test_two_states_of_series(wide, low, high):
             )
             both = np.concatenate([0 * values, values])
             pair.append(structure.Sampled(298.0, pressure, both))
-        found.append(structure.between_states(*pair))
-    assert low < np.sqrt(np.mean(np.square(found))) < high
+        results.append(structure.between_states(*pair))
+    assert low < np.sqrt(np.mean(np.square(results))) < high
 
 
 def test_independent_samples():
@@ -264,13 +264,13 @@ def test_margins_of_several_starts_cover():
         phi = np.exp(-SAMPLED / 1e3 / time)
         white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
         white[:, 0] /= np.sqrt(1 - phi**2)
-        found = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
+        results = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
         exact = np.sqrt((1 + phi) / (1 - phi) / samples)
         for number in covered:
             # each with others beside it, so that there are as many groups of them as series
             turns = np.array([rng.permutation(series) for _ in range(number)])
             rows = turns.reshape(-1, number)
-            some = [measures.mean_of_starts([found[one] for one in row]) for row in rows]
+            some = [measures.mean_of_starts([results[one] for one in row]) for row in rows]
             covered[number].append(np.mean([abs(one.value) < one.margin for one in some]))
             usual = np.median([one.margin for one in some])
             assert usual < 1.2 * 1.96 * exact / np.sqrt(number)

@@ -135,8 +135,8 @@ def test_numbers_of_a_series():
     for name, columns in {
         "langevin-20": free, "csvr": held, "shake+langevin": free, "rigid/nvt/small": held,
     }.items():  # fmt: skip
-        found = measure.of_series(printed(rng, **columns | both), plan, plan.schemes[name])
-        means = {key: one.value for key, one in found.means.items()}
+        result = measure.of_series(printed(rng, **columns | both), plan, plan.schemes[name])
+        means = {key: one.value for key, one in result.means.items()}
         assert means["pressure"] == pytest.approx(N * GAS, rel=1e-6), name
         assert means["translation"] == pytest.approx(298 * 1.1), name
         assert means["rotation"] == pytest.approx(298 * 0.9), name
@@ -146,9 +146,9 @@ def test_numbers_of_a_series():
         moment = 4 * np.pi * 332.06371 * 12.0 / (3 * VOLUME * KT)
         assert means["dipole"] == pytest.approx(moment) and means["torque"] == 2.0 / N
         assert not {"density", "compressibility"} & means.keys()
-        assert found.remembers["potential"].value == pytest.approx(0.024, rel=0.1)
+        assert result.remembers["potential"].value == pytest.approx(0.024, rel=0.1)
         noise = (30 / N) ** 2 * 0.024
-        assert found.noise("potential").value == pytest.approx(noise, rel=0.1)
+        assert result.noise("potential").value == pytest.approx(noise, rel=0.1)
     assert of_momentum(3, 298.0, VOLUME) == pytest.approx(2.65, abs=0.01)
     few = [
         measure.of_series(printed(rng, 8), plan, plan.schemes["nh"]).means["capacity"].value
@@ -166,8 +166,8 @@ def test_compressibility_of_a_gas(pressure):
     columns = {"Volume": volume, "Density": 15000.0 / volume}
     scheme = replace(plan.schemes["npt-mtk"], pressure=pressure)
     means = measure.of_series(printed(rng, 20000, **columns), plan, scheme).means
-    found = means["compressibility"]
-    assert abs(found.value - 1e5 / pressure) < 4 * found.error < 0.1 * found.value
+    result = means["compressibility"]
+    assert abs(result.value - 1e5 / pressure) < 4 * result.error < 0.1 * result.value
     assert means["density"].value == pytest.approx(15000 / volume.mean(), rel=1e-3)
     assert means["pressure"].value == 2.0 and "capacity" not in means
     assert BY_KEY["pressure"].exact(plan, scheme) == pressure
@@ -198,12 +198,12 @@ def test_variances_of_all_starts():
 
 def found_of(plan, numbers, costs):
     """What a point gave: {point: (means, memories, variances)}, and costs in each round."""
-    found = measure.Results(costs=costs)
+    result = measure.Results(costs=costs)
     for point, (means, memories, variances) in numbers.items():
         exact = {key: Estimate(value, 1e-9) for key, value in means.items()}
         remembers = {key: Estimate(ps, 0.0) for key, ps in memories.items()}
-        found.numbers[point] = {1: measure.Numbers(exact, remembers, variances)}
-    return found
+        result.numbers[point] = {1: measure.Numbers(exact, remembers, variances)}
+    return result
 
 
 def test_rows_of_known_schemes(tmp_path):
@@ -219,8 +219,8 @@ def test_rows_of_known_schemes(tmp_path):
             variances = {key: 1.6e-3 / spent / ps for key, ps in memories.items()}
             numbers[Point(scheme, dt)] = means, memories, variances
             costs[Point(scheme, dt)] = [0.9 * spent, spent, 2.0 * spent]
-    found = found_of(plan, numbers, costs)
-    told = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), {})
+    result = found_of(plan, numbers, costs)
+    told = measure.summarize(result, runs_of(plan, tmp_path), list(numbers), {})
     rows = {(row["scheme"], row["dt"]): row for row in told["rows"]}
     assert told["limits"]["potential"]["value"] == pytest.approx(-9.5, abs=1e-6)
     for (scheme, dt), row in rows.items():
@@ -240,11 +240,11 @@ def test_rows_of_known_schemes(tmp_path):
     room = 2 * 0.006**2
     assert faster == pytest.approx((room - 0.0016**2) / (room - 0.001**2), rel=1e-3)
     known = {"potential": {"value": -9.6, "error": 0.01, "freedom": None}}
-    told = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), known)
+    told = measure.summarize(result, runs_of(plan, tmp_path), list(numbers), known)
     bias = told["rows"][0]["biases"]["potential"]
     assert bias["value"] == pytest.approx(0.1 - 1e-4) and bias["error"] == pytest.approx(0.01)
-    found.errors[Point("langevin-20", 4.0)] = "Lost atoms"
-    lost = measure.summarize(found, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
+    result.errors[Point("langevin-20", 4.0)] = "Lost atoms"
+    lost = measure.summarize(result, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
     assert lost["error"] == "Lost atoms" and not lost["means"] and not lost["starts"]
 
 
@@ -270,7 +270,7 @@ def test_rows_at_two_states(tmp_path):
     """Locks out a second state that has a bias from the first one's limit, a deviation of too few
     samples, and one of one start only."""
     plan, rng = planned("pressure"), np.random.default_rng(1)
-    names, found = ("npt-langevin", "npt-langevin-400atm"), measure.Results()
+    names, result = ("npt-langevin", "npt-langevin-400atm"), measure.Results()
     for scheme in names:
         for dt in (2.0, 6.0):
             mean = Estimate(1.0, 1e-3)
@@ -281,9 +281,9 @@ def test_rows_at_two_states(tmp_path):
                 volume = KT * 68568.415 / pressure * rng.gamma(2001, size=120)
                 values = np.array([KT * rng.gamma(3000, size=120), volume])
                 start.state = measure.structure.Sampled(298.0, pressure, values)
-            found.numbers[Point(scheme, dt)] = dict(enumerate(numbers, 1))
-    found.numbers[Point(names[1], 2.0)].pop(2)
-    rows = measure.summarize(found, runs_of(plan, tmp_path), list(found.numbers), {})["rows"]
+            result.numbers[Point(scheme, dt)] = dict(enumerate(numbers, 1))
+    result.numbers[Point(names[1], 2.0)].pop(2)
+    rows = measure.summarize(result, runs_of(plan, tmp_path), list(result.numbers), {})["rows"]
     first, six, few, pressed = rows
     assert first["deviation"] is six["deviation"] is few["deviation"] is None
     assert 0 <= pressed["deviation"]["value"] < 4
@@ -379,11 +379,11 @@ def test_a_bias_of_the_energy_as_a_temperature():
     oscillators, k, more = 6, KT / 298.0, 1.5
     bias = {"value": oscillators / 2 * k * more, "error": 0.2 * k * more, "freedom": None}
     limits = {"capacity": {"value": oscillators / 2, "error": 0.1, "freedom": None}}
-    found = observables.warmer({"potential": bias}, limits)
+    result = observables.warmer({"potential": bias}, limits)
     rng = np.random.default_rng(3)
     drawn = rng.normal(bias["value"], bias["error"], 100000) / rng.normal(3.0, 0.1, 100000) / k
-    assert found.value == pytest.approx(more, rel=1e-6)
-    assert found.error == pytest.approx(drawn.std(), rel=0.03)
+    assert result.value == pytest.approx(more, rel=1e-6)
+    assert result.error == pytest.approx(drawn.std(), rel=0.03)
     assert observables.warmer({}, limits) is observables.warmer({"potential": bias}, {}) is None
 
 
@@ -413,14 +413,14 @@ def test_what_settles_is_left_out(tmp_path, monkeypatch):
     loops = [Loop(9.0, 1, 20, 3 * N, 100.0, {}), Loop(0.4, 1, 40, 3 * N, 100.0, {})]
     result = run.Result(None, series, loops, None, {}, [1], {"commands": [], "setups": []})
     monkeypatch.setattr(run, "collect", lambda directory: result)
-    found, job = measure.Results(), run.Job(str(tmp_path), "", [], [20, 40], None)
+    actual, job = measure.Results(), run.Job(str(tmp_path), "", [], [20, 40], None)
     plan = planned()
-    measure._measure(found, plan, Point("csvr", 8.0), 1, job)
-    only = found.numbers[Point("csvr", 8.0)][1]
+    measure._measure(actual, plan, Point("csvr", 8.0), 1, job)
+    only = actual.numbers[Point("csvr", 8.0)][1]
     assert only.means["potential"].value == -9.5 and only.loop == pytest.approx(0.01)
     series["PotEng"][50] = np.nan
-    measure._measure(found, plan, Point("nh", 8.0), 1, job)
-    assert found.errors == {Point("nh", 8.0): "energy is not finite"}
+    measure._measure(actual, plan, Point("nh", 8.0), 1, job)
+    assert actual.errors == {Point("nh", 8.0): "energy is not finite"}
 
 
 @pytest.fixture(scope="module")
@@ -502,6 +502,6 @@ def test_translation_is_that_of_the_centres(tmp_path):
     how = {"dt": 4.0, "every": 5, "more": more, "keeps": "nothing"}
     result = run.run(run.job(plan.scene, scheme, tmp_path / "run", [20], **how))
     assert result.error is None
-    found = result.thermo
-    np.testing.assert_allclose(found["v_moves"], found["f_1[1]"], rtol=1e-6)
-    np.testing.assert_allclose(found["KinEng"] - found["v_moves"], found["f_1[2]"], rtol=1e-6)
+    actual = result.thermo
+    np.testing.assert_allclose(actual["v_moves"], actual["f_1[1]"], rtol=1e-6)
+    np.testing.assert_allclose(actual["KinEng"] - actual["v_moves"], actual["f_1[2]"], rtol=1e-6)

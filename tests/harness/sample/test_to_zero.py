@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from support import (
-    needs_extra,  # noqa: F401  the extra validation
     scripts,
 )
 from support.harness import take
@@ -108,12 +107,12 @@ def torques(share, error=0.06, steps=USUAL, size=6.65):
 def test_the_fourth_power_is_recognised():
     """Locks out a term in h^4 that is not seen where it is there, or seen where it is not; a limit
     that is off by it; and, of two steps, that it cannot be told."""
-    found = extrapolation.extrapolate(rows_of(torques(0.4)), 300.0)["torque"]
-    assert found["h4"] and not found["why"] and abs(found["value"] - 45.0) < 0.06
+    result = extrapolation.extrapolate(rows_of(torques(0.4)), 300.0)["torque"]
+    assert result["h4"] and not result["why"] and abs(result["value"] - 45.0) < 0.06
     line = limit.extrapolate(torques(0.4), powers=1).limit
     assert abs(line.value - 45.0) > 2 * line.margin
-    found = extrapolation.extrapolate(rows_of(torques(0.0)), 300.0)["torque"]
-    assert not found["h4"] and not found["wide"]
+    result = extrapolation.extrapolate(rows_of(torques(0.0)), 300.0)["torque"]
+    assert not result["h4"] and not result["wide"]
     # the curve goes through the means
     for share in 0.0, 0.4:
         means = torques(share)
@@ -122,9 +121,9 @@ def test_the_fourth_power_is_recognised():
         )
         for h, mean in means.items():
             assert curve((h / max(means)) ** 2) == pytest.approx(mean.value, abs=mean.error)
-    found = extrapolation.extrapolate(rows_of(torques(0.4, steps=SHORT)), 300.0)["torque"]
-    assert found["wide"] and found["probability"] is None
-    assert abs(found["value"] - 45.0) < Estimate.of(found).margin
+    result = extrapolation.extrapolate(rows_of(torques(0.4, steps=SHORT)), 300.0)["torque"]
+    assert result["wide"] and result["probability"] is None
+    assert abs(result["value"] - 45.0) < Estimate.of(result).margin
 
 
 def test_points_that_fit_no_series_are_refused():
@@ -132,9 +131,9 @@ def test_points_that_fit_no_series_are_refused():
     longest step is unstable: of water at 12 fs, as committed, and of one that goes up and down."""
     up = {4.0: -0.005, 6.0: -0.014, 8.0: -0.020, 10.0: 0.017}
     means = {dt: Estimate(-9.4 + value, 0.002) for dt, value in up.items()}
-    found = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
-    assert "no series" in found["why"]
-    said = extrapolation._answer("torque", found)
+    result = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
+    assert "no series" in result["why"]
+    said = extrapolation._answer("torque", result)
     assert "at 4, 6, 8, 10 fs" in said and "leave out the longest step" in said
     some = {4.0: Estimate(45.0, 0.1), 6.0: Estimate(45.0, np.inf), 8.0: Estimate(45.0)}
     one = extrapolation.extrapolate(rows_of(some), 300.0)["torque"]
@@ -145,10 +144,10 @@ def test_what_a_short_step_would_cost():
     """Locks out another cost beside a run at 1 fs: the variance of U0 by the weights of a line, of
     means that are not off, is (1.125^2 + 0.125^2) times that of a mean, as textbooks have it."""
     means = {h: Estimate(45.0, 0.1) for h in (2.5, 7.5)}
-    found = extrapolation.extrapolate(rows_of(means, starts=2), 100.0)["torque"]
+    results = extrapolation.extrapolate(rows_of(means, starts=2), 100.0)["torque"]
     variance = 1.125**2 + 0.125**2
     steps = 200 / 2.5 + 200 / 7.5
-    assert found["fewer"] == pytest.approx(200 / variance / steps, rel=0.02)
+    assert results["fewer"] == pytest.approx(200 / variance / steps, rel=0.02)
 
 
 def test_what_is_run(water):
