@@ -438,64 +438,6 @@ def _beside_solute():
     }
 
 
-def _change(case, fix):
-    """The largest relative change of a free top's energy; 0 where a case has none."""
-    numbers = [row["numbers"] for row in case["rows"] if row["label"] == fix and row["numbers"]]
-    return max(((found[0]["parts"] or {}).get("top's energy", 0.0) for found in numbers), default=0)
-
-
-def readme_table():
-    """The README's table: what ours and LAMMPS's fixes give, by the committed results."""
-    fixes = OURS, "rigid/nve", "rigid/nve/small", "shake 1e-4 + nve"
-    points = _points("water").items()
-    water = {label.replace("NO_SQUISH", OURS): row for (label, step), row in points if step == 2}
-    free = {fix: [_change(case, fix) for case in summary("stress")["cases"]] for fix in fixes}
-    broken = {(row["case"], row["label"]): row["value"] for row in rows("stress")}
-    verdicts = defaultdict(Counter)
-    extreme, lines = _of("extreme")
-    for row in lines:
-        verdicts[row["label"]][row["verdict"]] += 1
-    ratios = {
-        (row["scene"], row["bodies"], row["ranks"], row["integrator"]): [
-            row[f"ours / it {part} (loop)"] for part in ("median", "min", "max")
-        ]
-        for row in rows("cost")
-    }
-
-    def energy(fix):
-        row = water[fix]
-        return margin(row["energy_sd (kcal/mol)"], row["energy_sd margin (kcal/mol)"])
-
-    def whole(*scene):
-        def give(fix):
-            found = ratios.get((*scene, fix), [""])
-            median, low, high = (f"{float(text):.2f}" for text in found) if found[0] else [""] * 3
-            return median and f"{median} ({low}–{high})"
-
-        return give
-
-    def judged(fix):
-        found = verdicts[fix]
-        return f"{found['pass']}, {found['fail'] + found['blow-up']}"
-
-    def broke(case):
-        return lambda fix: significant(broken[case, fix], 2) if (case, fix) in broken else ""
-
-    lines = {
-        "512 waters at 2 fs: standard deviation of the energy, kcal/mol": energy,
-        "1,000 waters: time per step of ours, relative to this fix": whole("water", "1000", "1"),
-        "bodies of 2 to 200 atoms: the same": whole("mixed", "1296", "1"),
-        f"{len(extreme)} extreme cases: passed, failed": judged,
-        "free needles and disks, 2·10⁶ steps: relative change of the energy": lambda fix: (
-            significant(max(free[fix]), 1) if max(free[fix]) else ""
-        ),
-        "run in two parts: distance from one long run, σ": broke("tops-runs"),
-        "with `fix temp/csvr`: relative error of the temperature": broke("temp-csvr"),
-    }
-    body = [[what, *(give(fix) or NOTHING for fix in fixes)] for what, give in lines.items()]
-    return markdown(["", *map(code, fixes)], body)
-
-
 def _gain(ratio):
     """A ratio of times with its interval."""
     value, low, high = (pages.digits(ratio[name], 2) for name in ("value", "low", "high"))
@@ -508,19 +450,9 @@ def _gain(ratio):
 FILLS = {
     function.__name__: function
     for function in (
-        *(compare_water, compare_times, standing, cases, reported),
-        *(own_scripts, step_zero, beside_shake, shake_made),
-        *(
-            extreme_passed,
-            scene,
-            holding,
-            checks,
-            table,
-            what_to_type,
-            readme_table,
-            gains,
-            verdicts,
-        ),
+        *(compare_water, compare_times, standing, extreme_passed, cases, reported, own_scripts),
+        *(step_zero, beside_shake, shake_made, gains, verdicts, scene, holding, checks, table),
+        what_to_type,
     )
 }
 
