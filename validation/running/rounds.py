@@ -124,18 +124,20 @@ def timing(job: run.Job, result: run.Result) -> Timing:
     segments = result.timings[job.setups + 1 :]
 
     def median(section: str = "") -> float | None:
-        seconds = [one.sections[section] if section else one.seconds for one in segments]
+        seconds = [
+            segment.sections[section] if section else segment.seconds for segment in segments
+        ]
         found = [spent / one.steps for spent, one in zip(seconds, segments)]
         return float(np.median(found)) * 1e6 if found else None
 
     names = segments[0].sections if segments else ()
-    shares = [one.cpu for one in segments if one.cpu is not None]
+    shares = [segment.cpu for segment in segments if segment.cpu is not None]
     return Timing(
         modify=median("Modify"),
         loop=median(),
         cpu=min(shares, default=None),
         sections={name: median(name) for name in names},
-        steps=[one.steps for one in segments],
+        steps=[segment.steps for segment in segments],
         setups=result.seconds["setups"],
         memory=result.memory,
         versions=result.versions,

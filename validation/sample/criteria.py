@@ -16,7 +16,9 @@ from .plan import LEAST
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0, "density": 0.2}
 RELATIVE = 1.0  # %, of averages without their own bound
 # errors that are not worth more time, whatever a rival's is: see `rivals`
-LEAST_ERRORS = {one.key: RELATIVE for one in OBSERVABLES if one.relative} | BOUNDS
+LEAST_ERRORS = {
+    observable.key: RELATIVE for observable in OBSERVABLES if observable.relative
+} | BOUNDS
 WITHOUT_BIAS = {"potential": 0.004}  # of hybrid Monte Carlo, which has no error of the step
 DEVIATION = "slope of the ratio of distributions less the exact one", "sd"
 # that have another name than the bias of their title's mean

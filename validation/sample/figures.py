@@ -95,9 +95,9 @@ def _bars(
     axis: Axes, rows: Sequence[dict], values: Sequence[Estimate], colour: str, marker: str
 ) -> tuple[float, float]:
     """A line of values against the step, with their 95 % intervals; its end."""
-    steps, middle = [row["dt"] for row in rows], [one.value for one in values]
+    steps, middle = [row["dt"] for row in rows], [estimate.value for estimate in values]
     how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
-    axis.errorbar(steps, middle, [one.margin for one in values], color=colour, **how)
+    axis.errorbar(steps, middle, [estimate.margin for estimate in values], color=colour, **how)
     return steps[-1], middle[-1]
 
 

@@ -200,7 +200,7 @@ def pool(starts: Sequence[Numbers]) -> Numbers:
         return {key: measures.mean_of_starts([one[key] for one in some]) for key in some[0]}
 
     variances = [numbers.variances for numbers in starts]
-    means = {key: float(np.mean([one[key] for one in variances])) for key in variances[0]}
+    means = {key: float(np.mean([variance[key] for variance in variances])) for key in variances[0]}
     made = Numbers(over("means"), over("remembers"), means)
     for key in starts[0].vectors:
         components = np.concatenate([numbers.vectors[key] for numbers in starts])

@@ -152,7 +152,7 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     }
     every = []
     for title, columns in parts.items():
-        some = [one for one in columns if any(row.get(one.key) for row in rows)]
+        some = [column for column in columns if any(row.get(column.key) for row in rows)]
         every += some
         if some:
             yield Table(title, (*POINT, *some), rows)

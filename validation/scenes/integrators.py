@@ -90,7 +90,7 @@ CONSTRAINING = _constraining()
 
 
 def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
-    return {one.name: one for one in integrators}
+    return {integrator.name: integrator for integrator in integrators}
 
 
 INTEGRATORS = _by_name(

@@ -92,7 +92,7 @@ def fit(
         reaches: for each scheme that shares the limit, the longest step whose error the terms
             describe; infinite for a scheme without error of the step.
     """
-    used = [one for one in points if _is_in(steps[one], reaches) and points[one].error > 0]
+    used = [point for point in points if _is_in(steps[point], reaches) and points[point].error > 0]
     terms = _terms([steps[one] for one in used], reaches)
     return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
 

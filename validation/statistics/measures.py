@@ -114,8 +114,8 @@ def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
     """
     if len(starts) == 1:
         return starts[0]
-    apart = mean_of_few([one.value for one in starts])
-    squares = np.array([one.error for one in starts]) ** 2
+    apart = mean_of_few([start.value for start in starts])
+    squares = np.array([start.error for start in starts]) ** 2
     total = squares.sum()
     if not total > 0:
         return apart
@@ -288,7 +288,7 @@ def quotient(first: Estimate, second: Estimate) -> Estimate:
     """First over second, independent `Estimate`s."""
     value = first.value / second.value
     parts = first.times(1 / second.value), second.times(value / second.value)
-    return Estimate(value, *combined(*(one[1:] for one in parts)))
+    return Estimate(value, *combined(*(part[1:] for part in parts)))
 
 
 def without_noise(off: np.ndarray) -> Estimate:

@@ -54,10 +54,10 @@ def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, l
     if rigid.kind == "plain":  # the script's own integrator moves points
         return others, OURS, notes
     own = script_integrator(rigid)
-    same = next((one for one in others if _effect(one, rigid) == _effect(own, rigid)), None)
+    same = next((other for other in others if _effect(other, rigid) == _effect(own, rigid)), None)
     if same is None:
         return [own, *others], YOURS, notes
-    return [same, *(one for one in others if one is not same)], same.name, notes
+    return [same, *(other for other in others if other is not same)], same.name, notes
 
 
 def _effect(integrator: Integrator, rigid: RigidAtoms) -> list:

@@ -45,7 +45,9 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
     if any(rigid_atoms.short_name(line) in DEPENDENT for line in lines):
         return script
     others = conserved_energy.other_fixes(script).values()
-    if settings["tail"] and (script.rigid.state.press or any(one in BAROSTATS for one in others)):
+    if settings["tail"] and (
+        script.rigid.state.press or any(other in BAROSTATS for other in others)
+    ):
         return script  # the tail is a part of the pressure that the barostat controls
     note = NOTE + WITHOUT_TAIL * settings["tail"]
     tell(note)
