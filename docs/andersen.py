@@ -46,8 +46,8 @@ class Andersen(Thermostat):
     numbers, state_size = Collisions, 1  # of its state: how many collisions there were
     method, keeps_momentum = "Andersen's thermostat", False
 
-    def own_parameters(self):
-        part = self.own_number("part")
+    def extra_parameters(self, run):
+        part = run.number("part")
         if not 0.0 < part <= 1.0:
             raise self.command.wrong(f"keyword part is {part:g}, and must be above 0 and at most 1")
         return {"part": part}
@@ -55,11 +55,11 @@ class Andersen(Thermostat):
 
 class AndersenNVT(NVT):
     thermostats = {"andersen": Andersen}
-    own_keywords = {"part": "the part of a velocity that a collision makes new"}
-    vector_extensive = (*NVT.vector_extensive, False)
+    extra_keywords = {"part": "the part of a velocity that a collision makes new"}
+    values = NVT.values | {"collisions": False}
 
-    def own_values(self):
-        return *super().own_values(), self.thermostat.state[0]
+    def extra_values(self, run):
+        return *super().extra_values(run), self.thermostat.state[0]
 
 
 __getattr__ = of_fix_line(AndersenNVT)

@@ -17,9 +17,9 @@ class Annealed(Langevin):
     numbers = record("Annealed", Langevin.numbers, late_rate=F, until=I)
     acts = anneal
 
-    def own_parameters(self):
-        begin, (*_, rate) = self.lammps.step, self.ensemble.temperature()
-        return {"late_rate": rate, "until": begin + (self.host.last_step - begin) // 10}
+    def extra_parameters(self, run):
+        begin, (*_, rate) = run.lammps.step, self.ensemble.temperature()
+        return {"late_rate": rate, "until": begin + (run.host.last_step - begin) // 10}
 
 
 class AnnealedNVT(NVT):

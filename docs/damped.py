@@ -33,7 +33,7 @@ class Damped(NVE):
     operations = NVE.operations | {"A": motion, "O": Operation(friction, named=False)}
     numbers = record("Friction", NVE.numbers, friction=F)
 
-    def own_parameters(self):
+    def extra_parameters(self, run):
         return {"friction": 0.01}  # 1 / time
 
 

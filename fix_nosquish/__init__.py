@@ -13,6 +13,7 @@ name `NVE water molecule`: see `host.quoted`.
 """
 
 from collections.abc import Callable, Collection
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +24,6 @@ if TYPE_CHECKING:  # a name of the package costs no import of numpy
     import numpy as np
 
     from .bodies.bodies import Bodies
-    from .run.integrator import Integrator
 
 __version__ = "1.0.0"
 INTEGRATORS = {
@@ -41,12 +41,24 @@ NO_FIRE = (
 )
 
 
-def _integrator(name: str) -> "type[Integrator]":
+def _fix_of(find: Callable[[str], type]) -> Any:
+    """What gives, for the name of a class that `find` finds, a function (ptr, line) that makes the
+    fix."""
+
+    def of_name(name: str) -> Callable[[Any, Any], Any]:
+        from .run.fix import fix_of
+
+        return partial(fix_of, find(name))
+
+    return of_name
+
+
+def _integrator(name: str) -> type:
     refuse(name == "FIRE", NO_FIRE)
     return getattr(import_module(f"{__name__}.integrators.{INTEGRATORS[name]}"), name)
 
 
-_of_line = quoted.line_lookup(__name__, INTEGRATORS, _integrator)
+_of_line = quoted.line_lookup(__name__, INTEGRATORS, _fix_of(_integrator))
 
 
 def __getattr__(text: str) -> Any:
@@ -56,16 +68,16 @@ def __getattr__(text: str) -> Any:
 
 
 def of_fix_line(*classes: type) -> Callable[[str], Any]:
-    """What a module with integrators has as ``__getattr__``, so that a fix line finds them.
+    """The ``__getattr__`` of a module with integrators, so that a fix line finds them.
 
     Args:
         classes: the module's integrators.
     """
     named = {one.__name__: one for one in classes}
-    return quoted.line_lookup(classes[0].__module__, named, named.__getitem__)
+    return quoted.line_lookup(classes[0].__module__, named, _fix_of(named.__getitem__))
 
 
-def of_style(style: str, words: Collection[str] = ()) -> "type[Integrator]":
+def of_style(style: str, words: Collection[str] = ()) -> Any:
     """The integrator of a fix style of the plugin, such as nosquish/nve, or of one of LAMMPS's that
     it replaces, such as rigid/nve, with these words."""
     from .host import rigid_fixes
@@ -73,6 +85,11 @@ def of_style(style: str, words: Collection[str] = ()) -> "type[Integrator]":
     if name := rigid_fixes.plain(style):
         return _integrator(rigid_fixes.integrator(name, words))
     return _integrator(style.removesuffix("/small").rpartition("/")[2].upper())
+
+
+def fix_of_style(style: str, words: Collection[str] = ()) -> Callable[[Any, Any], Any]:
+    """A function (ptr, line) that makes the fix of a style of the plugin, with these words."""
+    return _fix_of(lambda _: of_style(style, words))(style)
 
 
 def body_table(lmp: Any, fix_id: str) -> "np.ndarray":
@@ -95,10 +112,10 @@ def rigid_bodies(lmp: Any, fix_id: str) -> "Bodies":
 
     Args, Raises: as of `body_table`.
     """
-    return _of_fix(lmp, fix_id).made(forces=False)
+    return _of_fix(lmp, fix_id).completed_bodies(forces=False)
 
 
-def _of_fix(lmp: Any, fix_id: str) -> "Integrator":
-    from .run.integrator import Integrator
+def _of_fix(lmp: Any, fix_id: str) -> Any:
+    from .run.registry import of_fix
 
-    return Integrator.of_fix(lmp, fix_id)
+    return of_fix(lmp, fix_id)

@@ -1,29 +1,35 @@
-"""What calls an integrator: this package's plugin, or a LAMMPS's own fix python/move."""
+"""The two hosts of a fix, this package's plugin and LAMMPS's own fix python/move: what they have in
+common."""
 
-import sys
-from collections.abc import Callable, Sequence
-from functools import wraps
+from collections.abc import Sequence
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
-from ..errors import RunError
 from ..structs import OtherFix
 
 
+class Phase(IntEnum):
+    """Where in a run the bodies are."""
+
+    NEW = 0  # a run begins: its first forces are not known
+    SET = 1  # a step is done
+    HALF = 2  # a step has begun, and its forces are not known
+    WAITING = 3  # its forces are known, and its end is left to the next step
+    OVER = 4  # the run is over: what changes velocities now is a script
+
+
 class Host:
-    """The fix as its integrator sees it; the answers here are those of a LAMMPS that tells nothing.
+    """LAMMPS's fix, as Python sees it; answers here are those of a LAMMPS that does not tell.
 
     Attributes:
         fix_id, group: the fix's ID and its group; None if that is not known.
         world: a number for the world of a partition (lmp -partition), 0 for the first one.
-        phase: an `integrator.Phase`.
-        facts: the bits of `schedule.When` that hold for longer than a step.
+        phase: a `Phase`.
+        facts: the bits of `When` that hold for longer than a step.
         vflag: what virial LAMMPS asks for in this step; 0 for none.
         changes: a number that changes when bodies do without Python.
-        calls_setup: whether LAMMPS calls setup before the first step of a run.
-        follows: whether LAMMPS takes along with its atoms what is to be known of them.
-        has_virial: whether LAMMPS asks for the virial, where that is known early.
         dmax: that of command min_modify in a minimization, 0.0 in a run.
         min_dof: how many coordinates of the bodies a minimization has.
         ghost_velocity: whether ghost atoms carry velocities (``comm_modify vel yes``).
@@ -35,8 +41,6 @@ class Host:
         last_step: the last step of the run.
         span: (1,) int64 each, the steps at which the run begins and ends; None if not known.
         changes_box: in the steps after the multiples of this the box changes, 0 for never.
-        forces_virial, set_box, flip_box: as `cell.Barostat` has them; None where LAMMPS does not
-            give them.
         held: the bit of the group whose atoms move with the box, if a fix shake or rattle holds
             some of them; else 0.
         counts: whether the cell `counted_f` is filled in steps that tally the pressure, with the
@@ -46,10 +50,10 @@ class Host:
         orient_atom: (2,) int64, the address of a function that gives an atom an orientation, and
             its first argument; those behind are the atom's index and the address of a quaternion.
             None where LAMMPS has none.
-        told_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not call
-            them.
+        deformed_box: (9,) what the passes `deform` and `flipped` take; None where LAMMPS does not
+            call them.
         rate: (6,) how fast the box vectors' components change by fix deform, xx yy zz yz xz xy.
-        stream_group: the bit of the group whose velocities change at periodic faces by these rates,
+        remap_group: the bit of the group whose velocities change at periodic faces by these rates,
             as with its remap v; 0 for none.
         pushes: whether the method `push` is to be called when the forces of a step are known.
         told: (7,) the energy of external forces, and their virial on this rank (xx yy zz xy xz
@@ -65,9 +69,6 @@ class Host:
     facts: int
     vflag: int
     changes: int
-    calls_setup: bool
-    follows: bool
-    has_virial: bool
     dmax: float
     min_dof: int
     ghost_velocity: bool
@@ -84,13 +85,27 @@ class Host:
     set_box: np.ndarray | None
     flip_box: np.ndarray | None
     find_clusters: np.ndarray | None
-    told_box: np.ndarray | None
+    deformed_box: np.ndarray | None
     rate: np.ndarray | None
-    stream_group: int
+    remap_group: int
     orient_atom: np.ndarray | None
     pushes: int
     told: np.ndarray | None
     rotor: int
+
+    def need(self, feature: str) -> None:
+        """Raise an error if this host lacks a feature: a key of `own_fix.MISSING`."""
+
+    def previous(self, bodies: Any, lammps: Any) -> Any:
+        """What each of LAMMPS's atoms was in bodies of the last run: see `Bodies.as_previous`."""
+        return bodies.as_previous(lammps)
+
+    def refuse_changes(self, membership: Any) -> None:
+        """Raise an error if atoms came, left or got other IDs and LAMMPS did not tell; collective.
+
+        Args:
+            membership: the `Membership` that was decided when the fix was defined.
+        """
 
     @property
     def command(self) -> Sequence[str]:
@@ -174,9 +189,6 @@ class Host:
         """Lines for the log, on what to add to the input so that temp and press are right."""
         return ()
 
-    def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
-        """A run begins; virial() gives the virial of all ranks, where LAMMPS cannot ask the fix."""
-
     def cut_cluster(self) -> int:
         """The ID of an atom of `held` on this rank with which others are held that are not in that
         group, 0 if there is none; collective."""
@@ -201,12 +213,9 @@ class Host:
     def noted(self) -> None:
         """Where each atom is, is in the cell of origins now."""
 
-    def atoms_moved(self) -> bool:
-        """Whether LAMMPS has re-neighboured unsaid since this was last asked."""
-        return False
-
-    def now(self) -> int | None:
-        """What holds now, bits of `schedule.When`; None if it is not known."""
+    def now(self) -> int:
+        """The facts about this step, bits of `When`."""
+        raise NotImplementedError
 
     def follow_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0
@@ -214,7 +223,7 @@ class Host:
         """Follow the schedule from now on, and do these lists of passes.
 
         Args:
-            lists: see `passes`; None if Python follows it, in the integrator's hooks.
+            lists: see `passes`; None for none, before the run has them.
             velocities_every, table_every: every how many steps something may read the atoms'
                 velocities, or Python writes a table, at the step's end; 0 for never.
         """
@@ -222,28 +231,3 @@ class Host:
     def go_back(self) -> None:
         """Move the bodies' atoms by what is in place of their velocities, and compute the forces
         there; collective."""
-
-    def end(self, error: BaseException) -> None:
-        """End the run on all ranks, with the error's message, where LAMMPS does not."""
-
-
-def driven_by_plugin() -> bool:
-    """Whether this package's plugin is there, which then is what makes and calls the integrator."""
-    return "fix_nosquish.plugin.bridge" in sys.modules
-
-
-def hook(method: Callable) -> Callable:
-    """A method that LAMMPS calls: an exception in it ends the run on all ranks."""
-
-    @wraps(method)
-    def guarded(self: Any, *arguments: Any) -> Any:
-        try:
-            return method(self, *arguments)
-        except BaseException as error:
-            if isinstance(error, RunError):
-                error.args = (self.line.naming(str(error)),)
-            if self.host:
-                self.host.end(error)
-            raise
-
-    return guarded

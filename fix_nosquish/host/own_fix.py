@@ -1,4 +1,8 @@
-"""A LAMMPS's own fix python/move: it knows no setup, degrees of freedom, virial or migration."""
+"""LAMMPS's own fix python/move: it knows no set-up, degrees of freedom, virial or migration.
+
+LAMMPS has it where it was built with its package PYTHON.  It calls a `Driver`, which calls the
+hooks of a fix as the plugin would.
+"""
 
 import ctypes
 import sys
@@ -9,16 +13,33 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import RunError, refuse
+from ..loops import machine_code
+from ..ranks import mpi
 from ..ranks.communicator import Alone, Communicator
 from ..ranks.lookup import find, look_up
 from ..ranks.migration import IN_NO_BODY, UNDECIDED
 from ..ranks.sharing import places
-from .hosts import Host
+from ..structs import When
+from .hosts import Host, Phase
 from .lammps import Lammps
 
 EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
 _callbacks: dict[int, Any] = {}  # LAMMPS's address -> what its fix external calls
+# what this host lacks, and what to use instead
+MISSING = {
+    "trajectories": "LAMMPS's own fix python/move gives no potential energy in the steps that need "
+    "it, and computes no forces again: install this package where its plugin can be used, or use "
+    "fix nosquish/nvt",
+    "box": "LAMMPS's own fix python/move gives no virial and changes no box: install this package "
+    "where its plugin can be used, or use fix nosquish/nvt or fix nosquish/nve",
+    "end of the run": "keyword temp: TSTART and TSTOP must be the same, because LAMMPS's own fix "
+    "python/move does not tell where a run ends",
+    "end of a step": "keyword output cannot be used with run_style respa and LAMMPS's own fix "
+    "python/move, which knows no end of a step: install this package where its plugin can be used",
+    "gravity": "keyword gravity cannot be used with LAMMPS's own fix python/move: remove 'disable' "
+    "from fix gravity instead",
+}
 
 
 class OwnFix(Host):
@@ -29,20 +50,40 @@ class OwnFix(Host):
     """
 
     fix_id = group = next_output = span = told = None
-    forces_virial = set_box = flip_box = told_box = find_clusters = orient_atom = rate = None
-    phase = facts = vflag = changes = pushes = stream_group = held = counts = dmax = 0
+    forces_virial = set_box = flip_box = deformed_box = find_clusters = None
+    orient_atom = rate = None
+    phase = facts = vflag = changes = pushes = remap_group = held = counts = dmax = 0
     begins = energy_step = rotor = -1
-    calls_setup = follows = has_virial = scalar_pressure = False
+    scalar_pressure = False
     ghost_velocity = True  # not known: velocities at the half step may be read
 
     def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
         self.lammps, self.communicator = lammps, communicator
+        machine_code.load(communicator, mpi.__name__)
         # it does not tell how many worlds come before: the universe's rank of this one's first rank
         self.world = communicator.share(lammps.setting("universe_rank"))
         self._problem: BaseException | None = None
         self._builds = 0.0
         lammps.cells["membership"].set(np.full(len(lammps.tags), UNDECIDED))
         self.carry(lammps, None)
+
+    def need(self, feature: str) -> None:
+        raise RunError(MISSING[feature], everywhere=True)
+
+    def now(self) -> int:
+        # LAMMPS may ask for all of it in each step; at the start it has counted the first step
+        return self.facts | When.SHOWN | (When.TABLE if self.phase != Phase.NEW else 0)
+
+    def previous(self, bodies: Any, lammps: Any) -> Any:
+        return bodies.as_previous(lammps, followed=False)
+
+    def refuse_changes(self, membership: Any) -> None:
+        changes = membership.changes()
+        refuse(
+            changes,
+            f"atoms have changed since this fix was defined ({changes}), or got other IDs, which "
+            "LAMMPS's own fix python/move cannot tell apart: unfix this fix and define it again",
+        )
 
     def log(self, text: str) -> None:
         """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
@@ -115,18 +156,18 @@ class OwnFix(Host):
         self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:
+        """Whether LAMMPS has re-neighbored since this was last asked."""
         if self._problem:
             raise self._problem
         before, self._builds = self._builds, self.lammps.neighbor_builds
         return self._builds != before
 
-    def begin_run(self, virial: Callable[[], np.ndarray]) -> None:
+    def count_virial(self, virial: Callable[[], np.ndarray]) -> None:
         """If there is a fix external for it, have it take the virial whenever forces are new."""
         self._builds = 0.0  # LAMMPS counts from zero in each run
         if not self.lammps.has("fix", EXTERNAL):
             return
-        self.has_virial = True
-        method = weakref.WeakMethod(virial)  # the fix external may outlive the integrator
+        method = weakref.WeakMethod(virial)  # the fix external may outlive the driver
 
         def report() -> None:
             try:
@@ -138,11 +179,11 @@ class OwnFix(Host):
         _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
 
     def end(self, error: BaseException) -> None:
-        """Print the message once and end the run on all ranks; on one rank, come back."""
-        if getattr(error, "said", False):
+        """Print the message once and end the run on all ranks; on one rank, return."""
+        if getattr(error, "printed", False):
             return
         # not kept here: it holds all that it came through, this object among it
-        vars(error)["said"] = True
+        vars(error)["printed"] = True
         text, everywhere = str(error), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
         if not isinstance(error, RunError):
@@ -158,3 +199,104 @@ class OwnFix(Host):
             self.communicator.any(True)  # rank 0 has printed
         if isinstance(self.communicator, Communicator):
             self.communicator.abort()
+
+
+_drivers: "weakref.WeakSet[Driver]" = weakref.WeakSet()
+
+
+def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone) -> Any:
+    """What LAMMPS calls: the fix itself, where the plugin does, else its `Driver`.
+
+    Args:
+        make: makes the `fix.Fix`.
+    """
+    if "fix_nosquish.plugin.bridge" in sys.modules:
+        return make()
+    return Driver(make, OwnFix(lammps, communicator))
+
+
+class Driver:
+    """What LAMMPS's own fix python/move calls; an exception in it ends the run on all ranks.
+
+    Args:
+        make: makes the `fix.Fix`.  host: the `OwnFix`.
+    """
+
+    def __init__(self, make: Callable[[], Any], host: OwnFix) -> None:
+        self._host = host
+        self.fix = self._guarded(make)
+        self.fix.host = host
+        self._guarded(self.fix.define_bodies)
+        # it takes commands, and so text for its log, only between runs
+        self._guarded(self.fix.report_definition)
+        _drivers.add(self)
+
+    def _guarded(self, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except BaseException as error:
+            self._host.end(error)
+            raise
+
+    def init(self) -> None:
+        self._guarded(self.fix.init)
+        self._host.count_virial(self._virial_of_all)
+
+    def initial_integrate(self, vflag: int) -> None:
+        self._guarded(self._begin, vflag)
+
+    def _begin(self, vflag: int) -> None:
+        if self._host.phase == Phase.NEW:
+            self.fix.push()
+        self.fix.initial_integrate(vflag)
+
+    def final_integrate(self) -> None:
+        self._guarded(self._end)
+
+    def _end(self) -> None:
+        self._follow_atoms()
+        self.fix.push()
+        self.fix.final_integrate()
+
+    def initial_integrate_respa(self, vflag: int, level: int, loop: int) -> None:
+        self._guarded(self._begin_level, vflag, level, loop)
+
+    def _begin_level(self, vflag: int, level: int, loop: int) -> None:
+        if self._host.phase == Phase.NEW:
+            self.fix.push()
+        elif not self.fix.run.is_outermost(level):
+            self._follow_atoms()
+        self.fix.initial_integrate_respa(vflag, level, loop)
+
+    def final_integrate_respa(self, level: int, loop: int) -> None:
+        self._guarded(self._end_level, level, loop)
+
+    def _end_level(self, level: int, loop: int) -> None:
+        self._follow_atoms()
+        self.fix.final_integrate_respa(level, loop)
+
+    def reset_dt(self) -> None:
+        self._guarded(self.fix.reset_dt)
+
+    def _follow_atoms(self) -> None:
+        if self._host.atoms_moved():
+            self.fix.post_neighbor()
+
+    def _virial_of_all(self) -> np.ndarray:
+        """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
+        virial, handle = np.zeros(6), self._host.lammps.handle
+        drivers = [one for one in _drivers if one._host.lammps.handle == handle]
+        for driver in sorted(drivers, key=lambda one: one.fix.number):
+            driver._add_virial(virial)
+        return self._host.communicator.total(virial)
+
+    def _add_virial(self, virial: np.ndarray) -> None:
+        host = self._host
+        begun = host.phase == Phase.HALF
+        if begun and not host.vflag:
+            return
+        if host.atoms_moved() or not begun:
+            self.fix.post_neighbor()
+        host.lammps.cells["virial"].set(virial)
+        host.lammps.cells["atom_virial"].set(np.empty((0, 9)))
+        self.fix.run.count_virial(ends=begun)

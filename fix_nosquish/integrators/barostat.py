@@ -1,6 +1,6 @@
 """Barostats: what an ensemble has for its pressure, the words for it, and what they refuse.
 
-How the box follows the pressure is said by `crescale` and `mtk`.
+`crescale` and `mtk` say how the box follows the pressure.
 """
 
 from collections.abc import Callable, Iterator
@@ -12,9 +12,11 @@ from ..box import cell, free_atoms
 from ..box.cell import MOST, OUT_OF_BOUNDS, XY, BarostatNumbers, flip
 from ..errors import RunError, refuse
 from ..host.command import PRESSURES, TILTS
+from ..host.hosts import OtherFix
+from ..host.lammps import Lammps
 from ..loops.compiled import F1, L1, Cell, I, Kind
 from ..run.other_fixes import READERS, WITH_SWITCHES
-from .thermostat import MOST_STEPS, Part, far_off
+from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 
 AXES = "xyz"
 # parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
@@ -31,7 +33,7 @@ PRESSURE = (*PRESSURES, "couple", "every", "dilate")  # words
 COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), "none": (0, 1, 2)}
 
 
-class Barostat(Part):
+class Barostat(EnsemblePart):
     """What changes the box of an ensemble every so many steps.
 
     All atoms of the system are in its bodies, or flexible, or keyword dilate says which of the
@@ -52,39 +54,39 @@ class Barostat(Part):
     of_numbers: ClassVar[Kind] = BarostatNumbers
     numbers: Any = None
     has_others = False
+    box_every = 1  # until a run begins
+    reversible = False
 
-    def own_parameters(self) -> dict[str, Any]:
-        self._refuse()
-        dt, damping = self.lammps.dt, self.damping
-        usual = min(damping / (PARTS * dt) + 1e-9, 2.0**31 - 1.0)
-        self.ensemble.box_every = self.command.every or max(1, int(usual))
-        self.host.changes_box = self.ensemble.box_every
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        self._refuse(run)
+        usual = min(self.damping(run.lammps) / (PARTS * run.lammps.dt) + 1e-9, 2.0**31 - 1.0)
+        self.box_every = run.host.changes_box = self.command.every or max(1, int(usual))
         return {}
 
-    def refuse_cut_clusters(self) -> None:
+    def start(self, run: Any) -> None:
         """End the run for keyword dilate with a part of what shake holds; collective."""
-        if self.host.held:
-            atom = self.host.cut_cluster()
-            self.communicator.agree(
+        if run.host.held:
+            atom = run.host.cut_cluster()
+            run.ranks.agree(
                 f"fix shake or rattle holds atom {atom}, which keyword dilate moves with the box, "
                 "together with an atom that is not in its group: have both in that group, or none"
                 if atom
                 else None
             )
 
-    def warnings(self) -> Iterator[str]:
+    def extra_warnings(self, run: Any) -> Iterator[str]:
         """Lines on how often the box changes, and on fixes whose forces LAMMPS's virial lacks, of
-        which the pressure takes what all forces do within bodies; collective."""
-        if self.ensemble.external.moves_centres and not self.ensemble.external.said.virial:
+        which the pressure takes what all forces do within bodies."""
+        if run.external.moves_centres and not run.external.words.virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
                 "pressure without them. Give fix_modify external the words virial yes"
             )
-        for fix in self.other_fixes:
+        for fix in run.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
-            if self.ensemble.acts_on_bodies(fix):
+            if run.acts_on_bodies(fix):
                 remedy = (
                     f"use 'fix_modify {fix.id} virial yes'"
                     if fix.has_virial
@@ -95,9 +97,10 @@ class Barostat(Part):
                     f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
                     f"lacks these: the box follows a wrong pressure: {remedy}"
                 )
-        yield from far_off("PDAMP", max(self.damping, self.lammps.dt), self.lammps, 10 * MOST_STEPS)
-        dt, every = self.lammps.dt, self.ensemble.box_every
-        if (parts := self.damping / (every * dt)) < FEWEST_PARTS:
+        lammps, every = run.lammps, self.box_every
+        damping, dt = self.damping(lammps), lammps.dt
+        yield from far_off("PDAMP", max(damping, dt), lammps, 10 * MOST_STEPS)
+        if (parts := damping / (every * dt)) < FEWEST_PARTS:
             longer = f"a PDAMP of at least {FEWEST_PARTS * dt:g}"
             yield (
                 f"WARNING: the box changes {parts:.3g} times in PDAMP: with fewer than "
@@ -105,46 +108,50 @@ class Barostat(Part):
                 f"break. Give {longer if every == 1 else 'keyword every a smaller number'}"
             )
 
-    def complaint(self, found: int) -> str:
-        if found == OUT_OF_BOUNDS:
-            every = self.ensemble.box_every
-            rare = (
-                f"give keyword every 1 (the box changes in one of {every} steps now), and a longer "
-                "PDAMP as well if that is not enough"
-            )
-            return self.instability(
-                f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
-                "tilt by more than an edge,",
-                "the pressure is far from the one asked for, or PDAMP is too short. "
-                "Bring the system near this pressure at constant volume first, or "
-                f"{'give a longer PDAMP' if every == 1 else rare}",
-            )
-        return ""
-
-    def _refuse(self) -> None:
-        """Raise an error for a system whose box this fix cannot change; collective."""
-        lammps = self.lammps
-        refuse(
-            self.host.set_box is None,
-            "a LAMMPS's own fix python/move tells no virial and takes no new box: install this "
-            "package where its plugin serves, or use fix nosquish/nvt or fix nosquish/nve",
+    def failure(self, found: int, run: Any) -> str:
+        if found != OUT_OF_BOUNDS:
+            return ""
+        every = self.box_every
+        rare = (
+            f"give keyword every 1 (the box changes in one of {every} steps now), and a longer "
+            "PDAMP as well if that is not enough"
         )
-        for mate in self.ensemble.mates:
-            refuse(
-                mate.number != self.ensemble.number,
-                f'fix {mate.host.fix_id} ("{mate.command.text}") has bodies, too, which would '
+        return instability(
+            run,
+            f"an axis of the box would change by more than a factor of {MOST:g} at once, or a "
+            "tilt by more than an edge,",
+            "the pressure is far from the one asked for, or PDAMP is too short. "
+            "Bring the system near this pressure at constant volume first, or "
+            f"{'give a longer PDAMP' if every == 1 else rare}",
+        )
+
+    def _refuse(self, run: Any) -> None:
+        """Raise an error for a system whose box this fix cannot change; collective."""
+        run.host.need("box")
+        for one in run.siblings:
+            raise RunError(
+                f'fix {one.fix_id} ("{one.line.text}") has bodies, too, which would '
                 "not follow the box that this fix changes: have one fix move all bodies, or "
-                "move what else there is by a fix of LAMMPS's",
+                "move the other atoms with one of LAMMPS's fixes",
+                everywhere=True,
             )
-        outside = self.communicator.count(len(lammps.groups) - len(self.bodies.index))
+        outside = run.ranks.count(len(run.lammps.groups) - len(run.bodies.index))
         refuse(
             outside and not self.command.dilate,
             f"{outside} atoms are in no body: give their group to keyword flexible, so that this "
             "fix moves them, too, or say by keyword dilate which of them the box takes along",
         )
         self.has_others = outside > 0
-        self._look_at_constraints()
-        self._look_at_forces()
+        self._look_at_constraints(run)
+        self._look_at_forces(run)
+        self._refuse_axes(run.lammps, run.host.scalar_pressure)
+
+    def _refuse_axes(self, lammps: Lammps, scalar_pressure: bool) -> None:
+        """Raise an error for axes and tilts that cannot change.
+
+        Args:
+            scalar_pressure: see `hosts.Host`.
+        """
         flat = {"z", "xz", "yz"} & {*self.command.pressure, self.command.couple}
         refuse(
             lammps.dimension == 2 and flat,
@@ -157,7 +164,7 @@ class Barostat(Part):
             "aniso, or make it triclinic (change_box all triclinic) before the fix line",
         )
         refuse(
-            self.host.scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1],
+            scalar_pressure and self.axes.tolist() != [0, 0, 0, -1, -1, -1],
             "kspace_style msm gives the mean pressure of all axes only, and this box has more "
             "than one to follow: use iso, or kspace_modify pressure/scalar no",
         )
@@ -170,7 +177,7 @@ class Barostat(Part):
                     everywhere=True,
                 )
 
-    def _look_at_constraints(self) -> None:
+    def _look_at_constraints(self, run: Any) -> None:
         """Find out whether fixes hold atoms together that move with the box; collective.
 
         Raises:
@@ -179,8 +186,9 @@ class Barostat(Part):
         placing = *_CLUSTERS, *_PLACES
         deciding = [
             fix
-            for fix in self.other_fixes
-            if (fix.constrains or fix.style.startswith(placing)) and self._hits(fix, moving=True)
+            for fix in run.other_fixes
+            if (fix.constrains or fix.style.startswith(placing))
+            and self._hits(fix, run, moving=True)
         ]
         for fix in deciding:
             constrains = fix.style.startswith("ilves")
@@ -191,9 +199,9 @@ class Barostat(Part):
                 f"moves with the box, and does not follow it: {instead}, or leave them out of the "
                 "group of keyword dilate",
             )
-        self.host.held = int(self._dilated) if deciding else 0
+        run.host.held = int(self._dilated(run.lammps)) if deciding else 0
 
-    def _look_at_forces(self) -> None:
+    def _look_at_forces(self, run: Any) -> None:
         """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
         own virial is taken from it; collective.
 
@@ -202,19 +210,17 @@ class Barostat(Part):
         """
         changing = [
             fix
-            for fix in self.other_fixes
+            for fix in run.other_fixes
             if fix.post_force and not fix.style.startswith((*READERS, *_CLUSTERS))
         ]
-        noisy = any(
-            f.style.startswith(_NOISE) and self.ensemble.acts_on_bodies(f) for f in changing
-        )
+        noisy = any(f.style.startswith(_NOISE) and run.acts_on_bodies(f) for f in changing)
         self._noise_on_bodies = noisy
         looked_at = [
             fix
             for fix in changing
-            if (self.host.held and self._hits(fix, moving=True))
-            or self._hits(fix, moving=False)
-            or (noisy and self.ensemble.acts_on_bodies(fix))
+            if (run.host.held and self._hits(fix, run, moving=True))
+            or self._hits(fix, run, moving=False)
+            or (noisy and run.acts_on_bodies(fix))
         ]
         counted = [fix.id for fix in looked_at if fix.virial_in_press]
         others = [fix.id for fix in looked_at if not fix.virial_in_press]
@@ -227,42 +233,38 @@ class Barostat(Part):
                 "fix nvt or temp/csvr for other atoms",
                 everywhere=True,
             )
-        self.host.counts = bool(others)
+        run.host.counts = bool(others)
 
-    @property
-    def _dilated(self) -> np.int32:
+    def _dilated(self, lammps: Lammps) -> np.int32:
         """The bit of keyword dilate's group, as LAMMPS has it in an int."""
-        return np.array([self.lammps.group_bit(self.command.dilate)], np.uint32).view(np.int32)[0]
+        bit = lammps.group_bit(self.command.dilate or "")
+        return np.array([bit], np.uint32).view(np.int32)[0]
 
-    def _hits(self, fix: Any, moving: bool) -> bool:
+    def _hits(self, fix: OtherFix, run: Any, moving: bool) -> bool:
         """Whether a fix acts on atoms in no body that move with the box, or on those that do not;
         collective."""
         if not self.has_others:
             return False
-        groups = self.lammps.groups
-        some = (groups & self.lammps.group_bit(self.command.dilate) != 0) == moving
-        some[self.bodies.index] = False
-        return self.communicator.any(fix.has(groups[some]).any())
+        groups = run.lammps.groups
+        some = (groups & (int(self._dilated(run.lammps)) & 0xFFFFFFFF) != 0) == moving
+        some[run.bodies.index] = False
+        return run.ranks.any(fix.has(groups[some]).any())
 
-    def loops_of_others(self, cells: dict[str, Cell]) -> tuple[list, list]:
+    def loops_of_others(self, run: Any, cells: dict[str, Cell]) -> tuple[list, list]:
         """Loops for atoms that are in no body: what they say of the pressure, and what moves them
         with the box; two lists, empty where there are none."""
         if not self.has_others:
             return [], []
-        cells = cells | {"dilated": Cell(I, self._dilated)}
-        seen = [free_atoms.virial_of_others.bind_to(self._counted(cells, self.host.counts))]
-        if self.host.held:
-            finder = {"cluster_finder": self.host.find_clusters}
+        cells = cells | {"dilated": Cell(I, self._dilated(run.lammps))}
+        seen = [free_atoms.virial_of_others.bind_to(_counted(cells, run.host.counts))]
+        if run.host.held:
+            finder = {"cluster_finder": run.host.find_clusters}
             seen = [free_atoms.find_clusters.bind_to(cells, **finder), *seen]
         return seen, [free_atoms.move_others.bind_to(cells)]
 
     def virial_of_bodies(self, cells: dict[str, Cell]) -> Callable[[], int]:
         """The loop for what the forces do about the bodies' centres."""
-        return cell.virial_about_centres.bind_to(self._counted(cells, self._noise_on_bodies))
-
-    def _counted(self, cells: dict[str, Cell], counts: bool) -> dict[str, Cell]:
-        """Cells whose forces are those that LAMMPS's virial counts, or all of them."""
-        return cells | {"atom_f": cells["counted_f" if counts else "atom_f"]}
+        return cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
 
     @property
     def axes(self) -> np.ndarray:
@@ -270,7 +272,7 @@ class Barostat(Part):
         command = self.command
         coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
         groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
-        flat = "" if self.lammps.dimension == 3 else "z"
+        flat = "" if self.ensemble.dimension == 3 else "z"
         return np.array(
             [
                 group if command.pressure_of(part) and not (flat and flat in part) else -1
@@ -280,30 +282,28 @@ class Barostat(Part):
 
     @property
     def flips(self) -> bool:
-        """Whether tilts change, so that other box vectors may be better."""
         return bool((self.axes[XY:] >= 0).any())
 
-    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
+    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
         return {"flip": [flip.bind_to(cells)]} if self.flips else {}
 
-    @property
-    def damping(self) -> float:
+    def damping(self, lammps: Lammps) -> float:
         """PDAMP, the shortest one of all axes."""
-        damping = min(self.lammps.number(words[2]) for words in self.command.pressure.values())
+        damping = min(lammps.number(words[2]) for words in self.command.pressure.values())
         self.command.refuse_unless_positive("PDAMP", damping)
         return damping
 
-    def new_numbers(self) -> np.record:
+    def new_numbers(self, run: Any) -> np.record:
         """What the barostat knows as a run begins; collective."""
-        lammps, numbers = self.lammps, self.of_numbers(axes=self.axes)
+        lammps, numbers = run.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
-        self.dampings = np.full(len(self.axes), self.damping)
+        self.dampings = np.full(len(self.axes), self.damping(lammps))
         for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
             if group >= 0:
                 words = self.command.pressure_of(part)
-                start, stop, damping = said = tuple(lammps.number(word) for word in words)
-                if of_group.setdefault(group, said) != said:
-                    theirs, others = ("{:g} {:g} {:g}".format(*x) for x in (said, of_group[group]))
+                start, stop, damping = given = tuple(lammps.number(word) for word in words or ())
+                if of_group.setdefault(group, given) != given:
+                    theirs, others = ("{:g} {:g} {:g}".format(*x) for x in (given, of_group[group]))
                     raise self.command.wrong(
                         f"keyword couple {self.command.couple}: {part} has PSTART, PSTOP and PDAMP "
                         f"{theirs}, and an axis coupled to it {others}: give both the same"
@@ -311,7 +311,7 @@ class Barostat(Part):
                 self.dampings[group] = damping
                 numbers.p_start[k] = start / lammps.nktv2p
                 numbers.p_stop[k] = stop / lammps.nktv2p
-        numbers.unit, numbers.box_every = lammps.mvv2e, self.ensemble.box_every
+        numbers.unit, numbers.box_every = lammps.mvv2e, self.box_every
         numbers.dimension, numbers.tilted = lammps.dimension, self.flips
         # a change of an axis stretches a tilt along it, and narrows one that it is the second of
         changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
@@ -320,12 +320,17 @@ class Barostat(Part):
             numbers.weight[k] = 1.0 + along - across
         return numbers
 
-    def own_cells(self) -> dict[str, Cell]:
-        self.numbers = self.new_numbers()
+    def extra_cells(self, run: Any) -> dict[str, Cell]:
+        self.numbers, host = self.new_numbers(run), run.host
         return {
             "barostat": Cell(self.of_numbers, self.numbers),
-            "forces_virial": Cell(F1, self.host.forces_virial),
+            "forces_virial": Cell(F1, host.forces_virial),
             "new_box": Cell(F1, np.zeros(12)),
-            "set_box": Cell(L1, self.host.set_box),
-            "flip_box": Cell(L1, self.host.flip_box),
+            "set_box": Cell(L1, host.set_box),
+            "flip_box": Cell(L1, host.flip_box),
         }
+
+
+def _counted(cells: dict[str, Cell], counts: bool) -> dict[str, Cell]:
+    """Cells whose forces are those that LAMMPS's virial counts, or all of them."""
+    return cells | {"atom_f": cells["counted_f" if counts else "atom_f"]}

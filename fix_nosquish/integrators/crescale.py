@@ -17,6 +17,7 @@ which is right to the second order in the change.
 """
 
 from math import log, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -199,14 +200,15 @@ class Crescale(Barostat):
 
     method = ", and stochastic cell rescaling"
 
-    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        seen, moved = self.loops_of_others(cells)
+    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+        seen, moved = self.loops_of_others(run, cells)
         pressure = [self.virial_of_bodies(cells), *seen, end_change.bind_to(cells)]
         cell = [rescale_cell.bind_to(cells), *moved]
-        return super().own_lists(cells) | {"pressure": pressure, "cell": cell}
+        return super().extra_lists(run, cells) | {"pressure": pressure, "cell": cell}
 
-    def new_numbers(self) -> np.record:
-        numbers, lammps = super().new_numbers(), self.lammps
+    def new_numbers(self, run: Any) -> np.record:
+        numbers, lammps = super().new_numbers(run), run.lammps
+        damping = self.damping(lammps)
         if self.command.compressibility:
             compressibility = lammps.number(self.command.compressibility)
             self.command.refuse_unless_positive("keyword compressibility", compressibility)
@@ -217,11 +219,11 @@ class Crescale(Barostat):
                 f"keyword compressibility is missing: with units {lammps.units} it has no default",
                 everywhere=True,
             )
-        others = self.dampings[self.dampings != self.damping]
+        others = self.dampings[self.dampings != damping]
         if len(others):
             raise self.command.wrong(
-                f"PDAMP is {self.damping:g} for one axis and {others[0]:g} for another: give all "
+                f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: give all "
                 "axes the same, or use barostat mtk"
             )
-        numbers.rate = compressibility * lammps.nktv2p / self.damping
+        numbers.rate = compressibility * lammps.nktv2p / damping
         return numbers

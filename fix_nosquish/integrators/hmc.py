@@ -15,6 +15,8 @@ places follow from it.  LAMMPS then brings atoms to their ranks, makes new lists
 computes the forces once more, in the same step: all that it prints is of the state that stays.
 """
 
+import weakref
+from collections.abc import Mapping
 from math import inf, log1p
 from typing import Any, ClassVar
 from zlib import crc32
@@ -22,7 +24,7 @@ from zlib import crc32
 import numpy as np
 
 from ..errors import RunError, refuse
-from ..host.command import Line
+from ..host.command import Command
 from ..loops.compiled import F2, Cell, F, inlined, loop, record
 from ..motion.block import (
     IMAGE,
@@ -35,9 +37,8 @@ from ..motion.block import (
 )
 from ..motion.philox import minus_log, words
 from ..motion.step import make_pass, place_all
-from ..run import external, thermo
-from ..run.integrator import Integrator
 from ..run.other_fixes import pushing_pair_style
+from ..run.part import Part
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
@@ -97,6 +98,153 @@ def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
             atom_v[i, k] -= atom_x[i, k]
 
 
+class Trajectory(Part):
+    """What begins and tests trajectories.
+
+    Args:
+        integrator: the `HMC`.
+    """
+
+    needs_energy = True
+    _has_warned = False
+
+    def __init__(self, integrator: Any) -> None:
+        self._integrator: Any = weakref.proxy(integrator)
+        self._steps = integrator.command.steps
+
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        """Check the run, and plan the first trajectory."""
+        _refuse(run)
+        self._plan(run, run.lammps.step)
+        in_run = run.lammps.running and not run.host.dmax
+        if in_run and run.host.last_step > run.lammps.step:
+            self._refuse_part(run.host.last_step)
+        return {}
+
+    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+        draw = draw_momenta.bind_to(cells, dt=1.0), keep_bodies.bind_to(cells)
+        return {"draw": [*draw], "back": [go_back.bind_to(cells)]}
+
+    def _refuse_part(self, last: int) -> None:
+        """End a run that would end within a trajectory, in this step."""
+        refuse(
+            last % self._steps,
+            f"the run ends in step {last}, within a trajectory, which would not be tested: "
+            f"have it end in a multiple of {self._steps}, the number of keyword steps",
+        )
+
+    def resume(self, run: Any) -> None:
+        self._refuse_part(run.host.last_step)
+        refuse(
+            run.lammps.step != run.host.begins,
+            f"step {run.lammps.step} does not follow the last trajectory: "
+            "begin the run with 'pre yes'",
+        )
+
+    def _plan(self, run: Any, step: int) -> None:
+        """Have the next trajectory begin after this step."""
+        run.host.begins, run.host.energy_step = step + 1, (step // self._steps + 1) * self._steps
+
+    def begin_trajectory(self, run: Any) -> None:
+        """Draw momenta."""
+        self._warn_of_output(run)
+        run.parameters.step = run.lammps.step
+        run.run_passes("draw")
+        run.cache.clear()
+        self._before = _total_energy(run)
+
+    def _warn_of_output(self, run: Any) -> None:
+        """Warn once of output within a trajectory, whose configurations no test has passed."""
+        if self._has_warned:
+            return
+        steps, output = self._steps, run.host.next_output
+        readers = [fix for fix in run.other_fixes if fix.end_of_step and fix.nevery % steps]
+        problem = (
+            f"fix {readers[0].id} (style {readers[0].style}) looks every {readers[0].nevery} steps"
+            if readers
+            else f"LAMMPS writes output in step {output}"
+            if output is not None and output < run.host.energy_step
+            else None
+        )
+        if problem:
+            self._has_warned = True
+            run.host.log(
+                f"WARNING: {problem}, within a trajectory of hybrid Monte Carlo: what is there was "
+                f"not tested. Have all output in multiples of {steps} steps\n"
+            )
+
+    def end_trajectory(self, run: Any) -> None:
+        """Test the trajectory, and go back if it is not accepted."""
+        parameters, kept = run.parameters, self._integrator.kept_state
+        change = run.ranks.share(_total_energy(run) - self._before)
+        key_1 = parameters.key_1 | ALL_BODIES
+        word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
+        accepted = change <= run.lammps.mvv2e * parameters.kt * minus_log(word)
+        kept.change, kept.last, kept.was_at = change, accepted, run.lammps.step
+        kept.tried += 1
+        kept.accepted += accepted
+        self._plan(run, run.lammps.step)
+        if not accepted:
+            run.run_passes("back")
+            run.run_passes("orient")
+            run.host.go_back()
+            run.run_passes("gather")
+            run.set_velocities()
+            run.cache.clear()
+
+    def end(self, run: Any) -> None:
+        """Warn of a run that something else has ended within a trajectory."""
+        if run.steps_made and run.lammps.step >= run.host.begins:
+            run.host.log(
+                f"WARNING: the run has ended in step {run.lammps.step}, within a trajectory: its "
+                "steps were not tested, and count as if they were accepted\n"
+            )
+
+
+def _total_energy(run: Any) -> float:
+    """Of the bodies, and LAMMPS's potential energy; collective."""
+    return run.thermo.energies().kinetic + run.host.energy
+
+
+def _refuse(run: Any) -> None:
+    """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
+    run.host.need("trajectories")
+    refuse(
+        run.command.force or run.command.torque,
+        "keywords force and torque cannot be used with hybrid Monte Carlo, which draws all "
+        "momenta anew: use fix nosquish/nvt",
+    )
+    refuse(
+        run.host.ghost_velocity,
+        "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
+        "have some here: leave out pair styles with friction, and comm_modify vel yes",
+    )
+    style = pushing_pair_style(run.host, newton=True)
+    refuse(
+        style,
+        f"pair style {style} has friction or noise, which no energy tests: leave it out, "
+        "or use fix nosquish/nvt with thermostat langevin",
+    )
+    problem = run.external.without_energy(run.other_fixes)
+    refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
+    problem = run.external.not_of_positions()
+    refuse(problem, f"hybrid Monte Carlo needs forces of an energy, and {problem}")
+    for one in run.siblings:
+        raise RunError(
+            f'fix {one.fix_id} ("{one.line.text}") moves bodies besides hybrid '
+            "Monte Carlo, which tests all motion at once: have one fix move all bodies",
+            everywhere=True,
+        )
+    if found := run.other_fixes.without_energy():
+        fix, remedy = found
+        raise RunError(
+            f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
+            "with no energy that hybrid Monte Carlo could test: "
+            f"{remedy}, or use fix nosquish/nvt",
+            everywhere=True,
+        )
+
+
 class HMC(NVE):
     """fix ID group nosquish/hmc BODYSTYLE temp T steps N seed S [mix X] ...
 
@@ -111,175 +259,34 @@ class HMC(NVE):
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
-    kept, work, respa, needs_energy, numbers = KEPT, WORK, False, True, Bath
-    crosses = False
+    kept, work, respa, numbers = KEPT, WORK, False, Bath
+    supports_remap_v = False
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
-    _has_warned = False
+    values: Mapping[str, bool] = {"acceptance": False, "dH": False, "accepted": False}
 
-    def __init__(self, ptr: Any, line: Line | str) -> None:
-        super().__init__(ptr, line)
+    def __init__(self, command: Command, dimension: int) -> None:
+        super().__init__(command, dimension)
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
         self.kept_state = Kept.of(self.restart_state)
+        self.parts = (Trajectory(self),)
 
-    def own_parameters(self) -> dict[str, Any]:
-        self._refuse()
-        kept = self.kept_state
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        kept, command, lammps = self.kept_state, self.command, run.lammps
         if kept.kind != self.kind:
-            self.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
+            run.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
             kept.kind = self.kind
-        command, lammps = self.command, self.lammps
         temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
         command.refuse_unless_positive("keyword temp: T", temperature)
         if not 0 < mix <= 1:
             raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
-        self._plan(lammps.step)
-        if lammps.running and not self.host.dmax and self.host.last_step > lammps.step:
-            self._refuse_part()
         kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
-        key_0, key_1 = key_of(command, kept.times_back, self.host.world)
+        key_0, key_1 = key_of(command, kept.times_back, run.host.world)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
-    def _refuse_part(self) -> None:
-        """End a run that would end within a trajectory."""
-        last, steps = self.host.last_step, self.command.steps
-        refuse(
-            last % steps,
-            f"the run ends in step {last}, within a trajectory, which would not be tested: "
-            f"have it end in a multiple of {steps}, the number of keyword steps",
-        )
-
-    def resumed(self) -> None:
-        self._refuse_part()
-        refuse(
-            self.lammps.step != self.host.begins,
-            f"step {self.lammps.step} does not follow the last trajectory: "
-            "begin the run with 'pre yes'",
-        )
-
-    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        draw = draw_momenta.bind_to(cells, dt=1.0), keep_bodies.bind_to(cells)
-        return {"draw": [*draw], "back": [go_back.bind_to(cells)]}
-
-    def _plan(self, step: int) -> None:
-        """Have the next trajectory begin behind this step."""
-        steps = self.command.steps
-        self.host.begins, self.host.energy_step = step + 1, (step // steps + 1) * steps
-
-    def _refuse(self) -> None:
-        """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
-        refuse(
-            not self.host.follows,
-            "a LAMMPS's own fix python/move gives no potential energy in the steps that need "
-            "it, and no forces anew: install this package where its plugin serves, or use "
-            "fix nosquish/nvt",
-        )
-        refuse(
-            self.command.force or self.command.torque,
-            "keywords force and torque are of no use to hybrid Monte Carlo, which draws all "
-            "momenta anew: use fix nosquish/nvt",
-        )
-        refuse(
-            self.host.ghost_velocity,
-            "hybrid Monte Carlo needs forces that do not depend on velocities, and ghost atoms "
-            "have some here: leave out pair styles with friction, and comm_modify vel yes",
-        )
-        style = pushing_pair_style(self.host, newton=True)
-        refuse(
-            style,
-            f"pair style {style} has friction or noise, which no energy tests: leave it out, "
-            "or use fix nosquish/nvt with thermostat langevin",
-        )
-        problem = external.without_energy(self)
-        refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
-        problem = external.not_of_positions(self)
-        refuse(problem, f"hybrid Monte Carlo needs forces of an energy, and {problem}")
-        for mate in self.mates:
-            refuse(
-                mate is not self,
-                f'fix {mate.host.fix_id} ("{mate.command.text}") moves bodies beside hybrid '
-                "Monte Carlo, which tests all motion at once: have one fix move all bodies",
-            )
-        if found := self.other_fixes.without_energy():
-            fix, remedy = found
-            raise RunError(
-                f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
-                "with no energy that hybrid Monte Carlo could test: "
-                f"{remedy}, or use fix nosquish/nvt",
-                everywhere=True,
-            )
-
-    # ------------------------------------------------------------- a trajectory
-
-    def _total_energy(self) -> float:
-        """Of the bodies, and LAMMPS's potential energy; collective."""
-        kinetic = thermo.energies(self.bodies, self.communicator, self.lammps).kinetic
-        return kinetic + self.host.energy
-
-    def begin_trajectory(self) -> None:
-        """Draw momenta; collective."""
-        self._warn_of_output()
-        self.parameters.step = self.lammps.step
-        self.do("draw")
-        self.known.clear()
-        self._before = self._total_energy()
-
-    def _warn_of_output(self) -> None:
-        """Warn once of output within a trajectory, whose configurations no test has passed."""
-        if self._has_warned:
-            return
-        steps, output = self.command.steps, self.host.next_output
-        readers = [fix for fix in self.other_fixes if fix.end_of_step and fix.nevery % steps]
-        problem = (
-            f"fix {readers[0].id} (style {readers[0].style}) looks every {readers[0].nevery} steps"
-            if readers
-            else f"LAMMPS writes output in step {output}"
-            if output is not None and output < self.host.energy_step
-            else None
-        )
-        if problem:
-            self._has_warned = True
-            self.host.log(
-                f"WARNING: {problem}, within a trajectory of hybrid Monte Carlo: what is there was "
-                f"not tested. Have all output in multiples of {steps} steps\n"
-            )
-
-    def take_energy(self) -> None:
-        """Test the trajectory, and go back if it is not accepted; collective."""
-        parameters, kept = self.parameters, self.kept_state
-        change = self.communicator.share(self._total_energy() - self._before)
-        key_1 = parameters.key_1 | ALL_BODIES
-        word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
-        accepted = change <= self.lammps.mvv2e * parameters.kt * minus_log(word)
-        kept.change, kept.last, kept.was_at = change, accepted, self.lammps.step
-        kept.tried += 1
-        kept.accepted += accepted
-        self._plan(self.lammps.step)
-        if not accepted:
-            self.do("back")
-            self.do("orient")
-            self.host.go_back()
-            self.do("gather")
-            self.set_velocities()
-            self.known.clear()
-
-    def end_run(self) -> None:
-        """As of `Integrator`; a run that something else has ended may end within a trajectory."""
-        if self.steps_made and self.lammps.step >= self.host.begins:
-            self.host.log(
-                f"WARNING: the run has ended in step {self.lammps.step}, within a trajectory: its "
-                "steps were not tested, and count as if they were accepted\n"
-            )
-        super().end_run()
-
-    # ------------------------------------------------------------- what LAMMPS asks
-
-    vector_extensive = (*Integrator.vector_extensive, False, False, False)
-    vector_names = (*Integrator.vector_names, "acceptance", "dH", "accepted")
-
-    def own_values(self) -> tuple[float, ...]:
+    def extra_values(self, run: Any) -> tuple[float, ...]:
         """The part of trajectories that were accepted, and of the last one the change of the energy
         and whether it was accepted."""
         kept = self.kept_state

@@ -1,80 +1,74 @@
 """The total momentum of an ensemble's bodies, which has no part in their temperature."""
 
+import weakref
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from ..bodies.membership import Membership
 from ..errors import refuse
+from ..host.hosts import OtherFix
 from ..run import thermo
-from ..run.other_fixes import pushing_pair_style
-from .thermostat import Part
+from ..run.other_fixes import acts_on_bodies, pushing_pair_style
+from ..run.part import Part
 
 _UNIFORM = "efield", "efield/tip4p"  # fixes of a field that is the same everywhere, or varies
 NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
-CHANGED = 0.1  # of what the total momentum has of heat, by which it has changed in a run for sure
+CHANGED = 0.1  # of its part of the heat, by which the total momentum has surely changed in a run
 DRIFT = 1e-3  # of the kinetic energy, what that of the total momentum is without a warning
 
 
 class Momentum(Part):
-    """What is known of the total momentum.
+    """What is known of the total momentum of an ensemble's bodies.
+
+    Args:
+        kept: whether the ensemble leaves it as it is.
+        thermostat: gets a note on the degrees of freedom that it acts on; None for no thermostat.
 
     Attributes:
-        kept: whether the ensemble leaves it as it is.
         held: degrees of freedom that it has, if it is taken as zero; else 0.
     """
 
-    kept, held = True, 0
+    held = 0
     _part = 0.0  # of the kinetic energy that is of the total momentum as a run begins
+    _run: Any = None
+
+    def __init__(self, kept: bool, thermostat: Any) -> None:
+        self._kept, self._thermostat = kept, thermostat
+
+    def begin(self, run: Any) -> None:
+        self._run = weakref.proxy(run)
 
     def degrees(self) -> np.ndarray:
-        """Degrees of freedom of translation and of rotation that are free to change, less those of
-        the momentum if nothing changes it: all atoms are in bodies that are free; collective."""
-        lammps, bodies, owned = self.lammps, self.bodies, self.bodies.sharers.owned
-        dimension, mask = lammps.dimension, np.ones((6, len(bodies)))
-        mask *= 1.0 if self.ensemble.mask is None else self.ensemble.mask
+        """Degrees of freedom of translation and of rotation that are free to change, without those
+        of the momentum if nothing changes it: all atoms are in bodies that are free; collective."""
+        run, bodies, owned = self._run, self._run.bodies, self._run.bodies.sharers.owned
+        dimension, mask = run.lammps.dimension, np.ones((6, len(bodies)))
+        mask *= 1.0 if run.mask is None else run.mask
         of_rotation = thermo.freedom(bodies, dimension) - dimension
         turns = mask[5] if dimension == 2 else mask[3:].prod(axis=0)
         free = np.array([mask[:dimension].sum(axis=0), of_rotation * turns])[:, owned].sum(axis=1)
-        missing = dimension * owned.sum() - free[0] + len(lammps.groups) - len(bodies.index)
-        *free, missing = self.communicator.total(np.array([*free, missing]))
-        pushed_by = "atoms in no body, or components that are off" if missing else self._pushed_by()
-        self.held = held = dimension if self.kept and not pushed_by else 0
-        if self.kept:
-            self._left = sum(free) - held
+        missing = dimension * owned.sum() - free[0] + len(run.lammps.groups) - len(bodies.index)
+        *free, missing = run.ranks.total(np.array([*free, missing]))
+        pushed_by = "atoms in no body, or components that are off" if missing else _pushed_by(run)
+        self.held = held = dimension if self._kept and not pushed_by else 0
+        self._left = sum(free) - held
+        if self._kept and self._thermostat:
             others = f"with the total momentum, because of {pushed_by}"
             momentum = others if pushed_by else "without the total momentum"
-            self.ensemble.freedom_said = f"\n  thermostat: {self._left:.0f} of these, {momentum}"
+            note = f"\n  thermostat: {self._left:.0f} of these, {momentum}"
+            self._thermostat.freedom_note = note
         refuse(
-            not sum(free) > held and not self.command.mol,
+            not sum(free) > held and not run.command.mol,
             f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
             f"momentum takes {held}: there is none to keep at a temperature",
         )
         return np.array([max(free[0] - held, 0.0), free[1]])
 
-    def _pushed_by(self) -> str | None:
-        """What may change the bodies' total momentum, None if nothing does; collective."""
-        if self.ensemble.gravity is not None:
-            return "keyword gravity"
-        if self.ensemble.external.moves_centres:
-            return "external forces"
-        if style := pushing_pair_style(self.host, self.lammps.setting("newton_pair")):
-            return f"pair style {style}"
-        found = next(filter(self._pushes, self.other_fixes.pushing()), None)
-        return found and f"fix {found.id}"
-
-    def _pushes(self, fix: Any) -> bool:
-        """Whether another fix may change the bodies' total momentum; collective."""
-        if fix.style not in _UNIFORM or fix.varies:
-            return self.ensemble.acts_on_bodies(fix)
-        atoms, charge = self.ensemble.membership.atoms(), self.lammps.per_atom("q")
-        inside = atoms[fix.has(self.lammps.groups[atoms])]
-        charges = np.zeros(1) if charge is None else charge[inside]
-        return abs(self.communicator.total(np.array([charges.sum()]))[0]) > NEUTRAL
-
-    def warnings(self) -> Iterator[str]:
-        """A line on a total momentum that is taken as zero and is not; collective."""
-        self._part = self._part_of_momentum() if self.held else 0.0
+    def extra_warnings(self, run: Any) -> Iterator[str]:
+        """A line on a total momentum that is taken as zero and is not."""
+        self._part = run.thermo.momentum_part() if self.held else 0.0
         if self._part > DRIFT:
             yield (
                 f"WARNING: the bodies' total momentum has {self._part:.2g} of their kinetic "
@@ -82,23 +76,38 @@ class Momentum(Part):
                 "run: velocity ... zero linear"
             )
 
-    def look_again(self) -> None:
-        """Say if it was taken as constant and has changed in a run; collective."""
-        if not self.held or self._part > DRIFT:
+    def end(self, run: Any) -> None:
+        """Warn if the momentum was taken as constant and has changed in the run."""
+        if not self._thermostat or not self.held or self._part > DRIFT:
             return
-        part, of_heat = self._part_of_momentum(), self.held / (self.held + self._left)
+        part, of_heat = run.thermo.momentum_part(), self.held / (self.held + self._left)
         if part > 4.0 * self._part + CHANGED * of_heat:
-            self.host.log(
+            run.host.log(
                 "WARNING: something has changed the bodies' total momentum in this run, which has "
                 f"{part:.2g} of their kinetic energy now. The thermostat took it as conserved, so "
                 f"the bodies are too cold by up to {of_heat:.2g} of their temperature: use "
                 "thermostat langevin, which does not need the degrees of freedom\n"
             )
 
-    def _part_of_momentum(self) -> float:
-        """The part of the kinetic energy that is of the total momentum; collective."""
-        bodies, owned = self.bodies, self.bodies.sharers.owned
-        mass, v = bodies.mass[owned], bodies.v[:, owned]
-        whole, *momentum = self.communicator.total(np.array([mass.sum(), *(mass * v).sum(axis=1)]))
-        kinetic = thermo.energies(bodies, self.communicator, self.lammps).kinetic
-        return 0.5 * self.lammps.mvv2e * np.square(momentum).sum() / (whole * kinetic or np.inf)
+
+def _pushed_by(run: Any) -> str | None:
+    """What may change the bodies' total momentum, None if nothing does; collective."""
+    if run.gravity is not None:
+        return "keyword gravity"
+    if run.external.moves_centres:
+        return "external forces"
+    if style := pushing_pair_style(run.host, run.lammps.setting("newton_pair")):
+        return f"pair style {style}"
+    pushing = run.other_fixes.pushing()
+    found = next((fix for fix in pushing if _pushes(fix, run.membership)), None)
+    return found and f"fix {found.id}"
+
+
+def _pushes(fix: OtherFix, membership: Membership) -> bool:
+    """Whether another fix may change the bodies' total momentum; collective."""
+    if fix.style not in _UNIFORM or fix.varies:
+        return acts_on_bodies(fix, membership)
+    lammps, atoms = membership.lammps, membership.atoms()
+    charge, inside = lammps.per_atom("q"), atoms[fix.has(lammps.groups[atoms])]
+    charges = np.zeros(1) if charge is None else charge[inside]
+    return abs(membership.communicator.total(np.array([charges.sum()]))[0]) > NEUTRAL

@@ -56,7 +56,8 @@ from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
 from ..motion.step import Operation, Scheme
 from ..ranks.mpi import Mpi, add_up
-from ..run import thermo
+from ..run.thermo import Thermo
+from ..run.thermo import freedom as degrees_of_freedom
 from .barostat import Barostat
 from .nve import NVE
 from .rescaling import REST
@@ -319,7 +320,7 @@ def put_in(thermostat: type[Thermostat], module: str) -> None:
             {**operations, "D": dilation},
             record(owner[1], thermostat.numbers, **STRAINS),
             work=thermostat.work,
-            ends=(NVE.lead, NVE.tail),
+            ends=(NVE.scheme.lead, NVE.scheme.tail),
         )
     _PREPARES[thermostat] = _prepares(thermostat, _SCHEMES[of_volume].numbers, owner)
 
@@ -378,50 +379,51 @@ class Mtk(Barostat):
     def piston(self) -> Any:
         return Piston.of(self.state)
 
-    def own_words(self) -> list:
+    def kind_of_state(self) -> list:
         return ["mtk", *self.axes]
 
-    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        seen, moved = self.loops_of_others(cells)
+    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+        seen, moved = self.loops_of_others(run, cells)
         pressure = [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)]
-        return super().own_lists(cells) | {"pressure": pressure, "behind": moved}
+        return super().extra_lists(run, cells) | {"pressure": pressure, "after_motion": moved}
 
-    def own_parameters(self) -> dict[str, Any]:
-        return super().own_parameters() | {"shears": self.flips}
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        return super().extra_parameters(run) | {"shears": self.flips}
 
-    def _heat(self) -> float:
+    def _heat(self, run: Any) -> float:
         """The k T that the piston's inertia is of: of the highest temperature of the run; without a
         thermostat, of the bodies as their first run begins, or LAMMPS's choice if they are at
         rest; collective."""
+        lammps = run.lammps
         if self.ensemble.thermostat:
-            return self.lammps.boltz * max(self.ensemble.temperature()[:2])
+            return lammps.boltz * max(self.ensemble.temperature()[:2])
         if not self.piston.inertia_kt:
-            kelvin = thermo.energies(self.bodies, self.communicator, self.lammps).temperature
-            if not self.lammps.running:  # but a file is written, perhaps before they move
-                return self.lammps.boltz * kelvin
-            usual = 1.0 if self.lammps.units == "lj" else 300.0
+            kelvin = run.thermo.energies().temperature
+            if not lammps.running:  # but a file is written, perhaps before they move
+                return lammps.boltz * kelvin
+            usual = 1.0 if lammps.units == "lj" else 300.0
             if not kelvin > REST * usual:
                 kelvin = usual
-                self.host.log(
+                run.host.log(
                     "WARNING: the bodies are at rest, and their temperature would set the piston's "
                     f"inertia: it is that for a temperature of {usual:g}, as in fix rigid/nph\n"
                 )
-            self.piston.inertia_kt = self.lammps.boltz * kelvin
+            self.piston.inertia_kt = lammps.boltz * kelvin
         return self.piston.inertia_kt
 
-    def new_numbers(self) -> np.record:
-        numbers, d, axes = super().new_numbers(), self.lammps.dimension, self.axes
+    def new_numbers(self, run: Any) -> np.record:
+        numbers, d, axes = super().new_numbers(run), run.lammps.dimension, self.axes
         freedom = self.ensemble.momentum.degrees()[0]
         refuse(
             not freedom > 0,
             "no centre of mass can move against another, so there is no pressure for the "
             "piston: use more bodies, or thermostat langevin",
         )
-        replaces = self.command.line.replaces
-        damping = self.damping * (self._slower(freedom) if replaces else 1.0)
-        inertia = (freedom + d) * self._heat() * damping**2
+        replaces, shortest = self.command.line.replaces, self.damping(run.lammps)
+        damping = shortest * (_slower(freedom, run.thermo) if replaces else 1.0)
+        inertia = (freedom + d) * self._heat(run) * damping**2
         for group in range(COMPONENTS):
-            slower = self.dampings[group] / self.damping
+            slower = self.dampings[group] / shortest
             numbers.inertia[group] = (axes == group).sum() / d * inertia * slower**2
         numbers.rate, numbers.freedom = 1.0 / damping, freedom
         numbers.heavier = np.count_nonzero(numbers.inertia)
@@ -429,29 +431,30 @@ class Mtk(Barostat):
             # The chain of fix rigid has masses d^2 and 1, times k T PDAMP^2, half of its friction
             # acts, and it takes the mean energy of the axes as that of the piston.  These masses
             # slow a fast piston down alike, and keep its energy at k T.
-            numbers.rate = 1.0 / (self.damping * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
+            numbers.rate = 1.0 / (shortest * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
             numbers.heavier = 2 * d * d
         return numbers
 
-    def _slower(self, freedom: float) -> float:
-        """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
-        collective.
-
-        Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
-        step.
-
-        Args:
-            freedom: the degrees of freedom that the inertia counts here.
-        """
-        bodies, d = self.bodies, self.lammps.dimension
-        of_bodies = thermo.freedom(bodies, d)[bodies.sharers.owned].sum()
-        every = self.communicator.total(np.array([of_bodies]))[0]
-        return np.sqrt(2 * d * (every + d) / (freedom + d))
-
-    def own_cells(self) -> dict[str, Cell]:
-        return super().own_cells() | {"piston": Cell(Piston, self.piston)}
+    def extra_cells(self, run: Any) -> dict[str, Cell]:
+        return super().extra_cells(run) | {"piston": Cell(Piston, self.piston)}
 
     def with_energy(self, scalar: float) -> float:
         """With the work against the pressure and the energy of the piston."""
         moving = 0.5 * (self.numbers.inertia * self.piston.rates**2).sum()
         return scalar + self.piston.work + moving
+
+
+def _slower(freedom: float, thermo: Thermo) -> float:
+    """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
+    collective.
+
+    Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
+    step.
+
+    Args:
+        freedom: the degrees of freedom that the inertia counts here.
+    """
+    bodies, d = thermo.bodies, thermo.lammps.dimension
+    of_bodies = degrees_of_freedom(bodies, d)[bodies.sharers.owned].sum()
+    every = thermo.ranks.total(np.array([of_bodies]))[0]
+    return np.sqrt(2 * d * (every + d) / (freedom + d))

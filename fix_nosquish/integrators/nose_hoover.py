@@ -5,7 +5,7 @@ from typing import Any
 
 from ..loops.compiled import inlined
 from .rescaling import Rescaling, scaling_by
-from .thermostat import note_heat
+from .thermostat import instability, note_heat
 
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
@@ -91,20 +91,21 @@ class NoseHoover(Rescaling):
     def state_size(self) -> int:
         return 2 * self.command.tchain * (3 if self.ensemble.has_piston else 2)
 
-    def own_parameters(self) -> dict[str, Any]:
-        return {**super().own_parameters(), "chain": 2 * self.command.tchain}
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        return {**super().extra_parameters(run), "chain": 2 * self.command.tchain}
 
-    def complaint(self, found: int) -> str:
-        if found == UNSTABLE:
-            dt, damping = self.lammps.dt, self.lammps.number(self.command.temp[2])
-            longer = (
-                f"Give a TDAMP of at least {STEPS * dt:g}, or start"
-                if damping < STEPS * dt
-                else "Start"
-            )
-            return self.instability(
-                "the Nose-Hoover chains are unstable",
-                f"TDAMP {damping:g} is {damping / dt:.3g} time steps. {longer} from velocities of "
-                "nearly this temperature",
-            )
-        return super().complaint(found)
+    def failure(self, found: int, run: Any) -> str:
+        if found != UNSTABLE:
+            return ""
+        dt, damping = run.lammps.dt, run.lammps.number(self.command.temp[2])
+        longer = (
+            f"Give a TDAMP of at least {STEPS * dt:g}, or start"
+            if damping < STEPS * dt
+            else "Start"
+        )
+        return instability(
+            run,
+            "the Nose-Hoover chains are unstable",
+            f"TDAMP {damping:g} is {damping / dt:.3g} time steps. {longer} from velocities of "
+            "nearly this temperature",
+        )

@@ -19,4 +19,4 @@ class NVE(Integrator):
         "A": Operation(free_motion(rotate_rotors), moves=True, exact=True, named=False),
         "B": Operation(kick, named=False),
     }
-    method, splits, crosses = "NO_SQUISH", True, True
+    method, splits, supports_remap_v = "NO_SQUISH", True, True

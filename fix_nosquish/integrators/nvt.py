@@ -16,17 +16,16 @@ class NVT(Ensemble):
 
     keywords = TEMPERATURE
     thermostats: Mapping[str, Any] = THERMOSTATS
-    vector_extensive = (*Ensemble.vector_extensive, True)
-    vector_names = (*Ensemble.vector_names, "shadow")
+    values: Mapping[str, bool] = {"shadow": True}
 
-    def own_values(self) -> tuple[float, ...]:
+    def extra_values(self, run: Any) -> tuple[float, ...]:
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
         of the shadow Hamiltonian's second order the part of the configuration; collective."""
-        bodies, lammps = self.made(), self.lammps
+        bodies, lammps = run.completed_bodies(), run.lammps
         torque = bodies.principal_torque()
         turns = np.divide(
             torque**2, bodies.moment, out=np.zeros_like(torque), where=bodies.moment > 0
         )
         squares = (bodies.acting_wrench[:3] ** 2).sum(axis=0) / bodies.mass + turns.sum(axis=0)
-        total = self.communicator.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
+        total = run.ranks.total(np.array([squares[bodies.sharers.owned].sum()]))[0]
         return ((lammps.ftm2v * lammps.dt) ** 2 * lammps.mvv2e * total / 24.0,)

@@ -28,7 +28,6 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, angular_velocity
 from ..motion.step import Operation
 from ..ranks.mpi import add_up
-from ..run import thermo
 from .nve import NVE
 from .thermostat import Bath, Thermostat
 
@@ -152,21 +151,18 @@ class Rescaling(Thermostat):
     )
     numbers, work = Scales, WORK
 
-    def own_parameters(self) -> dict[str, Any]:
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
         return {"degrees": self._degrees(), "separate": self.command.separate}
 
-    def warnings(self) -> Iterator[str]:
+    def extra_warnings(self, run: Any) -> Iterator[str]:
         """Also a line on motions that are at rest as a run begins, and would wait forever in a
-        gas; collective."""
-        yield from super().warnings()
-        parameters = self.ensemble.parameters
-        if parameters is None:  # with a LAMMPS's own fix python/move, before a run
-            return
-        moving = thermo.energies(self.bodies, self.communicator, self.lammps)
+        gas."""
+        yield from super().extra_warnings(run)
+        parameters, moving = run.parameters, run.thermo.energies()
         energies, names = (moving.translation, moving.rotation), ("translation", "rotation")
         if not self.command.separate:
             energies, names = (moving.kinetic, 0.0), ("motion", "")
-        heat = REST * self.lammps.mvv2e * parameters.kt
+        heat = REST * run.lammps.mvv2e * parameters.kt
         for name, energy, degrees in zip(names, energies, parameters.degrees, strict=True):
             if degrees > 0 and not 2.0 * energy > degrees * heat:
                 yield (
@@ -180,5 +176,5 @@ class Rescaling(Thermostat):
         degrees = self.ensemble.momentum.degrees()
         return degrees if self.command.separate else np.array([degrees.sum(), 0.0])
 
-    def turned_over(self) -> None:
-        self.ensemble.parameters.degrees = self._degrees()
+    def bodies_changed(self, run: Any) -> None:
+        run.parameters.degrees = self._degrees()

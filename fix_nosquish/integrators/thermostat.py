@@ -11,18 +11,21 @@ Leimkuhler and Matthews, Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. P
 
 import weakref
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from math import exp, sqrt
 from typing import Any, ClassVar, NamedTuple
 from zlib import crc32
 
 import numpy as np
 
+from ..errors import refuse
 from ..host.command import Command
-from ..loops.compiled import F1, L1, Cell, F, I, Kind, Loop, inlined, loop, record
+from ..loops.compiled import F1, L1, F, I, Kind, Loop, inlined, loop, record
 from ..motion.operations import Parameters
 from ..motion.philox import normal_pair, words
 from ..motion.step import Operation, Scheme
 from ..ranks.mpi import Mpi
+from ..run.part import Part
 from .nve import NVE
 
 Bath = record(
@@ -45,8 +48,6 @@ OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
 MOST_STEPS = 5e4  # in TDAMP without a warning
-# what a part has from its ensemble
-OF_ENSEMBLE = "lammps", "command", "own_number", "host", "bodies", "communicator", "other_fixes"
 
 
 class Steps(NamedTuple):
@@ -146,88 +147,54 @@ def far_off(name: str, time: float, lammps: Any, most: float) -> Iterable[str]:
         )
 
 
-class Part:
-    """A part of an ensemble: a thermostat or a barostat; this class does nothing.
+class EnsemblePart(Part):
+    """A thermostat or a barostat of an ensemble; this class does nothing.
 
     Args:
         ensemble: the `ensemble.Ensemble` that it is put into.
 
     Attributes:
-        method: what the log calls it.
-        modules: names of modules whose loops it needs, besides those of its classes.
         state_size: how many numbers it must know to go on.
         state: these, in the memory of the ensemble.
-        flips: whether tilts of the box change.
     """
 
-    method: str = ""
-    modules: tuple[str, ...] = ()
     state: np.ndarray
 
     def __init__(self, ensemble: Any) -> None:
         self.ensemble: Any = weakref.proxy(ensemble)
 
-    def __getattr__(self, name: str) -> Any:
-        if name in OF_ENSEMBLE:
-            return getattr(self.ensemble, name)
-        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
+    @property
+    def command(self) -> Command:
+        """The words of the fix line."""
+        return self.ensemble.command
 
     @property
     def state_size(self) -> int:
         return 0
 
-    @property
-    def flips(self) -> bool:
-        return False
-
     def step_with(self, thermostat: type["Thermostat"]) -> tuple[Scheme, Loop]:
         """The step with a thermostat, and the loop that prepares it."""
         return thermostat.scheme, thermostat.prepares
 
-    def own_words(self) -> list:
-        """What its state is of."""
+    def kind_of_state(self) -> list:
+        """Words that say what its state is of."""
         return []
-
-    def own_parameters(self) -> dict[str, Any]:
-        """Fields of the parameters besides those of `Bath`; a run begins; collective."""
-        return {}
-
-    def own_cells(self) -> dict[str, Cell]:
-        """What its loops take besides `parameters` and `own_state`."""
-        return {}
-
-    def own_lists(self, cells: dict[str, Cell]) -> dict[str, list]:
-        """See `declaration.Declaration`, as of those below."""
-        return {}
-
-    def turned_over(self) -> None:
-        pass
-
-    def warnings(self) -> Iterable[str]:
-        """Lines for the log on what is probably not meant; collective."""
-        return ()
-
-    def refuse_cut_clusters(self) -> None:
-        """End the run if it would cut clusters that are held; collective."""
-
-    def complaint(self, found: int) -> str:
-        """Why what a loop returned ends the run; empty if it was another part's."""
-        return ""
-
-    def instability(self, what: str, advice: str) -> str:
-        """What became unstable in this step, and the advice, or that for the start if it has
-        atoms that overlap."""
-        start, step = self.bodies.start, self.lammps.step
-        if start.explains(step):
-            advice = f"{start.diagnosis}: {start.advice}"
-        return f"{what} at step {step}: {advice}"
 
     def with_energy(self, scalar: float) -> float:
         """A scalar that counts energies, with its own; collective."""
         return scalar
 
 
-class Thermostat(Part):
+def instability(run: Any, what: str, advice: str) -> str:
+    """What became unstable in this step, and the advice, or that for the start if atoms overlap
+    there."""
+    start, step = run.bodies.start, run.lammps.step
+    if start.explains(step):
+        advice = f"{start.diagnosis}: {start.advice}"
+    return f"{what} at step {step}: {advice}"
+
+
+class Thermostat(EnsemblePart):
     """What a derived class declares.
 
     Attributes:
@@ -238,14 +205,14 @@ class Thermostat(Part):
         acts: what comes before O once a step, an inlined function (mpi, parameters, state, dt,
             gained).  `state` is the thermostat's own, and `gained` what twice the kinetic energy
             has become more since O's `measures`.  It returns 0, or less to end the run
-            with `complaint`.
+            with `failure`.
         on_piston: what it does to a piston, an inlined function (mpi, parameters, cell, state, dt);
             see `mtk.PistonBox`.
         scheme, prepares: the step at constant volume, and the loop before O; they follow from
             these.
 
         keeps_momentum: whether it leaves the total momentum at zero.
-        reversible: whether a run with it can go back in time.
+        freedom_note: what the log adds on the degrees of freedom that it acts on.
         takes_zero: whether it can keep a temperature of zero.
     """
 
@@ -258,8 +225,10 @@ class Thermostat(Part):
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
     keeps_momentum, reversible, takes_zero = True, False, False
+    freedom_note = ""
 
     def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
         own, owner = vars(cls).keys(), (cls.__module__, cls.__qualname__)
         if cls.operation and own & {"operation", "merged", "numbers", "work"}:
             letters, operations = "B A O A B", {"O": cls.operation}
@@ -267,16 +236,32 @@ class Thermostat(Part):
                 letters, operations = "B A B", {"A": cls.merged}
             cls.scheme = Scheme(
                 owner, letters, {**NVE.operations, **operations}, cls.numbers,
-                work=cls.work, ends=(NVE.lead, NVE.tail),
+                work=cls.work, ends=(NVE.scheme.lead, NVE.scheme.tail),
             )  # fmt: skip
         # where bodies are measured, what follows from it may be left to a derived class
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
 
-    def warnings(self) -> Iterable[str]:
+    def extra_warnings(self, run: Any) -> Iterable[str]:
         """A line on a TDAMP that is far off."""
-        return far_off("TDAMP", self.lammps.number(self.command.temp[2]), self.lammps, MOST_STEPS)
+        damping = run.lammps.number(self.command.temp[2])
+        return far_off("TDAMP", damping, run.lammps, MOST_STEPS)
+
+    def resume(self, run: Any) -> None:
+        last = max(run.parameters.step, self.ensemble.kept_state.was_at)
+        refuse(
+            self.command.seed is not None and run.lammps.step <= last,
+            "the step counter has gone back, and with it random numbers: "
+            "begin the run with 'pre yes', which takes others",
+        )
+
+    def reset_target(self, temperature: float, run: Any) -> None:
+        words = (*(repr(temperature),) * 2, self.command.temp[2])
+        self.ensemble.command = replace(self.command, temp=words)
+        if run:
+            unit = run.lammps.boltz / run.lammps.mvv2e
+            run.parameters.start = run.parameters.stop = unit * temperature
 
 
 def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:

@@ -25,7 +25,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import of_style
+from .. import fix_of_style
 from ..errors import RunError, refuse
 from ..host.command import Line
 from ..loops.compiled import array
@@ -115,7 +115,7 @@ def _construct(bridge: Bridge) -> Any:
     if style == "python/move":
         return _of_target("\n".join(words), capsule)
     line = Line.native(bridge.fix_id.decode(), bridge.group.decode(), style, words)
-    return of_style(style, words)(capsule, line)
+    return fix_of_style(style, words)(capsule, line)
 
 
 def _of_target(target: str, capsule: object) -> Any:

@@ -1,10 +1,10 @@
 """Forces that graphics cards compute: what LAMMPS copies for this fix, which moves bodies on the
-host, and what would be wrong."""
+host, and which combinations are refused."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Collection
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from .integrator import Integrator
+from ..host.lammps import Lammps
 
 _PRECISIONS = "double", "mixed", "single"
 _BYTES = 3 * 24  # of an atom, in a step: its force to the host, its position there and back
@@ -27,9 +27,9 @@ class Cards(NamedTuple):
         """Why a run would be wrong; empty if it is not.
 
         Args:
-            energy: `needs_energy` of the integrator.
-            levels: whether the run has those of run_style respa.
-            counts: that of its host.
+            energy: whether the integrator needs the potential energy within a run.
+            levels: whether the run has the levels of run_style respa.
+            counts: see `hosts.Host`.
         """
         if self.gpu and counts:
             return (
@@ -72,18 +72,15 @@ class Cards(NamedTuple):
         ]
 
 
-def find(integrator: "Integrator") -> Cards:
-    """The packages of this run; none with LAMMPS's own fix, for which KOKKOS copies all."""
-    lammps = integrator.lammps
-    if not integrator.host.follows:
-        return Cards()
+def find(lammps: Lammps, packages: Collection[str]) -> Cards:
+    """The packages of this run. Args: packages: see `OtherFixes`."""
 
     def precision(package: str, active: bool) -> str:
         known = (word for word in _PRECISIONS if lammps.has_precision(package, word))
         return next(known, "unknown") if active else ""
 
     return Cards(
-        gpu=precision("GPU", "GPU" in integrator.other_fixes.packages),
+        gpu=precision("GPU", "GPU" in packages),
         kokkos=precision("KOKKOS", lammps.setting("kokkos_active") > 0),
         number=max(0, lammps.setting("kokkos_ngpus")),  # -1 where LAMMPS does not know the word
     )

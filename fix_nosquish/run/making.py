@@ -1,133 +1,140 @@
-"""The bodies of a run: made of the atoms as it begins, and made and dropped in it."""
+"""The bodies of a run: made of the atoms as it begins, and added and removed in it."""
 
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
-from weakref import WeakMethod
 
 import numpy as np
 
 from ..bodies import infile, templates, turnover
 from ..bodies.bodies import Bodies
-from ..bodies.build import Recipe, build, nothing
-from ..bodies.membership import PreviousBodies
+from ..bodies.build import BuildReport, Built, Recipe, build, nothing
+from ..bodies.membership import Membership, PreviousBodies
 from ..bodies.shapes import ShapeCorrection
-from ..bodies.species import compare
 from ..errors import refuse
-from . import external, log, rotation, switches
-from .refusals import refuse_turnover
-
-if TYPE_CHECKING:
-    from .integrator import Integrator
+from ..host.hosts import Host
+from ..host.lammps import Lammps
+from ..ranks.communicator import Alone
 
 
-def _recipe(integrator: "Integrator") -> Recipe:
-    """How a run makes the bodies of its atoms; see `build`."""
-    path = integrator.infile
-    return Recipe(
-        integrator.membership,
-        integrator.shapes(),
-        integrator.oriented,
-        partial(infile.read, path, integrator.counts_from_one) if path else nothing,
-        integrator.rows + integrator.kept,
-        keeps_shapes=integrator.ran and not path,
-    )
+class BodyMaker:
+    """Makes the bodies of a fix; all methods are collective.
+
+    Args:
+        lammps, ranks, host: see `fix.Fix`.
+        membership: which atom is in which body.
+        path: the infile; None for none.  counts_from_one: whether it counts bodies from 1.
+        own_rows: how many values of its own the integrator has for each body.
+        oriented: whether atoms of this atom style can have an orientation.
+    """
+
+    def __init__(
+        self,
+        lammps: Lammps,
+        ranks: Alone,
+        host: Host,
+        membership: Membership,
+        path: str | None,
+        counts_from_one: bool,
+        own_rows: int,
+        oriented: bool,
+    ) -> None:
+        self._lammps, self._ranks, self._host = lammps, ranks, host
+        self._membership, self._path, self._own_rows = membership, path, own_rows
+        self._counts, self._oriented = counts_from_one, oriented
+
+    def shapes(self) -> np.ndarray | None:
+        """Shapes and orientations of LAMMPS's atoms; see `hosts.Host.shapes`."""
+        return self._host.shapes(len(self._lammps.groups)) if self._oriented else None
+
+    def _recipe(self, find_prescribed: Callable | None = None, keeps_shapes: bool = True) -> Recipe:
+        of_file = partial(infile.read, self._path, self._counts) if self._path else nothing
+        return Recipe(
+            self._membership,
+            self.shapes(),
+            self._oriented,
+            find_prescribed or of_file,
+            self._own_rows,
+            keeps_shapes=keeps_shapes and not self._path,
+        )
+
+    def _previous(self, bodies: Bodies | None) -> PreviousBodies | None:
+        return None if bodies is None else self._host.previous(bodies, self._lammps)
+
+    def of_atoms_now(self, previous: Bodies | None) -> Bodies:
+        """The bodies that a run would make of the atoms as they are now.
+
+        Args:
+            previous: those of the last run; None before the first one.
+        """
+        self._membership.find_groups()
+        self._host.point()
+        recipe = self._recipe(keeps_shapes=previous is not None)
+        return build(recipe, self._previous(previous)).bodies
+
+    def decide(self) -> None:
+        """Decide which bodies atoms are in that came since the fix was defined."""
+        self._membership.find_groups()
+        self._host.point()
+        self._host.refuse_changes(self._membership)
+        self._membership.decide()
+
+    def prepare(self, previous: Bodies | None) -> Callable[[], Built]:
+        """What makes the bodies of a run, of the atoms as they are.
+
+        The bodies of the last run may be dropped before it is called, because there may be no
+        memory for both.
+        """
+        former = self._previous(previous)
+        recipe = self._recipe(keeps_shapes=previous is not None)
+        self._host.carry(self._lammps, None)
+        return partial(build, recipe, former)
+
+    def keep(self, bodies: Bodies) -> None:
+        """Have LAMMPS take these bodies along with their atoms."""
+        bodies.bind(self._membership)
+        bodies.update_box(self._lammps.box)
+        self._host.carry(self._lammps, bodies)
+        self._host.point()
+        bodies.note()
+        self._host.noted()
+
+    def restore_shapes(self, kept: ShapeCorrection, loose: bool) -> None:
+        """Put atoms where the shape that their body keeps has them, and log it."""
+        if kept.text and not loose:
+            self._lammps.x[kept.atoms] += kept.shift
+            self._host.log(kept.text)
+        if kept.turned:
+            self._host.log(
+                f"{kept.turned} particles were turned with their bodies, which something has moved "
+                "between the runs (an orientation that 'set' gave them there is dropped)\n"
+            )
+
+    def update(self, bodies: Bodies, report: BuildReport) -> list[str]:
+        """Add and remove bodies whose atoms came or are gone in a run.
+
+        Args:
+            report: on the bodies; new ones of which more is known than their atoms are added.
+        Returns:
+            lines for the log.
+        """
+        molecules = templates.inserted(self._host, self._ranks)
+        find_prescribed = partial(templates.read, molecules) if molecules else nothing
+        lines, prescribed = turnover.update_bodies(bodies, self._recipe(find_prescribed))
+        report.prescribed_ids = np.union1d(report.prescribed_ids, prescribed)
+        return lines
 
 
-def bodies_of_atoms(integrator: "Integrator") -> Bodies:
-    """The bodies that a run would make of the atoms as they are now; collective."""
-    integrator.membership.find_groups()
-    integrator.host.point()
-    return build(_recipe(integrator), _former(integrator)).bodies
-
-
-def _former(integrator: "Integrator") -> PreviousBodies | None:
-    """What the atoms were in the bodies of the last run, None if there are none; collective."""
+def refuse_infinite(report: BuildReport) -> None:
+    """End the run if velocities of atoms are too large, or not finite; all ranks know it."""
     refuse(
-        integrator.bodies is None and integrator.ran and not integrator.infile,
-        "the bodies of the last run are gone, because this one could not begin: "
-        "unfix this fix and define it again",
-    )
-    if integrator.bodies is None:
-        return None
-    return integrator.bodies.as_previous(integrator.lammps, integrator.host.follows)
-
-
-def decide(integrator: "Integrator") -> None:
-    """Decide which bodies atoms are in that came since the fix was defined; collective."""
-    host, membership = integrator.host, integrator.membership
-    membership.find_groups()
-    host.point()
-    changes = "" if host.follows else membership.changes()
-    refuse(
-        changes,
-        f"atoms have changed since this fix was defined ({changes}), or got other IDs, which "
-        "LAMMPS's own fix python/move cannot tell apart: unfix this fix and define it again",
-    )
-    membership.decide()
-
-
-def make(integrator: "Integrator") -> None:
-    """Make the bodies of a run of the atoms as they are; collective."""
-    lammps, host, command = integrator.lammps, integrator.host, integrator.command
-    before = integrator.bodies
-    ids, wrench = (before.id, before.wrench.copy()) if before else (np.empty(0), np.empty((6, 0)))
-    former, recipe = _former(integrator), _recipe(integrator)
-    host.carry(lammps, None)
-    integrator.bodies = integrator.passes = cast(Any, None)  # there may be no room for both
-    bodies, notes, kept = build(recipe, former)
-    integrator.bodies, integrator.notes = bodies, notes
-    integrator.started = False
-    refuse(
-        not np.isfinite(notes.kinetic),
+        not np.isfinite(report.kinetic),
         "the velocities of the bodies' atoms are too large, or no numbers: their kinetic "
         "energy is not finite. Look at what has set them (velocity, read_data)",
     )
-    rotation.choose(integrator)
-    # a rerun is to tell of the atoms as they stand in the file, which has rounded places
-    bodies.tolerates_shifts = command.reinit and "rerun" in host.command[:1]
-    _say_kept(integrator, kept)
+
+
+def take_wrenches(bodies: Bodies, ids: np.ndarray, wrench: np.ndarray) -> None:
+    """Give bodies the force and torque (6, n) that bodies of these IDs (n,) had before, if they are
+    the same ones: commands like write_data compute no forces."""
     if np.array_equal(np.sort(ids), np.sort(bodies.id)):
-        # commands like write_data compute no forces
         bodies.wrench[:, np.argsort(bodies.id)] = wrench[:, np.argsort(ids)]
-    bodies.force_receiver = WeakMethod(integrator.give_forces)
-    bodies.bind(integrator.membership)
-    bodies.update_box(lammps.box)
-    integrator.unchanged.note(integrator)
-    host.carry(lammps, bodies)
-    host.point()
-    bodies.note()
-    host.noted()
-    integrator.switches = switches.choices(command, integrator.communicator, bodies)
-    if kept.new:
-        notes.warnings += compare(bodies, integrator.membership)
-
-
-def _say_kept(integrator: "Integrator", kept: ShapeCorrection) -> None:
-    """Put atoms where the shape that their body keeps has them, and tell the user."""
-    host = integrator.host
-    if kept.text and not integrator.bodies.tolerates_shifts:
-        integrator.lammps.x[kept.atoms] += kept.shift
-        host.log(kept.text)
-    if kept.turned:
-        host.log(
-            f"{kept.turned} particles were turned with their bodies, which something has moved "
-            "between the runs (an orientation that 'set' gave them there is dropped)\n"
-        )
-
-
-def turn_over(integrator: "Integrator") -> None:
-    """Atoms of bodies came or are gone in a run, and their bodies with them; collective."""
-    molecules = templates.inserted(integrator.host, integrator.communicator)
-    find_prescribed = partial(templates.read, molecules) if molecules else nothing
-    recipe = _recipe(integrator)._replace(find_prescribed=find_prescribed)
-    lines, given = turnover.update_bodies(integrator.bodies, recipe)
-    integrator.notes.prescribed_ids = np.union1d(integrator.notes.prescribed_ids, given)
-    refuse_turnover(integrator)
-    log.warn(integrator, lines)
-    rotation.choose(integrator)
-    integrator.parameters.mrot = rotation.inner_steps(integrator)
-    external.learn(integrator)
-    integrator.turned_over()
-    integrator.unchanged.note(integrator)
-    integrator.tell_count()
-    integrator.known.clear()

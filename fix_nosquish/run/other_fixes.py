@@ -1,16 +1,14 @@
-"""The other fixes of a run: what they read and change, and which ones cannot stand beside ours."""
+"""The other fixes of a run: what they read and change, and which ones cannot be used with ours."""
 
 from collections.abc import Collection, Iterable, Sequence
 from math import gcd
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-import numpy as np
-
+from ..bodies.membership import Membership
 from ..errors import refuse
+from ..host.command import Command
 from ..host.hosts import Host, OtherFix
-
-if TYPE_CHECKING:
-    from .integrator import Integrator
+from ..host.lammps import Lammps
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
@@ -33,7 +31,7 @@ _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 _IDLE = "deform", "colvars"
 _UNCHANGING = *READERS, *_TELLING, "dt/reset"
-# what to do with bodies that have keyword force or torque, beside a box that changes
+# what to do with bodies that have keyword force or torque, in a box that changes
 WITH_SWITCHES = (
     "keywords force and torque are for a box that does not change. Leave bodies that do not move "
     "at all out of the fix, because atoms that no fix integrates stay where they are; for bodies "
@@ -41,7 +39,7 @@ WITH_SWITCHES = (
     "addforce)"
 )
 # fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
-# and what serves in the place of each
+# and what to use instead of each
 _SWAPPING = {
     "thermal/conductivity": "use two fixes heat, with a region for each",
     "viscosity": "use fix accelerate/cos, or fix deform with remap v and fix nosquish/nve",
@@ -103,7 +101,8 @@ class OtherFixes(list[OtherFix]):
 
     Attributes:
         packages: styles of fixes that are left out, by which accelerator packages compute forces.
-        change_forces: whether forces may change behind those that LAMMPS computes.
+        unknown: whether it is not known which fixes there are.
+        change_forces: whether forces may change after those that LAMMPS computes.
         late: those that act at the end of a step, and so may change velocities.
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
@@ -119,7 +118,7 @@ class OtherFixes(list[OtherFix]):
         command: Sequence[str] = (),
         step: int = 0,
     ) -> None:
-        unknown = fixes is None
+        unknown = self.unknown = fixes is None
         known = [fix for fix in fixes or () if fix.id not in ours]
         super().__init__(fix for fix in known if fix.style not in _PACKAGES)
         self.packages = {fix.style for fix in known if fix.style in _PACKAGES}
@@ -140,7 +139,7 @@ class OtherFixes(list[OtherFix]):
         self.movers = [fix for fix in moving if not _stays(fix)]
         self.deform = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
 
-    def suspects(self) -> list[OtherFix]:
+    def possible_movers(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""
         late = {fix.id for fix in self.late if may_move(fix)}
         return [
@@ -202,96 +201,101 @@ def _first(table: dict[str, str], style: str) -> str | None:
     return next((value for begin, value in table.items() if style.startswith(begin)), None)
 
 
-def refuse_other_integrators(integrator: "Integrator") -> None:
-    """End the run if another fix moves, constrains or thermostats atoms of its bodies; collective.
+class Ours(NamedTuple):
+    """This fix, as messages about other fixes need it.
+
+    Attributes:
+        fix_id: its ID.  command: its `Command`.
+        changes_box, thermostats: whether it does.
+    """
+
+    fix_id: str | None
+    command: Command
+    changes_box: bool
+    thermostats: bool
+
+
+def refuse_other_integrators(
+    fixes: OtherFixes, ours: Ours, membership: Membership, host: Host
+) -> None:
+    """End the run if another fix moves, constrains or thermostats atoms of the bodies; collective.
 
     Raises:
         RunError: on all ranks.
     """
-    groups, atoms = integrator.lammps.groups, integrator.membership.atoms()
-    problem = None
-    for fix in integrator.other_fixes:
+    lammps, problem = membership.lammps, None
+    groups, atoms = lammps.groups, membership.atoms()
+    for fix in fixes:
         acts = fix.has(groups)
         if fix.style.startswith(_SHIFTING):
-            acts = integrator.host.moved_by(fix.id, integrator.lammps.x)
+            acts = host.moved_by(fix.id, lammps.x)
         both = atoms[acts[atoms]]
-        problem = _problem_beside(fix, both, integrator) or problem
-    for mate in integrator.mates:
-        if mate is integrator:
-            continue
-        mate.host.point()  # its run may not have begun yet
-        both = np.intersect1d(mate.membership.atoms(), atoms)
-        if len(both):
-            names = [
-                f'"{one.line.prefix}{one.line.text}"'
-                for one in sorted((mate, integrator), key=lambda one: one.number)
-            ]
-            problem = (
-                f"atom {integrator.lammps.tags[both[0]]} is claimed by two fixes: "
-                f"{' and '.join(names)}. An atom can be in one body only: "
-                "use groups without common atoms"
-            )
-    integrator.communicator.agree(problem)
+        tag = lammps.tags[both[0]] if len(both) else None
+        problem = _of_box(fix, ours) or _of_atom(fix, tag, ours, fix in fixes.movers) or problem
+    membership.communicator.agree(problem)
 
 
-def _problem_beside(fix: OtherFix, both: np.ndarray, integrator: "Integrator") -> str | None:
-    """Why a fix cannot act beside an integrator, or None; collective.
+def _of_box(fix: OtherFix, ours: Ours) -> str | None:
+    """Why a fix cannot change the box of a run with ours, or None."""
+    if not fix.box_change or fix.style.startswith(_FOLLOWED) or ours.changes_box:
+        return None
+    instead = (
+        "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "
+        "also moves atoms that are in no body"
+    )
+    switched = ours.command.force or ours.command.torque
+    return (
+        f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
+        f"{WITH_SWITCHES if switched else instead}"
+    )
+
+
+def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | None:
+    """Why a fix cannot act on an atom of the bodies, or None.
 
     Args:
-        both: indices of the atoms on this rank that both have.
+        tag: ID of the first atom on this rank that both fixes have; None if there is none.
+        moves: whether it is one of `OtherFixes.movers`.
     """
-    command, host = integrator.command, integrator.host
-    theirs, ours = f"fix {fix.id} (style {fix.style})", f'fix {host.fix_id} ("{command.text}")'
-    if fix.box_change and not fix.style.startswith(_FOLLOWED) and not integrator.box_every:
-        ours_instead = (
-            "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "
-            "also moves atoms that are in no body"
-        )
+    if tag is None:
+        return None
+    theirs, text = f"fix {fix.id} (style {fix.style})", ours.command.text
+    this, without = f'fix {ours.fix_id} ("{text}")', "a group without the bodies' atoms"
+    if swaps := _first(_SWAPPING, fix.style):
         return (
-            f"{theirs} changes the box, and bodies do not move with it: "
-            f"{WITH_SWITCHES if command.force or command.torque else ours_instead}"
+            f"{theirs} exchanges the velocity of atom {tag} of the rigid bodies with "
+            "that of another one: this is no rigid motion, so energy would be lost, and f_"
+            f"{fix.id} would count more than was carried: {swaps}"
         )
-    swaps, moves = _first(_SWAPPING, fix.style), fix in integrator.other_fixes.movers
-    warms = integrator.thermostat and fix.style.startswith(_THERMOSTATS)
-    if swaps or moves or fix.time_integrate or warms:
-        if not len(both):
-            return None
-        tag = integrator.lammps.tags[both[0]]
-        without = "a group without the bodies' atoms"
-        if swaps:
-            return (
-                f"{theirs} exchanges the velocity of atom {tag} of the rigid bodies with "
-                "that of another one: this is no rigid motion, so energy would be lost, and f_"
-                f"{fix.id} would count more than was carried: {swaps}"
-            )
-        if moves:
-            return (
-                f"{theirs} moves atom {tag} of the rigid bodies besides {ours}, which keeps its "
-                f"own places: {_first(_MOVING, fix.style) or f'give that fix {without}'}"
-            )
-        if fix.time_integrate:
-            return (
-                f'atom {tag} of the rigid bodies ("{command.text}") is also integrated by fix '
-                f"{fix.id} (style {fix.style}): give that fix {without}"
-            )
+    if moves:
         return (
-            f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {ours} does: "
-            f"give it {without}, or use fix nosquish/{'nph' if integrator.box_every else 'nve'}"
+            f"{theirs} moves atom {tag} of the rigid bodies besides {this}, which keeps its "
+            f"own places: {_first(_MOVING, fix.style) or f'give that fix {without}'}"
+        )
+    if fix.time_integrate:
+        return (
+            f'atom {tag} of the rigid bodies ("{text}") is also integrated by fix '
+            f"{fix.id} (style {fix.style}): give that fix {without}"
+        )
+    if ours.thermostats and fix.style.startswith(_THERMOSTATS):
+        return (
+            f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {this} does: "
+            f"give it {without}, or use fix nosquish/{'nph' if ours.changes_box else 'nve'}"
         )
     return None
 
 
-def refuse_constraints(integrator: "Integrator") -> None:
-    """End the run if another fix constrains atoms of its bodies or of keyword flexible; collective.
+def refuse_constraints(fixes: OtherFixes, ours: Ours, host: Host) -> None:
+    """End the run if another fix constrains atoms of the bodies or of keyword flexible; collective.
 
     Fix ilves finds its constraints after the fixes' init, fix shake in its command.
 
     Raises:
         RunError: on all ranks.
     """
-    command, host = integrator.command, integrator.host
+    command = ours.command
     groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
-    for fix in integrator.other_fixes:
+    for fix in fixes:
         theirs = f"fix {fix.id} (style {fix.style})"
         refuse(
             command.flexible and host.removed_freedom(fix.id, command.flexible),
@@ -300,7 +304,13 @@ def refuse_constraints(integrator: "Integrator") -> None:
         )
         refuse(
             all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups),
-            f"{theirs} constrains atoms of the rigid bodies, which fix {host.fix_id} "
+            f"{theirs} constrains atoms of the rigid bodies, which fix {ours.fix_id} "
             f'("{command.text}") holds rigid: unfix it, or give it a group without the bodies\' '
             "atoms",
         )
+
+
+def acts_on_bodies(fix: OtherFix, membership: Membership) -> bool:
+    """Whether atoms of the bodies are in another fix's group; collective."""
+    lammps: Lammps = membership.lammps
+    return membership.communicator.any(fix.has(lammps.groups[membership.atoms()]).any())

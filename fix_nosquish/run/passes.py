@@ -1,14 +1,14 @@
-"""What a run does at each point of a step: lists of loops, bound to bodies and LAMMPS's arrays.
+"""What is done at each point of a step: lists of loops, bound to bodies and LAMMPS's arrays.
 
     begin        the first half of a step
     close        its second half, when the forces are known
-    whole        the end of a step and the begin of the next one, in one pass where that is possible
+    whole        the end of a step and the begin of the next one, in one pass where possible
     velocities   the atoms' velocities
     constraint_virial
     follow       the bodies follow LAMMPS's atoms
-    pressure     what the forces say of the pressure, every so many steps
+    pressure     the virial for the barostat, every so many steps
     cell         the box changes, in the next step
-    flip         where tilts change, the box takes vectors of its lattice that are less tilted
+    flip         where tilts change, the box takes lattice vectors that are less tilted
     orient       the orientations of atoms that have one
     place        positions, orientations and velocities of atoms
     deform       another fix has changed the box: bodies move with it
@@ -16,19 +16,21 @@
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
 
-An integrator's `own_lists` has those for the pressure, the cell and the flip, and any others; that
-of the name behind comes after the second pass over the bodies.
+An integrator's `extra_lists` has those for the pressure, the cell and the flip, and any others; the
+list "after_motion" comes after the second pass over the bodies.
 
-When each of them is done, the `schedule` says.
+The `schedule` says when each of them is run.
 """
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..bodies import extended
-from ..bodies.bodies import aligned
+from ..bodies.bodies import Bodies, aligned
 from ..box import deform
+from ..host.lammps import Lammps
 from ..loops.compiled import F1, F2, F64, Cell, F, I, loop
 from ..motion import step, virial
 from ..motion.block import (
@@ -47,9 +49,7 @@ from ..motion.block import (
 from ..motion.frames import rotation_matrix, to_body, to_space
 from ..motion.step import GATHERS, KEEPS
 from ..ranks.sharing import ADD, combine, give
-
-if TYPE_CHECKING:
-    from .integrator import Integrator
+from .integrator import Integrator
 
 
 @loop
@@ -85,11 +85,40 @@ def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
         wrench[5, b] += z
 
 
+class Conditions(NamedTuple):
+    """What decides which loops a run has.
+
+    Attributes:
+        several: whether there are several ranks, which send each other parts of bodies' forces.
+        mid_step: whether atoms have the velocities of the middle of the step at its end.
+        half_step: whether something may read the atoms' velocities between the halves of a step.
+        gravity: acceleration of keyword gravity, (3,); None without it.
+        external: cells of the external forces, for the loop `push`; None if there are none.
+        deformed_box: the box that another fix changes, with which bodies move; None if none does.
+        remaps_velocities: whether this is with remap v, so that velocities change at faces.
+        orient_atom: see `hosts.Host`.
+    """
+
+    several: bool
+    mid_step: bool
+    half_step: bool
+    gravity: np.ndarray | None
+    external: dict[str, Cell] | None
+    deformed_box: np.ndarray | None
+    remaps_velocities: bool
+    orient_atom: np.ndarray | None
+
+
 class Passes:
     """The lists of loops of a run.
 
     Args:
-        integrator: the `Integrator`, with what it has found out of the run.
+        integrator: what declares the step.
+        bodies, lammps: whose arrays the loops take.
+        parameters: the record of the integrator's parameters.
+        conditions: the `Conditions`.
+        extra_cells: the integrator's.
+        extra_lists: gives the integrator's lists, bound to the cells that it is called with.
 
     Attributes:
         lists: dictionary from the names above to lists of bound loops.
@@ -97,94 +126,112 @@ class Passes:
         dt, level_dt: cells of the time step of motion, and of the level of run_style respa whose
             forces act; the same without respa.
         begins: cell, whether the motion begins with what stands before it in the splitting; with
-            respa each level begins by itself.
+            respa each level begins separately.
     """
 
-    def __init__(self, integrator: "Integrator") -> None:
-        bodies, lammps = integrator.bodies, integrator.lammps
+    def __init__(
+        self,
+        integrator: Integrator,
+        bodies: Bodies,
+        lammps: Lammps,
+        parameters: Any,
+        conditions: Conditions,
+        extra_cells: dict[str, Cell],
+        extra_lists: Callable[[dict[str, Cell]], dict[str, list]],
+    ) -> None:
         self.dt, self.level_dt, self.begins = Cell(F), Cell(F), Cell(I, 1)
-        cells = self.cells = bodies.cells | lammps.cells | integrator.own_cells()
-        cells |= {"dt": self.dt, "parameters": Cell(integrator.numbers, integrator.parameters)}
+        self._scheme, self._conditions = integrator.scheme, conditions
+        cells = self.cells = bodies.cells | lammps.cells | extra_cells
+        cells |= {"dt": self.dt, "parameters": Cell(integrator.numbers, parameters)}
         if integrator.work:
             rows = BLOCK_ROWS + integrator.rows + integrator.work
             cells["block"] = Cell(F64, aligned((rows, LANES)))
         half = cells | {"dt": self.level_dt}
-        # the ranks send each other force and torque of bodies that they share, and add what comes
-        several = integrator.communicator.size > 1
-        sends = [give.bind_to(cells, values=cells["wrench"])] if several else []
-        adds = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
-        torques = [extended.add_torques.bind_to(cells)] if bodies.spin else []
-        pushes = self._pushes(integrator)
-        gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
-        velocities, orient = self._velocities_and_orient(integrator)
-        after = velocities if integrator.half_step_velocities else []
+        extra = extra_lists(cells)
+        velocities, orient = self._velocities(bodies.spin), self._orient(bodies.oriented)
+        after = velocities if conditions.half_step else []
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
-        own_lists = integrator.own_lists(cells)
-        behind = own_lists.pop("behind", [])
-        before, rest = prepares, []
-        if integrator.go_on:
-            before, rest = [], [*prepares, integrator.go_on.bind_to(cells), *behind]
-        how = KEEPS if integrator.half_step_velocities else GATHERS
-        if torques or pushes:
-            whole = [*gather, *before, self._advance(integrator)]
-        elif not several:
-            whole = [*before, self._advance(integrator, gathers=how)]
-        else:  # messages are under way while the bodies that need none move
-            some = step.gather.bind_to(cells, all_bodies=False)
-            undivided = self._advance(integrator, gathers=how, part=WHOLE)
-            divided = self._advance(integrator, gathers=how, part=DIVIDED)
-            whole = [some, *sends, *before, undivided, *adds, divided]
+        rest, after_motion = [], extra.pop("after_motion", [])
+        if integrator.scheme.go_on:
+            go_on = integrator.scheme.go_on.bind_to(cells)
+            prepares, rest = [], [*prepares, go_on, *after_motion]
+        gather, whole = self._gather_and_whole(bodies.spin, prepares)
         of_bodies = [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
-            "begin": [*before, self._advance(integrator, ends=False), *rest, *orient, *after],
-            "close": [*gather, integrator.tail.bind_to(half), *orient],
+            "begin": [*prepares, self._advance(ends=False), *rest, *orient, *after],
+            "close": [*gather, self._scheme.tail.bind_to(half), *orient],
             "whole": [*whole, *rest, *orient, *after],
-            "kick": [*gather, integrator.lead.bind_to(half)],
+            "kick": [*gather, self._scheme.lead.bind_to(half)],
             "velocities": velocities,
             "orient": orient,
             "place": [step.place_atoms.bind_to(cells), *orient, *velocities],
-            "constraint_virial": [*gather, *of_bodies] if integrator.mid_step else of_bodies,
+            "constraint_virial": [*gather, *of_bodies] if conditions.mid_step else of_bodies,
             "follow": [bodies.following],
         }
-        if "cell" in own_lists:
-            own_lists["cell"] += after
-        self.lists |= self._follow_box(integrator) | own_lists
+        if "cell" in extra:
+            extra["cell"] += after
+        self.lists |= self._follow_box() | extra
 
-    def _advance(self, integrator, ends=True, part=ALL, gathers=0):
-        """The bodies' motion to the next forces, behind the end of a step if it `ends` one."""
+    def _advance(self, ends: bool = True, part: int = ALL, gathers: int = 0) -> Any:
+        """The bodies' motion to the next forces, after the end of a step if it `ends` one."""
         how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
-        return integrator.advance.bind_to(self.cells, **how)
+        return self._scheme.advance.bind_to(self.cells, **how)
 
-    def _pushes(self, integrator):
+    def _gather_and_whole(self, spin: bool, prepares: list) -> tuple[list, list]:
+        """The lists gather, and whole up to the end of the first pass over the bodies."""
+        cells, several = self.cells, self._conditions.several
+        # the ranks send each other force and torque of bodies that they share, and add what comes
+        sends = [give.bind_to(cells, values=cells["wrench"])] if several else []
+        adds = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
+        torques = [extended.add_torques.bind_to(cells)] if spin else []
+        pushes = self._pushes()
+        gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
+        how = KEEPS if self._conditions.half_step else GATHERS
+        if torques or pushes:
+            return gather, [*gather, *prepares, self._advance()]
+        if not several:
+            return gather, [*prepares, self._advance(gathers=how)]
+        # messages are under way while the bodies that need none move
+        some = step.gather.bind_to(cells, all_bodies=False)
+        undivided = self._advance(gathers=how, part=WHOLE)
+        divided = self._advance(gathers=how, part=DIVIDED)
+        return gather, [some, *sends, *prepares, undivided, *adds, divided]
+
+    def _pushes(self) -> list:
         """What acts on the bodies besides the forces on their atoms."""
-        pushes = []
-        if integrator.gravity is not None:
-            pushes.append(weigh.bind_to(self.cells, gravity=integrator.gravity))
-        if integrator.external.acts:
-            pushes.append(push.bind_to(self.cells, **integrator.external.cells))
+        pushes, conditions = [], self._conditions
+        if conditions.gravity is not None:
+            pushes.append(weigh.bind_to(self.cells, gravity=conditions.gravity))
+        if conditions.external is not None:
+            pushes.append(push.bind_to(self.cells, **conditions.external))
         return pushes
 
-    def _velocities_and_orient(self, integrator):
-        """Two lists of loops: the atoms' velocities, and orientations of those that have one."""
-        bodies, velocities = integrator.bodies, [step.set_velocities.bind_to(self.cells)]
-        if integrator.streams:
+    def _velocities(self, spin: bool) -> list:
+        """The atoms' velocities."""
+        velocities = [step.set_velocities.bind_to(self.cells)]
+        if self._conditions.remaps_velocities:
             velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
-        if bodies.spin:
+        if spin:
             velocities.append(extended.set_spins.bind_to(self.cells))
-        to = {"orient_atom": integrator.host.orient_atom, "quat": np.empty(4)}
-        return velocities, [extended.orient.bind_to(self.cells, **to)] if bodies.oriented else []
+        return velocities
 
-    def _follow_box(self, integrator):
-        """The lists of loops behind a change of the box by another fix."""
-        if integrator.told_box is None:
+    def _orient(self, oriented: bool) -> list:
+        """The orientations of atoms that have one."""
+        to = {"orient_atom": self._conditions.orient_atom, "quat": np.empty(4)}
+        return [extended.orient.bind_to(self.cells, **to)] if oriented else []
+
+    def _follow_box(self) -> dict[str, list]:
+        """The lists for a change of the box by another fix."""
+        box, remaps = self._conditions.deformed_box, self._conditions.remaps_velocities
+        if box is None:
             return {}
-        told = self.cells | {"told_box": Cell(F1, integrator.told_box)}
-        follows = deform.stream if integrator.streams else deform.deform
-        return {"deform": [follows.bind_to(told)], "flipped": [deform.flipped.bind_to(told)]}
+        cells = self.cells | {"told_box": Cell(F1, box)}
+        follows = deform.stream if remaps else deform.deform
+        return {"deform": [follows.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
 
-    def do(self, name):
-        """Do a list of passes. Returns: what the first that found something wrong says, or 0."""
+    def run(self, name: str) -> int:
+        """Run a list of passes. Returns: what the first that failed has returned, or 0."""
         for one in self.lists[name]:
             if found := one():
                 return found

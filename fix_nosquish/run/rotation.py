@@ -1,65 +1,74 @@
-"""How the free rotation is done: exactly, or split into rotations about one axis each."""
+"""How the free rotation is computed: exactly, or split into rotations about one axis each."""
 
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
+from ..bodies.bodies import Bodies
+from ..host.command import Command
+from ..host.hosts import Host
 from ..motion.operations import EXACT
-
-if TYPE_CHECKING:
-    from .integrator import Integrator
-
-
-def _can_be_exact(integrator: "Integrator") -> bool:
-    return any(operation.exact for operation in integrator.operations.values())
+from ..motion.step import Operation
+from ..ranks.communicator import Alone
 
 
-def refuse_other_rotor(integrator: "Integrator") -> None:
-    """Raise an error if the words ask for a rotation that the class does not have."""
-    command, name = integrator.command, integrator.name
-    if command.rotor == "split" and not integrator.splits:
-        raise command.wrong(
-            "keywords mrot and order, and rotor split, are for integrators that split the "
-            f"rotation, which {name} does not"
-        )
-    if command.rotor == "exact" and not _can_be_exact(integrator):
-        raise command.wrong(
-            f"keyword rotor exact is for the rotation of fix nosquish/nve, not that of {name}"
-        )
+class Rotation:
+    """The rotation of a fix's bodies; the first bodies that rotate decide, and later ones follow.
 
-
-def choose(integrator: "Integrator") -> None:
-    """Choose whether the rotation is exact, for the first bodies that turn: these keep it, and
-    others that come take it over; collective.
-
-    A restart file keeps a choice that is not that of the bodies which there are (host.rotor).
+    Args:
+        command: the fix line.
+        operations: of the integrator.  splits: whether it can split the rotation.
+    Raises:
+        RunError: if the words ask for a rotation that the integrator does not have.
+    Attributes:
+        exact: whether the rotation is exact.
     """
-    host, own = integrator.host, _exact_by_default(integrator)
-    if not integrator.has_rotors:
-        told = host.rotor >= 0 and _left_to_bodies(integrator)
-        integrator.exact = bool(host.rotor) if told else own
-        integrator.has_rotors = integrator.communicator.any(integrator.bodies.rotors > 0)
-    host.rotor = -1 if integrator.exact == own else int(integrator.exact)
 
+    def __init__(self, command: Command, operations: Mapping[str, Operation], splits: bool) -> None:
+        self._command, self._splits = command, splits
+        self._can_be_exact = any(operation.exact for operation in operations.values())
+        self.exact = self._chosen = False
+        name = command.line.name
+        if command.rotor == "split" and not splits:
+            raise command.wrong(
+                "keywords mrot and order, and rotor split, are for integrators that split the "
+                f"rotation, which {name} does not"
+            )
+        if command.rotor == "exact" and not self._can_be_exact:
+            raise command.wrong(
+                f"keyword rotor exact is for the rotation of fix nosquish/nve, not that of {name}"
+            )
 
-def _left_to_bodies(integrator: "Integrator") -> bool:
-    """Whether neither the words nor the class say how the rotation is done."""
-    either = _can_be_exact(integrator) and integrator.splits
-    return either and not (integrator.command.rotor or integrator.bodies.planar)
+    def choose(self, bodies: Bodies, ranks: Alone, host: Host) -> None:
+        """Choose whether the rotation is exact; collective.
 
+        A restart file keeps a choice that is not the default of the bodies which there are
+        (host.rotor).
+        """
+        default = self._default(bodies, ranks)
+        if not self._chosen:
+            kept = host.rotor >= 0 and self._depends_on(bodies)
+            self.exact = bool(host.rotor) if kept else default
+            self._chosen = ranks.any(bodies.rotors > 0)
+        host.rotor = -1 if self.exact == default else int(self.exact)
 
-def _exact_by_default(integrator: "Integrator") -> bool:
-    """Whether the rotation is exact for the bodies as they are; collective.
+    def _depends_on(self, bodies: Bodies) -> bool:
+        """Whether neither the words nor the class say how the rotation is computed."""
+        either = self._can_be_exact and self._splits
+        return either and not (self._command.rotor or bodies.planar)
 
-    By default that of symmetric tops is, whose axes may be chosen in more than one way.
-    """
-    bodies, rotor = integrator.bodies, integrator.command.rotor
-    if not _left_to_bodies(integrator):
-        always = _can_be_exact(integrator) and not (integrator.splits or bodies.planar)
-        return rotor == "exact" or (always and not rotor)
-    moment = bodies.moment[:, : bodies.rotors]
-    equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
-    return not integrator.communicator.any(not equal.all())
+    def _default(self, bodies: Bodies, ranks: Alone) -> bool:
+        """Whether the rotation is exact for these bodies; collective.
 
+        By default that of symmetric tops is, whose axes may be chosen in more than one way.
+        """
+        rotor = self._command.rotor
+        if not self._depends_on(bodies):
+            always = self._can_be_exact and not (self._splits or bodies.planar)
+            return rotor == "exact" or (always and not rotor)
+        moment = bodies.moment[:, : bodies.rotors]
+        equal = (moment[0] == moment[1]) | (moment[1] == moment[2])
+        return not ranks.any(not equal.all())
 
-def inner_steps(integrator: "Integrator") -> int:
-    """How the rotation is split, as operations have it."""
-    return EXACT if integrator.exact else integrator.command.mrot
+    @property
+    def inner_steps(self) -> int:
+        """The parameter mrot of operations: inner rotor steps, or `EXACT`."""
+        return EXACT if self.exact else self._command.mrot

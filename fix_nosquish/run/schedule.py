@@ -1,32 +1,20 @@
-"""What happens at each point of a step, in order: the schedule that every run follows.
+"""What is done at each hook of a step, in order: the schedule that every run follows.
 
-LAMMPS calls the fix at its hooks.  At each of them the actions of `SCHEDULE` that hold are done,
-one after the other: an action does a list of passes (see `passes`), or calls a method of the
-integrator, and says in which phase the bodies are then.  Nothing else sets the phase.
+LAMMPS calls the fix at its hooks.  At each of them the actions of `SCHEDULE` that apply are done,
+one after the other: an action runs a list of passes (see `passes`), or calls a method of the
+`run.Run`, and names the next phase.  Nothing else sets the phase.
 
 The plugin follows the schedule in C++, and calls Python only for an action that needs it.  `follow`
-does the same in Python: for LAMMPS's own fix python/move, and for a class that has a hook of its
-own.  Between hooks LAMMPS moves atoms to their ranks, builds lists of neighbors, computes forces.
+does the same in Python: for hooks that are not in each step, and for LAMMPS's own fix python/move.
+Between hooks LAMMPS moves atoms to their ranks, builds neighbor lists, and computes forces.
 """
 
-from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
+from ..host.hosts import Host, Phase
 from ..structs import When
-
-if TYPE_CHECKING:
-    from .integrator import Integrator
-
-
-class Phase(IntEnum):
-    """Where in a run the bodies are."""
-
-    NEW = 0  # a run begins: its first forces are not known
-    SET = 1  # a step is done
-    HALF = 2  # a step has begun, and its forces are not known
-    WAITING = 3  # its forces are known, and its end is left to the next step
-    OVER = 4  # the run is over: what changes velocities now is a script
-
+from .passes import Passes
 
 SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
 WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
@@ -42,14 +30,14 @@ class Action(NamedTuple):
     """One thing that is done at a hook.
 
     Attributes:
-        hook: where.
-        phases: in which phases of the bodies.
-        when, unless: bits of `When` that must all hold, and of which none may.
-        passes: the list of passes that it does.
-        call: the method of the integrator that it calls; with passes only if one of these fails,
-            where `blame` is called if there is no such method.
-        then: the phase behind it; None if it stays.
-        sets, clears: bits of `When` that hold from now on, and that do no more.
+        hook: its name.
+        phases: the phases in which it applies.
+        when, unless: bits of `When` that must all be set, and of which none may be.
+        passes: the list of passes that it runs.
+        call: the method of the `run.Run` that it calls; with passes only if one of these fails,
+            where `raise_failure` is called if there is no such method.
+        then: the next phase; None if it stays.
+        sets, clears: bits of `When` that are set and cleared from now on.
     """
 
     hook: str
@@ -66,16 +54,18 @@ class Action(NamedTuple):
 A = Action
 ACTIONS = (
     # the run's first forces are known
-    A("setup", ANY, call="start_run"),
+    A("setup", ANY, call="start"),
     A("setup", ANY, when=MID_STEP, then=WAITING),
     A("setup", ANY, unless=MID_STEP, then=SET),
     A("setup", ANY, when=VIRIAL, passes="constraint_virial"),
     A("setup", ANY, when=PRESSURE, passes="pressure"),
-    A("setup", ANY, call="tell_start"),
+    A("setup", ANY, call="report_start"),
+    A("setup", ANY, when=TABLE, call="write_table"),
     # initial_integrate: the first half of a step
     A("begin", (WAITING, SET), when=LATE | SEEN, call="take_late_velocities"),
-    A("begin", (NEW,), call="set_up"),  # LAMMPS's own fix python/move knows no setup
-    A("begin", (OVER,), call="continue_run"),  # nor does a run with 'pre no'
+    # a run with 'pre no' is not set up, also after a command that has only begun one
+    A("begin", (NEW,), call="set_up"),
+    A("begin", (OVER,), call="continue_"),
     A("begin", (OVER,), when=MID_STEP, then=WAITING),
     A("begin", (OVER,), then=SET),
     A("begin", (WAITING,), when=RESETS, passes="close", then=SET, clears=SEEN),
@@ -87,7 +77,7 @@ ACTIONS = (
     A("begin", (HALF,), when=MOVES_BOX, passes="cell"),
     # with run_style respa the innermost level moves the bodies, when all others have kicked them
     A("move", ANY, passes="begin", then=HALF, clears=SEEN),
-    # LAMMPS has built its lists anew: before, and behind
+    # LAMMPS exchanges atoms and rebuilds its lists: before it, and after it
     A("exchange", ANY, passes="flip"),
     A("neighbor", ANY, when=OTHER_BOX, call="follow_atoms"),
     A("neighbor", ANY, when=LOOKS, unless=OTHER_BOX, call="follow_atoms"),
@@ -95,7 +85,7 @@ ACTIONS = (
     # another fix has changed the box, or taken other vectors of the same lattice for it
     A("deform", ANY, passes="deform"),
     A("flipped", ANY, passes="flipped", call="follow_atoms"),
-    # final_integrate: the second half of a step, left to the next one if nothing looks at it
+    # final_integrate: the second half of a step, left to the next one if nothing reads it
     A("end", (HALF,), when=WATCHED, call="refuse_new_box"),
     A("end", (HALF,), when=MID_STEP, then=WAITING),
     A("end", (HALF,), unless=SHOWN | VIRIAL | TABLE | ENERGY, then=WAITING),
@@ -105,14 +95,14 @@ ACTIONS = (
     A("end", ANY, when=VIRIAL, passes="constraint_virial"),
     A("end", ANY, when=PRESSURE, passes="pressure"),
     A("end", ANY, when=TABLE, call="write_table"),
-    # end_of_step, which the integrator has with run_style respa only
+    # end_of_step, with run_style respa only
     A("end_levels", (HALF,), then=SET, sets=SEEN),
     A("end_levels", ANY, when=VIRIAL, passes="gather"),
     A("end_levels", ANY, when=VIRIAL, passes="constraint_virial"),
     A("end_levels", ANY, when=TABLE, unless=VIRIAL, passes="gather"),
     A("end_levels", ANY, when=TABLE, call="write_table"),
-    # the bodies as a step that is looked at leaves them; their forces, too
-    A("rest", (WAITING,), unless=MID_STEP, passes="close", then=SET, clears=SEEN),
+    # the bodies as at the end of a step with output; their forces, too
+    A("complete", (WAITING,), unless=MID_STEP, passes="close", then=SET, clears=SEEN),
     A("know_forces", (WAITING,), when=MID_STEP, passes="gather"),
     # the time step may be another one.  In the middle of a step it is that of the next one: the
     # last step's end has the old one
@@ -121,30 +111,30 @@ ACTIONS = (
     A("reset_dt", (NEW, SET, HALF), call="take_time_step"),
     A("reset_dt", (OVER,), unless=MID_STEP, call="take_time_step"),
     # post_run
-    A("post_run", BEGUN, call="end_run", then=OVER),
+    A("post_run", BEGUN, call="end", then=OVER),
 )
-# of each hook the actions, with their numbers
+# the actions of each hook, with their numbers
 SCHEDULE = {
     hook: tuple((number, action) for number, action in enumerate(ACTIONS) if action.hook == hook)
     for hook in dict.fromkeys(action.hook for action in ACTIONS)
 }
 
 
-def follow(integrator: "Integrator", hook: str) -> None:
-    """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same."""
-    host = integrator.host
-    known = host.now()
-    now = host.facts | SHOWN | TABLE if known is None else known  # else all that may be asked for
-    if integrator.has_own_hooks:  # which find the bodies at the end of the step, not in its middle
-        now |= SHOWN
+def follow(hook: str, host: Host, passes: Passes, act: Callable[[int, int], None]) -> None:
+    """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same.
+
+    Args:
+        act: does what the action of a number has for Python, as `run.Run.act`.
+    """
+    now = host.now()
     for number, action in SCHEDULE[hook]:
         if host.phase not in action.phases or action.when & ~now or action.unless & now:
             continue
-        if action.passes and action.passes not in integrator.passes.lists:
-            continue  # this run has no use for it
-        found = integrator.passes.do(action.passes) if action.passes else 0
+        if action.passes and action.passes not in passes.lists:
+            continue  # this run has no such list
+        found = passes.run(action.passes) if action.passes else 0
         if found or (action.call and not action.passes):
-            integrator.act(number, found)
+            act(number, found)
         if action.then is not None:
             host.phase = action.then
         host.facts = (host.facts | action.sets) & ~action.clears

@@ -232,7 +232,7 @@ def test_suspects():
         OtherFix(**nothing | {"id": style, "style": style, "end_of_step": 1, "called": 1})
         for style in ("python/invoke", "momentum", "ave/time", "temp/csvr", "deform", "new/style")
     ]
-    results = [fix.style for fix in OtherFixes(fixes).suspects()]
+    results = [fix.style for fix in OtherFixes(fixes).possible_movers()]
     assert results == ["python/invoke", "new/style"]
 
 

@@ -150,7 +150,7 @@ OF_TRAJECTORIES = [
     ("temp 2 steps 10 seed 5 mix 0", "keyword mix is 0, and must be above 0 and at most 1"),
     ("temp 2 steps 10 seed 5 mix 2", "keyword mix is 2, and must be above 0 and at most 1"),
     ("temp 2 steps 10 seed 5 thermostat nh", "unknown keyword 'thermostat'"),
-    ("temp 2 steps 10 seed 5 force 1 off on on", "keywords force and torque are of no use"),
+    ("temp 2 steps 10 seed 5 force 1 off on on", "keywords force and torque cannot be used"),
     ("temp 2 steps 7 seed 5", "the run ends in step 10, within a trajectory"),
 ]
 BESIDE_TRAJECTORIES = [
@@ -162,7 +162,7 @@ BESIDE_TRAJECTORIES = [
     ("fix 2 rest viscous 1", "fix 2 (style viscous) may change"),
     (
         "fix 2 rest nosquish/nve molecule",
-        'fix 2 ("nosquish/nve molecule") moves bodies beside hybrid Monte Carlo',
+        'fix 2 ("nosquish/nve molecule") moves bodies besides hybrid Monte Carlo',
     ),
     ("comm_modify vel yes", "needs forces that do not depend on velocities"),
     ("run_style respa 2 2", "the integrator nosquish/hmc does not support run_style respa"),

@@ -109,33 +109,44 @@ thermo_style custom step c_ke
 FOLLOWING = """
 from mpi4py import MPI
 from fix_nosquish.bodies.bodies import Bodies
+from fix_nosquish.host.command import Line
 from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.run.fix import fix_of
 from fix_nosquish.run.schedule import LOOKS
 
-class Lazy(NVE):
-    calls = 0
-
-    def post_run(self):
-        super().post_run()
-        calls = MPI.COMM_WORLD.reduce(Lazy.calls, MPI.MAX)
-        self.host.log(f"FOLLOWED {calls} {self.lammps.neighbor_builds:.0f}\\n")
+calls = 0
 
 def follow(bodies, *arguments, plain=Bodies.follow):
-    Lazy.calls += 1
-    plain(bodies, *arguments)
+    global calls
+    calls += 1
+    return plain(bodies, *arguments)
 
 Bodies.follow = follow
-
-class Busy(Lazy):
-    def init(self):
-        super().init()
-        self.host.facts |= LOOKS
 
 def __getattr__(name):
     if name.startswith("__"):
         raise AttributeError(name)
     kind, words = name.split(" ", 1)
-    return lambda ptr: {"Lazy": Lazy, "Busy": Busy}[kind](ptr, "NVE " + words)
+
+    def made(ptr):
+        fix = fix_of(NVE, ptr, Line.quoted("NVE " + words))
+        init, post_run = fix.init, fix.post_run
+
+        def busy():
+            init()
+            fix.host.facts |= LOOKS
+
+        def report():
+            post_run()
+            most = MPI.COMM_WORLD.reduce(calls, MPI.MAX)
+            fix.host.log(f"FOLLOWED {most} {fix.lammps.neighbor_builds:.0f}\\n")
+
+        fix.post_run = report
+        if kind == "Busy":
+            fix.init = busy
+        return fix
+
+    return made
 """
 
 
@@ -163,29 +174,6 @@ def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
         np.testing.assert_array_equal(getattr(results[0], name), getattr(results[1], name))
     (busy, builds), (lazy, _) = counts
     assert builds > 0.45 * steps and busy > builds and lazy < 15, counts
-
-
-DAMPED = """
-from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.nve import NVE
-
-class Damped(NVE):
-    def final_integrate(self):
-        super().final_integrate()
-        self.bodies.v[:] *= 0.99
-
-__getattr__ = of_fix_line(Damped)
-"""
-
-
-def test_a_hook_of_ones_own_finds_the_end_of_the_step(simulate, tmp_path):
-    """Locks out bodies in the middle of a step behind a `final_integrate` that a class has itself:
-    what it does to their velocities then depends on how often there is output."""
-    (tmp_path / "damped.py").write_text(DAMPED)
-    fix, system = line_of_class("damped.Damped"), mixture("solid row pair")
-    looked, alone = (simulate(system, fix, STEPS, every=every) for every in (1, STEPS))
-    np.testing.assert_array_equal(alone.x, looked.x)
-    np.testing.assert_array_equal(alone.v, looked.v)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

@@ -110,7 +110,6 @@ def test_rows_that_tell_who_a_body_is(run_lammps, tmp_path, splitting, more):
 BRAKE = """
 import numpy as np
 from fix_nosquish import of_fix_line
-from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.compiled import F, inlined, record
 from fix_nosquish.motion.block import COUNTED, LANES, MASS, V
@@ -125,13 +124,30 @@ def slow(block, kind, dt, parameters):
             block[V + k, b] *= 0.99
 
 class Brake(NVE):
-    couples, splitting = True, "B A B S"
+    splitting = "B A B S"
     operations = NVE.operations | {"S": Operation(slow)}
     numbers = record("Brake", NVE.numbers, taken=F)
 
-    def __init__(self, ptr, words):
-        super().__init__(ptr, words)
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
         self.restart_state = np.array([7.0, 0.0])  # what it is, the energy taken before this run
+{methods}
+__getattr__ = of_fix_line(Brake)
+"""
+NEW_NAMES = """
+    def extra_parameters(self, run):
+        self.restart_state[1] = self.scalar(run)
+        return {}
+
+    def scalar(self, run):
+        now = 0.0 if run.parameters is None else run.parameters.taken
+        return self.restart_state[1] + run.ranks.total(np.array([now]))[0]
+
+    def prepare_restart(self, run):
+        self.restart_state[1], run.parameters.taken = self.scalar(run), 0.0
+"""
+FORMER_NAMES = """
+    couples = True
 
     def own_parameters(self):
         self.restart_state[1] = self.taken()
@@ -141,31 +157,31 @@ class Brake(NVE):
         now = 0.0 if self.parameters is None else self.parameters.taken
         return self.restart_state[1] + self.communicator.total(np.array([now]))[0]
 
-    @hook
     def compute_scalar(self):
         return self.taken()
 
-    @hook
     def write_restart(self):
         self.restart_state[1], self.parameters.taken = self.taken(), 0.0
-
-__getattr__ = of_fix_line(Brake)
 """
 
 
+@pytest.mark.parametrize("methods", [NEW_NAMES, FORMER_NAMES], ids=["new", "former"])
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_energy_taken_is_counted_and_kept(run_lammps, ranks):
-    """Locks out energy that an integrator of one's own takes and that econserve lacks, and a count
-    that begins anew with a restart file."""
+def test_energy_taken_is_counted_and_kept(run_lammps, ranks, methods):
+    """Locks out energy that a user's integrator takes and that econserve lacks, and a count that
+    begins anew with a restart file; and a class with names of before that does nothing, or without
+    a warning."""
     system = mixture(side=3, spacing=2.9)
     # what a restart file does not have
     pair = "pair_style lj/smooth/linear 2.5\npair_coeff * * 1 1\nneighbor 0.4 bin\n"
     pair += "neigh_modify every 1 delay 0 check yes exclude molecule/intra all\n"
     fix = f'{pair}timestep 0.001\nfix 1 all python/move "brake.Brake all molecule"\n'
     fix += "thermo_style custom step etotal econserve f_1\nthermo_modify norm no\nthermo 50\n"
-    files = system.files | {"brake.py": BRAKE}
+    files = system.files | {"brake.py": BRAKE.replace("{methods}", methods)}
     script = f"{system.setup}\n{fix}run 100\nwrite_restart kept\nrun 100\n"
-    whole = run_lammps(script, files=files, ranks=ranks).thermo
+    first = run_lammps(script, files=files, ranks=ranks)
+    whole, warned = first.thermo, "WARNING: class Brake uses own_parameters" in first.log
+    assert warned == (methods == FORMER_NAMES)
     second = run_lammps(f"read_restart kept\n{fix}run 100\n", files=files, ranks=ranks).thermo
     assert np.ptp(whole["TotEng"]) > 50 * np.ptp(whole["Econserve"])
     np.testing.assert_allclose(second["f_1"], whole["f_1"][-len(second) :], rtol=1e-5)
@@ -190,7 +206,7 @@ UNFINISHED = {
     ),
     "unknown": (
         f"{NUMBERS}    numbers = record('Own', NVE.numbers, friction=F)\n"
-        "    own_parameters = staticmethod(lambda: {'frction': 1.0})\n"
+        "    extra_parameters = lambda self, run: {'frction': 1.0}\n"
         "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
         "the record Own has no field frction, but ftm2v, mrot, friction",
     ),

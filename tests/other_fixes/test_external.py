@@ -410,13 +410,21 @@ def test_what_python_cannot_hand_in(run_lammps, tmp_path, call, says, ranks):
 
 
 OWN = """
+import numpy as np
 import fix_nosquish
 from fix_nosquish.integrators.nve import NVE
-class Pushed(NVE):
-    def __init__(self, ptr, line):
-        super().__init__(ptr, line)
-        self.bodies.add_force([2, 20], [[1.0, 0.0, 3.0], [0.0, 2.0, 0.0]], [0.0, 0.5, 0.0])
-__getattr__ = fix_nosquish.of_fix_line(Pushed)
+find = fix_nosquish.of_fix_line(NVE)
+
+def __getattr__(text):
+    if text.startswith("__"):
+        return find(text)
+
+    def made(ptr):
+        driver, force = find(text.replace("Pushed", "NVE"))(ptr), [[1.0, 0.0, 3.0], [0.0, 2.0, 0.0]]
+        driver.fix.external.give(np.arange(1, 28), [2, 20], force, [0.0, 0.5, 0.0])
+        return driver
+
+    return made
 """
 
 
@@ -456,9 +464,9 @@ VARIABLES = (
         ("force v_some 0 0", "v_some is of a variable of another style"),
         ("force v_word 0 0", "v_word is of a variable of another style"),
         ("force v_missing 0 0", "v_missing: there is no such variable"),
-        ("force 0 0", "'nothing' was given behind force"),
-        ("force 0 0 up", "'up' was given behind force"),
-        ("force 0 0 inf", "'inf' was given behind force"),
+        ("force 0 0", "'nothing' was given after force"),
+        ("force 0 0 up", "'up' was given after force"),
+        ("force 0 0 inf", "'inf' was given after force"),
         ("force 1 0 0 torque 0 0 0 force 1 0 0", "force is given twice"),
         ("force 1 0 0 virial maybe", "'maybe' was given where virial expects yes or no"),
         ("force 1 0 0 bodyforces early", "'bodyforces' was given where force FX FY FZ"),
@@ -466,7 +474,7 @@ VARIABLES = (
         ("none force 1 0 0", "at least one of force, torque and python, or none alone"),
         ("", "fix_modify external: expected at least one of force, torque and python"),
         ("force 1 0 0 torque 0 0 v_huge", "v_huge is not finite in step 0"),
-        ("force 1 0 0\nrun_style respa 2 2 pair 1", "not for run_style respa"),
+        ("force 1 0 0\nrun_style respa 2 2 pair 1", "cannot be used with run_style respa"),
         ("force 1 0 0\nrun 1\nfix_modify 1 external none\nrun 1 pre no", "'pre yes'"),
         ("force 1 0 0 virial yes\nunfix 1_external", "fix 1_external is gone"),
         (

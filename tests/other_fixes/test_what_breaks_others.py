@@ -347,19 +347,21 @@ def test_momentum_and_angular_momentum(simulate, ranks, steps):
 LOST = """
 import numpy as np
 from ctypes import CFUNCTYPE, c_int64, c_void_p
-from fix_nosquish.host.hosts import hook
+from fix_nosquish.host.command import Line
 from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.run.fix import fix_of
 
-class Lost(NVE):
-    def __init__(self, ptr):
-        super().__init__(ptr, "NVE all molecule")
-    @hook
-    def final_integrate(self):
-        super().final_integrate()
-        if self.communicator.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
-            self.lammps.x[0] = np.nan
-            flip, fix = map(int, self.host.flip_box)
-            CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(fix, np.zeros(12).ctypes.data)
+def Lost(ptr):
+    fix = fix_of(NVE, ptr, Line.quoted("NVE all molecule output 1 table.csv"))
+    act = fix.act
+    def loses(*arguments):
+        act(*arguments)
+        if fix.ranks.rank == fix.ranks.size - 1 and fix.lammps.step == 3:
+            fix.lammps.x[0] = np.nan
+            flip, address = map(int, fix.host.flip_box)
+            CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(address, np.zeros(12).ctypes.data)
+    fix.act = loses
+    return fix
 """
 GOES_ON = """
 import gc, sys, lammps
@@ -401,30 +403,29 @@ def test_cases(simulate, name):
 
 
 BREAKS = """
-from fix_nosquish.host.hosts import hook
+from fix_nosquish.host.command import Line
 from fix_nosquish.integrators.nve import NVE
-
-class Breaks(NVE):
-    method = None
-    def __init__(self, ptr):
-        super().__init__(ptr, "NVE all molecule")
+from fix_nosquish.run.fix import fix_of
 
 def breaking(name):
-    original = getattr(NVE, name)
-    @hook
-    def method(self, *arguments):
-        result = original(self, *arguments)
-        if self.communicator.rank == 2:
-            raise ValueError("no such luck in " + name)
-        return result
-    return type("Breaks", (Breaks,), {name: method})
+    def made(ptr):
+        fix = fix_of(NVE, ptr, Line.quoted("NVE all molecule output 1 table.csv"))
+        original = getattr(fix, name)
+        def method(*arguments):
+            result = original(*arguments)
+            if fix.ranks.rank == 2:
+                raise ValueError("no such luck in " + name)
+            return result
+        setattr(fix, name, method)
+        return fix
+    return made
 
-for name in ("init", "setup", "initial_integrate", "post_neighbor", "dof"):
+for name in ("init", "act", "post_run", "dof"):
     globals()["Breaks_" + name] = breaking(name)
 """
 
 
-@pytest.mark.parametrize("method", ["init", "setup", "initial_integrate", "post_neighbor", "dof"])
+@pytest.mark.parametrize("method", ["init", "act", "post_run", "dof"])
 def test_exception_on_one_rank(run_lammps, tmp_path, method):
     """Locks out a hang, or more than one message, where one method breaks on one rank while the
     others go on."""

@@ -44,9 +44,10 @@ Types
 # Classes that do, when LAMMPS calls them, what no input script can.
 SPOIL = """
 from ctypes import c_double
+from fix_nosquish.host.command import Line
 from fix_nosquish.host.lammps import Lammps
-from fix_nosquish.host.hosts import hook
 from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.run.fix import fix_of
 
 class NoMass:
     mass = 0.0
@@ -60,14 +61,17 @@ class NoMass:
 class NegativeMass(NoMass):
     mass = -1.0
 
-class BreaksOnOneRank(NVE):
-    def __init__(self, ptr):
-        super().__init__(ptr, "NVE all molecule")
-    @hook
-    def final_integrate(self):
-        super().final_integrate()
-        if self.communicator.rank == self.lammps.ranks - 1 and self.lammps.step == 3:
-            raise ValueError("no such luck")
+def BreaksOnOneRank(ptr):
+    made = fix_of(NVE, ptr, Line.quoted("NVE all molecule output 1 table.csv"))
+    fix = getattr(made, "fix", made)  # LAMMPS's own fix has a driver of it
+    def breaking(method):
+        def broken(*arguments):
+            method(*arguments)
+            if fix.ranks.rank == fix.ranks.size - 1 and fix.lammps.step == 3:
+                raise ValueError("no such luck")
+        return broken
+    fix.act, fix.final_integrate = breaking(fix.act), breaking(fix.final_integrate)
+    return made
 """
 
 

@@ -9,14 +9,26 @@ TELLS = """
 from fix_nosquish import of_fix_line
 from fix_nosquish.integrators.nph import NPH
 
-class Tells(NPH):
-    def post_run(self):
-        super().post_run()
-        virial = self.host.forces_virial + self.communicator.total(self.virial)
-        numbers = " ".join(f"{number:.17g}" for number in virial * self.lammps.nktv2p)
-        self.host.log(f"VIRIAL {numbers}\\n")
+find = of_fix_line(NPH)
 
-__getattr__ = of_fix_line(Tells)
+def __getattr__(text):
+    if text.startswith("__"):
+        return find(text)
+
+    def made(ptr):
+        fix = find(text.replace("Tells", "NPH"))(ptr)
+        post_run = fix.post_run
+
+        def tells():
+            post_run()
+            virial = fix.host.forces_virial + fix.ranks.total(fix.virial)
+            numbers = " ".join(f"{number:.17g}" for number in virial * fix.lammps.nktv2p)
+            fix.host.log(f"VIRIAL {numbers}\\n")
+
+        fix.post_run = tells
+        return fix
+
+    return made
 """
 
 
@@ -32,19 +44,29 @@ VIRIAL_LINES = "compute f all pressure NULL virial\n" + thermo("elong vol c_f[*]
 # integrators whose tests of trajectories say what is asked here
 MINE = """
 from fix_nosquish import of_fix_line
-from fix_nosquish.integrators.hmc import HMC
+from fix_nosquish.integrators.hmc import HMC, Trajectory
+
+class Rejected(Trajectory):
+    def end_trajectory(self, run):
+        self._before = -1e300
+        super().end_trajectory(run)
+
+class Turned(Trajectory):
+    def end_trajectory(self, run):
+        run.bodies.v[:] *= -1
+        run.bodies.p[:] *= -1
+        self._before = 1e300
+        super().end_trajectory(run)
 
 class Rejects(HMC):
-    def take_energy(self):
-        self._before = -1e300
-        return super().take_energy()
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.parts = [Rejected(self)]
 
 class Turns(HMC):
-    def take_energy(self):
-        self.bodies.v[:] *= -1
-        self.bodies.p[:] *= -1
-        self._before = 1e300
-        return super().take_energy()
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        self.parts = [Turned(self)]
 
 __getattr__ = of_fix_line(Rejects, Turns)
 """

@@ -86,7 +86,7 @@ def advance(q, p, moments, dt, steps=1, mrot=1):
     """`one_atom_bodies` without forces: their q and p after some steps."""
     bodies = one_atom_bodies(q, p, moments)
     cells = step_cells(NVE, bodies, dt, mrot)
-    step = NVE.advance.bind_to(cells, gathers=0, ends=0, begins=0, part=block.ALL)
+    step = NVE.scheme.advance.bind_to(cells, gathers=0, ends=0, begins=0, part=block.ALL)
     for _ in range(steps):
         step()
     order = np.argsort(bodies.id)

