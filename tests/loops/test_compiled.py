@@ -801,7 +801,7 @@ def test_one_rank_compiles(tmp_path, ranks):
 def test_loops_of_a_driver_script_are_refused():
     """Locks out a traceback with a KeyError of the compiler's process, whose main module is another
     one, half a minute after the fix line."""
-    with pytest.raises(RuntimeError, match="in a file of its own, NAME"):
+    with pytest.raises(RuntimeError, match="into a separate file, NAME"):
         cache.machine_code(["__main__"], machine_code.LEVELS[0])
 
 
