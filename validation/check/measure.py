@@ -16,7 +16,7 @@ from ..running import machine, run
 from ..running.store import Store
 from ..scenes.integrators import Integrator
 from ..statistics.check import Check
-from ..user_script import candidates, conserved_energy, rigid_atoms, shapes
+from ..user_script import candidates, conserved_energy, rigid_atoms, shapes, thermostat, time_step
 from ..user_script.commands import SUFFIX, join_words, split_words
 from ..user_script.loader import UserScript
 from ..user_script.shapes import BodyGroup, BodyKind
@@ -24,9 +24,6 @@ from ..user_script.shapes import BodyGroup, BodyKind
 STEPS = 20  # with each integrator
 # rad: a body that turns further in a step is not followed any more
 TURN = 0.5
-# Verlet's scheme is unstable for frequency x step of 2; with 1 a spring's mean energy is a sixth
-# off (1 / (1 - (wh/2)^2) = 1.33 in its position), with 0.6 a tenth
-STIFF = 0.6
 ALIKE = 1e-3  # of the largest moment: rounding of a data file's digits is less
 SOME = 200  # atoms of a body whose pairs are counted
 IDLE = (
@@ -38,17 +35,29 @@ IDLE = (
 TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the script"}
 
 
-def check(script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter) -> dict:
-    """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances."""
+def check(
+    script: UserScript,
+    out: Path,
+    ranks: int,
+    silence: float,
+    meter: run.Meter,
+    tolerance: float = time_step.TOLERANCE,
+) -> dict:
+    """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances.
+
+    Args:
+        tolerance: of averages, the largest relative error of temperatures.
+    """
     groups, gap = shapes.body_groups(script)
     kinds = shapes.body_kinds(script, groups)
     rows, interrupted = _starts(script, out, ranks, silence, meter)
-    checks = [*_bodies(script, gap, kinds), *_step(script, groups, kinds), *_script(script)]
+    checks = [*_bodies(script, gap, kinds), *_step(script, groups, kinds, tolerance)]
+    checks += _script(script)
     checks += [_lists(rows), _forces_within(script, groups, out, ranks, silence)]
     return machine.circumstances() | {
         "title": script.scene.title,
         "notes": script.notes,
-        "suffix": [*_suffix(script, out, ranks, silence)],
+        "suffix": [*_barostat(script), *_suffix(script, out, ranks, silence)],
         "units": script.scene.units,
         "dt": script.scene.dt,
         "temperature": shapes.temperature(script),
@@ -123,21 +132,31 @@ def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterat
 
 
 def _step(
-    script: UserScript, groups: Sequence[BodyGroup], kinds: Sequence[BodyKind]
+    script: UserScript, groups: Sequence[BodyGroup], kinds: Sequence[BodyKind], tolerance: float
 ) -> Iterator[Check]:
-    turns = max(kinds, key=lambda kind: kind.angle)
-    safe = script.scene.dt * TURN / max(turns.angle, 1e-300)
-    note = f"by this number alone, {safe:.3g} {script.units.time} and below is safe"
+    turns, dt, unit = max(kinds, key=lambda kind: kind.angle), script.scene.dt, script.units.time
+    safe = dt * TURN / max(turns.angle, 1e-300)
+    note = f"by this number alone, {safe:.3g} {unit} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
     found = shapes.fastest_motions(script, groups)
     for name, frequency in found.items():
+        limit = time_step.UNSTABLE
         note = (
-            f"by this number alone, {STIFF / frequency:.3g} {script.units.time} and below is safe, "
-            "if the start is in equilibrium. One that is not shows more"
+            f"unstable above about {limit / frequency:.3g} {unit}, if the start is in "
+            "equilibrium. One that is not shows more"
         )
-        what = "frequency of the stiffest motion × step"
-        yield Check("step", name, what, frequency * script.scene.dt, high=STIFF, note=note)
+        what = "stability: frequency of the stiffest motion × step"
+        yield Check("step", name, what, frequency * dt, high=limit, note=note)
+    if found:
+        coefficient = time_step.error_coefficient(script, groups)
+        note = (
+            f"{(tolerance / coefficient) ** 0.5:.3g} {unit} and below is within the tolerance "
+            "(--tolerance), with your thermostat"
+        )
+        what = "accuracy: estimated error of the temperatures of translation and rotation"
+        yield Check("step", "averages", what, coefficient * dt**2, high=tolerance, unit="of T",
+                    note=note)  # fmt: skip
 
 
 def _script(script: UserScript) -> Iterator[Check]:
@@ -183,7 +202,7 @@ def _lists(rows: Sequence[Mapping]) -> Check:
         if late
         else "LAMMPS has not looked"
     )
-    note += ". With long steps have 'neigh_modify every 1 delay 0 check yes', or a larger skin"
+    note += f". With long steps use '{time_step.LISTS}', or a larger skin"
     what = f"built too late, perhaps, in {STEPS} steps"
     return Check("script", "neighbour lists", what, max(late, default=None), high=0, note=note)
 
@@ -242,6 +261,24 @@ def _forces_within(
     pairs = np.array([row.split() for row in rows], float).astype(int).reshape(-1, 2) - 1
     first, second = script.rigid.body[pairs.T]
     return counts(int(np.sum(first == second)), note=IDLE.format(script.rigid.group))
+
+
+def _barostat(script: UserScript) -> Iterator[str]:
+    """The line for bodies beside a barostat of other atoms, which does not scale bodies."""
+    rigid = script.rigid
+    if len(rigid.ids) < 2 or not (rigid.flexible and rigid.state.press):
+        return
+    kind = thermostat.kind_of(rigid.lines)
+    ours = [one for one in script.integrators.values() if one.kind == "ours"]
+    same = next((one for one in ours if thermostat.kind_of(one.lines) == kind), ours[0])
+    gone = dict(zip(rigid.ids, rigid.lines))
+    yield (
+        "With separate fixes the barostat does not see the bodies' pressure, and does not scale "
+        f"them. One fix with keyword flexible does both. {candidates.replacement_notice(gone)}:"
+    )
+    lines = [*rigid.setup, *same.commands(script.scene)]
+    yield from (f"    {line}" for line in lines)
+    yield from candidates.removal_notice(gone, script.reading["commands"], lines)
 
 
 def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterator[str]:

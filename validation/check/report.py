@@ -9,10 +9,10 @@ from .measure import STEPS, TITLES
 def said(summary: dict) -> Said:
     """Whether a script is sound."""
     checks = summary["checks"]
-    lost = [check["subject"] for check in checks if check["verdict"] == "does not hold"]
+    lost = [one for one in checks if one["verdict"] == "does not hold"]
     answer = "All numbers that have bounds are within them."
     if lost:
-        answer = f"Out of their bounds: {', '.join(dict.fromkeys(lost))}."
+        answer = f"Out of their bounds: {', '.join(dict.fromkeys(map(_subject, lost)))}."
     uncounted = [row["label"] for row in summary["integrators"] if row["uncounted"]]
     return Said(
         f"Check: {summary['title']}",
@@ -27,6 +27,13 @@ def said(summary: dict) -> Said:
             f"{row['label']}: {row['error']}" for row in summary["integrators"] if row["error"]
         ],
     )
+
+
+def _subject(one: dict) -> str:
+    """What is out of its bounds: of a step, whether it is unstable or inaccurate."""
+    kind = one["what"].partition(":")[0]
+    named = {"stability": "the step is unstable", "accuracy": "the step is inaccurate"}
+    return f"{one['subject']} ({named[kind]})" if kind in named else one["subject"]
 
 
 def _kinds(summary: dict) -> Table:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..scenes.integrators import OURS
-from ..user_script import candidates, loader, rigid_atoms
+from ..user_script import candidates, loader, rigid_atoms, thermostat, time_step
 from ..user_script.commands import split_words
 from ..user_script.rigid_atoms import RigidAtoms
 from . import parts
@@ -23,7 +23,6 @@ from . import parts
 GROUP, BODY = "own_bodies", "own_body"
 OTHERS = "own_others"  # atoms in no body that the bodies' fix does not move
 STYLE = f"custom v_{BODY}"
-CHAINS = "nvt", "npt"  # fixes whose thermostats are chains
 PLACES = "x y z ix iy iz"
 FAR = 0.5  # Å: parts of a kind in which atoms differ by more have no mean shape
 ALIKE = (
@@ -78,6 +77,7 @@ def written(
         f"group {GROUP} variable own_inside",
         *([read] if moved <= FAR else []),
         *_moving(found, said, known),
+        *time_step.lists_in_time(said["commands"]),
     ]
     gone = dict(zip(found.ids, found.lines))
     told = [
@@ -121,8 +121,8 @@ def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
         for one in candidates.integrators(found, said["units"])[0]
         if one.kind == "ours"
     }
-    chains = f"{OURS}-nh" if rigid_atoms.style_of(found.mover) in CHAINS else OURS
-    made = [line.format(group=GROUP, bodies=STYLE) for line in ours[chains].lines]
+    same = f"{OURS}-nh" if thermostat.kind_of([found.mover]) == "nh" else OURS
+    made = [line.format(group=GROUP, bodies=STYLE) for line in ours[same].lines]
     moved = rigid_atoms.in_group(said, atoms, split_words(found.mover)[2])
     if found.state.press and not (moved | (found.body > 0)).all():  # the box scales all others, too
         taken = f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in made[-1] else GROUP

@@ -1,5 +1,6 @@
 """What is compared, a built-in scene or a user's script, and how large errors may be."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -8,9 +9,8 @@ from ..running import starts
 from ..scenes import SCENES, TEMPERATURE, Scene, peptide
 from ..scenes.integrators import OURS, SWEPT, Integrator
 from ..scenes.units import BOLTZMANN, UNITS
-from ..user_script import candidates, conserved_energy, shapes
+from ..user_script import candidates, conserved_energy, shapes, thermostat, time_step
 from ..user_script.loader import UserScript
-from . import thermostat
 
 # of the usual step: the energy's changes in it count.  Errors of the step are as large as they get
 # by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
@@ -107,6 +107,7 @@ class Case:
         lost: targets that say nothing of the case, each with why.
         unknown: of an integrator the targets that its runs do not tell; ``why`` is why.
         thermostat: the script's, see `thermostat.asked`; None if its bodies' fixes have none.
+        unstable: the step above which the forces at the start tell that none is stable.
         script: the script, if it is one.
     """
 
@@ -123,6 +124,7 @@ class Case:
     unknown: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     why: str = ""
     thermostat: dict | None = None
+    unstable: float = math.inf
     notes: tuple[str, ...] = ()
     script: UserScript | None = None
 
@@ -155,6 +157,7 @@ class Case:
         found = self.script.rigid
         gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
         lost = candidates.removal_notice(gone, self.script.reading["commands"], lines)
+        lines += [line for line in self.scene.then if line == time_step.LISTS]
         return lines, candidates.replacement_notice(gone), [] if integrator.then else lost
 
 
@@ -228,6 +231,7 @@ def of_script(script: UserScript) -> Case:
         },
         why=conserved_energy.WHY,
         thermostat=bath,
+        unstable=time_step.UNSTABLE / max(time_step.stiffest(script), 1e-300),
         notes=script.notes,
         script=script,
     )

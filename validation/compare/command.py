@@ -55,7 +55,7 @@ def run(arguments: Namespace) -> int:
     """Run the verb; the exit status."""
     from .. import pages
     from ..pages import console
-    from ..user_script import loader, pair_shift
+    from ..user_script import loader, pair_shift, time_step
     from . import case as cases
     from . import measure, plan, report  # heavy: not for --help
 
@@ -64,6 +64,7 @@ def run(arguments: Namespace) -> int:
         if command_line.is_script(arguments.scene, lambda: SCENES):
             ask, out = loader.parse_options(arguments, arguments.scene)
             script = pair_shift.with_shifted_pairs(loader.load(ask, out, arguments.ranks, silence))
+            script = time_step.with_lists_in_time(script)
             loader.refuse_ramps(script)
             case = cases.of_script(script)
         else:
@@ -77,6 +78,13 @@ def run(arguments: Namespace) -> int:
     names = [one.name for one in command_line.select(case.integrators, asked)]
     only = names if arguments.only else case.usual
     points, held = plan.points(case, only, arguments.steps)
+    if held.dt > case.unstable:
+        arguments.parser.exit(
+            2,
+            f"a step of {held.dt:g} {case.time} is too long for this system: the forces at the "
+            f"start are unstable above about {case.unstable:.2g} {case.time}. Give shorter steps "
+            "by --steps\n",
+        )
     settings = plan.Settings(out, arguments.budget, arguments.ranks, silence)
     screen = console.console()
     with console.Meter(screen, 1) as meter:

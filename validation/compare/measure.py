@@ -16,7 +16,8 @@ from ..running.store import Store
 from ..scenes.integrators import OURS
 from ..statistics import measures
 from ..statistics.estimate import Estimate, margin
-from . import errors, lists, plan, thermostat
+from ..user_script import thermostat
+from . import errors, lists, plan
 from .case import MEANS, Case, about
 from .choice import Choice, Measured, Targets, choose, cost, kept, level_of_each, passes, size
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
@@ -56,6 +57,13 @@ class Runs:
         shorter = [one for one in self.failed if one.scheme == point.scheme and one.dt <= point.dt]
         first = min(shorter, key=lambda one: one.dt, default=None)
         return f"{first.dt:g}: {self.failed[first][0]}" if first else None
+
+    def judge(self, case: Case) -> None:
+        """Say of failures at steps above the stability limit that the step is too long."""
+        told = f"the step is too long (unstable above about {case.unstable:.2g} {case.time}): "
+        for point, why in self.failed.items():
+            if point.dt > case.unstable and not why[0].startswith(told):
+                self.failed[point] = [told + one for one in why]
 
 
 class Prepared(NamedTuple):
@@ -221,6 +229,7 @@ def collected(
                 own = found.found.setdefault(point, {})
                 own[number] = errors.numbers(case, point.dt, result, settles)
                 found.costs.setdefault(point, []).extend(_costs(job, result, point.dt, case.ns))
+    found.judge(case)
     return found
 
 

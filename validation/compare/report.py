@@ -7,7 +7,8 @@ from functools import partial
 from ..pages import Column, Figure, Said, Table, digits, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
-from . import choice, figures, lists, thermostat
+from ..user_script import thermostat
+from . import choice, figures, lists
 from .choice import Choice, Measured, bound, cost, meets, near_failure, nearest
 
 FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often

@@ -177,6 +177,8 @@ def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
         "modify_ratio": rounds.ratio(rivals, own, "modify"),
         "loop": rounds.spread(own, "loop"),
         "loop_ratio": rounds.ratio(rivals, own, "loop"),
+        "spent": rounds.spread(own, "spent"),
+        "spent_ratio": rounds.ratio(rivals, own, "spent"),
         "cpu": min((timing.cpu for timing in own if timing.cpu is not None), default=None),
         "setup": rounds.difference(own, free, "setup", 1e3),
         "memory": rounds.difference(own, free, "peak"),

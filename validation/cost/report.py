@@ -1,7 +1,11 @@
 """What `cost` says of its summary."""
 
-from ..pages import Column, Said, Table, ranks_of
+import numpy as np
+
+from ..pages import Column, Said, Table, digits, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
+from ..statistics import measures
+from ..statistics.estimate import SURE
 from . import measure
 
 WHERE = (
@@ -12,9 +16,11 @@ WHERE = (
 STATUS = Column("status", "status", kind="text", wide=True)
 TIMES = (
     Column("modify", "Modify", "µs/step"),
-    Column("modify_ratio", "ours / it", "Modify"),
+    Column("modify_ratio", "ours / it", "Modify", "interval"),
+    Column("spent", "CPU time", "µs/step"),
+    Column("spent_ratio", "ours / it", "CPU time", "interval"),
     Column("loop", "loop", "µs/step"),
-    Column("loop_ratio", "ours / it", "loop"),
+    Column("loop_ratio", "ours / it", "loop", "interval"),
     Column("setup", "setup", "ms"),
     Column("memory", "memory", "MiB/rank"),
 )
@@ -32,12 +38,16 @@ STARTS = {
 }
 FASTEST = "the fastest of LAMMPS's rigid fixes"
 FREE = 90.0  # percent of a core that a rank must have had
+RATIOS = "modify_ratio", "spent_ratio", "loop_ratio"
 USUAL = "rigid/nve", "rigid/nve/small", "shake"
 NOTES = {
     "Modify": "Time in the fixes: row Modify of LAMMPS's timing table, average over ranks. Median "
     "[minimum–maximum] over the rounds, as in the columns that follow.",
-    "ours / it": "The time of fix_nosquish.NVE divided by that of this integrator, both of the "
-    "same round; below 1 ours is faster.",
+    "ours / it": f"The time of fix_nosquish.NVE divided by that of this integrator, both of the "
+    f"same round: geometric mean with the {SURE} confidence interval, from the scatter between "
+    "rounds. Below 1 ours is faster.",
+    "CPU time": "CPU time of a whole step, mean over ranks. Other work on the machine changes it "
+    "little.",
     "loop": "Wall time of a whole step.",
     "setup": "Wall time of `run 0`, less that of a run whose atoms move freely (fix nve/noforce). "
     "It is the second `run 0` of a process: the first one also reads or compiles code.",
@@ -48,7 +58,7 @@ NOTES = {
     "handed to MPI": "Counted in 50 steps with re-neighbouring, with 1,000 molecules of water on "
     "each rank, cut into bricks. Counts do not depend on the machine. What travels with atoms that "
     "change ranks is part of LAMMPS's own messages and is not counted.",
-    "rounds": "Each timing is that of a process of its own, in turns (A B C A B C …).",
+    "rounds": "Each timing is that of a separate process. The order is random in each round.",
 }
 
 
@@ -78,10 +88,23 @@ def said(summary: dict) -> Said:
     )
 
 
+def interval(ratios: dict | None) -> dict | None:
+    """The geometric mean of ratios, one from each round, with its 95 % confidence interval: plain
+    data for a `Column` of this kind; None without two rounds."""
+    if not ratios or len(ratios["values"]) < 2:
+        return None
+    mean = measures.mean_of_few(np.log(ratios["values"]))
+    ends = (mean.value, mean.value - mean.margin, mean.value + mean.margin)
+    value, low, high = (float(one) for one in np.exp(ends))
+    return {"value": value, "low": low, "high": high}
+
+
 def fastest(point: dict) -> dict | None:
-    """The ratio of a whole step with ours to that with the fastest of LAMMPS's rigid fixes."""
-    ratios = (row.get("loop_ratio") for row in point["integrators"] if row["kind"] == "rigid")
-    return max(filter(None, ratios), key=lambda ratio: ratio["median"], default=None)
+    """The interval of the ratio of a whole step with ours to that with the fastest of LAMMPS's
+    rigid fixes: of CPU times; of wall times where results have none of the former."""
+    rows = [row for row in point["integrators"] if row["kind"] == "rigid"]
+    found = (interval(row.get("spent_ratio") or row.get("loop_ratio")) for row in rows)
+    return max(filter(None, found), key=lambda one: one["value"], default=None)
 
 
 def place(point: dict) -> str:
@@ -89,29 +112,34 @@ def place(point: dict) -> str:
     return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
 
 
+def _ratio(found):
+    value, low, high = (digits(found[key]) for key in ("value", "low", "high"))
+    return f"{value} ({SURE} CI {low}–{high})"
+
+
 def _whole(points):
     """What is said of the time of a whole step: an answer, and further lines."""
-    ratios = sorted(
-        (ratio["median"], place(point)) for point in points if (ratio := fastest(point))
-    )
-    if not ratios:
+    found = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
+    if not found:
         return "", []
-    (low, least), (high, most) = ratios[0], ratios[-1]
-    ends = f"{low:.2f} ({least})" + f" to {high:.2f} ({most})" * (len(ratios) > 1)
-    every = f"A whole step with ours takes {ends} times as long as one with {FASTEST}."
-    water = [ratio for ratio, where in ratios if where.startswith("water")]
-    if not water:
-        return every, []
-    told = f"A step of water takes {water[0]:.2f} to {water[-1]:.2f} times as long as one with "
-    return f"{told}{FASTEST}.", [every]
+    found.sort(key=lambda one: one[0]["value"])
+    slower = sum(ratio["low"] > 1 for ratio, _ in found)
+    faster = sum(ratio["high"] < 1 for ratio, _ in found)
+    ends = dict.fromkeys(f"{_ratio(ratio)} for {where}" for ratio, where in (found[0], found[-1]))
+    told = (
+        f"Time of a whole step relative to {FASTEST}: {' to '.join(ends)}. Ours is significantly "
+        f"faster in {faster} of {len(found)} cases, and significantly slower in {slower}."
+    )
+    return told, []
 
 
 def _defeats(points):
-    """Where a whole step takes longer than with the fastest of LAMMPS's rigid fixes."""
+    """Where a whole step takes significantly longer than with the fastest of LAMMPS's rigid
+    fixes."""
     return [
-        f"{place(point)}: a step takes {_seconds(ratio).text} times as long as one with {FASTEST}"
+        f"{place(point)}: a step takes {_ratio(ratio)} times as long as one with {FASTEST}"
         for point in points
-        if (ratio := fastest(point)) and ratio["min"] > 1
+        if (ratio := fastest(point)) and ratio["low"] > 1
     ]
 
 
@@ -137,8 +165,8 @@ def _busy(points):
     if least >= FREE:
         return []
     return [
-        f"The machine was busy: a rank had as little as {least:.0f} % of a core ({where}). Times "
-        "are too long then, and only ratios with a narrow range can be trusted."
+        f"The machine was busy: a rank had as little as {least:.0f} % of a core ({where}). Wall "
+        "times are too long then. Compare CPU times."
     ]
 
 
@@ -147,14 +175,19 @@ def _best(points):
     columns = [
         *WHERE,
         Column("own", "ours", "µs/step"),
-        *(Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify") for name in USUAL),
-        Column("whole_ratio", "ours / the fastest rigid fix", "whole step"),
+        *(
+            Column(f"{name}_ratio", f"ours / {INTEGRATORS[name].label}", "Modify", "interval")
+            for name in USUAL
+        ),
+        Column("whole_ratio", "ours / the fastest rigid fix", "whole step", "interval"),
     ]
     rows = []
     for point in points:
         found = {row["name"]: row for row in point["integrators"]}
         if found.get(OURS, {}).get("modify"):
-            ratios = {f"{name}_ratio": found.get(name, {}).get("modify_ratio") for name in USUAL}
+            ratios = {
+                f"{name}_ratio": interval(found.get(name, {}).get("modify_ratio")) for name in USUAL
+            }
             row = point | ratios | {"whole_ratio": fastest(point)}
             rows.append(row | {"own": found[OURS]["modify"]})
     return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
@@ -165,6 +198,7 @@ def _every(points):
     keys = [column.key for column in WHERE]
     rows = [
         {**row, **{key: point[key] for key in keys}, "status": row["error"] or "ok"}
+        | {key: interval(row.get(key)) for key in RATIOS}
         | {"ours": row["kind"] == "ours"}
         for point in points
         for row in point["integrators"]

@@ -77,8 +77,7 @@ class Column:
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
     def cell(self, row: Mapping, short: bool = False) -> Cell:
-        """A row's entry; ``short`` leaves out the range of a spread, but not of a ratio, whose
-        range says whether the machine let it be told."""
+        """A row's entry; ``short`` leaves out the range of a spread."""
         value = row.get(self.key)
         if value is None or isinstance(value, Cell):
             return Cell(NOTHING) if value is None else value
@@ -86,8 +85,7 @@ class Column:
             return Cell(f"{Estimate.of(value).text()}{value.get('note', '')}", value["value"])
         if self.kind == "spread":
             median, low, high = (digits(value[part]) for part in PARTS["spread"].values())
-            brief = short and not self.key.endswith("_ratio")
-            return Cell(median if brief else f"{median} [{low}–{high}]", value["median"])
+            return Cell(median if short else f"{median} [{low}–{high}]", value["median"])
         if self.kind == "interval":
             middle, low, high = (digits(value[part]) for part in PARTS["interval"].values())
             return Cell(f"{middle} ({low}–{high})", value["value"])

@@ -25,7 +25,7 @@ def add(verbs: command_line.Verbs) -> None:
         help="folder with the results (default %(default)s)",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="the page (default DIR/report.html)"
+        "--out", type=Path, metavar="DIR", help="folder of the page (default: that of --results)"
     )
     parser.add_argument(
         "--release",
@@ -40,8 +40,8 @@ def run(arguments: Namespace) -> int:
     from ..pages import console
     from . import report  # heavy: not for --help
 
-    screen, out = console.console(), arguments.out or arguments.results / "report.html"
-    command_line.make_folder(arguments, out.parent)
+    folder = command_line.make_folder(arguments, arguments.out or arguments.results)
+    screen, out = console.console(), folder / "report.html"
     sections, problems = report.gather(arguments.results)
     if arguments.release:
         report.release(arguments.release, sections)

@@ -1,6 +1,7 @@
-"""Runs timed in turn (A B C A B C ...), each a new process from the same start.
+"""Runs timed in turn, each a fresh process on the same start, in a random order in each round.
 
-A change in the machine's load then affects all of them, and numbers of one round are comparable.
+A change in the machine's load then affects all of them alike, numbers of one round compare like
+with like, and no run has the advantage of its place.
 """
 
 from collections.abc import Callable, Iterable
@@ -38,6 +39,7 @@ class Timing:
 
     Attributes:
         modify, loop, sections: us per step, of LAMMPS's timing table.
+        spent: us of CPU time per step, the mean over ranks.
         cpu: the smallest share of a core in a segment, in percent.
         steps: of each segment.
         setups: s of each `run 0`.
@@ -47,6 +49,7 @@ class Timing:
 
     modify: float | None = None
     loop: float | None = None
+    spent: float | None = None
     cpu: float | None = None
     sections: dict = field(default_factory=dict)
     steps: list = field(default_factory=list)
@@ -103,10 +106,11 @@ def in_turn(
     found: dict[str, list[Timing]] = {name: [] for name in labels}
     errors: dict[str, str] = {}
     for number in range(1, rounds + 1):
-        for name, label in labels.items():
+        for place in np.random.default_rng(number).permutation(len(labels)):
+            name = [*labels][place]
             if name in errors:
                 continue
-            meter.begin(f"{label}, {number}/{rounds}", 1)
+            meter.begin(f"{labels[name]}, {number}/{rounds}", 1)
             job = make(name, number)
             result = run.run(job)
             meter.end(result.error)
@@ -131,10 +135,12 @@ def timing(job: run.Job, result: run.Result) -> Timing:
         return float(np.median(found)) * 1e6 if found else None
 
     names = segments[0].sections if segments else ()
-    shares = [segment.cpu for segment in segments if segment.cpu is not None]
+    shares = [one.cpu for one in segments if one.cpu is not None]
+    spent = [1e4 * one.cpu * one.seconds / one.steps for one in segments if one.cpu is not None]
     return Timing(
         modify=median("Modify"),
         loop=median(),
+        spent=float(np.median(spent)) if spent else None,
         cpu=min(shares, default=None),
         sections={name: median(name) for name in names},
         steps=[segment.steps for segment in segments],

@@ -159,22 +159,39 @@ def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str
         of ``centres``, ``turning`` (about the stiffest axis) and ``other atoms``, without those
         that have no force.
     """
+    squares = _squares(script, groups)
+    most = {name: max((one for one, _ in some), default=0.0) for name, some in squares.items()}
+    return {name: float(np.sqrt(one)) for name, one in most.items() if one > 0}
+
+
+def mean_square_frequency(script: UserScript, groups: Sequence[BodyGroup]) -> float:
+    """Mean of the squares of `fastest_motions` over all degrees of freedom, 1/time^2."""
+    every = [pair for some in _squares(script, groups).values() for pair in some]
+    return float(sum(one * n for one, n in every) / max(sum(n for _, n in every), 1))
+
+
+def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]:
+    """Squares of angular frequencies, 1/time^2, each with its number of degrees of freedom."""
     mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
+    unit, axes_of_space = thermal_energy(script) * mvv2e(script), script.reading["dimension"]
     squares: dict[str, list] = {"centres": [], "turning": [], "other atoms": []}
+    if not unit > 0:
+        return squares
     for _, group, r, moments, axes in groups:
-        f, mean = force[group], moments.mean(axis=0)
+        f, mean, number = force[group], moments.mean(axis=0), len(group)
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
-        squares["centres"].append((f.sum(axis=1) ** 2).mean() / mass[group].sum(axis=1).mean())
+        centre = (f.sum(axis=1) ** 2).mean() / mass[group].sum(axis=1).mean()
+        squares["centres"].append((centre / unit, axes_of_space * number))
         some = mean > THIN * max(mean[0], 1e-300)
-        if script.reading["dimension"] == 2:
+        if axes_of_space == 2:
             some[1:] = False
-        squares["turning"] += [*((torque**2).mean(axis=0)[some] / mean[some])]
+        turning = (torque**2).mean(axis=0)[some] / mean[some] / unit
+        squares["turning"] += [(one, number) for one in turning]
     for kind in np.unique(script.atoms["type"][free]):
         mine = free & (script.atoms["type"] == kind)
-        squares["other atoms"].append((force[mine] ** 2).mean() / mass[mine].mean())
-    unit = thermal_energy(script) * mvv2e(script)
-    most = {name: max(some, default=0.0) for name, some in squares.items()}
-    return {name: float(np.sqrt(one / unit)) for name, one in most.items() if one > 0 and unit > 0}
+        square = (force[mine] ** 2).mean() / mass[mine].mean() / unit
+        squares["other atoms"].append((square, axes_of_space * int(mine.sum())))
+    return squares
 
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:

@@ -19,13 +19,13 @@ from validation import RESULTS
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.compare import case as cases
-from validation.compare import choice, errors, lists, plan, report, thermostat
+from validation.compare import choice, errors, lists, measure, plan, report
 from validation.experiment import Point
 from validation.running import lammps_log, rounds, run
 from validation.scenes.integrators import Integrator
 from validation.statistics import measures, structure
 from validation.statistics.estimate import Estimate
-from validation.user_script import conserved_energy, shapes
+from validation.user_script import conserved_energy, shapes, thermostat, time_step
 
 
 def series(own, x, v, frames, thermo=(), dt=1.0):
@@ -583,6 +583,25 @@ def test_words_that_are_wrong_are_refused(words, said, capsys, tmp_path, monkeyp
     with pytest.raises(SystemExit) as end:
         main(["compare", *words.split()])
     assert end.value.code == 2 and said in capsys.readouterr().err
+
+
+def test_a_step_that_is_far_too_long_is_told_so(tmp_path, capsys):
+    """Locks out "Bond atoms missing" as the answer to --steps 200, and neighbour lists of a short
+    step in runs with longer ones."""
+    path = scripts.spce(tmp_path, lines="neigh_modify delay 5")
+    words = ["compare", str(path), "--out", str(tmp_path / "out")]
+    with pytest.raises(SystemExit) as end:
+        main([*words, "--steps", "200"])
+    said = capsys.readouterr()
+    assert end.value.code == 2 and "a step of 100 fs is too long for this system" in said.err
+    assert "'neigh_modify every 1 delay 0 check yes' is added" in said.out
+    case = cases.of_script(time_step.with_lists_in_time(take(path, tmp_path / "again")))
+    lines, _, _ = case.written(case.integrators["nosquish-nh"])
+    assert lines[-1] == time_step.LISTS and 4 < case.unstable < 20
+    found = measure.Runs(failed={Point("a", 200.0): ["Bond atoms"], Point("a", 2.0): ["other"]})
+    found.judge(case)
+    assert found.failed[Point("a", 200.0)][0].startswith("the step is too long (unstable above")
+    assert found.failed[Point("a", 2.0)] == ["other"]
 
 
 def test_targets_of_bodies_at_rest_are_refused(tmp_path):

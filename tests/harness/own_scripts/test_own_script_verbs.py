@@ -89,7 +89,6 @@ def test_an_output_folder_that_cannot_be_made_is_told(tmp_path, monkeypatch, cap
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
     (tmp_path / "my.in").write_text("")
-    place += "/page.html" * (words == "report")
     with pytest.raises(SystemExit) as end:
         main([*words.split(), "--out", place])
     assert end.value.code == 2

@@ -3,9 +3,9 @@ script's kind of thermostat and its damping time answer; others are for averages
 
 from collections.abc import Iterable, Mapping
 
-from ..user_script import rigid_atoms
-from ..user_script.commands import split_words
-from ..user_script.loader import UserScript
+from . import rigid_atoms
+from .commands import split_words
+from .loader import UserScript
 
 NAMES = {
     "langevin": "Langevin",
