@@ -36,7 +36,7 @@ def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
     with other options they would do the same runs in the same places."""
     path = scripts.rings(tmp_path)
     out = tmp_path / "out"
-    with store.alone(out), pytest.raises(SystemExit, match=r"another command uses in .*--out"):
+    with store.alone(out), pytest.raises(SystemExit, match=r"another command uses .*--out"):
         main([verb, str(path), "--out", str(out)])
     assert [one.name for one in out.iterdir()] == ["alone.lock"]
     with store.alone(out):  # it is free again
