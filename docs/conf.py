@@ -25,10 +25,7 @@ extensions = [
     "mathml",
 ]
 # of the class from which integrators derive
-napoleon_custom_sections = [
-    (title, "params_style")
-    for title in ("The step", "What it can do", "The box", "Loops of the splitting")
-]
+napoleon_custom_sections = [(title, "params_style") for title in ("The step", "What it supports")]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "_ext"]
