@@ -118,8 +118,9 @@ class Bodies:
         cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
 
     Args:
-        state (rows, n), body (m,), displace (4 or more, m): the bodies and their atoms, in any
-            order.
+        memory: a `Memory` of `BodyRows`, which holds `state` (rows, n) and `displace` (4 or more,
+            m) in any order; both are put into the order of the passes.
+        body: (m,) the column in state of each atom's body.
         here: (m,) indices of these atoms in LAMMPS's arrays, ascending.
         planar, spin, oriented, chosen: see above.
         communicator: the `Communicator` or `ALONE`.
@@ -129,9 +130,8 @@ class Bodies:
 
     def __init__(
         self,
-        state: np.ndarray,
+        memory: Memory,
         body: np.ndarray,
-        displace: np.ndarray,
         here: np.ndarray,
         planar: bool,
         spin: bool,
@@ -144,23 +144,18 @@ class Bodies:
         self.tolerates_shifts, self.possible_causes = False, ""
         self._communicator = communicator
         self._box: Box | None = None
-        self._memory = Memory("bodies", migration.BodyRows)
-        for name, values in (
-            ("state", state),
-            ("body", body),
-            ("displace", displace),
-            ("here", here),
-            ("place", np.arange(len(here))),
-        ):
-            self._memory.put(name, values)
+        self._memory = memory
+        for name, values in ("body", body), ("here", here), ("place", np.arange(len(here))):
+            memory.put(name, values)
+        rows, columns = len(memory.cells["state"].array), len(memory.cells["displace"].array)
         self.sharers = Sharers(communicator)
         self.kinds = block.Kinds(planar=planar, own_moments=chosen)
         own = {
             "kinds": self.kinds,
-            "block": aligned((block.BLOCK_ROWS + len(state), block.LANES)),
+            "block": aligned((block.BLOCK_ROWS + rows, block.LANES)),
             "counts": np.zeros(len(migration.COUNTS)),
             "off": np.zeros(2),
-            "arrived": np.empty((0, OF_BODY + len(state) + len(displace))),
+            "arrived": np.empty((0, OF_BODY + rows + columns)),
             **dict.fromkeys(PeriodicBox._fields),  # see `update_box`
         }
         kinds = migration.follow.kinds
@@ -313,11 +308,19 @@ class Bodies:
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
-        rows = np.zeros((len(origins), OF_BODY + len(self.state) + len(self.displace)))
-        rows[here] = self.rows_of_atoms(places(origins[here]))
-        rows[came] = arrived[-2 - origins[came]]
-        state, displace = np.split(rows.T[OF_BODY:], [len(self.state)])
-        return PreviousBodies(here | came, state[block.NATOMS], state[Q], displace, followed)
+        atom, row = places(origins[here]), -2 - origins[came]
+        body, height = self.body[atom], len(self.state)
+        of_body = [block.NATOMS, *range(block.Q, block.Q + 4)]
+        known = np.zeros((len(of_body) + len(self.displace), len(origins)))
+        for k, values in enumerate(known):
+            column = of_body[k] if k < len(of_body) else height + k - len(of_body)
+            mine = (
+                self.state[column, body]
+                if k < len(of_body)
+                else self.displace[column - height, atom]
+            )
+            values[here], values[came] = mine, arrived[row, OF_BODY + column]
+        return PreviousBodies(here | came, known[0], known[1:5], known[5:], followed)
 
     def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
         """What goes with these atoms to other ranks, but for their origins: a row of each."""

@@ -1,7 +1,8 @@
 """How bodies are made of LAMMPS's atoms: image, mass, centre of mass, inertia, principal frame."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +10,9 @@ import numpy as np
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..loops import machine_code
+from ..loops.memory import Memory
 from ..motion.frames import matrices, quaternions
+from ..ranks.migration import BodyRows
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
 from .members import Members, find_members, sharers_of
@@ -24,6 +27,7 @@ _SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
 # atoms further off a linear body's line than this part of its radius of gyration are beside it: a
 # data file may have rounded places
 _BESIDE = 1e-2
+_AT_ONCE = 4096  # atoms whose rotation matrices are in memory at a time
 
 
 class Prescribed(NamedTuple):
@@ -94,19 +98,19 @@ class BuildReport:
 
     kinetic: float
     removed: float
-    rebuilt: int
     stray: int
     still: bool
-    prescribed_ids: np.ndarray
-    warnings: list[str]
+    rebuilt: int = 0
+    prescribed_ids: np.ndarray = field(default_factory=partial(np.empty, 0, np.int64))
+    warnings: list[str] = field(default_factory=list)
 
 
 class Built(NamedTuple):
-    """What `build` makes: bodies, what there is to say of them, how their shapes were kept."""
+    """What `build` returns."""
 
     bodies: Bodies
-    notes: BuildReport
-    kept: ShapeCorrection
+    report: BuildReport
+    correction: ShapeCorrection
 
 
 def build(
@@ -131,34 +135,62 @@ def build(
     mass, centre = members.mass.copy(), unwrapped.centre.copy()
     mass[prescribed.which], centre[:, prescribed.which] = prescribed.mass, prescribed.centre
     members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
-    kept = ShapeCorrection(members, unwrapped.delta - centre[:, members.body].T)
+    r, correction = unwrapped.delta, ShapeCorrection()
+    r -= centre[:, members.body].T  # in place, as there may be many atoms
     if previous is not None and recipe.keeps_shapes:
-        kept = shapes.keep(members, previous, kept.r)
-    members = kept.members
-    inertia = members.inertia(members.atom_mass, kept.r)
-    _refuse_points(members, inertia, prescribed)
-    inertia = inertia.transpose(2, 0, 1)
-    inertia[prescribed.which] = prescribed.inertia
-    moment, axes = moments_and_axes(members, inertia, kept.r)
-    across = _beside_lines(kept, moment, axes, prescribed)
-    chosen, slowness = _chosen(kept, mass, moment, axes)
+        members, r, correction = shapes.keep(members, previous, r)
 
-    state = np.concatenate([np.zeros((ROWS + recipe.own_rows, len(mass))), slowness])
-    state[MASS], state[NATOMS], state[MOMENT] = mass, members.natoms, chosen
-    state[HOME], state[ID] = members.sharers.home, members.ids
-    state[X], state[IMAGE], state[Q] = unwrapped.place + centre, unwrapped.image, quaternions(axes)
+    memory = Memory("bodies", BodyRows)
+    warnings = _set_shapes(memory, recipe, members, r, mass, prescribed)
+    state = memory.cells["state"].array
+    state[X], state[IMAGE] = unwrapped.place + centre, unwrapped.image
     # every copy of a shared body starts from the lowest rank's numbers, to the last bit
     state[:, ~members.owned] = 0.0
     members.sharers.combine(state)
-    bodies = _with_atoms(state, kept, recipe, ROWS + recipe.own_rows if len(slowness) else 0)
+    bodies = _with_atoms(memory, recipe, members, r)
     # the bodies have these atoms in another order
     particles = particles_of(lammps, recipe.shapes, bodies.index) if bodies.spin else None
     places = np.argsort(bodies.id)[prescribed.which]
     bodies.take_velocities(lammps, particles, places, prescribed.momenta)
-    _refuse_small_moments(membership, chosen[2 * bodies.planar :])
-    notes = _notes(bodies, unwrapped, particles, prescribed)
-    notes.warnings += across
-    return Built(bodies, notes, kept)
+    report = _report(bodies, members, particles)
+    report.rebuilt = members.communicator.count(unwrapped.rebuilt[members.owned].sum())
+    report.prescribed_ids = prescribed.ids
+    report.warnings = unwrapped.warnings + prescribed.warnings + warnings
+    return Built(bodies, report, correction)
+
+
+def _set_shapes(
+    memory: Memory,
+    recipe: Recipe,
+    members: Members,
+    r: np.ndarray,
+    mass: np.ndarray,
+    prescribed: Prescribed,
+) -> list[str]:
+    """Make `state` (see `Bodies`) and set what does not depend on where the bodies are, and their
+    orientations; the rest is zero; collective.
+
+    Args:
+        r: (m, 3) the atoms' positions from their body's centre of mass, space frame.
+        mass: (n,) of the bodies.
+    Returns:
+        lines for the log.
+    Raises:
+        RunError: on all ranks, naming the body.
+    """
+    inertia = members.inertia(members.atom_mass, r)
+    _refuse_points(members, inertia, prescribed)
+    inertia = inertia.transpose(2, 0, 1)
+    inertia[prescribed.which] = prescribed.inertia
+    moment, axes = moments_and_axes(members, inertia, r)
+    warnings = _beside_lines(members, r, moment, axes, prescribed)
+    moment, slowness = _chosen(members, moment)
+    rows = ROWS + recipe.own_rows
+    state = memory.new("state", (rows + len(slowness), len(mass)))
+    state[:rows], state[rows:] = 0.0, slowness
+    state[MASS], state[NATOMS], state[MOMENT] = mass, members.natoms, moment
+    state[HOME], state[ID], state[Q] = members.sharers.home, members.ids, quaternions(axes)
+    return warnings
 
 
 def _refuse_points(members: Members, inertia: np.ndarray, prescribed: Prescribed) -> None:
@@ -182,7 +214,11 @@ def _refuse_points(members: Members, inertia: np.ndarray, prescribed: Prescribed
 
 
 def _beside_lines(
-    kept: ShapeCorrection, moment: np.ndarray, axes: np.ndarray, prescribed: Prescribed
+    members: Members,
+    r: np.ndarray,
+    moment: np.ndarray,
+    axes: np.ndarray,
+    prescribed: Prescribed,
 ) -> list[str]:
     """End the run if an atom beside the line of a linear body may have a torque about it, for which
     the body has no moment of inertia; collective.
@@ -195,7 +231,7 @@ def _beside_lines(
     Raises:
         RunError: on all ranks.
     """
-    members, communicator = kept.members, kept.members.communicator
+    communicator = members.communicator
     linear = (moment[2] == 0) & (moment[0] > 0) & ~prescribed.which
     if members.lammps.dimension == 2 or not communicator.any(linear.any()):
         return []
@@ -207,7 +243,7 @@ def _beside_lines(
         along = (vectors * line).sum(axis=1)[:, None] * line
         return np.linalg.norm(vectors - along, axis=1) * here
 
-    off = beside(kept.r)
+    off = beside(r)
     communicator.refuse(
         (off > _BESIDE * size) & (off == off.max(initial=0.0)),
         lambda k: (
@@ -218,7 +254,7 @@ def _beside_lines(
             "group"
         ),
     )
-    dipole = np.zeros_like(kept.r) if members.particles is None else members.particles.dipole.T
+    dipole = np.zeros_like(r) if members.particles is None else members.particles.dipole.T
     across = beside(dipole) > _BESIDE * np.linalg.norm(dipole, axis=1)
     if not communicator.any(across.any()):
         return []
@@ -239,42 +275,24 @@ def least_moment(lammps: Lammps, command: Command) -> float:
     return lammps.boltz / lammps.mvv2e * temperature * (lammps.innermost_dt / TURN) ** 2
 
 
-def _refuse_small_moments(membership: Membership, moment: np.ndarray) -> None:
-    """End the run if keyword moments gives bodies moments (k, n) so small that heat turns them by
-    more than half a turn in a step; collective."""
-    lammps, command = membership.lammps, membership.command
-    if not command.moments or command.moments[0] not in ("equal", "scale"):
-        return
-    good = least_moment(lammps, command)
-    least = good * (TURN / np.pi) ** 2
-    if membership.communicator.any(((moment > 0) & (moment < least)).any()):
-        how, word = command.moments
-        raise command.wrong(
-            f"keyword moments {how} {word} makes moments of less than {least:.3g}, with which heat "
-            f"turns a body by more than half a turn in a step: {good:.3g} and more is good, and "
-            "'moments step' chooses it"
-        )
-
-
-def _chosen(
-    kept: ShapeCorrection, mass: np.ndarray, moment: np.ndarray, axes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _chosen(members: Members, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The moments that bodies have instead of those of their atoms; see `Command.moments`.
 
     Args:
-        mass: (n,) of the bodies.
-        moment (3, n), axes (n, 3, 3): those of the atoms, see `principal.moments_and_axes`.
+        moment: (3, n) those of the atoms.
     Returns:
         moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
         those.
+    Raises:
+        RunError: on all ranks, if heat turns a body with such a moment by more than half a turn in
+            a step.
     """
-    members, lammps = kept.members, kept.members.lammps
-    command = members.membership.command
+    lammps, command = members.lammps, members.membership.command
     if command.moments is None:
         return moment, moment[:0]
-    how, word = command.moments
+    (how, word), good = command.moments, least_moment(lammps, command)
     if how == "step":
-        value = np.maximum(moment, least_moment(lammps, command))
+        value = np.maximum(moment, good)
     else:
         value = lammps.number(word)
         command.refuse_unless_positive(f"keyword moments: {how}", value)
@@ -284,7 +302,15 @@ def _chosen(
     slowness = np.ones_like(moment)
     factor = np.full_like(moment, value) / (1.0 if how == "scale" else np.where(turns, moment, 1.0))
     slowness[turns] = np.sqrt(factor[turns])
-    return moment * slowness**2, slowness
+    chosen, least = moment * slowness**2, good * (TURN / np.pi) ** 2
+    small = turns & (chosen < least) & (how != "step")
+    if members.communicator.any(small.any()):
+        raise command.wrong(
+            f"keyword moments {how} {word} makes moments of less than {least:.3g}, with which heat "
+            f"turns a body by more than half a turn in a step: {good:.3g} and more is good, and "
+            "'moments step' chooses it"
+        )
+    return chosen, slowness
 
 
 def count(membership: Membership) -> int | None:
@@ -296,60 +322,58 @@ def count(membership: Membership) -> int | None:
     return membership.communicator.count(owned.sum()) or None
 
 
-def _notes(
-    bodies: Bodies,
-    unwrapped: UnwrappedPositions,
-    particles: Particles | None,
-    prescribed: Prescribed,
-) -> BuildReport:
+def _report(bodies: Bodies, members: Members, particles: Particles | None) -> BuildReport:
     """What there is to say of bodies as they were made; collective.
 
     Args:
         particles: what their atoms are, in the bodies' order; None if all are points.
     """
-    members, owned = unwrapped.members, bodies.sharers.owned
-    lammps, style = members.lammps, members.membership.command.style
+    owned, lammps = bodies.sharers.owned, members.lammps
     own = np.zeros(1) if particles is None else particles.kinetic()
     finite = 0 if particles is None else np.count_nonzero(particles.moment.any(axis=0))
-    zero = owned & (bodies.id == 0) & (style == "molecule")
+    zero = owned & (bodies.id == 0) & (members.membership.command.style == "molecule")
     before = bodies.kinetic_of_atoms(lammps).sum() + own.sum()
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
-    rebuilt = unwrapped.rebuilt[members.owned].sum()
-    before, after, rebuilt, stray, spinning, finite = members.communicator.total(
-        np.array([before, after, rebuilt, stray, own.sum(), finite])
+    before, after, stray, spinning, finite = members.communicator.total(
+        np.array([before, after, stray, own.sum(), finite])
     )
     return BuildReport(
         kinetic=lammps.mvv2e * before,
         removed=lammps.mvv2e * (before - after),
-        rebuilt=round(rebuilt),
         stray=round(stray),
         still=finite > 0 and spinning == 0,
-        prescribed_ids=prescribed.ids,
-        warnings=unwrapped.warnings + prescribed.warnings,
     )
 
 
-def _with_atoms(state: np.ndarray, kept: ShapeCorrection, recipe: Recipe, chosen: int) -> Bodies:
-    """The `Bodies` of this state and these atoms; collective.
+def _with_atoms(memory: Memory, recipe: Recipe, members: Members, r: np.ndarray) -> Bodies:
+    """The `Bodies` with this state and these atoms; collective.
 
     Args:
-        state (rows, n), chosen: see `Bodies`.
+        memory: has the state.
+        r: (m, 3) the atoms' positions from their body's centre of mass, space frame.
     """
-    members, communicator = kept.members, kept.members.communicator
-    particles, plane = members.particles, members.lammps.dimension == 2
-    come = bool(members.membership.command.mol)  # others may, of any kind that the atom style has
-    q = state[Q][:, members.body]
-    displace = [np.einsum("abn,na->bn", matrices(q), kept.r), members.tag]
+    communicator, particles, command = (
+        members.communicator, members.particles, members.membership.command,
+    )  # fmt: skip
+    state, body, come = memory.cells["state"].array, members.body, bool(command.mol)
     spin = directed = False
-    if particles is not None:
+    if particles is not None:  # others may come, of any kind that the atom style has
         has = particles.quat.any() or particles.dipole.any()
         directed = communicator.any(has or (come and recipe.oriented))
         spin = directed or communicator.any(come or particles.moment.any())
-        if recipe.oriented:
-            displace.append(particles.in_bodies(q))
+    rows = extended.ROWS if recipe.oriented else extended.ORIENT
+    displace = memory.new("displace", (rows, len(body)))
+    for begin in range(0, len(body), _AT_ONCE):
+        some = slice(begin, begin + _AT_ONCE)
+        turn = matrices(state[Q][:, body[some]])
+        displace[:3, some] = np.einsum("abn,na->bn", turn, r[some])
+    displace[3] = members.tag
+    if recipe.oriented and particles is not None:
+        displace[extended.ORIENT :] = particles.in_bodies(state[Q][:, body])
     if spin:
         machine_code.load(communicator, extended.__name__)
+    slower = len(state) - ROWS - recipe.own_rows
     return Bodies(
-        state, members.body, np.vstack(displace), members.atoms, plane, spin, directed,
-        communicator, chosen,
+        memory, body, members.atoms, members.lammps.dimension == 2, spin, directed, communicator,
+        len(state) - slower if slower else 0,
     )  # fmt: skip

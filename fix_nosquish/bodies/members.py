@@ -1,6 +1,6 @@
 """Which atoms bodies are made of, and sums over those of each body."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -50,9 +50,9 @@ class Members(NamedTuple):
         """(n,) bool, which bodies are to be counted on this rank."""
         return self.sharers.owned
 
-    def total(self, *columns: np.ndarray) -> np.ndarray:
-        """Sums of columns (m,) over the atoms of each body, (len(columns), n); collective."""
-        return self.sharers.total(self.body, *columns)
+    def total(self, columns: Iterable[np.ndarray]) -> np.ndarray:
+        """Sums of columns (m,) over the atoms of each body, (columns, n); collective."""
+        return self.sharers.total(self.body, columns)
 
     def lowest(self, *columns: np.ndarray) -> np.ndarray:
         """The lowest number of each body's atoms, (len(columns), n); collective."""
@@ -69,13 +69,12 @@ class Members(NamedTuple):
             mass: (m,) of the atoms.
             r: (m, 3) their places from the point about which the tensor of their body is.
         """
-        x, y, z = r.T
-        products = x * x, y * y, z * z, x * y, x * z, y * z
-        xx, yy, zz, xy, xz, yz = self.total(*(mass * product for product in products))
+        pairs = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
+        xx, yy, zz, xy, xz, yz = self.total(mass * (r[:, a] * r[:, b]) for a, b in pairs)
         tensors = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
         if self.particles is not None:
             own = self.particles.inertia().reshape(9, -1)
-            tensors = tensors + self.total(*own).reshape(3, 3, -1)
+            tensors = tensors + self.total(own).reshape(3, 3, -1)
         return tensors
 
     def furthest(self, which: np.ndarray, far: np.ndarray, *columns: np.ndarray) -> np.ndarray:
@@ -134,7 +133,7 @@ def find_members(
     _refuse_odd_atoms(membership, atoms, tag, mass, lammps.unknown(shapes))
     ids, body = np.unique(ids_of_atoms, return_inverse=True)
     sharers = sharers_of(communicator, ids)
-    natoms, body_mass = sharers.total(body, np.ones(len(atoms)), mass)
+    natoms, body_mass = sharers.total(body, [np.ones(len(atoms)), mass])
     points_only = not oriented and lammps.radius is None
     particles = None if points_only else particles_of(lammps, shapes, atoms)
     return Members(

@@ -32,7 +32,7 @@ def moments_and_axes(
         if members.particles is not None:
             places += members.particles.directions()
         sums = (w * c for w, place in zip(weights(members.tag), places) for c in place)
-        _choose_axes(axes, equal, members.total(*sums).T.reshape(-1, 2, 3))
+        _choose_axes(axes, equal, members.total(sums).T.reshape(-1, 2, 3))
     if members.membership.command.order == 123:
         solid = moment[2] > 0
         moment[:, solid] = moment[::-1, solid]

@@ -20,11 +20,9 @@ _MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
 
 
 class ShapeCorrection(NamedTuple):
-    """Bodies with the shapes that they keep, and what that changes; by default nothing.
+    """What keeping the bodies' shapes changes; by default nothing.
 
     Attributes:
-        members: the `Members`, with particles that are turned with their bodies.
-        r: (m, 3) the atoms' places from their body's centre of mass, space frame.
         atoms: (k,) indices in LAMMPS's arrays of the atoms that have to move.
         shift: (k, 3) how far.
         text: a line for the log; empty if no body was deformed.
@@ -32,8 +30,6 @@ class ShapeCorrection(NamedTuple):
         new: whether some body, on any rank, is of other atoms than before.
     """
 
-    members: Members
-    r: np.ndarray
     atoms: np.ndarray = np.empty(0, np.int64)
     shift: np.ndarray = np.empty((0, 3))
     text: str = ""
@@ -41,7 +37,9 @@ class ShapeCorrection(NamedTuple):
     new: bool = True
 
 
-def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorrection:
+def keep(
+    members: Members, previous: PreviousBodies, r: np.ndarray
+) -> tuple[Members, np.ndarray, ShapeCorrection]:
     """Give bodies that something has deformed since the last run their shape again; collective.
 
     Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
@@ -53,6 +51,9 @@ def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorr
     Args:
         previous: what LAMMPS's atoms were in bodies.
         r: (m, 3) the atoms' places from their body's centre of mass, space frame.
+    Returns:
+        the `Members`, with particles that are turned with their bodies; r in the kept shapes; and
+        the `ShapeCorrection`.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
@@ -61,7 +62,7 @@ def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorr
     same = _of_the_same_atoms(members, previous)
     new = communicator.any(not same.all())
     weight, d = members.atom_mass * same[body], columns[:3]
-    mass, *moments = members.total(*(weight * np.vstack([np.ones(len(r)), d])))
+    mass, *moments = members.total([weight, *(weight * d)])
     d = d - np.divide(moments, mass, out=np.zeros((3, len(mass))), where=same)[:, body]
     box = members.lammps.box
     bound = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
@@ -72,7 +73,7 @@ def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorr
 
     moved = off(np.einsum("abm,bm->ma", matrices(previous.q[:, atoms]), d)) > bound
     if not communicator.any(moved.any()):
-        return ShapeCorrection(members, r, new=new)
+        return members, r, ShapeCorrection(new=new)
     particles = members.particles if len(columns) > ORIENT else None
     turn = _turns(members, previous, moved, r, d, particles)
     placed = np.einsum("mab,bm->ma", turn[body], d)
@@ -87,7 +88,8 @@ def keep(members: Members, previous: PreviousBodies, r: np.ndarray) -> ShapeCorr
         members, turned = members._replace(particles=particles), communicator.count(others)
     here = deformed[body]
     placed = np.where(here[:, None], placed, r)
-    return ShapeCorrection(members, placed, atoms[here], (placed - r)[here], text, turned, new)
+    shift = (placed - r)[here]
+    return members, placed, ShapeCorrection(atoms[here], shift, text, turned, new)
 
 
 def _of_the_same_atoms(members: Members, previous: PreviousBodies) -> np.ndarray:
@@ -112,12 +114,12 @@ def _turns(
     """
     n, plane = len(moved), members.lammps.dimension == 2
     weight = members.atom_mass * moved[members.body]
-    products = members.total(*(weight * a * b for a in r.T for b in d)).T.reshape(n, 3, 3)
+    products = members.total(weight * a * b for a in r.T for b in d).T.reshape(n, 3, 3)
     turn = np.tile(np.eye(3), (n, 1, 1))
     turn[moved] = best_turns(products[moved], plane)
     if particles is not None and not plane:
         directions = _directions(particles, previous.displace[:, members.atoms]).reshape(9, -1)
-        told = members.total(*directions).T.reshape(n, 3, 3)
+        told = members.total(directions).T.reshape(n, 3, 3)
         before = matrices(members.highest(*previous.q[:, members.atoms])).transpose(2, 0, 1)
         turn[moved] = twist(turn[moved], products[moved], told[moved], before[moved])
     return turn

@@ -103,7 +103,7 @@ def _deviations(
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
 
     model = model[:, where]
-    products = sharers.total(body, *(a * b for a in d for b in model)).T.reshape(-1, 3, 3)
+    products = sharers.total(body, (a * b for a in d for b in model)).T.reshape(-1, 3, 3)
 
     def deviation(turn: np.ndarray) -> np.ndarray:
         """How far each body is from the first of its species, turned so, of its size, (n,)."""
@@ -154,7 +154,7 @@ def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.nda
     types = lammps.types[bodies.index]
     # whole numbers, whose sums do not depend on their order
     halves = np.floor(weights((place << 20) + types) * 2.0**31)
-    sums = bodies.sharers.total(body, *halves)
+    sums = bodies.sharers.total(body, halves)
     key = (sums[0] % 2**31).astype(np.int64) << 31 | (sums[1] % 2**31).astype(np.int64)
     gaps = last - first + 1 != bodies.natoms
     return place, np.where(shared & gaps, -1, key)

@@ -78,7 +78,7 @@ def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
     template = np.where(inside[:, None], molecules.template[which], np.nan)
     middle, mass, com, tensor = np.split(template.T, [3, 4, 7])
     turn = matrices(molecules.q[:, which])
-    geometric = members.total(*unwrapped.delta.T) / members.natoms
+    geometric = members.total(unwrapped.delta.T) / members.natoms
     centre = geometric + np.einsum("abn,bn->an", turn, com - middle)
     tensor = tensor[[0, 5, 4, 5, 1, 3, 4, 3, 2]].reshape(3, 3, -1)
     inertia = np.einsum("abn,bcn,dcn->adn", turn, tensor, turn)

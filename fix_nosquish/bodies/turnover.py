@@ -33,7 +33,7 @@ def update_bodies(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray
     if not communicator.any(len(came)):
         bodies.change(lammps, dropped)
         return [], np.empty(0, np.int64)
-    new, notes, _ = build(recipe, atoms=came)
+    new, report, _ = build(recipe, atoms=came)
     refuse(
         new.spin > bodies.spin or new.oriented > bodies.oriented,
         f"by step {lammps.step} atoms of finite size or with a dipole came, but the bodies had "
@@ -41,7 +41,7 @@ def update_bodies(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray
     )
     _refuse_joining(bodies.id[~dropped], new, membership)
     bodies.change(lammps, dropped, new)
-    return notes.warnings, notes.prescribed_ids
+    return report.warnings, report.prescribed_ids
 
 
 def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
@@ -56,7 +56,7 @@ def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
     gained = arrived[-2 - of_atoms[of_atoms < -1], 0].copy().view(np.int64)
     lost = np.setdiff1d(np.arange(len(bodies.index)), places(of_atoms[of_atoms >= 0]))
     lost = gone(communicator, lost, gained)
-    (missing,) = bodies.sharers.total(bodies.body[lost], np.ones(len(lost)))
+    (missing,) = bodies.sharers.total(bodies.body[lost], [np.ones(len(lost))])
     wrong = (missing > 0) & (missing < bodies.natoms)
     if communicator.count(len(lammps.groups)) != lammps.natoms:
         wrong = missing > 0  # LAMMPS has lost atoms, and not deleted them

@@ -41,42 +41,60 @@ class UnwrappedPositions(NamedTuple):
 def unwrap(members: Members) -> UnwrappedPositions:
     """Put each body's atoms together across the periodic faces; collective.
 
-    Along each box vector the image flags hold where they make the body narrower than half the
-    box. Otherwise a body that the nearest images make narrower than a quarter of the box is one
-    that a face cuts, and put together by them: flags that were wrong at the start stay so while
-    LAMMPS keeps count, so that they differ proves nothing. A body that is wide both ways is left
-    as its flags have it: a wall that spans the box has no other shape. There is doubt if these are
-    alike for all of its atoms, or make it as wide as the box, and a gap inside is wider than
-    the one outside.
+    Along each box vector:
+    1. The image flags are used if they make the body narrower than half the box.
+    2. Otherwise the nearest images are used if they make it narrower than a quarter of the box.
+       Flags that were wrong at the start stay wrong while LAMMPS updates them, so flags that
+       differ do not prove that they are right.
+    3. Otherwise the image flags are used: a wall that spans the box has no other shape.
+
+    A warning names the bodies of case 3 that may be cut by a face: their flags are equal, or make
+    them as wide as the box, and a gap inside is wider than the one outside.
     """
-    lammps, body = members.lammps, members.body
-    box = lammps.box
-    x = lammps.x[members.atoms]
-    image = lammps.images[members.atoms]
-    first, place, flags = _first_atoms(members, x, image)
+    lammps, body, atoms = members.lammps, members.body, members.atoms
+    image = lammps.images(atoms)
+    first, place, flags = _first_atoms(members, lammps.x[atoms], image)
     # differences of the images are whole numbers: far from the origin nothing is lost
-    image = lammps.image_difference(image - flags[:, body].T.astype(np.int64))
-    delta = x - place[:, body].T
-    nearest = delta - box.lattice(delta) @ box.h.T
-    delta = delta + image @ box.h.T
+    image -= flags[:, body].T.astype(np.int64)
+    image = lammps.image_difference(image)
+    delta = lammps.x[atoms]
+    delta -= place[:, body].T
+    delta += image @ lammps.box.h.T
     low, width = _extent(members, _fractional(members, delta))
-    wide, rebuilt, warnings = width >= 0.5, np.zeros(len(members.ids), bool), []
-    if members.communicator.any(wide.any()):
-        cut = wide & (_extent(members, _fractional(members, nearest))[1] < 0.25)
-        several_images = _extent(members, image.T)[1] > 0
-        unsure = wide & ~cut & ~(several_images & (width < 1))
-        gap = np.zeros_like(width)
-        parts = _fractional(members, delta) - low[:, body]
-        for k in np.flatnonzero(box.periodic):
-            gap[k] = _widest_gap(members, parts[k])
+    rebuilt, warnings = np.zeros(len(members.ids), bool), []
+    if members.communicator.any((width >= 0.5).any()):
+        nearest = lammps.x[atoms] - place[:, body].T
+        nearest -= lammps.box.lattice(nearest) @ lammps.box.h.T
+        cut = (width >= 0.5) & (_extent(members, _fractional(members, nearest))[1] < 0.25)
         rebuilt = np.logical_or.reduce(cut)
-        gap[~unsure | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
-        warnings = _doubt(members, first, width, gap)
-        delta -= (np.rint((delta - nearest) @ box.inverse.T) * cut[:, body].T) @ box.h.T
+        several_images = _extent(members, image.T)[1] > 0
+        doubtful = (width >= 0.5) & ~cut & ~(several_images & (width < 1))
+        warnings = _doubt(members, first, width, _gaps(members, delta, low, width, doubtful))
+        across = np.rint((delta - nearest) @ lammps.box.inverse.T) * cut[:, body].T
+        delta -= across @ lammps.box.h.T
     # bodies that weigh nothing are refused later
     weight = np.where(members.mass > 0, members.mass, 1.0)
-    centre = members.total(*(members.atom_mass * delta.T)) / weight
+    centre = members.total(members.atom_mass * along for along in delta.T) / weight
     return UnwrappedPositions(members, first, place, flags, delta, centre, rebuilt, warnings)
+
+
+def _gaps(
+    members: Members, delta: np.ndarray, low: np.ndarray, width: np.ndarray, which: np.ndarray
+) -> np.ndarray:
+    """The widest gap inside each body, in box lengths, (3, n), if it suggests that a face cuts the
+    body; else 0; collective.
+
+    Args:
+        delta: (m, 3) the atoms' positions, as in `UnwrappedPositions`.
+        low, width: (3, n) lowest fractional coordinate of each body's atoms, and its width.
+        which: (3, n) bool, where a body may be cut.
+    """
+    gap = np.zeros_like(width)
+    parts = _fractional(members, delta) - low[:, members.body]
+    for k in np.flatnonzero(members.lammps.box.periodic):
+        gap[k] = _widest_gap(members, parts[k])
+    gap[~which | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
+    return gap
 
 
 def _fractional(members: Members, vectors: np.ndarray) -> np.ndarray:

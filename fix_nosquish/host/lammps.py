@@ -330,10 +330,9 @@ class Lammps:
         """The bits of the groups of each atom, (natoms,)."""
         return self._each_has("mask", np.uint32)
 
-    @property
-    def images(self) -> np.ndarray:
-        """The image flags, (natoms, 3)."""
-        packed = self._each_has("image", self._imageint).astype(np.int64)
+    def images(self, atoms: np.ndarray) -> np.ndarray:
+        """The image flags of these atoms, (m, 3)."""
+        packed = self._each_has("image", self._imageint)[atoms].astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
             [(packed >> (self._image_bits * k) & mask) - half for k in range(3)], axis=1

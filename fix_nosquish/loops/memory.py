@@ -20,6 +20,7 @@ loops use the indices of the rows by these names, Python uses the cells.
 """
 
 import ctypes
+import math
 import weakref
 from typing import Any, NamedTuple, TypeVar
 
@@ -74,15 +75,24 @@ class Memory:
         Raises:
             MemoryError: if they cannot be allocated.
         """
+        values = np.asarray(values)
+        self.new(name, values.shape)[...] = values
+
+    def new(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """The array of this name, of this shape from now on; what is in it is undefined.
+
+        Raises:
+            MemoryError: if it cannot be allocated.
+        """
         cell, row = self.cells[name], self._rows[name]
-        values = np.ascontiguousarray(values, cell.kind.dtype)
-        if values.nbytes > row[CAPACITY]:
-            address = _libc.realloc(row[ADDRESS].item(), values.nbytes)
+        size = math.prod(shape) * row[ITEMSIZE].item()
+        if size > row[CAPACITY]:
+            address = _libc.realloc(row[ADDRESS].item(), size)
             if not address:
-                raise MemoryError(f"there is no memory for the {values.nbytes} bytes of {name}")
-            row[ADDRESS], row[CAPACITY] = address, values.nbytes
-        cell.numbers[1:] = values.shape
-        cell.array[...] = values
+                raise MemoryError(f"there is no memory for the {size} bytes of {name}")
+            row[ADDRESS], row[CAPACITY] = address, size
+        cell.numbers[1:] = shape
+        return cell.array
 
 
 def _free(table: np.ndarray) -> None:
@@ -141,10 +151,3 @@ def append(memory, row, value):
     """Append a number to an int64 array."""
     n = memory[row, LENGTH]
     new_longs(memory, row, n + 1)[n] = value
-
-
-@inlined
-def swap(memory, row, other):
-    """Swap the arrays of two rows."""
-    for column in range(memory.shape[1]):
-        memory[row, column], memory[other, column] = memory[other, column], memory[row, column]

@@ -92,7 +92,7 @@ def find_images(layout, images, box, atom_x, off):
     """Find the atoms that LAMMPS has in another periodic image than their body.
 
     Args:
-        images: the `Images`, with room for all atoms.
+        images: the `Images`; those beyond their length are counted, but not kept.
         off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
             and its entry of index.
     Returns:
@@ -121,8 +121,9 @@ def find_images(layout, images, box, atom_x, off):
             for b in range(rounds[r + 1] - j):
                 (x, y, z), (sx, sy, sz) = three(block, ATOM, b), three(block, OWN, b)
                 if sx != 0.0 or sy != 0.0 or sz != 0.0:
-                    away[count] = j + b
-                    shift[count, 0], shift[count, 1], shift[count, 2] = sx, sy, sz
+                    if count < away.size:
+                        away[count] = j + b
+                        shift[count, 0], shift[count, 1], shift[count, 2] = sx, sy, sz
                     count += 1
                 far = max(abs(x - sx), max(abs(y - sy), abs(z - sz)))
                 if not far <= off[0]:

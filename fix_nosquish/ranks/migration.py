@@ -5,6 +5,8 @@ from typing import NamedTuple
 from ..loops.compiled import F1, F2, F64, I1, I2, L1, L2, I, inlined, loop
 from ..loops.memory import (
     ADDRESS,
+    CAPACITY,
+    ITEMSIZE,
     LENGTH,
     WIDTH,
     append,
@@ -15,7 +17,6 @@ from ..loops.memory import (
     new_longs,
     resize,
     rows,
-    swap,
 )
 from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
@@ -44,8 +45,8 @@ class BodyRows(NamedTuple):
             on this rank, the number of these columns plus its entry of first.
         first: (new,) for each new body a row of `arrived`.
         number, order: the new column of each of these bodies, and the inverse.
-        source: (atoms,) the entry of here of each atom, in the order of index.
-        old_state, old_displace: the previous arrays.
+        source: (atoms,) the previous entry of index of each atom, or -1 minus its row of `arrived`.
+        line: (1, columns) a row of the previous state or displace.
         ids, column: (shared + arrived,) for the bodies that were shared, and for the rows of
             `arrived`: the ID, and the body as in owner.
         following: (2 * bodies,) the next round of each body and its lane there; for a body that is
@@ -70,8 +71,7 @@ class BodyRows(NamedTuple):
     number: L1
     order: L1
     source: L1
-    old_state: F2
-    old_displace: F2
+    line: F2
     ids: L1
     column: L1
     following: L1
@@ -322,25 +322,45 @@ def place_atoms(bodies):
 
 
 @inlined
+def reorder(bodies, array, columns, n, arrived, begin):
+    """Put the columns of an array into another order, in place, row by row.
+
+    Rows change their length, so the last one comes first where they become longer: each is read
+    before another one is written over it.
+
+    Args:
+        array: a row of the memory.
+        columns: the new columns: an old one each, or -1 minus a row of arrived.  n: how many.
+        begin: where in arrived the array's numbers begin.
+    """
+    height, before = bodies[array, LENGTH], bodies[array, WIDTH]
+    resize(bodies, BODIES.line, 1, before)
+    resize(bodies, array, 1, height * max(before, n))
+    line, values = floats_in(bodies, BODIES.line), floats_in(bodies, array)
+    for k in range(height):
+        row = k if n <= before else height - 1 - k
+        for c in range(before):
+            line[0, c] = values[0, row * before + c]
+        for b in range(n):
+            c = columns[b]
+            values[0, row * n + b] = line[0, c] if c >= 0 else arrived[-1 - c, begin + row]
+    resize(bodies, array, height, n)
+
+
+@inlined
 def carry_over(arrived, bodies):
-    """Copy the columns of state and displace to the new order."""
-    swap(bodies, BODIES.state, BODIES.old_state)
-    swap(bodies, BODIES.displace, BODIES.old_displace)
-    old_state = floats_in(bodies, BODIES.old_state)
-    old_displace = floats_in(bodies, BODIES.old_displace)
+    """Put the columns of state and displace into the new order."""
     source, place = longs_in(bodies, BODIES.source), longs_in(bodies, BODIES.place)
     order, first = longs_in(bodies, BODIES.order), longs_in(bodies, BODIES.first)
-    m, n, height = bodies[BODIES.atoms, LENGTH], source.size, old_state.shape[0]
-    resize(bodies, BODIES.state, height, m)
-    resize(bodies, BODIES.displace, old_displace.shape[0], n)
-    state, displace = floats_in(bodies, BODIES.state), floats_in(bodies, BODIES.displace)
-    for row in range(height):
-        for b in range(m):
-            state[row, b] = of_body(row, order[b], old_state, arrived, first)
-    for c in range(displace.shape[0]):
-        for j in range(n):
-            p = place[source[j]]
-            displace[c, j] = old_displace[c, p] if p >= 0 else arrived[-1 - p, OF_BODY + height + c]
+    m, n = bodies[BODIES.atoms, LENGTH], source.size
+    height, known = bodies[BODIES.state, LENGTH], bodies[BODIES.state, WIDTH]
+    for b in range(m):
+        if order[b] >= known:
+            order[b] = -1 - first[order[b] - known]
+    for j in range(n):
+        source[j] = place[source[j]]
+    reorder(bodies, BODIES.state, order, m, arrived, OF_BODY)
+    reorder(bodies, BODIES.displace, source, n, arrived, OF_BODY + height)
     bodies[BODIES.wrench, ADDRESS] = bodies[BODIES.state, ADDRESS] + 8 * FORCE * m
     bodies[BODIES.wrench, LENGTH], bodies[BODIES.wrench, WIDTH] = 6, m
 
@@ -382,10 +402,16 @@ def arrange(mpi, sharing, arrived, bodies, kinds):
 @inlined
 def settle(layout, bodies, box, atom_x, off):
     """Find the atoms in other periodic images: see `periodic.find_images`."""
-    resize(bodies, BODIES.away, layout.index.size, 1)
-    resize(bodies, BODIES.shift, layout.index.size, 3)
-    away, shift = ints_in(bodies, BODIES.away), floats_in(bodies, BODIES.shift)
-    count = find_images(layout, Images(away, shift), box, atom_x, off)
+    count = (
+        bodies[BODIES.away, CAPACITY] // bodies[BODIES.away, ITEMSIZE]
+    )  # few atoms are in others
+    while True:
+        resize(bodies, BODIES.away, count, 1)
+        resize(bodies, BODIES.shift, count, 3)
+        away, shift = ints_in(bodies, BODIES.away), floats_in(bodies, BODIES.shift)
+        count = find_images(layout, Images(away, shift), box, atom_x, off)
+        if count <= away.size:
+            break
     resize(bodies, BODIES.away, count, 1)
     resize(bodies, BODIES.shift, count, 3)
 

@@ -9,6 +9,7 @@ The ranks that share a body find each other by a rendezvous: each sends the IDs 
 rank on which all agree, which answers with the list of ranks.
 """
 
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -324,12 +325,12 @@ class Sharers:
             give.bind_to(self.cells, values=values)()
             combine.bind_to(self.cells, values=values, how=how)()
 
-    def total(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """Sums over the atoms of each body on all ranks, (len(columns), n); collective.
+    def total(self, body: np.ndarray, columns: Iterable[np.ndarray]) -> np.ndarray:
+        """Sums over the atoms of each body on all ranks, (columns, n); collective.
 
         Args:
             body: (m,) the column of each atom's body.
-            columns: (m,) each, a number for each atom.
+            columns: (m,) each, a number for each atom; an iterator saves memory.
         """
         n = len(self.home)
         sums = np.array([np.bincount(body, column, minlength=n) for column in columns], float)

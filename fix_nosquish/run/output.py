@@ -149,7 +149,7 @@ def _first_atoms(bodies: Bodies, lammps: Lammps) -> np.ndarray:
         molecule = np.zeros_like(lammps.tags)
     known = lammps.tags, molecule, lammps.groups
     of_first = [first * column[bodies.index] for column in known]
-    return bodies.sharers.total(bodies.body, *of_first)
+    return bodies.sharers.total(bodies.body, of_first)
 
 
 def global_array(rows: np.ndarray) -> np.ndarray:

@@ -77,7 +77,7 @@ class Thermo(NamedTuple):
         """Which bodies are counted here and wholly in a group, (n,) bool, and sums over the atoms
         of each, (len(of_atoms), n). Args: inside: (m,) bool, which atoms are in the group."""
         bodies = self.bodies
-        sums = bodies.sharers.total(bodies.body, inside, *of_atoms)
+        sums = bodies.sharers.total(bodies.body, [inside, *of_atoms])
         return (sums[0] == bodies.natoms) & bodies.sharers.owned, sums[1:]
 
     def removed_freedom_to_scale(self, bit: int) -> int:

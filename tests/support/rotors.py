@@ -6,7 +6,9 @@ from fix_nosquish.bodies.bodies import MASS, MOMENT, Bodies, aligned
 from fix_nosquish.bodies.bodies import P as P_ROWS
 from fix_nosquish.bodies.bodies import Q as Q_ROWS
 from fix_nosquish.integrators.nve import NVE
+from fix_nosquish.loops.memory import Memory
 from fix_nosquish.motion import block
+from fix_nosquish.ranks.migration import BodyRows
 
 ASYMMETRIC = np.array([3.0, 1.7, 0.8])
 # The matrices P_k of eq. 2.18, and S(q) of eq. 2.14 whose columns are (q, P_1 q, P_2 q, P_3 q).
@@ -63,7 +65,10 @@ def one_atom_bodies(q, p, moments, own_rows=0):
     """Bodies of mass 1 and one atom each, at rest at the origin, with q and p (4, n);
     moments: (3,) or (3, n)."""
     n = q.shape[1]
-    state = np.zeros((block.ROWS + own_rows, n))
+    memory = Memory("bodies", BodyRows)
+    memory.put("displace", np.zeros((4, n)))
+    state = memory.new("state", (block.ROWS + own_rows, n))
+    state[:] = 0.0
     state[MASS], state[MOMENT], state[Q_ROWS], state[P_ROWS] = (
         1.0,
         np.reshape(moments, (3, -1)),
@@ -71,7 +76,7 @@ def one_atom_bodies(q, p, moments, own_rows=0):
         p,
     )
     state[block.ID] = number = np.arange(n)
-    return Bodies(state, number, np.zeros((4, n)), number, False, False)
+    return Bodies(memory, number, number, False, False)
 
 
 def step_cells(integrator, bodies, dt, mrot=1):
