@@ -479,7 +479,7 @@ VARIABLES = (
         ("force 1 0 0 virial yes\nunfix 1_external", "fix 1_external is gone"),
         (
             "none\nfix 1_external all addforce 1 0 0\nfix_modify 1 external force 1 0 0",
-            "fix 1_external (style addforce) has the ID of",
+            "fix 1_external (style addforce) has the ID that",
         ),
     ],
 )

@@ -19,8 +19,7 @@ from fix_nosquish.ranks.communicator import ALONE
 from support.bad_input import CASES
 from support.debian import ICE, debian, ice, obstacle
 from support.endings import BENT, SECONDS, SPOIL, processes_in
-from support.systems import OURS as NVE
-from support.systems import apart, mixture
+from support.systems import apart, line_of_class, mixture
 
 pytestmark = pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
 
@@ -35,6 +34,7 @@ timestep      1.0
 write_dump    all custom dump.end id xu yu zu modify sort id format float %.16g
 """
 )
+NVE = line_of_class("fix_nosquish.NVE")
 OURS = 'fix 1 water python/move "fix_nosquish.NVE water molecule"'
 RIGID = "fix 1 water rigid/nve molecule"
 
@@ -218,7 +218,7 @@ def test_rank_that_loses_atoms_between_runs(run_water):
     [
         (
             NVT.format(words="seed 71").replace("295 295", "295 400"),
-            "a LAMMPS's own fix python/move does not tell where a run ends",
+            "LAMMPS's own fix python/move does not tell where a run ends",
             1,
         ),
         (HMC, "gives no potential energy in", 1),
