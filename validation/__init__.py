@@ -16,7 +16,7 @@ A verb is a folder with ``command`` (its words), ``plan`` (what runs), ``measure
 numbers), ``figures`` and ``report``, whose function ``said`` is all that it says of a summary:
 
     compare       which integrator and time step reach an accuracy the fastest
-    sample        what averages cost with their error; barostats, too
+    sample        what averages cost with their error; barostats and other engines, too
     stress        what breaks, and where
     claims        whether what the paper and we say holds
     cost          what the fix costs: time, memory, messages, start-up

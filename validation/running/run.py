@@ -64,6 +64,8 @@ class Job:
         origin: hash of what else the result depends on (see ``machine.origin``).
         motion: whether velocities and masses are kept with the positions.
         overlay: see ``Scene``; what the run writes goes into its own overlay.
+        worker: path of its worker in the harness; empty for that of LAMMPS.
+        given: input of another worker, plain data.
     """
 
     directory: str
@@ -77,6 +79,8 @@ class Job:
     origin: str | None = None
     motion: bool = False
     overlay: str = ""
+    worker: str = ""
+    given: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -197,7 +201,8 @@ def run(
     path = directory / "job.json"
     json_files.write(path, asdict(job))
     interrupted = False
-    words = [*launcher(job.ranks), sys.executable, str(WORKER), str(path.resolve())]
+    worker = WORKER.parents[1] / job.worker if job.worker else WORKER
+    words = [*launcher(job.ranks), sys.executable, str(worker), str(path.resolve())]
     how = {"OMP_NUM_THREADS": "1", **os.environ, **(environment or {})}
     how |= recorder.environment(job.overlay, directory / "overlay", how.get("LD_PRELOAD"))
     with open(directory / "output.txt", "w") as output:

@@ -14,12 +14,13 @@ import numpy as np
 
 from ..experiment import Point
 from ..running import json_files, machine, run
+from ..scenes import FS_PER_PS
 from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
-from . import rivals
+from . import openmm_engine, rivals
 from .criteria import LEAST_ERRORS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
-from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
+from .plan import KINETIC, LAMMPS, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
 # independent samples that each of two states needs, and how many samples are taken for an
@@ -109,6 +110,8 @@ def sample(
     interrupted = _timed(found, runs, meter, not done.interrupted)
     summary = machine.circumstances()
     summary["versions"] |= machine.worker_versions(done.versions)
+    if any(plan.schemes[point.scheme].engine for point in found.good):
+        summary["versions"] |= openmm_engine.versions()
     return summary | {
         "scene": plan.scene.name,
         "title": plan.scene.title,
@@ -152,7 +155,12 @@ def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
     Args:
         time: whether to time points without a stored cost.
     """
-    first = {point: next(iter(found.numbers[point].items())) for point in found.good}
+    # of LAMMPS, from the first start that a point has
+    first = {
+        point: next(iter(found.numbers[point].items()))
+        for point in found.good
+        if not runs.plan.schemes[point.scheme].engine
+    }
     loops = {point: (start, numbers.loop) for point, (start, numbers) in first.items()}
     try:
         found.costs = runs.costs(loops, meter, time)
@@ -253,7 +261,11 @@ def _fit(means, key, plan, known) -> limit.Fit | None:
     if key in known:  # as if it were a point by itself
         return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
     steps = {point: (point.scheme, point.dt) for point in some}
-    reaches = {name: scheme.reach for name, scheme in plan.schemes.items() if scheme.reach}
+    reaches = {
+        name: scheme.reach
+        for name, scheme in plan.schemes.items()
+        if scheme.reach and not scheme.engine
+    }
     return limit.fit(some, steps, reaches)
 
 
@@ -273,7 +285,7 @@ def _row(
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
         ``remembers``, ps per independent sample.  ``deviation``: from the first state, see
         `structure.between_states`.  ``distribution``: of the kinetic energy, over starts.
-        The others are of `_spent` and of
+        ``clock``: of OpenMM, wall time per ps, s.  The others are of `_spent` and of
         `rivals.compare`.
     """
     plan, error = runs.plan, found.errors.get(point)
@@ -281,6 +293,7 @@ def _row(
     row: dict = {
         "scheme": scheme.name,
         "label": scheme.label,
+        "engine": scheme.engine or LAMMPS,
         "ours": scheme.ours,
         "dt": point.dt,
         "lines": runs.lines(point),
@@ -288,7 +301,7 @@ def _row(
         "error": error,
     }
     row |= {name: {} for name in NESTED}
-    row |= dict.fromkeys(("deviation", "distribution", "cost", "slowest", "sample"))
+    row |= dict.fromkeys(("deviation", "distribution", "clock", "cost", "slowest", "sample"))
     if error:
         return row
     numbers, biases = means[point], _biases(point, plan, means, fits)
@@ -300,6 +313,9 @@ def _row(
     row["deviation"] = deviation(point, plan, means)
     far = [start.far for start in found.numbers[point].values() if start.far is not None]
     row["distribution"] = measures.spread(far) if far else None
+    if scheme.engine:
+        loops = [start.loop for start in found.numbers[point].values()]
+        row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in found.costs:
         row |= _spent(numbers, found.costs[point], {key: _unit(key, fits) for key in biases})
     return row

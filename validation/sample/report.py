@@ -52,7 +52,7 @@ GOALS = (
     Column("seconds", "its time", "s", "interval"),
 )
 TO_ERROR = "How many times less time than the best rival"
-# of the kinetic energy; wall time of another program, of committed results
+# of the kinetic energy; wall time of another engine
 FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
 ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")
 NOTES = {
@@ -93,8 +93,8 @@ NOTES = {
     "times less": "CPU time of the best rival divided by that of the point, until bias² + variance "
     f"= 2 E², with the {SURE} interval. The best rival is the one of LAMMPS's fixes that takes the "
     "least time. 0 means that the bias alone is above E, or may be; ∞ that the rival's may be.",
-    "clock": "Wall time of the whole run of another program, on a core that may have had other "
-    "work. Do not compare programs by it.",
+    "clock": "Wall time of the whole run of another engine, on a core that may have had other "
+    "work. Do not compare engines by it.",
 }
 
 

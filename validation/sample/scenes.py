@@ -26,6 +26,7 @@ from .schemes import (
     at_pressure,
     by_name,
     constant_volume,
+    of_openmm,
     ours,
 )
 
@@ -51,6 +52,7 @@ def _water(_: Path) -> Plan:
     heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
     schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
     starter = schemes["langevin-20"]
+    schemes |= by_name(of_openmm())
     return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, dipole=True)
 
 

@@ -1,7 +1,7 @@
 """The schemes of `sample`: each is an entry of a list in one of the functions below.
 
 `Scheme` says what an entry may have.  `constant_volume` makes those of a scene from what its
-`Bodies` allow, `at_pressure` those with barostats.
+`Bodies` allow, `at_pressure` those with barostats, `of_openmm` those of OpenMM.
 """
 
 import math
@@ -105,6 +105,8 @@ class Scheme(Integrator):
         refined: whether averages are refined ones, see `statistics.refined`.
         whole: whether it moves all atoms, those in no body, too.
         stride: steps between two that have configurations of the right distribution.
+        engine: name of the program that runs it, if not LAMMPS.
+        friction: 1/ps, in OpenMM.
     """
 
     steps: tuple[float, ...] = ()
@@ -117,6 +119,8 @@ class Scheme(Integrator):
     refined: bool = False
     whole: bool = False
     stride: int = 1
+    engine: str = ""
+    friction: float = 0.0
 
     @classmethod
     def of(cls, integrator: Integrator, before: tuple[str, ...] = (), **more: Any) -> "Scheme":
@@ -348,3 +352,13 @@ def _barostats(temperature: float) -> Iterator[Scheme]:
                 name + ending, label + said, at, "NPT", held=held, pressure=pressure,
                 temperature=temperature + warmer, **other if ending else first,
             )  # fmt: skip
+
+
+def of_openmm() -> Iterator[Scheme]:
+    """OpenMM's Langevin thermostat in the middle of the step."""
+    for friction in 5.0, 20.0:
+        name, label = f"openmm-langevin-{friction:g}", f"OpenMM LangevinMiddle {friction:g}/ps"
+        yield Scheme(
+            name, label, ("LangevinMiddleIntegrator",), kind="engine", engine="OpenMM",
+            friction=friction, steps=(1.0, 2.0, 4.0, 6.0, 8.0),
+        )  # fmt: skip

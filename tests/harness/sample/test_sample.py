@@ -58,11 +58,14 @@ def test_what_runs(name, tmp_path):
     }
     if name == "peptide":
         others |= {one for one in plan.schemes if one.startswith("shake")}
-    alone = {one for one, scheme in plan.schemes.items() if scheme.reach is None}
+    limited = {one: scheme for one, scheme in plan.schemes.items() if not scheme.engine}
+    alone = {one for one, scheme in limited.items() if scheme.reach is None}
     assert alone == others & set(plan.schemes)
     certain = {one for one in plan.schemes if one.startswith("nh")}
     certain |= {"npt-mtk", "rigid/nvt/small", "rigid/npt/small", "shake+npt", "shake+nvt"}
     for scheme in plan.schemes.values():
+        if scheme.engine:
+            continue
         words = " ".join(scheme.seeded(1).commands(plan.scene))
         assert (
             f" {scheme.temperature:g} " in words and schemes.SEED not in words and "{" not in words
@@ -264,6 +267,29 @@ def test_limits_of_another_folder(tmp_path):
     for folder in tmp_path, tmp_path / "nothing":
         with pytest.raises(SystemExit, match="no limit of small steps of the scene water"):
             measure.known_limits(folder, "water")
+
+
+def test_rows_of_engines(tmp_path):
+    """Locks out OpenMM held against another limit than that of LAMMPS, or as a part of it: both
+    have the same forces."""
+    plan, limits = planned(), {"langevin-20": -9.5, "openmm-langevin-5": -9.4}
+    numbers = {
+        Point(scheme, dt): (
+            {"potential": value + 1e-3 * dt**2},
+            {"potential": 0.5},
+            {"potential": 1.0},
+        )
+        for scheme, value in limits.items()
+        for dt in (1.0, 2.0)
+    }
+    told = measure.summarize(
+        found_of(plan, numbers, {}), runs_of(plan, tmp_path), list(numbers), {}
+    )
+    for row in told["rows"]:
+        off = 0.1 if row["engine"] == "OpenMM" else 0.0
+        assert row["biases"]["potential"]["value"] == pytest.approx(off + 1e-3 * row["dt"] ** 2)
+        assert bool(row["clock"]) == (row["engine"] != "LAMMPS")
+    assert told["limits"]["potential"]["value"] == pytest.approx(-9.5)
 
 
 def test_rows_at_two_states(tmp_path):

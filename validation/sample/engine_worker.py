@@ -1,0 +1,50 @@
+"""One run of OpenMM, in its own process: ``python engine_worker.py JOB``.
+
+The job is that of ``running/run.py``.  Files left beside it, as by ``running/worker.py``:
+
+    log.lammps      a thermodynamic table with LAMMPS's columns and units, and the wall time
+    done.json       OpenMM's version; written last, so its presence means success
+    error.txt       why it failed; it begins with ERROR if OpenMM has ended the run
+"""
+
+import json
+import sys
+import time
+import traceback
+from importlib import import_module
+from pathlib import Path
+
+COLUMNS = "Step Time PotEng Press Volume"
+
+
+def work(job: dict, folder: Path) -> None:
+    """Do the job, and write its files to ``folder``."""
+    harness = Path(__file__).resolve().parents[1]
+    sys.path[0] = str(harness.parent)  # in place of this file's folder
+    given, log = job["given"], folder / "log.lammps"
+    engine = import_module(f"{harness.name}.sample.openmm_engine")
+    begin = time.perf_counter()
+    for number, (step, potential, pressure) in enumerate(engine.samples(given)):
+        values = step * given["dt"], potential, pressure, given["volume"]
+        line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
+        with open(log, "a") as file:
+            file.write(line if number else f"{COLUMNS}\n{line}")
+    seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"
+    with open(log, "a") as file:
+        file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")
+    json_files = import_module(f"{harness.name}.running.json_files")
+    json_files.write(folder / "done.json", engine.versions())
+
+
+def main() -> None:
+    path = Path(sys.argv[1])
+    try:
+        work(json.loads(path.read_text()), path.parent)
+    except BaseException as failure:
+        traceback.print_exc()
+        (path.parent / "error.txt").write_text(f"{failure}" or type(failure).__name__)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
