@@ -15,18 +15,18 @@ def add(verbs: command_line.Verbs) -> None:
         verbs,
         "sample",
         run,
-        help="measure bias, noise and cost of averages, also with OpenMM",
+        help="measure bias, noise and cost of averages, also with other engines",
         description="Run a scene at constant temperature, or at constant pressure, with this "
-        "package's thermostats and barostats, with LAMMPS's, and with OpenMM's Langevin, at "
+        "package's thermostats and barostats, with LAMMPS's, and with those of other engines, at "
         "0.5 to 14 fs. Compare averages with their common limit of small steps, and measure what "
         "an independent sample costs. Bias and noise give the total error as a function of CPU "
         "time. After Ctrl-C the same command continues. Commands with the same run lengths and "
         "folder add schemes and steps to it. Several processes with the same command share the "
         "runs.",
-        epilog="OpenMM runs only if --only names its schemes: pip install "
-        "'fix_nosquish[engines]'. A scheme that fails is a result. Exit status: 0, 1 if no run "
-        "succeeds, if --to-zero refuses an average, or if OpenMM is not installed, 130 after "
-        "Ctrl-C.",
+        epilog="Other engines run only if --only names their schemes. OpenMM: pip install "
+        "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
+        "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "
+        "engine is not installed, 130 after Ctrl-C.",
     )
     scene = command_line.scene_or_script_type(scenes)
     text = f"a scene (default {DEFAULT}), or a LAMMPS input script of yours"
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     from .. import pages  # heavy: not for --help
     from ..pages import console
     from ..user_script import loader
-    from . import criteria, extrapolation, measure, openmm_engine, report
+    from . import criteria, engine, extrapolation, measure, report
     from .plan import TIMES, Lengths, Runs
     from .scenes import SCENES, of_script
 
@@ -86,8 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         points = extrapolation.points(plan, only, arguments.dt)
     else:
         points = plan.points(only, arguments.dt, short)
-    if any(plan.schemes[point.scheme].engine for point in points):
-        openmm_engine.versions()  # which refuses to go on without it
+    engine.versions(plan.schemes[point.scheme].engine for point in points)
     known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
     lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
     folder = out / "runs" / lengths.folder

@@ -10,7 +10,7 @@ from ..statistics.check import Check
 from ..statistics.estimate import Estimate
 from . import rivals
 from .observables import BY_KEY, OBSERVABLES
-from .plan import LAMMPS, LEAST
+from .plan import LEAST
 
 # of biases, in the observables' units; 25 atm change the density of water by 0.1 %
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0, "density": 0.2}
@@ -55,14 +55,14 @@ TITLES = {
 
 def checks(summary: Mapping) -> list[Check]:
     """Checks of runs that are long enough to estimate their errors: of ours at longer steps than
-    those of today, and of OpenMM."""
+    those of today, and of other engines."""
     if summary["settings"]["time"] < LEAST:
         return []
     today = summary["known"][0]["dt"]
     made: list[Check] = []
     for row in summary["rows"]:
         longer = row["ours"] and row["dt"] > today
-        if not row["error"] and (longer or row["engine"] != LAMMPS):
+        if not row["error"] and (longer or row["engine"] in summary["others"]):
             made += _averages(row, summary)
     return [*made, *_gains(summary)]
 

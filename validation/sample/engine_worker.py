@@ -1,10 +1,10 @@
-"""One run of OpenMM, in its own process: ``python engine_worker.py JOB``.
+"""One run of an engine that is not LAMMPS, a process of its own: ``python engine_worker.py JOB``.
 
-The job is that of ``running/run.py``.  Files left beside it, as by ``running/worker.py``:
+The job is that of ``running/run.py``, and what is left beside it is as of ``running/worker.py``:
 
-    log.lammps      a thermodynamic table with LAMMPS's columns and units, and the wall time
-    done.json       OpenMM's version; written last, so its presence means success
-    error.txt       why it failed; it begins with ERROR if OpenMM has ended the run
+    log.lammps      a thermodynamic table with LAMMPS's columns and units, and how long it took
+    done.json       the engine's version; written last, so its presence means success
+    error.txt       why it failed; it begins with ERROR where the engine says so
 """
 
 import json
@@ -18,22 +18,22 @@ COLUMNS = "Step Time PotEng Press Volume"
 
 
 def work(job: dict, folder: Path) -> None:
-    """Do the job, and write its files to ``folder``."""
+    """Do the job in the folder, and leave its files there."""
     harness = Path(__file__).resolve().parents[1]
-    sys.path[0] = str(harness.parent)  # in place of this file's folder
+    sys.path[0] = str(harness.parent)  # in the place of this file's folder
     given, log = job["given"], folder / "log.lammps"
-    engine = import_module(f"{harness.name}.sample.openmm_engine")
-    begin = time.perf_counter()
-    for number, (step, potential, pressure) in enumerate(engine.samples(given)):
+    engine, begin = import_module(f"{harness.name}.sample.{given['module']}"), time.perf_counter()
+    for number, (step, potential, pressure) in enumerate(engine.samples(given, folder)):
         values = step * given["dt"], potential, pressure, given["volume"]
         line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
-        with open(log, "a") as file:
+        # before the first sample an engine may have a log of its own there
+        with open(log, "a" if number else "w") as file:
             file.write(line if number else f"{COLUMNS}\n{line}")
     seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"
     with open(log, "a") as file:
         file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")
-    json_files = import_module(f"{harness.name}.running.json_files")
-    json_files.write(folder / "done.json", engine.versions())
+    whole = import_module(f"{harness.name}.running.whole")
+    whole.write(folder / "done.json", {engine.ENGINE.name: engine.version()})
 
 
 def main() -> None:

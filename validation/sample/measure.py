@@ -17,15 +17,16 @@ from ..running import json_files, machine, run
 from ..scenes import FS_PER_PS
 from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
-from . import openmm_engine, rivals
+from . import engine, rivals
 from .criteria import LEAST_ERRORS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
-from .plan import KINETIC, LAMMPS, SAMPLED, Plan, Runs, start_name, table
+from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
 # independent samples that each of two states needs, and how many samples are taken for an
 # independent one, because physical_validation fills bins
 LEAST_SAMPLES, DENSER = 50, 4
+LAMMPS = "LAMMPS"  # whose limit is that of the scene's own forces
 # of a row: numbers of each observable
 NESTED = "means", "biases", "remembers", "noise", "faster", "seconds"
 KNOWN = Point("known", 0.0)  # the key of a limit from another command
@@ -109,9 +110,8 @@ def sample(
                 _measure(found, plan, point, start, job)
     interrupted = _timed(found, runs, meter, not done.interrupted)
     summary = machine.circumstances()
-    summary["versions"] |= machine.worker_versions(done.versions)
-    if any(plan.schemes[point.scheme].engine for point in found.good):
-        summary["versions"] |= openmm_engine.versions()
+    engines = (plan.schemes[point.scheme].engine for point in found.good)
+    summary["versions"] |= machine.worker_versions(done.versions) | engine.versions(engines)
     return summary | {
         "scene": plan.scene.name,
         "title": plan.scene.title,
@@ -223,7 +223,7 @@ def pool(starts: Sequence[Numbers]) -> Numbers:
 
 # ---- rows
 
-Fits = Mapping[str, limit.Fit]  # by observable
+Fits = Mapping[str, Mapping[str, limit.Fit]]  # of each engine, of each observable
 
 
 def summarize(
@@ -235,7 +235,8 @@ def summarize(
         known: see `sample`.
 
     Returns:
-        ``rows``, see `_row`; ``limits``, see `limit_as_dict`; ``goals``, see `rivals.compare`.
+        ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
+        the limits of its own points, see `limit_as_dict`; ``goals``, see `rivals.compare`.
     """
     means = {point: pool([*found.numbers[point].values()]) for point in found.good}
     fits = fit_limits(means, runs.plan, known)
@@ -244,27 +245,41 @@ def summarize(
         for point in points
         if point in means or point in found.errors
     ]
-    limits = {key: limit_as_dict(fit) for key, fit in fits.items()}
+    own, *others = (
+        (name, {key: limit_as_dict(fit) for key, fit in some.items()})
+        for name, some in fits.items()
+    )
     goals = rivals.compare(rows, LEAST_ERRORS)
-    return {"rows": rows, "limits": limits, "goals": goals}
+    return {"rows": rows, "limits": own[1], "others": dict(others), "goals": goals}
 
 
 def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
-    """The limits of observables that LAMMPS's points determine."""
-    fits = {key: _fit(means, key, plan, known) for key in CONFIGURATIONS}
-    return {key: fit for key, fit in fits.items() if fit is not None}
+    """The limits of observables that each engine's points tell, LAMMPS's first."""
+    names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
+    return {
+        name: {
+            key: fit
+            for key in CONFIGURATIONS
+            if (fit := _fit(means, key, plan, name, known)) is not None
+        }
+        for name in names
+    }
 
 
-def _fit(means, key, plan, known) -> limit.Fit | None:
-    """The common limit of an observable, of LAMMPS's schemes that share it."""
+def _engine(scheme: Scheme) -> str:
+    return scheme.engine.name if scheme.engine else LAMMPS
+
+
+def _fit(means, key, plan, engine, known) -> limit.Fit | None:
+    """The common limit of an observable, of an engine's schemes that share it."""
     some = {point: numbers.means[key] for point, numbers in means.items() if key in numbers.means}
-    if key in known:  # as if it were a point by itself
+    if engine == LAMMPS and key in known:  # as if it were a point by itself
         return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
     steps = {point: (point.scheme, point.dt) for point in some}
     reaches = {
         name: scheme.reach
         for name, scheme in plan.schemes.items()
-        if scheme.reach and not scheme.engine
+        if scheme.reach and _engine(scheme) == engine
     }
     return limit.fit(some, steps, reaches)
 
@@ -293,7 +308,7 @@ def _row(
     row: dict = {
         "scheme": scheme.name,
         "label": scheme.label,
-        "engine": scheme.engine or LAMMPS,
+        "engine": _engine(scheme),
         "ours": scheme.ours,
         "dt": point.dt,
         "lines": runs.lines(point),
@@ -317,19 +332,23 @@ def _row(
         loops = [start.loop for start in found.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in found.costs:
-        row |= _spent(numbers, found.costs[point], {key: _unit(key, fits) for key in biases})
+        row |= _spent(
+            numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
+        )
     return row
 
 
 def _biases(point, plan, means, fits) -> dict[str, Estimate]:
     """The bias of each observable, in its units."""
     scheme, found = plan.schemes[point.scheme], {}
+    same = scheme.engine is None or scheme.engine.same
+    limits = fits[LAMMPS if same else _engine(scheme)]
     for key, mean in means[point].means.items():
         exact = BY_KEY[key].exact(plan, scheme)
         if exact is not None:
             found[key] = measures.difference(mean, Estimate(exact))
-        elif key in fits and not scheme.first:  # the limit is that of the first state
-            found[key] = fits[key].bias(point).times(_unit(key, fits))
+        elif key in limits and not scheme.first:  # the limit is that of the first state
+            found[key] = limits[key].bias(point).times(_unit(key, limits))
     return found
 
 

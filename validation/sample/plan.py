@@ -12,17 +12,16 @@ from ..running import machine, rounds, run
 from ..running.starts import from_dump, to_dump
 from ..running.store import Store
 from ..scenes import FS_PER_PS, Scene, steps
-from . import openmm_engine
+from .engine import EngineRun, of_scene
 from .schemes import FIRST_SEED, RAW, Scheme
 
-LAMMPS = "LAMMPS"  # the program that runs schemes without an engine
 SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
 SETTLES, SETTLE = 0.1, 10.0  # equilibration: part of a point's time, and ps at most
 BEGIN = 20.0  # ps at most of a run that creates a start
 LEAST = 20.0  # ps of a point: in shorter ones blocks are as short as the correlation time
 TOO_LONG = 5  # longest default steps: beyond, atoms are lost at once
 BEGIN_STEP = 2.0  # fs at most, in a run that creates a start
-SPARSE = 2  # OpenMM's samples are so many times rarer: its pressure takes two steps
+SPARSE = 2  # samples of other engines are so many times rarer: OpenMM's pressure takes two steps
 ROUNDS, SECONDS = 3, 0.5  # of timed runs; s of each of their segments
 TIMED = "timed"  # folder of these runs, and what is kept of them
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
@@ -285,17 +284,16 @@ class Runs:
         runs = self.lengths.runs(point.dt, scheme.stride)
         every = self.lengths.every(point.dt, scheme)
         if scheme.engine:
-            how = self.plan.temperature, scheme.friction, point.dt
-            course = openmm_engine.EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
-            water = openmm_engine.of_scene(self.plan.scene)
-            return openmm_engine.job(course, water, folder, self.silence)
+            how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
+            course = EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
+            return scheme.engine.job(course, of_scene(self.plan.scene), folder, self.silence)
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
         """Input of a point, for the page."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
-            return openmm_engine.words(self.job(point, 1).given)
+            return scheme.engine.words(self.job(point, 1).given)
         return scheme.commands(self.plan.scene)
 
     def costs(

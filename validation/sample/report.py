@@ -62,7 +62,8 @@ NOTES = {
     "all, a differs from scheme to scheme, and a scheme with four steps or more has a term in h⁴, "
     "too. rigid/nvt/small is compared with this limit but not part of the fit, because it counts "
     "three degrees of freedom of the total momentum and so has another limit. OpenMM has the "
-    "scene's forces, so its points are compared with LAMMPS's limit.",
+    "scene's forces, so its points are compared with LAMMPS's limit. GROMACS does not support this "
+    "Coulomb cutoff: it runs with a reaction field, and has its own limit.",
     "U/N": "Potential energy of a molecule.",
     "T of U/N": "The bias of U/N divided by the heat capacity of configurations: the change of the "
     "temperature that would shift U/N as much.",
@@ -186,8 +187,7 @@ def _verdicts(summary: Mapping) -> str:
 
 def _limits(summary: Mapping) -> list[str]:
     """The limits of small steps, and whether the points agree with a common one."""
-    some = {"": summary["limits"]}  # and, of committed results, those of other programs
-    some |= {f"{name}, ": limits for name, limits in summary.get("others", {}).items()}
+    some = {"": summary["limits"]} | {f"{name}, ": own for name, own in summary["others"].items()}
     told = [
         _limit(f"{name}{BY_KEY[key].title}", limit)
         for name, own in some.items()

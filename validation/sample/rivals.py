@@ -12,7 +12,6 @@ from math import inf, sqrt
 from ..statistics.estimate import Estimate, margin
 from ..statistics.precision import BiasAndNoise, Interval, seconds, times
 from .observables import CONFIGURATIONS
-from .plan import LAMMPS
 
 NEVER, NOT_AT_ALL = Interval(inf, inf, inf), Interval(0.0, 0.0, 0.0)
 
@@ -68,7 +67,7 @@ def estimate(gain: Mapping, bound: float) -> Estimate:
 
 
 def _is_rival(row: Mapping) -> bool:
-    return not row["ours"] and row.get("engine", LAMMPS) == LAMMPS
+    return not row["ours"] and row.get("engine", "LAMMPS") == "LAMMPS"
 
 
 def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: float) -> dict:

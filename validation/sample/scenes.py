@@ -16,6 +16,7 @@ from ..user_script import conserved_energy, shapes
 from ..user_script.commands import split_words
 from ..user_script.loader import UserScript
 from ..user_script.shapes import BodyGroup
+from . import gromacs_engine, openmm_engine
 from .plan import BODIES, Plan
 from .schemes import (
     RAW,
@@ -26,7 +27,6 @@ from .schemes import (
     at_pressure,
     by_name,
     constant_volume,
-    of_openmm,
     ours,
 )
 
@@ -51,8 +51,8 @@ def _water(_: Path) -> Plan:
     scene, mass = smooth_water("water", TITLE, "water_512", "512", 512), 15.9994 + 2 * 1.008
     heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
     schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
-    starter = schemes["langevin-20"]
-    schemes |= by_name(of_openmm())
+    starter, others = schemes["langevin-20"], [*openmm_engine.SCHEMES, *gromacs_engine.SCHEMES]
+    schemes |= by_name(others)
     return Plan(scene, 298.0, schemes, starter, CONSTRAINED, 3 * 512, dipole=True)
 
 

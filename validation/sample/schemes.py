@@ -1,7 +1,8 @@
 """The schemes of `sample`: each is an entry of a list in one of the functions below.
 
 `Scheme` says what an entry may have.  `constant_volume` makes those of a scene from what its
-`Bodies` allow, `at_pressure` those with barostats, `of_openmm` those of OpenMM.
+`Bodies` allow, `at_pressure` those with barostats.  Those of other engines are in the engines'
+files.
 """
 
 import math
@@ -10,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 from ..scenes.integrators import Integrator, constrained, nosquish, rigid
+from .engine import Engine
 
 FIRST_SEED = 7100
 SEED = "SEED"  # in a scheme's lines
@@ -105,8 +107,9 @@ class Scheme(Integrator):
         refined: whether averages are refined ones, see `statistics.refined`.
         whole: whether it moves all atoms, those in no body, too.
         stride: steps between two that have configurations of the right distribution.
-        engine: name of the program that runs it, if not LAMMPS.
-        friction: 1/ps, in OpenMM.
+        engine: that runs it; None for LAMMPS.
+        friction: 1/ps, of another engine's thermostat, which is its line; of one that scales
+            velocities the inverse of its time.
     """
 
     steps: tuple[float, ...] = ()
@@ -119,7 +122,7 @@ class Scheme(Integrator):
     refined: bool = False
     whole: bool = False
     stride: int = 1
-    engine: str = ""
+    engine: Engine | None = None
     friction: float = 0.0
 
     @classmethod
@@ -352,13 +355,3 @@ def _barostats(temperature: float) -> Iterator[Scheme]:
                 name + ending, label + said, at, "NPT", held=held, pressure=pressure,
                 temperature=temperature + warmer, **other if ending else first,
             )  # fmt: skip
-
-
-def of_openmm() -> Iterator[Scheme]:
-    """OpenMM's Langevin thermostat in the middle of the step."""
-    for friction in 5.0, 20.0:
-        name, label = f"openmm-langevin-{friction:g}", f"OpenMM LangevinMiddle {friction:g}/ps"
-        yield Scheme(
-            name, label, ("LangevinMiddleIntegrator",), kind="engine", engine="OpenMM",
-            friction=friction, steps=(1.0, 2.0, 4.0, 6.0, 8.0),
-        )  # fmt: skip

@@ -270,9 +270,9 @@ def test_limits_of_another_folder(tmp_path):
 
 
 def test_rows_of_engines(tmp_path):
-    """Locks out OpenMM held against another limit than that of LAMMPS, or as a part of it: both
-    have the same forces."""
-    plan, limits = planned(), {"langevin-20": -9.5, "openmm-langevin-5": -9.4}
+    """Locks out an engine that is held against another limit than is told: OpenMM has the scene's
+    forces, GROMACS has others."""
+    plan, limits = planned(), {"langevin-20": -9.5, "openmm-langevin-5": -9.4, "gromacs-sd": -9.0}
     numbers = {
         Point(scheme, dt): (
             {"potential": value + 1e-3 * dt**2},
@@ -289,7 +289,8 @@ def test_rows_of_engines(tmp_path):
         off = 0.1 if row["engine"] == "OpenMM" else 0.0
         assert row["biases"]["potential"]["value"] == pytest.approx(off + 1e-3 * row["dt"] ** 2)
         assert bool(row["clock"]) == (row["engine"] != "LAMMPS")
-    assert told["limits"]["potential"]["value"] == pytest.approx(-9.5)
+    assert told["others"]["GROMACS"]["potential"]["value"] == pytest.approx(-9.0)
+    assert told["others"]["OpenMM"]["potential"]["value"] == pytest.approx(-9.4)
 
 
 def test_rows_at_two_states(tmp_path):

@@ -1,0 +1,189 @@
+"""Engines beside LAMMPS.
+
+A run of an engine is a ``run.Job`` as one of LAMMPS is, with a worker of its own that leaves the
+same files (``engine_worker``).  So it is started, watched, kept and found again in the same way.
+An engine is a module of this folder with an `Engine` of that name, and the schemes that it runs.
+
+What an engine is given is the water of the scene `water` as numbers: atoms, and forces that end
+smoothly.  The scene's ``pair_style lj/gromacs/coul/gromacs`` is GROMACS's shift function: 1 / r^p
+becomes
+
+    1 / r^p - A / 3 (r - r1)^3 - B / 4 (r - r1)^4 - C   from r1 on,   1 / r^p - C   before,
+
+with A, B and C that make energy, force and the force's slope zero at the cutoff (GROMACS reference
+manual, "Modified non-bonded interactions").  Tests hold energy and forces against LAMMPS's.
+"""
+
+import math
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from ..running import machine, run
+from ..running.store import digest
+from ..scenes import Scene
+
+WORKER = "sample/engine_worker.py"  # in the harness
+KJ, NM, BAR = 4.184, 0.1, 1 / 1.01325  # kJ/mol in a kcal/mol, nm in an Angstrom, atm in a bar
+
+
+class Shift(NamedTuple):
+    """What ends 1 / r^power at ``outer``, smoothly from ``inner`` on: A, B and C."""
+
+    power: int
+    inner: float
+    outer: float
+
+    @property
+    def coefficients(self) -> tuple[float, float, float]:
+        """A, B, C, in the power of the lengths' unit that they have."""
+        p, r1, rc = self
+        wide = rc - r1
+        a = -p * ((p + 4) * rc - (p + 1) * r1) / (rc ** (p + 2) * wide**2)
+        b = p * ((p + 3) * rc - (p + 1) * r1) / (rc ** (p + 2) * wide**3)
+        return a, b, rc**-p - a / 3 * wide**3 - b / 4 * wide**4
+
+
+# TIP3P as the scene's force field has it.  Of oxygen and hydrogen g/mol and e; of the oxygens'
+# Lennard-Jones, which hydrogens have none of, kcal/mol and Angstrom; Angstrom between O and H, and
+# between both H; how each part ends
+MASS, CHARGE = (15.9994, 1.008), (-0.834, 0.417)
+DEPTH, SIZE = 0.1521, 3.15061
+BOND, ACROSS = 0.9572, 2 * 0.9572 * math.sin(math.radians(104.52) / 2)
+DISPERSION, REPULSION, COULOMB = Shift(6, 7.0, 8.5), Shift(12, 7.0, 8.5), Shift(1, 0.0, 8.5)
+
+
+@dataclass(frozen=True)
+class Water:
+    """Three-site molecules in a box, in order O, H, H.
+
+    Attributes:
+        box: (3,) Angstrom.
+        x: (atoms, 3) Angstrom, each molecule whole.
+    """
+
+    box: np.ndarray
+    x: np.ndarray
+
+    @property
+    def molecules(self) -> int:
+        """Their number."""
+        return len(self.x) // 3
+
+
+def of_scene(scene: Scene) -> Water:
+    """The water of the scene, whose data file has the atoms in order of ID."""
+    (file,) = (line.split()[1] for line in scene.setup if line.startswith("read_data"))
+    lines = [line.split() for line in (scene.folder / file).read_text().splitlines()]
+    ends = np.array([words[:2] for words in lines if words[-1:] in (["xhi"], ["yhi"], ["zhi"])])
+    low, high = ends.astype(float).T
+    # ID, molecule, type, charge, position, image
+    atoms = np.array([words for words in lines if len(words) == 10], float)
+    atoms = atoms[np.argsort(atoms[:, 0])]
+    return Water(high - low, atoms[:, 4:7] - low + atoms[:, 7:10] * (high - low))
+
+
+@dataclass(frozen=True)
+class EngineRun:
+    """What an engine is to do.
+
+    Attributes:
+        thermostat: the engine's word.
+        temperature: K.
+        friction: 1/ps; of a thermostat that scales velocities the inverse of its time.
+        dt: fs.
+        runs: steps that are left out, and steps that are sampled.
+        every: steps between samples.
+        seed: of random numbers.
+    """
+
+    thermostat: str
+    temperature: float
+    friction: float
+    dt: float
+    runs: list[int]
+    every: int
+    seed: int
+
+    @property
+    def steps(self) -> int:
+        """All of them."""
+        return sum(self.runs)
+
+
+class Sample(NamedTuple):
+    """At a step the potential energy, kcal/mol, and the pressure, atm."""
+
+    step: int
+    potential: float
+    pressure: float
+
+
+@dataclass(frozen=True)
+class Engine:
+    """An engine.
+
+    Attributes:
+        name: as it calls itself.
+        install: how to get it.
+        version: of the one that is here; None if there is none.
+        given: of a course of a water what the worker is given, plain data.
+        words: of what is given what the page says of it, lines.
+        samples: in the worker, of what is given and the folder of the run: does it.  Raises
+            `Failed` where the engine ends it.
+        same: whether its forces are the scene's, as LAMMPS has them.
+    """
+
+    name: str
+    install: str
+    version: Callable[[], str | None]
+    given: Callable[[EngineRun, Water], dict]
+    words: Callable[[dict], list[str]]
+    samples: Callable[[dict, Path], Iterator[Sample]]
+    same: bool = False
+
+    def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:
+        """A run; its files go to ``folder``."""
+        path = Path(str(sys.modules[self.samples.__module__].__file__))
+        told = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}
+        told |= {"volume": float(water.box.prod())}
+        return run.Job(
+            directory=str(folder),
+            folder="",
+            commands=[],
+            runs=course.runs,
+            body_property=None,
+            silence=silence,
+            origin=digest(self.name, self.version(), machine.contents(path)),
+            worker=WORKER,
+            given=told | self.given(course, water),
+        )
+
+
+class Failed(Exception):
+    """The engine has ended a run; the same run would end again."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(f"ERROR: {message}")
+
+
+def versions(engines: Iterable[Engine | None]) -> dict[str, str]:
+    """Versions of engines that are not LAMMPS, by name.
+
+    Raises:
+        SystemExit: one is not here.
+    """
+    found = {}
+    for engine in dict.fromkeys(filter(None, engines)):
+        version = engine.version()
+        if version is None:
+            raise SystemExit(
+                f"{engine.name} is not installed. Install it by: {engine.install}\n"
+                "Or leave its schemes out of --only"
+            )
+        found[engine.name] = version
+    return found
