@@ -32,8 +32,8 @@ def work(job: dict, folder: Path) -> None:
     seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"
     with open(log, "a") as file:
         file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")
-    whole = import_module(f"{harness.name}.running.whole")
-    whole.write(folder / "done.json", {engine.ENGINE.name: engine.version()})
+    json_files = import_module(f"{harness.name}.running.json_files")
+    json_files.write(folder / "done.json", {engine.ENGINE.name: engine.version()})
 
 
 def main() -> None:
