@@ -351,7 +351,7 @@ def checks(
     summary |= {"known": [{"dt": 2.0}], "rows": [row, short | {"faster": {}}]}
     limit = limit or {"points": [["short", 2.0, 1.0]]}
     summary |= {"limits": dict.fromkeys(numbers, limit)}
-    summary |= {"goals": {"potential": {"label": "rigid", "dt": 2.0}}}
+    summary |= {"goals": {"potential": {"label": "rigid", "dt": 2.0}}, "others": {}}
     return {check.part: check for check in criteria.checks(summary)}
 
 
