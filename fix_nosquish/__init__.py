@@ -19,13 +19,14 @@ from typing import TYPE_CHECKING, Any
 
 from .errors import refuse
 from .host import quoted
+from .version import VERSION
 
 if TYPE_CHECKING:  # a name of the package costs no import of numpy
     import numpy as np
 
     from .bodies.bodies import Bodies
 
-__version__ = "1.0.0"
+__version__ = VERSION
 INTEGRATORS = {
     "NVE": "nve",
     "NVT": "nvt",

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import __version__
 from ..bodies.bodies import StartDiagnosis
 from ..bodies.build import BuildReport, least_moment
 from ..errors import RunError
 from ..host.command import Command, Line, Moments
 from ..host.hosts import Host
 from ..host.lammps import Lammps
+from ..version import VERSION
 from .other_fixes import OtherFixes
 from .thermo import Thermo, freedom
 from .velocities import is_projected
@@ -102,7 +102,7 @@ def summary(
     """
     flexible = f"; {facts.flexible} flexible atoms, of group {command.flexible}"
     lines = [
-        f"Rigid bodies by {method}, fix_nosquish {__version__}: {command.text}",
+        f"Rigid bodies by {method}, fix_nosquish {VERSION}: {command.text}",
         f"  {facts.bodies} rigid bodies with {facts.atoms} atoms: {_kinds(facts)}"
         f"{flexible if command.flexible else ''}",
         f"  {facts.removed} degrees of freedom removed, {facts.left} left to the bodies"
