@@ -67,6 +67,9 @@ def pytest_sessionstart(session):
 
 
 def pytest_report_header(config):
+    """What is tested, and what is left out; the workers of pytest-xdist say neither."""
+    if config.tested is None:
+        return []
     left_out = f"tests/harness is left out: the extra 'validation' lacks {', '.join(MISSING)}"
     return [config.tested, *([left_out] if MISSING else [])]
 
