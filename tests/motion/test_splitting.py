@@ -210,13 +210,20 @@ UNFINISHED = {
         "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
         "the record Own has no field frction, but ftm2v, mrot, friction",
     ),
+    "hook": (
+        "import fix_nosquish\nfrom fix_nosquish.integrators.nve import NVE\n"
+        "class Own(NVE):\n    def final_integrate(self):\n        pass\n"
+        "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
+        "class Own has final_integrate(): an integrator declares its step",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_an_unfinished_integrator(refused, name):
     """Locks out a message that does not say what a new integrator lacks, an ensemble that cannot be
-    derived from, and numbers that take the place of others, or are not there, without a word."""
+    derived from, numbers that take the place of others, or are not there, without a word, and a
+    hook of LAMMPS that would never be called."""
     system, (text, says) = mixture(side=2), UNFINISHED[name]
     line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
     refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})
