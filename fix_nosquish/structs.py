@@ -150,7 +150,7 @@ DATA = {
     "outcome": INT,
     "message": Type("char {}[4096]", ctypes.c_char * 4096),
     "argument": INT,  # of LAMMPS's fix command, that is wrong; -1 for none
-    # set by Python: what the instance declares (run/declaration.py)
+    # set by Python: what the instance declares, see `_announce` in plugin/bridge.py
     "wants_virial": INT,  # it computes a virial
     "wants_virial_per_atom": INT,
     "flips": INT,  # it may choose other box vectors of the same lattice
@@ -171,7 +171,7 @@ DATA = {
     "array_columns": INT,  # of f_ID
     "array_rows": INT,  # -1 if they are not known in the constructor
     "names": TEXT,  # of the scalar and of the values of the vector, separated by spaces
-    # set by Python: its bodies
+    # set by Python: its bodies; an address that it lends ends in `_release` of plugin/bridge.py
     "body": INTS,  # of each local atom, -1 for none; null while unknown
     "masstotal": DOUBLES,  # of each body
     **each(LONGS, "body_of displace state"),  # cells of the bodies; null if there are none

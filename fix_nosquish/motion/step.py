@@ -330,7 +330,7 @@ class Scheme:
     Args:
         owner: the module that the loops belong to, and what their names stand behind.
         splitting, operations: see `stages`.
-        numbers, rows, starts, work: see `declaration.Declaration`.
+        numbers, rows, starts, work: see `integrator.Integrator`.
         ends: lead and tail, if they are those of another step.
 
     Attributes:

@@ -54,7 +54,7 @@ class MassWatch:
     Masses, and the positions of atoms, are compared at the end of each run that has other fixes, so
     none of these changes them unseen.  Where another fix may change masses they are also compared
     each time atoms are followed after a re-neighboring.  Positions are also compared where a step
-    begins after a fix that has acted at the end of the last one (`velocities.LateChanges`).
+    begins after a fix that has acted at the end of the last one (`Run.take_late_velocities`).
 
     Args:
         bodies, lammps: whose atoms these are.  ranks: the `Communicator` or `ALONE`.
