@@ -31,10 +31,8 @@ from .registry import Registered, siblings_of
 from .replacement import replacement_notice
 from .rotation import Rotation
 from .run import Run, Setting, begin_run, refuse_time_step
-from .thermo import Thermo
+from .thermo import VALUES, Thermo
 from .velocities import AtomVelocities
-
-VALUES = dict(zip(former_names.VALUES, (True, True, False, False), strict=True))
 
 
 def fix_of(kind: type[Integrator], ptr: Any, line: Line) -> Any:
@@ -88,7 +86,7 @@ class Fix(Registered):
     """
 
     follows_atoms = True
-    array_columns = 15
+    array_columns = 15  # of `output.global_array`
     setting: Setting
 
     @_hook

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from ..errors import RunError
+from .thermo import VALUES
 
 ATTRIBUTES = {"own_keywords": "extra_keywords", "crosses": "supports_remap_v"}
 # methods without an argument, which have `run` now
@@ -19,7 +20,6 @@ METHODS = {
 }
 # their arguments come after run, or before it
 OTHERS = {"own_lists": "extra_lists", "complaint": "failure"}
-VALUES = "ke_trans", "ke_rot", "temp_trans", "temp_rot"  # of all integrators
 # what a class could override until now
 HOOKS = {
     *("init", "setup", "initial_integrate", "final_integrate", "post_neighbor", "post_run"),
@@ -35,7 +35,7 @@ class Declared(type):
         if name in ATTRIBUTES:
             return getattr(cls, ATTRIBUTES[name])
         if name == "vector_extensive":
-            return True, True, False, False, *getattr(cls, "values").values()  # noqa: B009
+            return *VALUES.values(), *getattr(cls, "values").values()  # noqa: B009
         if name == "vector_names":
             return *VALUES, *getattr(cls, "values")  # noqa: B009
         raise AttributeError(f"type object {cls.__name__!r} has no attribute {name!r}")

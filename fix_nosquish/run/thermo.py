@@ -31,6 +31,10 @@ class Energies(NamedTuple):
         return self.translation + self.rotation
 
 
+# the first of `Energies` as f_ID[1] to f_ID[4], of all integrators: names, and whether extensive
+VALUES = {"ke_trans": True, "ke_rot": True, "temp_trans": False, "temp_rot": False}
+
+
 def freedom(bodies: Bodies, dimension: int) -> np.ndarray:
     """Degrees of freedom of each body, (n,): 6, 5 or 3; in two dimensions 3 or 2."""
     result = np.full(len(bodies), dimension)
