@@ -107,7 +107,7 @@ class OtherFixes(list[OtherFix]):
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
-        deform: whether all that change it tell rigid fixes, as fix deform does.
+        tell_of_box: whether all that change it tell rigid fixes, as fix deform does.
         movers: those that may move atoms besides their integrator.
     """
 
@@ -137,7 +137,7 @@ class OtherFixes(list[OtherFix]):
         self.change_box = unknown or bool(changes)
         moving = [fix for fix in self if fix.moves or fix.style.startswith(_LATE_MOVING)]
         self.movers = [fix for fix in moving if not _stays(fix)]
-        self.deform = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
+        self.tell_of_box = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
 
     def possible_movers(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""
@@ -236,7 +236,9 @@ def refuse_other_integrators(
 
 
 def _of_box(fix: OtherFix, ours: Ours) -> str | None:
-    """Why a fix cannot change the box of a run with ours, or None."""
+    """Why a fix cannot change the box of a run with ours, or None.
+
+    LAMMPS itself refuses two fixes that change the same axis or tilt, so one beside ours."""
     if not fix.box_change or fix.style.startswith(_FOLLOWED) or ours.changes_box:
         return None
     instead = (

@@ -751,7 +751,7 @@ def look_around(setting: Setting, goes_on: bool) -> Look:
         fixes.velocities_every = (1,)
     reading |= setting.external.may_read_atoms(ours)
     changes_box = any(part.box_every for part in integrator.parts)
-    follows = fixes.deform and not changes_box and not levels
+    follows = fixes.tell_of_box and not changes_box and not levels
     deformed_box = host.deformed_box if follows else None
     remaps = deformed_box is not None and bool(host.remap_group)
     if deformed_box is not None:

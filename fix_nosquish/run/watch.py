@@ -15,7 +15,12 @@ _OF_TYPES = "set", "atom/swap", "atom_swap", "bond/react", "sgcmc", "mol/swap"
 
 
 class BoxWatch:
-    """The box of a run in which bodies do not move with it.
+    """The box of a run, as the bodies know it: where they move with it they know the new one.
+
+    Any other change ends the run: at the end of the step where another fix `may_change` the box
+    and bodies cannot follow (with run_style respa, with LAMMPS's own fix python/move, or beside a
+    fix that does not tell them), else where atoms are followed (fix deform with remap none, or a
+    change between runs with reinit no or infile), and where a run with 'pre no' begins.
 
     Args:
         bodies: their cells have the box that they know.
