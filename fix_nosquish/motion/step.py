@@ -199,7 +199,9 @@ def set_velocities(layout: Layout, atom_v: F2):
 
 # ---------------------------------------------------------------- from a splitting to its loops
 
-GATHERS, KEEPS = 1, 2  # force and torque; and puts them to the bodies' state
+# what `advance` does with force and torque that it gathers, besides using them: nothing, or it puts
+# them to the bodies' state
+DROPS, KEEPS = 1, 2
 
 
 class Operation(NamedTuple):
@@ -403,7 +405,7 @@ def _make_advance(parts, owner, numbers, rows):
 
         It ends the last step, if `ends`, and begins this one, if `begins`: a whole step can be one
         pass.  If it gathers, force and torque of bodies that are whole here are those of their
-        atoms; they go no further, unless it KEEPS them.  It does so to the bodies of one part: ALL,
+        atoms, which it DROPS or KEEPS.  It does so to the bodies of one part: ALL,
         WHOLE here or DIVIDED between ranks; if to these two, in this order.
 
         Returns:

@@ -108,7 +108,8 @@ class Box : public Part {
     return "WARNING: " + problem(fix, text.str());
   }
 
-  // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so.
+  // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so. Ends the run if its rates
+  // are others than when the run began, from which bodies that cross a face get their velocities.
 
   bool streams() const
   {

@@ -47,7 +47,7 @@ from ..motion.block import (
     four,
 )
 from ..motion.frames import rotation_matrix, to_body, to_space
-from ..motion.step import GATHERS, KEEPS
+from ..motion.step import DROPS, KEEPS
 from ..ranks.sharing import ADD, combine, give
 from .integrator import Integrator
 
@@ -187,7 +187,7 @@ class Passes:
         torques = [extended.add_torques.bind_to(cells)] if spin else []
         pushes = self._pushes()
         gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
-        how = KEEPS if self._conditions.half_step else GATHERS
+        how = KEEPS if self._conditions.half_step else DROPS
         if torques or pushes:
             return gather, [*gather, *prepares, self._advance()]
         if not several:
