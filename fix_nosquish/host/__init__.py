@@ -1,1 +1,1 @@
-"""What surrounds an integrator: LAMMPS, the words of the fix line, and who calls it."""
+"""The surroundings of an integrator: LAMMPS, the fix line, and the host that calls its hooks."""

@@ -1,4 +1,4 @@
-"""The words of the fix line, checked: GROUP BODYSTYLE [args] [keyword value ...]."""
+"""Parsing and checks of the fix line: GROUP BODYSTYLE [args] [keyword value ...]."""
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -13,16 +13,16 @@ from . import rigid_fixes
 
 
 class Line(NamedTuple):
-    """A fix line as its user wrote it, native or in the quotes of fix python/move.
+    """A fix line as the user wrote it, as a fix style or in the quotes of fix python/move.
 
     Attributes:
-        name: of the integrator: nosquish/nve, or NVE.
-        text: the line from there on.
-        words: the group's ID, the body style and all that follows.
-        prefix: what stands before the text.
-        before: how many of LAMMPS's arguments stand before the body style; None in quotes.
-        replaces: the name of LAMMPS's rigid fix whose words these are, without /small and the like;
-            None if they are ours.
+        name: name of the integrator: nosquish/nve, or NVE.
+        text: the line from this name on.
+        words: the group ID, the body style and everything after it.
+        prefix: the text before `text`.
+        before: number of LAMMPS's arguments before the body style; None in quotes.
+        replaces: name of LAMMPS's rigid fix whose arguments these are, without /small and other
+            suffixes; None for this package's own arguments.
     """
 
     name: str
@@ -34,33 +34,33 @@ class Line(NamedTuple):
 
     @classmethod
     def quoted(cls, text: str, prefix: str = "fix_nosquish.") -> "Line":
-        """The words of fix python/move from the class on: NVE water molecule ...
+        """Parse the quoted text of fix python/move from the class on: NVE water molecule ...
 
         Args:
-            prefix: the class's module, with a point.
+            prefix: module of the class, with a trailing dot.
         """
         name, *words = text.split()
         return cls(name, text, tuple(words), prefix)
 
     @classmethod
     def native(cls, fix_id: str, group: str, style: str, words: Iterable[str]) -> "Line":
-        """LAMMPS's words: fix ID GROUP STYLE WORDS ..."""
+        """Parse the arguments of a fix style: fix ID GROUP STYLE WORDS ..."""
         text = " ".join((style, *words))
         before, replaces = f"fix {fix_id} {group} ", rigid_fixes.plain(style)
         return cls(style, text, (group, *words), before, 3, replaces)
 
     def naming(self, text: str) -> str:
-        """A message, whose integrators are fix nosquish/nve and its kin, as this line names them:
-        LAMMPS's own fix python/move comes without these styles."""
+        """Adapt a message that names fix nosquish/nve and the like to this line: LAMMPS's own fix
+        python/move comes without these styles."""
         if self.before is not None:
             return text
         return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
 
     def wrong(self, what: str, word: int | None = None) -> RunError:
-        """An error that shows the line.
+        """Return an error that shows the line.
 
         Args:
-            what: the message.  word: which one of `words` is wrong, None for none of them.
+            what: the message.  word: index of the wrong one of `words`, None for none of them.
         """
         said, argument = f'"{self.prefix}{self.text}"', None
         if word is not None and self.before is not None:
@@ -75,11 +75,11 @@ _BODIES = re.compile(r"[1-9]\d*|([1-9]\d*)?\*([1-9]\d*)?")
 
 
 class Switch(NamedTuple):
-    """What keyword force or torque says of some bodies.
+    """Argument of keyword force or torque for a range of bodies.
 
     Attributes:
-        first, last: numbers of bodies, from 1 on; 0 for an open end.
-        on: whether the components x, y and z act.
+        first, last: numbers of the bodies, from 1; 0 for an open end.
+        on: whether the components x, y and z are active.
     """
 
     first: int
@@ -88,19 +88,20 @@ class Switch(NamedTuple):
 
 
 class Output(NamedTuple):
-    """Keyword output: the file, or v_NAME, that gets the table of bodies every so many steps."""
+    """Argument of keyword output: file, or v_NAME, for the table of bodies, and its interval in
+    steps."""
 
     steps: int
     file: str
 
 
 class Moments(NamedTuple):
-    """Keyword moments.
+    """Argument of keyword moments.
 
     Attributes:
-        how: "equal": bodies get this principal moment; "scale": those of their atoms, times this;
-            "step": those that the time step needs.
-        word: a word for a number, "" for step.
+        how: "equal": this principal moment for all axes; "scale": the moments of the atoms, times
+            this factor; "step": moments that the time step needs.
+        word: the number as a word, "" for step.
     """
 
     how: str
@@ -108,7 +109,7 @@ class Moments(NamedTuple):
 
 
 def is_number(word: str) -> bool:
-    """Whether a word is a finite number."""
+    """Return whether a word is a finite number."""
     try:
         return isfinite(float(word))
     except ValueError:
@@ -118,23 +119,24 @@ def is_number(word: str) -> bool:
 class _Words:
     """The words of a fix line, read one after the other.
 
-    Methods that read take what is expected there, for the message, and raise a RunError.
+    Reading methods take a description of what is expected, for the message of the RunError that
+    they raise.
     """
 
     def __init__(self, line: Line) -> None:
         self.line, self.left = line, list(line.words)
 
     def wrong(self, what: str) -> RunError:
-        """An error about the last word that was taken."""
+        """Return an error about the last word that was read."""
         return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
 
     def take(
         self, expected: str, fits: Callable[[str], object] = bool, but: str = "{} is expected"
     ) -> str:
-        """The next word.
+        """Read the next word.
 
         Args:
-            fits: whether a word can be the one.  but: what the message says of one that cannot.
+            fits: whether a word is acceptable.  but: format of the message for a word that is not.
         """
         if not self.left:
             raise self.line.wrong(f"the fix line ends where {expected} is expected")
@@ -144,16 +146,16 @@ class _Words:
         return word
 
     def one_of(self, expected: str, allowed: tuple[str, ...]) -> str:
-        """The next word, one of several."""
+        """Read the next word, which must be one of several."""
         return self.take(expected, allowed.__contains__)
 
     def choice(self, expected: str, allowed: tuple[str, str] = ("no", "yes")) -> bool:
-        """Which of two words comes next."""
+        """Read one of two words; return whether it is the second one."""
         but = f"{' or '.join(allowed)} is expected, of {{}}"
         return self.take(expected, allowed.__contains__, but) == allowed[1]
 
     def whole(self, expected: str, most: int = 2**63 - 1, why: str = "") -> int:
-        """The next word as a whole number from 1 to `most`. Args: why: of that limit."""
+        """Read a whole number from 1 to `most`. Args: why: the reason for that limit."""
         number = int(self.take(expected, _WHOLE.fullmatch))
         if number > most:
             limit = f"and at most {most}{why}"
@@ -161,23 +163,23 @@ class _Words:
         return number
 
     def number(self, expected: str) -> str:
-        """The next word, which is a number or names a variable."""
+        """Read a word that is a number or the name of a variable."""
         return self.take(expected, lambda word: word[:2] == "v_" or is_number(word))
 
     def numbers(self, expected: str, count: int = 3) -> tuple[str, ...]:
-        """The next words, which are numbers or name variables; `expected` begins with what they
-        are called, in capitals."""
+        """Read words that are numbers or names of variables; `expected` begins with their names, in
+        capitals."""
         names = re.findall("[A-Z]+", expected)[:count]
         return tuple(self.number(f"{name} (of {expected})") for name in names)
 
     def switch(self, expected: str) -> Switch:
-        """A range of bodies, and three times on or off."""
+        """Read a range of bodies, then on or off three times."""
         low, star, high = self.take(expected, _BODIES.fullmatch).partition("*")
         on = tuple(self.choice(expected, ("off", "on")) for _ in "xyz")
         return Switch(int(low or 0), int((high if star else low) or 0), on)
 
     def moments(self, expected: str) -> Moments:
-        """How the bodies' principal moments are chosen."""
+        """Read the choice of the bodies' principal moments."""
         how = self.one_of(expected, ("equal", "scale", "step"))
         return Moments(how, "" if how == "step" else self.number(expected))
 
@@ -186,10 +188,10 @@ class Keyword(NamedTuple):
     """A keyword of the fix line.
 
     Attributes:
-        expected: what is expected behind it, as messages say it.
-        read: a function of the words and of `expected`, which gives the value.
-        within: the dictionary of `Command` in which the value is, "" for a field of its own.
-        repeats: whether it may stand several times; the field has a tuple of values then.
+        expected: what must follow it, as messages say it.
+        read: function of the words and of `expected` that returns the value.
+        within: dictionary of `Command` that holds the value, "" for a separate field.
+        repeats: whether it may be given several times; the field is then a tuple of values.
     """
 
     expected: str
@@ -218,7 +220,7 @@ _integer = partial(_Words.whole, most=_INTEGER)
 
 
 def _one_of(allowed: tuple[str, ...]) -> Keyword:
-    """A keyword behind which one of these words stands."""
+    """Return a keyword that must be followed by one of these words."""
     return Keyword(f"one of {', '.join(allowed)}", partial(_Words.one_of, allowed=allowed))
 
 
@@ -257,7 +259,7 @@ KEYWORDS = {
         _Words.take,
     ),
 }
-# keywords that only some integrators have; where one has other values, they stand behind it
+# keywords that only some integrators have; after a space: the form for other arguments
 OWN_KEYWORDS = {
     "temp": Keyword(f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers),
     "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
@@ -304,7 +306,7 @@ OF_RIGID_FIXES = {
     ),
     "pchain": Keyword(f"the length of the barostat's chain, {_COUNT}", _Words.whole),
 }
-# keywords of other fixes, and of other integrators, and what serves instead
+# keywords of other fixes and of other integrators, and what to use instead
 _NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
 _NPT_OR_NPH = _NPT_NPH.replace("and", "or")
 _ELSEWHERE = {
@@ -354,37 +356,36 @@ _ELSEWHERE = {
 
 @dataclass(frozen=True)
 class Command:
-    """What one fix line asks for.
+    """The settings of one fix line.
 
     Attributes:
         line: the `Line`.
         group: ID of the group whose atoms form bodies.
         style: single, molecule, custom or group, as in LAMMPS's fix rigid.
-        arguments: those of the style: () or (i_NAME or v_NAME,) or the groups' IDs.
+        arguments: arguments of the style: () or (i_NAME or v_NAME,) or IDs of groups.
         mrot: inner rotor steps per time step (m_rot of eq. 2.53).
         order: 321 or 123, the order of the axes in a rotor step, outermost first, with
             I_1 >= I_2 >= I_3.
-        rotor: exact or split, as asked for by this keyword or by mrot or order; None for neither.
-        force, torque: what each of these keywords says, in their order.
-        reinit: whether the bodies are made anew when a run starts.
-        details: whether the log says what a step does.
-        infile: the file with the bodies' properties, None for none.
-        output: the table of bodies, None for none.
-        flexible: ID of the group whose atoms are in no body and move one by one; None for none.
-        mol: ID of the molecule template of which fixes insert bodies, None for none.
-        gravity: ID of the fix gravity that gives the bodies' weight, None for none.
-        temp: (TSTART, TSTOP, TDAMP) or (T,), words for numbers, () for none.
-        steps: those of a trajectory, 0 for none.  mix: a word for a number.
-        thermostat: one of `THERMOSTATS`.  seed: None for none.  tchain: thermostats in a chain.
-        separate: whether translation and rotation have a thermostat each.
-        moments: the principal moments that bodies get, None for those of their atoms.
-        pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), words for numbers.
+        rotor: exact or split, as requested by this keyword or by mrot or order; None for neither.
+        force, torque: `Switch`es of each of these keywords, in their order.
+        reinit: whether the bodies are set up anew at the start of each run.
+        details: whether the log describes the parts of a step.
+        infile: file with properties of the bodies, or None.
+        output: the table of bodies, or None.
+        flexible: ID of the group whose atoms are in no body and move individually, or None.
+        mol: ID of the molecule template of bodies that other fixes insert, or None.
+        gravity: ID of the fix gravity that gives the weight of the bodies, or None.
+        temp: (TSTART, TSTOP, TDAMP) or (T,), numbers as words, or ().
+        steps: length of a trajectory, 0 for none.  mix: a number as a word.
+        thermostat: one of `THERMOSTATS`.  seed: or None.  tchain: length of the thermostat chain.
+        separate: whether translation and rotation have separate thermostats.
+        moments: choice of the principal moments, None for those of the atoms.
+        pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), numbers as words.
         couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
-        every: steps between two changes of the box, None for a part of PDAMP.
-        dilate: ID of the group of which atoms that are in no body move with the box; None for none
-            such.
-        compressibility: a word for a number, None for the default.
-        own: dictionary from keywords of the class's own to words for numbers.
+        every: steps between two changes of the box, None for a fraction of PDAMP.
+        dilate: ID of the group whose atoms, of those in no body, move with the box, or None.
+        compressibility: a number as a word, None for the default.
+        own: dictionary from additional keywords of the class to numbers as words.
     """
 
     line: Line
@@ -421,12 +422,12 @@ class Command:
 
     @property
     def text(self) -> str:
-        """The line from the integrator's name on."""
+        """The line from the name of the integrator on."""
         return self.line.text
 
     def pressure_of(self, part: str) -> tuple[str, ...] | None:
-        """The words (PSTART, PSTOP, PDAMP) for an axis or a tilt, x, y, z, xy, xz or yz; None if it
-        does not change."""
+        """Return (PSTART, PSTOP, PDAMP), as words, for an axis or a tilt (x, y, z, xy, xz or yz);
+        None if it does not change."""
         given = self.pressure
         if part not in TILTS:
             return next(
@@ -436,23 +437,23 @@ class Command:
         return given.get(part, tilted)
 
     def refuse_unless_positive(self, name: str, value: float) -> None:
-        """Raise an error for a number, of this name on the fix line, that is not above zero."""
+        """Raise an error unless a number, of this name on the fix line, is above zero."""
         if not value > 0:
             raise self.wrong(f"{name} is {value:g}, and must be above zero")
 
     def wrong(self, what: str) -> RunError:
-        """The error for words that cannot be for these bodies, or for this integrator."""
+        """Return an error about arguments that these bodies or this integrator cannot have."""
         return self.line.wrong(what)
 
     @classmethod
     def parse(
         cls, line: Line, keywords: Iterable[str] = (), own: Mapping[str, str] = MappingProxyType({})
     ) -> "Command":
-        """Read a `Line`.
+        """Parse a `Line`.
 
         Args:
             line: the line.  keywords: which of `OWN_KEYWORDS` the class has.
-            own: as `Integrator.extra_keywords`.
+            own: as `Declaration.own_keywords`.
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
@@ -494,7 +495,7 @@ class Command:
 
 
 def _body_style(words: _Words) -> tuple[str, tuple[str, ...]]:
-    """The body style, and its arguments.
+    """Return the body style and its arguments.
 
     Raises:
         RunError: naming the word.
@@ -518,10 +519,10 @@ def _body_style(words: _Words) -> tuple[str, tuple[str, ...]]:
 
 
 def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keyword]) -> None:
-    """Read a keyword and what follows it into `values`.
+    """Read a keyword and its arguments into `values`.
 
     Args:
-        values: of the fields of `Command`, by name.  known: the keywords that the class has.
+        values: values by field of `Command`.  known: the keywords that the class has.
     Raises:
         RunError: naming the word.
     """
@@ -538,17 +539,17 @@ def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keywor
 
 
 def _refuse(line: Line, *problems: tuple[object, str]) -> None:
-    """Raise an error with the message of the first of these problems that there is."""
+    """Raise an error with the message of the first problem that is true."""
     for there, message in problems:
         if there:
             raise line.wrong(message)
 
 
 def _refuse_missing(line: Line, given: Collection[str], expected: Mapping[str, str]) -> None:
-    """Raise an error that names all keywords which are missing.
+    """Raise an error that names all missing keywords.
 
     Args:
-        expected: dictionary from keywords to what stands behind them.
+        expected: dictionary from keywords to what must follow them.
     """
     *others, last = missing = [name for name in expected if name not in given] or [""]
     if others:
@@ -559,9 +560,9 @@ def _refuse_missing(line: Line, given: Collection[str], expected: Mapping[str, s
 
 
 def _check_pressure(line: Line, values: dict[str, Any]) -> None:
-    """Raise an error if the words of a barostat do not go together."""
+    """Raise an error if the arguments of a barostat contradict each other."""
     given, couple = set(values.get("pressure", ())), values.get("couple", "none")
-    # in fix rigid an axis behind aniso has words of its own
+    # in fix rigid an axis after aniso has its own arguments
     wholes = given & ({"iso", "tri"} if line.replaces else {"iso", "aniso", "tri"})
     several = len(wholes) > (not given & set("xyz"))
     _refuse(
@@ -596,7 +597,7 @@ def _check_pressure(line: Line, values: dict[str, Any]) -> None:
 
 
 def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) -> None:
-    """Raise an error if the words of a thermostat do not go together."""
+    """Raise an error if the arguments of a thermostat contradict each other."""
     thermostat = values.get("thermostat", THERMOSTATS[0])
     chains = thermostat == "nh"
     rescales = has_barostat and values.get("barostat", BAROSTATS[0]) == "crescale"

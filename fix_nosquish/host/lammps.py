@@ -1,7 +1,7 @@
 """Access to LAMMPS: its arrays, box, units and variables.
 
 The C library interface of the LAMMPS in this process is called by ctypes.  The Python module
-`lammps` is not needed, which may be missing or of another version.
+`lammps` is not needed: it may be missing or of another version.
 """
 
 import ctypes
@@ -19,7 +19,7 @@ from ..motion.periodic import invert
 from ..structs import CELLS
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
-_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of its variables
+_EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of LAMMPS's variables
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
 
@@ -27,10 +27,10 @@ class _Kind(NamedTuple):
     """A kind of atoms that this fix cannot move correctly.
 
     Attributes:
-        array: a per-atom array of the atom styles that have such atoms, of this dtype, (natoms,) or
+        array: per-atom array of the atom styles that have such atoms, of this dtype, (natoms,) or
             (natoms, columns).
-        what: the message: what they are, and what this fix does not move.
-        which: from the array to which atoms are of this kind; None for all.
+        what: the message: what they are, and what this fix does not advance.
+        which: function from the array to a mask of these atoms; None for all.
     """
 
     array: str
@@ -70,8 +70,8 @@ _UNKNOWN = (
         np.int32,
     ),
 )
-# atom styles with extrapolated velocities `vest`, which only special integrators update: another
-# array of each (tdpd has none; the forces of mdpd, which has rho, depend on v)
+# atom styles with extrapolated velocities `vest`, which only special integrators update, and
+# another array of each style (tdpd has none; the forces of mdpd, which has rho, depend on v)
 _EXTRAPOLATED = {
     "esph": f"an SPH particle, whose density and energy {_MISSING}; use fix rigid/meso",
     "edpd_temp": f"a DPD particle of atom style edpd, whose temperature {_MISSING}",
@@ -79,12 +79,12 @@ _EXTRAPOLATED = {
 }
 _TDPD = f"a DPD particle of atom style tdpd, whose concentrations {_MISSING}"
 
-# the kinds of the cells for LAMMPS's arrays
+# the names of the cells for LAMMPS's arrays
 ARRAYS = {name: getattr(compiled, kind) for name, kind in CELLS.items()}
 
 
 def pointer(ptr: Any) -> int:
-    """The address of LAMMPS, from the argument of a class: a capsule, an integer or c_void_p."""
+    """The address of LAMMPS from the argument of a class: a capsule, an integer or c_void_p."""
     if isinstance(ptr, int):
         return ptr
     if isinstance(ptr, c_void_p):
@@ -119,7 +119,7 @@ def _library() -> ctypes.CDLL:
 
 
 class Box:
-    """The simulation box; loops have `periodic.PeriodicBox`.
+    """The simulation box; compiled loops use `periodic.PeriodicBox`.
 
     Attributes:
         h, inverse: (3, 3) upper triangular matrix whose columns are the box vectors; its inverse.
@@ -142,7 +142,8 @@ class Box:
         self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
     def lattice(self, vectors: np.ndarray) -> np.ndarray:
-        """The integer coordinates of the nearest lattice vectors (0 if not periodic), (n, 3)."""
+        """Return the integer coordinates, (n, 3), of the nearest lattice vectors (0 if not
+        periodic)."""
         return np.rint(vectors @ self.inverse.T) * self.periodic
 
 
@@ -152,14 +153,14 @@ class Lammps:
     Args:
         ptr: see `pointer`.
     Raises:
-        RunError: on all ranks, for a LAMMPS without a box, with 32-bit step numbers, or too old.
+        RunError: on all ranks, if LAMMPS has no box, has 32-bit step numbers, or is too old.
     Attributes:
         handle: its address.
-        step_cell: the cell of the step number, for loops.
+        step_cell: cell of the step number, for loops.
         ftm2v, mvv2e, boltz, nktv2p: unit conversions, and Boltzmann's constant.
         units: the unit style.
-        tagint: the type of atom IDs.
-        table, cells: the cells for LAMMPS's arrays, `ARRAYS`; a `Host` sets them.
+        tagint: type of atom IDs.
+        table, cells: the cells for LAMMPS's arrays, `ARRAYS`; set by a `Host`.
     """
 
     def __init__(self, ptr: Any) -> None:
@@ -202,11 +203,12 @@ class Lammps:
         return ctype.from_address(self._global(name))
 
     def setting(self, name: str) -> int:
-        """An integer of lammps_extract_setting()."""
+        """Return an integer of lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
 
     def has_precision(self, package: str, word: str) -> bool:
-        """Whether an accelerator package was built in this precision: single, mixed or double."""
+        """Return whether an accelerator package was built in this precision: single, mixed or
+        double."""
         return bool(
             self.lib.lammps_config_accelerator(package.encode(), b"precision", word.encode())
         )
@@ -233,7 +235,7 @@ class Lammps:
 
     @property
     def respa_dt(self) -> list[float]:
-        """The time steps of the levels of run_style respa, innermost first; [] without it."""
+        """The time steps of the levels of run_style respa, innermost first; [] without respa."""
         levels = self.lib.lammps_extract_global(self.handle, b"respa_levels")
         count = c_int.from_address(levels).value if levels else 0
         return array(self._global("respa_dt"), (count,), float).tolist() if count else []
@@ -263,7 +265,7 @@ class Lammps:
 
     @property
     def box(self) -> Box:
-        """The present box; the same object if it has not changed."""
+        """The current box; the same object as long as it does not change."""
         now = b"".join(bound.tobytes() for bound in self._bounds)
         if now != self._box_then:
             lo, hi, *tilt, periodic = self._bounds
@@ -274,8 +276,8 @@ class Lammps:
         return self._box
 
     def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
-        """A view of a per-atom array of this rank, (natoms,) or (natoms, columns); None if the atom
-        style does not have it."""
+        """Return a view of a per-atom array of this rank, (natoms,) or (natoms, columns); None if
+        the atom style does not have it."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -288,24 +290,24 @@ class Lammps:
         return array(address, shape, dtype)
 
     def _each_has(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray:
-        """As `per_atom`, for an array that all atom styles have."""
+        """Same as `per_atom`, for an array that all atom styles have."""
         values = self.per_atom(name, dtype, columns)
         assert values is not None, name
         return values
 
     @property
     def x(self) -> np.ndarray:
-        """The atoms' positions, (natoms, 3)."""
+        """Positions of the atoms, (natoms, 3)."""
         return self._each_has("x", columns=3)
 
     @property
     def v(self) -> np.ndarray:
-        """The atoms' velocities, (natoms, 3)."""
+        """Velocities of the atoms, (natoms, 3)."""
         return self._each_has("v", columns=3)
 
     @property
     def types(self) -> np.ndarray:
-        """The atoms' types, from 1 on, (natoms,)."""
+        """Types of the atoms, from 1, (natoms,)."""
         return self._each_has("type", np.int32)
 
     @property
@@ -321,17 +323,17 @@ class Lammps:
 
     @property
     def type_masses(self) -> np.ndarray:
-        """Mass of each atom type, from 1 on, for atom styles without per-atom masses."""
+        """Mass of each atom type, from 1, for atom styles without per-atom masses."""
         address = self.lib.lammps_extract_atom(self.handle, b"mass")
         return array(address, (self.setting("ntypes") + 1,), float)
 
     @property
     def groups(self) -> np.ndarray:
-        """The bits of the groups of each atom, (natoms,)."""
+        """Group bits of each atom, (natoms,)."""
         return self._each_has("mask", np.uint32)
 
     def images(self, atoms: np.ndarray) -> np.ndarray:
-        """The image flags of these atoms, (m, 3)."""
+        """Return the image flags of these atoms, (m, 3)."""
         packed = self._each_has("image", self._imageint)[atoms].astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -339,7 +341,7 @@ class Lammps:
         )
 
     def image_difference(self, difference: np.ndarray) -> np.ndarray:
-        """A difference of image flags without the overflow of their counters."""
+        """Return a difference of image flags, corrected for the overflow of their counters."""
         half = 1 << (self._image_bits - 1)
         return (difference + half) % (2 * half) - half
 
@@ -357,13 +359,13 @@ class Lammps:
         return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
 
     def unknown(self, shapes: np.ndarray | None) -> np.ndarray | None:
-        """Which atoms this fix cannot move correctly.
+        """Return which atoms this fix cannot move correctly.
 
         Args:
             shapes: see `hosts.Host.shapes`.
         Returns:
-            (natoms,) the message for each atom (see `_Kind.what`), '' if there is none; None if the
-            atom style has no such atoms.
+            (natoms,) the message for each atom (see `_Kind.what`), '' for atoms that can be moved;
+            None if the atom style has no such atoms.
         """
         found = {}
         for kind in (*(_WITH_SHAPE if shapes is None else ()), *_UNKNOWN):
@@ -380,11 +382,11 @@ class Lammps:
         return np.select(which, list(found), "") if found else None
 
     def has(self, category: str, name: str) -> bool:
-        """Whether a group, variable, fix … of this ID is defined."""
+        """Return whether a group, variable, fix … of this ID is defined."""
         return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
 
     def group_bit(self, name: str) -> int:
-        """The bit of a group in the mask of atoms.
+        """Return the bit of a group in the mask of atoms.
 
         Raises:
             RunError: on all ranks, if there is no such group, or if it is dynamic.
@@ -402,14 +404,14 @@ class Lammps:
         raise RunError(f"there is no group {name}", everywhere=True)
 
     def variable(self, name: str, group: str) -> np.ndarray:
-        """The values of an atom-style variable, (natoms,); collective."""
+        """Return the values of an atom-style variable, (natoms,); collective."""
         address = self._evaluate(name, group, _ATOM_STYLE)
         values = array(address, (self._natoms.value,), float).copy()
         self.lib.lammps_free(address)
         return values
 
     def text(self, word: str) -> str:
-        """A word of the fix line; for v_NAME, the value of the variable; collective.
+        """Return a word of the fix line, or for v_NAME the value of the variable; collective.
 
         Raises:
             RunError: if there is no string-style variable of this name.
@@ -429,7 +431,8 @@ class Lammps:
             ) from None
 
     def number(self, word: str) -> float:
-        """A word of the fix line as a number; for v_NAME, the value of the variable; collective.
+        """Return a word of the fix line as a number, or for v_NAME the value of the variable;
+        collective.
 
         Raises:
             RunError: if there is no equal-style variable of this name.
@@ -439,18 +442,18 @@ class Lammps:
         return self._taken(self._evaluate(self._named(word), None, _EQUAL))
 
     def scalar_of_fix(self, fix_id: str) -> float:
-        """The present value f_ID of a fix; collective."""
+        """Return the current value f_ID of a fix; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
         return self._taken(place)
 
     def _taken(self, place: int) -> float:
-        """A number that LAMMPS has allocated, which is freed."""
+        """Return a number that LAMMPS has allocated, and free it."""
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value
 
     def _named(self, word: str) -> str:
-        """The name in v_NAME, if there is such a variable."""
+        """Return the name in v_NAME, if there is such a variable."""
         name = word[2:]
         refuse(
             not self.has("variable", name),
@@ -459,10 +462,10 @@ class Lammps:
         return name
 
     def _evaluate(self, name: str, group: str | None, style: int) -> int:
-        """The address of a variable's value; collective."""
+        """Return the address of a variable's value; collective."""
         style_of = getattr(
             self.lib, "lammps_extract_variable_datatype", None
-        )  # LAMMPS has it since 2022
+        )  # in LAMMPS since 2022
         if style_of and style_of(c_void_p(self.handle), name.encode()) != style:
             kind = _STYLES[style]
             raise RunError(
@@ -474,7 +477,7 @@ class Lammps:
             self.handle, name.encode(), group and group.encode()
         )
         if not address:
-            # that of an atom may fail on one rank only
+            # an atom-style variable may fail on one rank only
             everywhere = style != _ATOM_STYLE
             raise RunError(f"variable {name} cannot be evaluated", everywhere=everywhere)
         return address
@@ -485,12 +488,12 @@ class Lammps:
         return self.lib.lammps_get_mpi_comm(self.handle)
 
     def print(self, text: str) -> None:
-        """Write lines to screen and log by LAMMPS's command print; collective."""
+        """Write lines to screen and log with LAMMPS's command print; collective."""
         for line in text.splitlines():
             self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
 
     def call_in_post_force(self, fix: str, function: Callable[[], None]) -> Any:
-        """Have a `fix external ... pf/callback` call a function when the forces are known."""
+        """Have a `fix external ... pf/callback` call a function as soon as the forces are known."""
         prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
 
         def call(_: int, step: int, natoms: int, tags: int, x: int, forces: int) -> None:
@@ -509,7 +512,7 @@ class Lammps:
         return callback
 
     def set_external_virial(self, fix: str, virial: np.ndarray) -> None:
-        """Set the virial of a fix external (xx yy zz xy xz yz), of all ranks."""
+        """Set the virial of a fix external (xx yy zz xy xz yz), summed over all ranks."""
         self.lib.lammps_fix_external_set_virial_global(
             self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
         )

@@ -1,7 +1,7 @@
-"""LAMMPS's own fix python/move: it knows no set-up, degrees of freedom, virial or migration.
+"""LAMMPS's own fix python/move, which has no set-up, degrees of freedom, virial or migration.
 
-LAMMPS has it where it was built with its package PYTHON.  It calls a `Driver`, which calls the
-hooks of a fix as the plugin would.
+It is available if LAMMPS was built with its package PYTHON.  It calls a `Driver`, which calls the
+hooks of a fix in the same way as the plugin.
 """
 
 import ctypes
@@ -24,9 +24,9 @@ from ..structs import When
 from .hosts import Host, Phase
 from .lammps import Lammps
 
-EXTERNAL = "nosquish_virial"  # the fix external that carries the virial to such a LAMMPS
-_callbacks: dict[int, Any] = {}  # LAMMPS's address -> what its fix external calls
-# what this host lacks, and what to use instead
+EXTERNAL = "nosquish_virial"  # ID of the fix external that passes the virial to such a LAMMPS
+_callbacks: dict[int, Any] = {}  # LAMMPS's address -> callback of its fix external
+# features that this host lacks, and what to use instead
 MISSING = {
     "trajectories": "LAMMPS's own fix python/move gives no potential energy in the steps that need "
     "it, and computes no forces again: install this package where its plugin can be used, or use "
@@ -60,7 +60,7 @@ class OwnFix(Host):
     def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
         self.lammps, self.communicator = lammps, communicator
         machine_code.load(communicator, mpi.__name__)
-        # it does not tell how many worlds come before: the universe's rank of this one's first rank
+        # the world's number is not known: use the universe's rank of this world's first rank
         self.world = communicator.share(lammps.setting("universe_rank"))
         self._problem: BaseException | None = None
         self._builds = 0.0
@@ -71,7 +71,7 @@ class OwnFix(Host):
         raise RunError(MISSING[feature], everywhere=True)
 
     def now(self) -> int:
-        # LAMMPS may ask for all of it in each step; at the start it has counted the first step
+        # LAMMPS may read everything in any step; at the start the first step is counted already
         return self.facts | When.SHOWN | (When.TABLE if self.phase != Phase.NEW else 0)
 
     def previous(self, bodies: Any, lammps: Any) -> Any:
@@ -86,7 +86,7 @@ class OwnFix(Host):
         )
 
     def log(self, text: str) -> None:
-        """Write lines to screen and, outside of runs, to LAMMPS's log; collective."""
+        """Write lines to the screen and, between runs, to LAMMPS's log; collective."""
         if not self.lammps.running:
             self.lammps.print(text)
         elif self.communicator.rank == 0:
@@ -102,10 +102,10 @@ class OwnFix(Host):
         )
 
     def carry(self, lammps: Any, bodies: Any) -> None:
-        """This LAMMPS takes nothing along with its atoms, so other ranks are asked."""
+        """Keep the bodies: this LAMMPS migrates no data with atoms, so other ranks are asked."""
         self._bodies: Any = bodies
         self.noted()
-        self._origins = np.full(len(self._tags), IN_NO_BODY)  # they were in other ones
+        self._origins = np.full(len(self._tags), IN_NO_BODY)  # of other bodies before
 
     def point(self) -> None:
         lammps = self.lammps
@@ -129,7 +129,7 @@ class OwnFix(Host):
         )
 
     def _find_origins(self) -> None:
-        """Find where each atom was, and what is known of those that came; collective."""
+        """Find the origin of each atom, and the data of atoms that arrived; collective."""
         communicator, tags = self.communicator, self.lammps.tags.astype(np.int64)
         before = find(self._tags, tags)
         stayed = before >= 0
@@ -156,14 +156,15 @@ class OwnFix(Host):
         self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:
-        """Whether LAMMPS has re-neighbored since this was last asked."""
+        """Return whether LAMMPS has re-neighbored since the last call."""
         if self._problem:
             raise self._problem
         before, self._builds = self._builds, self.lammps.neighbor_builds
         return self._builds != before
 
     def count_virial(self, virial: Callable[[], np.ndarray]) -> None:
-        """If there is a fix external for it, have it take the virial whenever forces are new."""
+        """If there is a fix external for the virial, have it read the virial whenever forces are
+        new."""
         self._builds = 0.0  # LAMMPS counts from zero in each run
         if not self.lammps.has("fix", EXTERNAL):
             return
@@ -174,15 +175,15 @@ class OwnFix(Host):
                 found = method()
                 self.lammps.set_external_virial(EXTERNAL, found() if found else np.zeros(6))
             except BaseException as error:
-                self._problem = error  # LAMMPS cannot be told from here: the next hook raises it
+                self._problem = error  # cannot be raised from a callback: the next hook raises it
 
         _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
 
     def end(self, error: BaseException) -> None:
-        """Print the message once and end the run on all ranks; on one rank, return."""
+        """Print the message once and end the run on all ranks; with a single rank, return."""
         if getattr(error, "printed", False):
             return
-        # not kept here: it holds all that it came through, this object among it
+        # not stored: its traceback refers to this object, too
         vars(error)["printed"] = True
         text, everywhere = str(error), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
@@ -205,10 +206,10 @@ _drivers: "weakref.WeakSet[Driver]" = weakref.WeakSet()
 
 
 def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone) -> Any:
-    """What LAMMPS calls: the fix itself, where the plugin does, else its `Driver`.
+    """Return the object that LAMMPS calls: the fix itself with the plugin, else its `Driver`.
 
     Args:
-        make: makes the `fix.Fix`.
+        make: creates the `fix.Fix`.
     """
     if "fix_nosquish.plugin.bridge" in sys.modules:
         return make()
@@ -216,10 +217,10 @@ def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator |
 
 
 class Driver:
-    """What LAMMPS's own fix python/move calls; an exception in it ends the run on all ranks.
+    """Object that LAMMPS's own fix python/move calls; an exception in it ends the run on all ranks.
 
     Args:
-        make: makes the `fix.Fix`.  host: the `OwnFix`.
+        make: creates the `fix.Fix`.  host: the `OwnFix`.
     """
 
     def __init__(self, make: Callable[[], Any], host: OwnFix) -> None:
@@ -227,7 +228,7 @@ class Driver:
         self.fix = self._guarded(make)
         self.fix.host = host
         self._guarded(self.fix.define_bodies)
-        # it takes commands, and so text for its log, only between runs
+        # LAMMPS accepts commands, and therefore text for its log, only between runs
         self._guarded(self.fix.report_definition)
         _drivers.add(self)
 
@@ -283,7 +284,8 @@ class Driver:
             self.fix.post_neighbor()
 
     def _virial_of_all(self) -> np.ndarray:
-        """The virial of all bodies on all ranks, between LAMMPS's forces and final_integrate."""
+        """The virial of all bodies, summed over ranks, after LAMMPS's forces and before
+        final_integrate."""
         virial, handle = np.zeros(6), self._host.lammps.handle
         drivers = [one for one in _drivers if one._host.lammps.handle == handle]
         for driver in sorted(drivers, key=lambda one: one.fix.number):

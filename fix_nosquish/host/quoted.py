@@ -1,14 +1,14 @@
-"""The fix line in quotes: how fix python/move finds a class in a module.
+"""The quoted fix line: how fix python/move finds a class in a module.
 
 For
 
     fix 1 water python/move "fix_nosquish.NVT water molecule temp 295 295 100 seed 9"
 
-LAMMPS's own fix python/move imports the module before the last '.', asks it for an attribute whose
-name is all of the rest, and calls that with its pointer.  It does not know of words after a class.
-So the `__getattr__` of a module with integrators, made by `line_lookup`, accepts a class with
-words.  The plugin's fix python/move splits the line at the first space instead, so numbers may
-have a decimal point there.
+LAMMPS's own fix python/move imports the module before the last '.', gets the attribute whose name
+is the rest of the text, and calls it with its pointer.  It does not support arguments of a class.
+Therefore the `__getattr__` of a module with integrators, created by `line_lookup`, accepts a class
+with arguments.  The plugin's fix python/move splits the line at the first space instead, so numbers
+may have a decimal point there.
 """
 
 import sys
@@ -21,16 +21,16 @@ from ..errors import RunError
 def line_lookup(
     module: str, names: Collection[str], find: Callable[[str], type]
 ) -> Callable[[str], Any]:
-    """The `__getattr__` of a module with integrators.
+    """Return the `__getattr__` of a module with integrators.
 
     Args:
-        module: its name.
-        names: of the classes.
+        module: name of the module.
+        names: names of the classes.
         find: returns the class of a name.
     """
 
     def getattr_of_module(text: str) -> Any:
-        """A function from LAMMPS's pointer to the integrator of a line."""
+        """Return a function from LAMMPS's pointer to the integrator of a line."""
         if text.startswith("__"):
             raise AttributeError(text)
         made = find(_class_name(text, names, module))
@@ -42,7 +42,7 @@ def line_lookup(
 
 
 def _class_name(text: str, known: Collection[str], module: str) -> str:
-    """The first word of a line, if it is a known class.
+    """Return the first word of a line, if it is a known class.
 
     Raises:
         RunError: if it is not, or if the line contains a variable.
@@ -68,7 +68,8 @@ def _class_name(text: str, known: Collection[str], module: str) -> str:
 
 
 class _DecimalPoint:
-    """Refuses to import the words before a decimal point as a module, as LAMMPS's own fix does."""
+    """Import finder that refuses text before a decimal point, which LAMMPS's own fix takes for a
+    module."""
 
     @staticmethod
     def find_spec(name: str, path: object = None, target: object = None) -> None:

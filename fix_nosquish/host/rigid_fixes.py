@@ -1,17 +1,17 @@
 """Keywords of LAMMPS's rigid fixes, which ``lmp -sf nosquish`` replaces, with their meaning there.
 
 The styles are rigid, rigid/nve, rigid/nvt, rigid/npt and rigid/nph, also with the suffixes /small,
-/omp and /nosquish.  The keywords of our integrators are accepted, too.
+/omp and /nosquish.  The keywords of this package's integrators are accepted, too.
 """
 
 from collections.abc import Collection
 from typing import Any
 
-# without thermostat unless by keyword langevin; f_ID is a temperature
+# no thermostat, except with keyword langevin; f_ID is a temperature
 BODIES = "rigid", "rigid/nve"
 # keywords that all of these fixes accept, without effect if there is no barostat
 OF_BOX = "couple", "dilate"
-# the keywords that a fix, by its `plain` name, has besides those of the class
+# additional keywords of a fix, by its `plain` name, besides those of the class
 KEYWORDS = {
     "rigid": ("langevin", *OF_BOX),
     "rigid/nve": ("langevin", *OF_BOX),
@@ -23,7 +23,7 @@ CHAIN, ITERATIONS, ORDER = 10, 1, 3  # defaults of keyword tparam
 
 
 def plain(style: str) -> str | None:
-    """The style without /small, /omp and nosquish; None if it is no rigid fix of LAMMPS."""
+    """Style without /small, /omp and nosquish; None if it is not a rigid fix of LAMMPS."""
     name = style.removeprefix("nosquish/")
     for part in "/nosquish", "/omp", "/small":
         name = name.removesuffix(part)
@@ -31,10 +31,10 @@ def plain(style: str) -> str | None:
 
 
 def integrator(name: str, words: Collection[str]) -> str:
-    """The name of the class that replaces a fix: NVE, NVT, NPT or NPH.
+    """Return the name of the class that replaces a fix: NVE, NVT, NPT or NPH.
 
     Args:
-        name: of the fix, as `plain` gives it.
+        name: name of the fix, as returned by `plain`.
     """
     thermostat = "langevin" in words
     if name in BODIES:
@@ -46,9 +46,9 @@ def give_meaning(values: dict[str, Any], known: Collection[str], words: tuple[st
     """Replace the values of keywords by their meaning in LAMMPS's fix, and add its defaults.
 
     Args:
-        values: from keywords to what was read, in the order of the line; changed in place.
+        values: values by keyword, in the order of the line; changed in place.
         known: the keywords of the class.
-        words: of the line.
+        words: words of the line.
     """
     *temp, seed = values.pop("langevin", (None,))
     length, *_ = values.pop("tparam", (CHAIN,))
@@ -70,12 +70,12 @@ def give_meaning(values: dict[str, Any], known: Collection[str], words: tuple[st
     else:
         _give_axes(values, words)
         values.setdefault("dilate", "all")
-        values.setdefault("every", 1)  # as there
+        values.setdefault("every", 1)  # as in LAMMPS's fix
 
 
 def _give_axes(values: dict[str, Any], words: tuple[str, ...]) -> None:
-    """Read the pressure as LAMMPS does: iso is aniso with couple xyz, axes may follow aniso, and
-    the last one wins."""
+    """Read the pressure as LAMMPS does: iso means aniso with couple xyz, axes may follow aniso, and
+    the last one counts."""
     given, backwards = values.get("pressure", {}), words[::-1]
     if "iso" in given and (len(given) > 1 or "couple" in values):
         if "couple" not in values or backwards.index("iso") < backwards.index("couple"):
