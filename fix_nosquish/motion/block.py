@@ -1,16 +1,16 @@
-"""Bodies in blocks: how the compiled loops lay out a rank's bodies, and take and put them.
+"""Bodies in blocks: the memory layout of a rank's bodies in the compiled loops.
 
 `state` (rows, bodies) holds the bodies; its rows are named below.  Loops work on blocks of up to
-LANES bodies.  `take` copies some rows of a block to an array (rows, LANES), small enough to stay in
-the processor's nearest cache.  Each step of the mathematics is a loop over the lanes, which the
-compiler vectorises.  `put` copies the result back, so a pass reads and writes the state once.  A
-loop always does all lanes; those behind the last body are copies of the first.  So a body's result
-does not depend on its place, and all ranks that hold it get the same bits.
+LANES bodies.  `take` copies some rows of a block to an array (rows, LANES), which fits into the
+L1 cache.  Each operation is a loop over the lanes, which the compiler vectorises.  `put` copies the
+result back, so a pass reads and writes the state once.  A loop always runs over all lanes; unused
+lanes are copies of the first body.  A body's result therefore does not depend on its column, and
+all ranks that share the body compute the same bits.
 
-The atoms of a block come in rounds: first the first atom of each of its bodies, then the second of
-each that has a second, and so on.  Bodies are ordered by their number of atoms, so a round is the
-first lanes of the block.  Bodies of which all atoms are this rank's are in other blocks than those
-that other ranks have atoms of.  A body of more than LANES atoms is a block by itself, in all lanes,
+The atoms of a block come in rounds: the first atom of each body, then the second atom of each body
+that has one, and so on.  Bodies are sorted by their number of atoms, so a round fills the first
+lanes of the block.  Bodies with all atoms on this rank and bodies shared with other ranks are in
+separate blocks.  A body of more than LANES atoms fills a block alone, with a copy in every lane,
 and each of its rounds takes LANES of its atoms.
 """
 
@@ -24,37 +24,35 @@ from ..loops.compiled import F2, F64, I1, I2, LANES, I, inlined, prefetch, recor
 # quaternion, its momentum, force, torque; number of atoms, image flags, home, ID
 MASS, MOMENT, X, V, Q, P, FORCE, TORQUE = 0, 1, 4, 7, 10, 14, 18, 21
 NATOMS, IMAGE, HOME, ID, ROWS = 24, 25, 28, 29, 30
-# rows of a block: a matrix, an atom's vector, and what each loop needs for itself; those of
-# `take_names`: whether a body counts, its ID, which of its velocities and whether its rotation are
-# free to change
+# rows of a block: a matrix, an atom's vector, and scratch rows of each loop; rows of `take_names`:
+# whether sums count the body, its ID, which components of its velocity and whether its rotation
+# are active
 MATRIX, ATOM, OWN = 24, 33, 36
 COUNTED, NUMBER, FREE, BLOCK_ROWS = 45, 46, 47, 51
-LINE = 8  # numbers that the processor fetches at a time
+LINE = 8  # doubles in a cache line
 
-# kinds of bodies: single atoms, linear bodies, those that turn in a plane only, those with three
-# moments
+# kinds of bodies: single atoms, linear bodies, bodies that rotate about z only, asymmetric rotors
 POINT, LINEAR, PLANAR, ROTOR = range(4)
-ALL, WHOLE, DIVIDED = range(3)  # parts of the bodies: all, those with all atoms here, the others
+ALL, WHOLE, DIVIDED = range(3)  # bodies: all, those with all atoms on this rank, the shared ones
 
 
-# Which bodies are of which kind: [0, rotors) have three moments, or one if all turn in a plane;
-# [rotors, turning) are linear; the rest are points. If their moments are chosen (keyword moments),
-# own_moments is the first of three rows: the root of each principal moment over that of the atoms.
-# Else it is 0.
+# The kind of each body: [0, rotors) have three moments, or one if planar; [rotors, turning) are
+# linear; the rest are points. With keyword moments, own_moments is the first of three rows of
+# `state`: the square root of each moment divided by that of the atoms. Otherwise it is 0.
 Kinds = record("Kinds", rotors=I, turning=I, planar=I, own_moments=I)
 
 
 class Layout(NamedTuple):
-    """Where a rank's bodies and their atoms are.
+    """A rank's bodies and their atoms, as the loops use them.
 
     Attributes:
         state: (rows, bodies).  kinds: a record.
-        blocks: (blocks + 1, 3) each block's first body, its first round, and whether all atoms of
-            its bodies are this rank's.
-        rounds: (rounds + 1,) each round's first atom, as an entry of index.
-        index: (atoms,) where LAMMPS has the atom in its arrays, which are (atoms, 3).
-        displace: (4, atoms) its place in the body's principal frame, and its ID.
-        block: (BLOCK_ROWS or more, LANES) to work with.
+        blocks: (blocks + 1, 3) first body and first round of each block, and whether all atoms of
+            its bodies are on this rank.
+        rounds: (rounds + 1,) first atom of each round, as an entry of index.
+        index: (atoms,) index of each atom in LAMMPS's arrays (atoms, 3).
+        displace: (4, atoms) position in the body's principal frame, and atom ID.
+        block: (BLOCK_ROWS or more, LANES) scratch array.
     """
 
     state: F2
@@ -67,10 +65,11 @@ class Layout(NamedTuple):
 
 
 class Images(NamedTuple):
-    """The atoms that LAMMPS has in another periodic image than their body.
+    """The atoms that LAMMPS stores in another periodic image than their body.
 
     Attributes:
-        away, shift: entries of index, and the vector (3,) from where the body has the atom.
+        away: (k,) entries of `Layout.index`.
+        shift: (k, 3) LAMMPS's position minus the position that follows from the body.
     """
 
     away: I1
@@ -79,7 +78,7 @@ class Images(NamedTuple):
 
 @inlined
 def at(i):
-    """An index that is not negative: numba need not look whether to count from the end."""
+    """An index known to be non-negative: numba then omits the test for negative indices."""
     return np.uint64(i)
 
 
@@ -93,7 +92,7 @@ def kind_of(layout, body):
 
 @inlined
 def fetch_ahead(layout, k, row, until, atoms):
-    """Have the processor fetch what a pass needs of block k: LAMMPS's forces drove it out."""
+    """Prefetch the data of block k: LAMMPS's force computation has evicted it from the cache."""
     blocks, rounds = layout.blocks, layout.rounds
     if k < blocks.shape[0] - 1:
         for b in range(blocks[k, 0], blocks[k + 1, 0], LINE):
@@ -109,7 +108,7 @@ def fetch_ahead(layout, k, row, until, atoms):
 
 @inlined
 def take(layout, k, row, until, to):
-    """Copy rows of block k to those from `to` on; lanes behind the last body repeat the first."""
+    """Copy rows [row, until) of block k to rows from `to` on; unused lanes repeat the first."""
     block, begin, end = layout.block, layout.blocks[k, 0], layout.blocks[k + 1, 0]
     for r in range(until - row):
         for b in range(end - begin):
@@ -120,11 +119,12 @@ def take(layout, k, row, until, to):
 
 @inlined
 def take_names(layout, k, rank, mask):
-    """Have the bodies' IDs in row NUMBER, and in row COUNTED what sums over all bodies on all ranks
-    multiply by: 1.0 where a body counts, 0.0 for other ranks' and for the lanes behind the last.
+    """Set the rows COUNTED, NUMBER and FREE of a block.
 
-    Rows FREE have 1.0 for each component of the velocity that a force changes, and for a rotation
-    that any torque changes, else 0.0; mask is as in `hold`.
+    NUMBER is the body's ID.  COUNTED is the weight of the body in sums over all ranks: 1.0 on the
+    rank that counts it, 0.0 on other ranks and in unused lanes.  FREE is 1.0 for each active
+    velocity component, and for a rotation with all torque components active, else 0.0; for the
+    mask see `hold`.
     """
     block, bodies = layout.block, layout.blocks[k + 1, 0] - layout.blocks[k, 0]
     take(layout, k, HOME, ID + 1, COUNTED)
@@ -138,7 +138,7 @@ def take_names(layout, k, rank, mask):
 
 @inlined
 def _acting(layout, k, b, mask):
-    """What of force and torque moves the body in lane b of block k: six numbers, 1.0 or 0.0."""
+    """Mask of the active force and torque components of lane b: six numbers, 1.0 or 0.0."""
     last = layout.blocks[k + 1, 0] - 1
     column = min(layout.blocks[k, 0] + b, last) if mask.shape[1] > 1 else 0
     return (
@@ -149,9 +149,9 @@ def _acting(layout, k, b, mask):
 
 @inlined
 def hold(layout, k, mask):
-    """Leave in block k only those components of force and torque that move the bodies.
+    """Set the inactive components of force and torque to zero in block k.
 
-    The mask of these, 1.0 or 0.0, is (6, bodies), or (6, 1) for all alike, or (6, 0) if all do.
+    The mask, 1.0 or 0.0, is (6, bodies); (6, 1) for all bodies alike; (6, 0) if all are active.
     """
     first, last = layout.blocks[k, 0], layout.blocks[k + 1, 0] - 1
     for row in range(mask.shape[0] if mask.shape[1] else 0):  # a short loop: most runs skip it
@@ -161,7 +161,7 @@ def hold(layout, k, mask):
 
 @inlined
 def put(layout, k, row, until, from_row):
-    """Copy rows of block k back, from those from `from_row` on."""
+    """Copy the rows from `from_row` on back to rows [row, until) of `state`."""
     begin, end = layout.blocks[k, 0], layout.blocks[k + 1, 0]
     for r in range(until - row):
         for b in range(end - begin):
@@ -188,6 +188,6 @@ def nine(block, row, b):
 
 @inlined
 def write(block, row, b, values):
-    """Write numbers to the rows of lane b from this one on."""
+    """Write numbers to lane b of consecutive rows, beginning with this one."""
     for k in range(len(values)):
         block[row + k, b] = values[k]

@@ -1,10 +1,10 @@
-"""The free rotor, exact: the motion of a body without torque, for a time of any length.
+"""The exact free rotor: torque-free rotation of a rigid body over a time of any length.
 
-As Jacobi found it, the angular momentum in the principal frame is made of elliptic functions, and
-the orientation follows from one elliptic integral (van Zon and Schofield, J. Comput. Phys. 225,
-145, 2007; Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30, 2084, 2008).  Here both
-are counted from the middle M of the motion, half its time h away from each end.  Then the phase
-of the elliptic functions is not needed, and body and principal axes have no special cases.
+By Jacobi's solution the angular momentum in the principal frame is given by elliptic functions, and
+the orientation by one elliptic integral (van Zon and Schofield, J. Comput. Phys. 225, 145, 2007;
+Celledoni, Fasso, Safstrom and Zanna, SIAM J. Sci. Comput. 30, 2084, 2008).  Here both are expressed
+about the midpoint M of the time interval 2 h.  The phase of the elliptic functions is then not
+needed, and rotation about a principal axis is no special case.
 
 With a_1 = 1/I_3 - 1/I_2, a_2 = 1/I_3 - 1/I_1, a_3 = 1/I_2 - 1/I_1, none of them negative,
 
@@ -12,23 +12,23 @@ With a_1 = 1/I_3 - 1/I_2, a_2 = 1/I_3 - 1/I_1, a_3 = 1/I_2 - 1/I_1, none of them
     Y = a_2 L_1^2 + a_1 L_2^2      B = a_3 Y      N = X Y / L^2
 
 are constants of the motion (d / |L| = (2 T - L^2 / I_2) / |L|, with the energy T, is called c), and
-for A > B, with the modulus k^2 = B / A and u = sqrt(A) h (else A and B change places),
+for A > B, with the modulus k^2 = B / A and u = sqrt(A) h (otherwise A and B are exchanged),
 
     S = sn(u) / sqrt(A)    C = cn(u) = sqrt(1 - A S^2)    D = dn(u) = sqrt(1 - B S^2)
-    J = integral from 0 to h of S^2 / (1 - N S^2), one of the third kind
+    J = integral from 0 to h of S^2 / (1 - N S^2), of the third kind
     psi = 2 T h / |L| + c N J
 
-M is the angular momentum after h by the addition theorem of the elliptic functions, and both q and
-p are multiplied from the right by the unit quaternion
+M, the angular momentum after the time h, follows from the addition theorem of the elliptic
+functions.  Both q and p are multiplied from the right by the unit quaternion
 
     r_0 = cos(psi) sqrt(E / F)             E = 1 - N S^2,   F = 1 - a_1 a_3 M_2^2 S^2
     r_1 = M_1 (G - a_3 S H) C              G = C D sin(psi) - c S cos(psi),  H = |L| E cos(psi)
     r_2 = M_2 G C D                        r_1 to r_3 all divided by |L| C D sqrt(E F)
     r_3 = M_3 (G + a_1 S H) D
 
-Equal moments make a_1 or a_3 zero, and all of this elementary: a symmetric top.  Where A h^2 and
-B h^2 are small, S and J are power series, for all bodies of a block at once.  Else the motion has
-several such parts, and before them whole periods of the angular momentum.
+For a symmetric top a_1 or a_3 is zero and all functions are elementary.  Where A h^2 and B h^2 are
+small, S and J are computed by power series, for all bodies of a block at once.  Otherwise whole
+periods of the angular momentum are done first, and the rest is divided into parts that are small.
 """
 
 from math import ceil, cos, factorial, floor, pi, sin, sqrt
@@ -38,13 +38,13 @@ from .block import LANES, MOMENT, OWN, P, Q, four, three, write
 from .frames import angular_momentum
 from .rotor import s_times, series, turn
 
-LITTLE = 1 / 32  # for (A + B) h^2 up to this the power series are exact
-SMALL = 0.5  # and for psi up to this those of sine and cosine; see `rotor.SMALL`
-PARTS = 8  # in more of them the whole periods pay
-LEAST = 2.0**-52  # d, the distance from the separatrix, beside its terms: less is rounding
-AGM, ROUNDS = 1e-8, 40  # the mean's last round squares this; it has few
-MOST = 1e6  # parts
-FAR = OWN  # a row: 1.0 for a body that moves more than little
+LITTLE = 1 / 32  # up to this (A + B) h^2 the power series are exact to rounding
+SMALL = 0.5  # up to this psi so are the series of sine and cosine; see `rotor.SMALL`
+PARTS = 8  # with more parts than this, whole periods are cheaper
+LEAST = 2.0**-52  # least d (distance from the separatrix) relative to its terms: less is rounding
+AGM, ROUNDS = 1e-8, 40  # tolerance of the arithmetic-geometric mean, squared by its last iteration
+MOST = 1e6  # largest number of parts
+FAR = OWN  # row: 1.0 for a body that the power series cannot advance in one part
 
 # S / h, for powers of x = (A + B) h^2, y = A B h^4: coefficients of x^n y^k, from S'' = -(A + B) S
 # + 2 A B S^3
@@ -77,8 +77,8 @@ def sine_amplitude(e, f, h):
 def third_kind(e, f, g, s):
     """J, from e = A S^2 + B S^2, f = A B S^4, g = N S^2 and S.
 
-    With x = s^2 / S^2 it is the integral of s^2 / ((1 - g x) sqrt(1 - e x + f x^2)) from 0 to S:
-    of this root the power series has Legendre polynomials, and with the other factor, sums of them.
+    With x = s^2 / S^2 it is the integral of s^2 / ((1 - g x) sqrt(1 - e x + f x^2)) from 0 to S.
+    The power series of 1 / sqrt has Legendre polynomials as coefficients; 1 / (1 - g x) sums them.
     """
     half = 0.5 * e
     w1 = half
@@ -104,11 +104,11 @@ def third_kind(e, f, g, s):
 
 @inlined(contract=True)
 def rotation_of(l1, l2, l3, inverse_1, inverse_2, inverse_3, h, small):
-    """The rotation r of a body in the time 2 h, (A + B) h^2 being little.
+    """The rotation r of a body in the time 2 h, for (A + B) h^2 <= LITTLE.
 
     Args:
-        l1, l2, l3: L at the begin.  inverse_1, inverse_2, inverse_3: of the moments.
-        small: whether psi is SMALL; else its sine and cosine are libm's.
+        l1, l2, l3: initial L, principal frame.  inverse_1, inverse_2, inverse_3: inverse moments.
+        small: whether |psi| <= SMALL; otherwise its sine and cosine are computed by libm.
     Returns:
         (1 - r_0, r_1, r_2, r_3), (A + B) h^2, psi.
     """
@@ -155,7 +155,7 @@ def rotation_of(l1, l2, l3, inverse_1, inverse_2, inverse_3, h, small):
 
 @inlined
 def turned(q, rotation):
-    """q times r, for a quaternion or its momentum and what `rotation_of` returns."""
+    """q times r, for q a quaternion or its momentum, and the rotation of `rotation_of`."""
     versine, r1, r2, r3 = rotation
     return turn(1.0, versine, q, s_times(q, r1, r2, r3))
 
@@ -164,7 +164,7 @@ def turned(q, rotation):
 def complete(kc, p, a, b):
     """Bulirsch's complete elliptic integral, for kc and p above zero (Numer. Math. 13, 305, 1969).
 
-    It is that of (a cos^2 + b sin^2) / ((cos^2 + p sin^2) sqrt(cos^2 + kc^2 sin^2)) from 0 to pi/2.
+    The integrand is (a cos^2 + b sin^2) / ((cos^2 + p sin^2) sqrt(cos^2 + kc^2 sin^2)), 0 to pi/2.
     """
     e, m, p = kc, 1.0, sqrt(p)
     b = b / p
@@ -182,10 +182,10 @@ def complete(kc, p, a, b):
 
 @inlined
 def whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt):
-    """As much of the motion as brings the angular momentum back, but for two signs, some times.
+    """Advance by a whole number of half periods of the angular momentum.
 
-    In this time 2 K / sqrt(A) or 2 K / sqrt(B) the body turns by pi about the axis 3 or 1 that its
-    angular momentum circles about, and by 2 psi - pi about this.
+    After a half period, 2 K / sqrt(A) or 2 K / sqrt(B), L returns except for two signs: the body
+    has turned by pi about the axis (3 or 1) that L circles about, and by 2 psi - pi about L.
 
     Returns:
         q, p and the rest of dt.
@@ -197,7 +197,7 @@ def whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt):
     size, x, y = sqrt(square), a3 * x2 + a2 * x3, a2 * x1 + a1 * x2
     d = a1 * x3 - a3 * x1
     far = max(abs(d), LEAST * (a1 * x3 + a3 * x1))
-    above = d > 0.0  # the angular momentum circles about axis 3
+    above = d > 0.0  # the angular momentum circles about axis 3, otherwise about axis 1
     larger, a = (a1 * x, a1) if above else (a3 * y, a3)
     kc, ratio, rate = sqrt(a2 * far / larger), far / (a * square), sqrt(larger)
     quarter = complete(kc, 1.0, 1.0, 1.0) / rate
@@ -217,7 +217,7 @@ def whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt):
 
 @inlined
 def parts_of(q, p, inverse_1, inverse_2, inverse_3, dt):
-    """How many parts of dt are little."""
+    """Into how many parts dt is divided, so that (A + B) h^2 <= LITTLE in each."""
     l1, l2, l3 = angular_momentum(q, p)
     a1, a2, a3 = inverse_3 - inverse_2, inverse_3 - inverse_1, inverse_2 - inverse_1
     x1, x2, x3 = l1 * l1, l2 * l2, l3 * l3
@@ -230,13 +230,13 @@ def free_top(q, p, moment_1, moment_2, moment_3, dt):
     """Advance (q, p) by dt, of any length; moment_1 >= moment_2 >= moment_3 > 0."""
     inverse_1, inverse_2, inverse_3 = 1.0 / moment_1, 1.0 / moment_2, 1.0 / moment_3
     l1, _, l3 = angular_momentum(q, p)
-    if l1 == 0.0 and l3 == 0.0:  # it turns about axis 2, which has no period, as a sphere does
+    if l1 == 0.0 and l3 == 0.0:  # rotation about axis 2: no period, the same as for a sphere
         inverse_1 = inverse_3 = inverse_2
     parts = parts_of(q, p, inverse_1, inverse_2, inverse_3, dt)
     if parts > PARTS:
         q, p, dt = whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt)
         parts = parts_of(q, p, inverse_1, inverse_2, inverse_3, dt)
-    number = int(parts) if 1.0 < parts < MOST else 1  # it is no number where the run breaks
+    number = int(parts) if 1.0 < parts < MOST else 1  # parts is NaN in a run that has blown up
     half = 0.5 * dt / number
     for _ in range(number):
         l1, l2, l3 = angular_momentum(q, p)
@@ -247,9 +247,9 @@ def free_top(q, p, moment_1, moment_2, moment_3, dt):
 
 @inlined
 def rotate_exactly(block, dt):
-    """The free rotation of a block of rotors.
+    """Exact free rotation of a block of rotors.
 
-    Bodies that move more than little stay in the first loop, and are moved by the second one.
+    The first loop leaves bodies that its power series cannot advance; the second one moves them.
     """
     for b in range(LANES):
         q, p, (i1, i2, i3) = four(block, Q, b), four(block, P, b), three(block, MOMENT, b)

@@ -1,4 +1,4 @@
-"""Between the principal frame of a body and the space frame."""
+"""Transformations between the principal frame of a body and the space frame."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from .rotor import s_times
 
 @inlined
 def rotation_matrix(q):
-    """Transpose of A(q), eq. 2.3, row by row: takes a vector of the principal frame to space."""
+    """Transpose of A(q) (2.3), row by row: rotates from the principal frame to the space frame."""
     w, x, y, z = q
     return (
         w * w + x * x - y * y - z * z, 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
@@ -39,7 +39,7 @@ def to_body(r, x, y, z):
 
 @inlined
 def angular_momentum(q, p):
-    """L in the principal frame, from S(q)^T p = 2 (0, L)."""
+    """Angular momentum L in the principal frame, from S(q)^T p = 2 (0, L)."""
     return (
         0.5 * (-q[1] * p[0] + q[0] * p[1] + q[3] * p[2] - q[2] * p[3]),
         0.5 * (-q[2] * p[0] - q[3] * p[1] + q[0] * p[2] + q[1] * p[3]),
@@ -49,7 +49,7 @@ def angular_momentum(q, p):
 
 @inlined
 def quaternion_momentum(q, l1, l2, l3):
-    """p of the angular momentum L in the principal frame: p = 2 S(q) (0, L)."""
+    """Quaternion momentum p = 2 S(q) (0, L) of the angular momentum L in the principal frame."""
     a, b, c, d = s_times(q, l1, l2, l3)
     return 2.0 * a, 2.0 * b, 2.0 * c, 2.0 * d
 
@@ -67,7 +67,7 @@ def vector_times(x, y, z, q):
 
 @inlined
 def angular_velocity(q, p, i1, i2, i3):
-    """omega in the principal frame; zero about an axis without moment."""
+    """Angular velocity in the principal frame; zero about an axis with zero moment."""
     l1, l2, l3 = angular_momentum(q, p)
     return (
         l1 / i1 if i1 > 0.0 else 0.0,
@@ -78,7 +78,7 @@ def angular_velocity(q, p, i1, i2, i3):
 
 @inlined
 def product(p, q):
-    """The product of two quaternions: the rotation q, then p."""
+    """The quaternion product p q: the rotation q followed by p."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
         p[0] * q[1] + p[1] * q[0] + p[2] * q[3] - p[3] * q[2],
@@ -88,14 +88,14 @@ def product(p, q):
 
 
 def matrices(q: np.ndarray) -> np.ndarray:
-    """Rotations (3, 3, n) from the principal to the space frame, of quaternions (4, n)."""
+    """Rotation matrices (3, 3, n) from the principal to the space frame, for quaternions (4, n)."""
     return np.array(rotation_matrix(q)).reshape(3, 3, -1)
 
 
 def quaternions(axes: np.ndarray) -> np.ndarray:
     """Unit quaternions (4, n) of rotation matrices (n, 3, 3) whose columns are the body axes."""
     r = axes.transpose(1, 2, 0)
-    # four times the products q_i q_j; the row of the largest component is the quaternion, scaled
+    # 4 q_i q_j; the row of the largest component is a multiple of the quaternion
     products = np.array([
         [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],
         [r[2, 1] - r[1, 2], 1 + r[0, 0] - r[1, 1] - r[2, 2], r[0, 1] + r[1, 0], r[0, 2] + r[2, 0]],

@@ -1,8 +1,8 @@
-"""The parts of a step that are solved exactly, each for a block of bodies: kick, drift, rotation.
+"""The exactly solvable parts of a step, each for a block of bodies: kick, drift, rotation.
 
-An operation is a function (block, kind, dt, parameters): it moves all lanes of a block (see
-`block`) of bodies of this kind by dt.  Units are those of the LAMMPS run.  Its parameters are a
-record: that below, or one that extends it.
+An operation is a function (block, kind, dt, parameters).  It advances all lanes of a block (see
+`block`) of bodies of this kind by dt, in the units of the LAMMPS run.  Its parameters are the
+record below, or one that extends it.
 """
 
 from ..loops.compiled import F, I, inlined, record
@@ -28,18 +28,18 @@ from .exact_rotor import rotate_exactly
 from .frames import vector_times
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
-# what makes a force a mass times an acceleration; inner steps of a rotation that is split, or EXACT
+# force to mass times acceleration, LAMMPS's force->ftm2v; inner rotation steps (m_rot), or EXACT
 Parameters = record("Parameters", ftm2v=F, mrot=I)
 EXACT = 0
-FAST = OWN  # rows of the bodies that turn much: q, p, how many inner steps
+FAST = OWN  # rows of rotors too fast for the power series: q, p, number of inner steps
 
 
 @inlined
 def kick(block, kind, dt, parameters):
-    """Momentum from force and torque (2.58).
+    """Velocity and quaternion momentum from force and torque (2.58).
 
-    The torque is in the space frame: with (0, tau) the four-torque, 2 S(q) (0, A tau) (2.60)
-    equals 2 (0, tau) q.
+    The torque tau is in the space frame: the four-force 2 S(q) (0, A tau) (2.60) equals the
+    quaternion product 2 (0, tau) q.
     """
     dtf = dt * parameters.ftm2v
     for b in range(LANES):
@@ -54,17 +54,17 @@ def kick(block, kind, dt, parameters):
 
 @inlined
 def drift(block, dt):
-    """Move the centres of mass."""
+    """Advance the centres of mass: x += dt v."""
     for k in range(3):
         for b in range(LANES):
             block[X + k, b] += dt * block[V + k, b]
 
 
 def free_motion(rotate_rotors):
-    """The operation of drift and free rotation.
+    """The operation that combines drift and free rotation.
 
     Args:
-        rotate_rotors: what turns a block of rotors: a function (block, dt, mrot), inlined.
+        rotate_rotors: free rotation of a block of rotors, an inlined function (block, dt, mrot).
     """
 
     @inlined
@@ -81,16 +81,16 @@ def free_motion(rotate_rotors):
 
 
 def rotation_by(rotor):
-    """The free rotation of a block of rotors from that of one.
+    """The free rotation of a block of rotors, from that of a single rotor.
 
-    Power series serve bodies that turn little in an inner step, all lanes at once; the others'
-    motion is found before, one by one.
+    Bodies with small angles per inner step are advanced in all lanes at once, by power series.
+    The others are advanced one by one before that.
 
     Args:
-        rotor: a function (q, p, i1, i2, i3, dt, small) that returns q and p, inlined; no angle in
-            it is above that of a rotation by dt.  See `rotor.free_rotor`.
+        rotor: an inlined function (q, p, i1, i2, i3, dt, small) that returns q and p.  No angle in
+            it exceeds that of a rotation by dt.  See `rotor.free_rotor`.
     Returns:
-        what `free_motion` takes, which does mrot inner steps.
+        the argument of `free_motion`, which does mrot inner steps.
     """
 
     @inlined
@@ -130,7 +130,7 @@ no_squish = rotation_by(free_rotor)  # (2.53), in mrot inner steps
 
 @inlined
 def rotate_rotors(block, dt, mrot):
-    """The free rotation of a block of rotors, in mrot inner steps or EXACT."""
+    """Free rotation of a block of rotors, in mrot inner steps or EXACT."""
     if mrot == EXACT:
         rotate_exactly(block, dt)
     else:
@@ -139,8 +139,7 @@ def rotate_rotors(block, dt, mrot):
 
 @inlined
 def rotate_in_plane(block, dt):
-    """Rotation of bodies that turn about axis 3 only, as all in two dimensions: h_3 alone,
-    exact."""
+    """Exact rotation about axis 3 only, as in two dimensions: the motion under h_3 alone."""
     for b in range(LANES):
         q, p = four(block, Q, b), four(block, P, b)
         rate = 0.25 / block[MOMENT + 2, b]
@@ -151,7 +150,7 @@ def rotate_in_plane(block, dt):
 
 @inlined
 def rotate_linear(block, dt):
-    """Free rotation of linear bodies, exact."""
+    """Exact free rotation of linear bodies."""
     for b in range(LANES):
         q, p = free_linear_rotor(four(block, Q, b), four(block, P, b), block[MOMENT, b], dt)
         write(block, Q, b, q)

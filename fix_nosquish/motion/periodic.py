@@ -1,4 +1,4 @@
-"""The geometry of a periodic box: its vectors, and which image of a place is meant."""
+"""The geometry of a periodic box: its vectors and its periodic images."""
 
 from math import floor
 from typing import NamedTuple
@@ -9,14 +9,14 @@ from .step import apply_matrices, rotation_matrices
 
 
 class PeriodicBox(NamedTuple):
-    """The periodic box as loops have it.
+    """The periodic box in the loops.
 
     Attributes:
-        h, inverse: (3, 3) its vectors in columns, upper triangular; the inverse of that.
-        lo, periodic: (3,) its origin; 1.0 where it is periodic, else 0.0.
-        near: how far an atom may be from where its body has it.
-        rate: (6,) by how much another image is faster (xx yy zz yz xz xy), which is not zero where
-            images stream past each other.
+        h, inverse: (3, 3) box vectors in columns, upper triangular; the inverse matrix.
+        lo, periodic: (3,) origin; 1.0 along periodic directions, else 0.0.
+        near: largest distance of an atom from its position in the body.
+        rate: (6,) velocity of the box vectors (xx yy zz yz xz xy), by which the velocities of
+            periodic images differ; zero unless another fix deforms the box with remap v.
     """
 
     h: F2
@@ -29,7 +29,7 @@ class PeriodicBox(NamedTuple):
 
 @inlined
 def invert(h, inverse):
-    """Have the inverse of the box vectors; what is below the diagonal stays."""
+    """Compute the inverse of the upper triangular h; entries below the diagonal are not set."""
     xx, yy, zz, xy, xz, yz = h[0, 0], h[1, 1], h[2, 2], h[0, 1], h[0, 2], h[1, 2]
     inverse[0, 0], inverse[1, 1], inverse[2, 2] = 1.0 / xx, 1.0 / yy, 1.0 / zz
     inverse[0, 1], inverse[1, 2] = -xy / (xx * yy), -yz / (yy * zz)
@@ -38,7 +38,7 @@ def invert(h, inverse):
 
 @inlined
 def fractional(inverse, x, y, z):
-    """The fractional coordinates of a vector: in units of the box vectors."""
+    """The fractional coordinates of a vector."""
     return (
         inverse[0, 0] * x + inverse[0, 1] * y + inverse[0, 2] * z,
         inverse[1, 1] * y + inverse[1, 2] * z,
@@ -48,13 +48,13 @@ def fractional(inverse, x, y, z):
 
 @inlined
 def cartesian(h, u, v, w):
-    """The vector that has these fractional coordinates."""
+    """The Cartesian vector of these fractional coordinates."""
     return h[0, 0] * u + h[0, 1] * v + h[0, 2] * w, h[1, 1] * v + h[1, 2] * w, h[2, 2] * w
 
 
 @inlined
 def reflag(images, row, xy, xz, yz):
-    """Count the new vectors in three rows of image flags, from this row on, of each column."""
+    """Convert image flags to the new box vectors after a flip: three rows from `row` on."""
     for b in range(images.shape[1]):
         images[row + 1, b] -= yz * images[row + 2, b]
         images[row, b] -= xy * images[row + 1, b] + xz * images[row + 2, b]
@@ -62,7 +62,7 @@ def reflag(images, row, xy, xz, yz):
 
 @inlined
 def image_velocity(rate, n1, n2, n3):
-    """The velocity of the image that is so many box vectors away, less that of the box itself."""
+    """The velocity of the image n1, n2, n3 box vectors away, relative to the image 0, 0, 0."""
     return (
         rate[0] * n1 + rate[5] * n2 + rate[4] * n3,
         rate[1] * n2 + rate[3] * n3,
@@ -72,7 +72,7 @@ def image_velocity(rate, n1, n2, n3):
 
 @inlined
 def take_into_box(state, box):
-    """Take the bodies into the box, which their image flags count."""
+    """Wrap the bodies into the box, and update their image flags."""
     h, inverse, lo, periodic = box.h, box.inverse, box.lo, box.periodic
     for b in range(state.shape[1]):
         x, y, z = three(state, X, b)
@@ -89,14 +89,14 @@ def take_into_box(state, box):
 
 @inlined
 def find_images(layout, images, box, atom_x, off):
-    """Find the atoms that LAMMPS has in another periodic image than their body.
+    """Find the atoms that LAMMPS stores in another periodic image than their body.
 
     Args:
-        images: the `Images`; those beyond their length are counted, but not kept.
-        off: (2,) out: the largest distance (along an axis) of an atom from where its body has it,
-            and its entry of index.
+        images: the `Images`; atoms beyond their length are counted, but not stored.
+        off: (2,) output: the largest distance (along an axis) of an atom from its position in the
+            body, and its entry of index.
     Returns:
-        how many these are.
+        the number of these atoms.
     """
     block, blocks, rounds, count = layout.block, layout.blocks, layout.rounds, 0
     h, inverse, periodic = box.h, box.inverse, box.periodic

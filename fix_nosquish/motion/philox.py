@@ -1,9 +1,9 @@
-"""Random numbers by counter: Philox 4x32-10 of Salmon, Moraes, Dror and Shaw (SC11, 2011).
+"""Counter-based random numbers: Philox 4x32-10 of Salmon, Moraes, Dror and Shaw (SC11, 2011).
 
-What is drawn follows from a key and a counter alone.  So ranks that hold the same body draw the
-same numbers without a message, and a run that is continued goes on as if it had not stopped.
-Words are integers of 32 bits.  Normal numbers are by Box and Muller, with a logarithm, sine and
-cosine of our own, which the compiler can take for several bodies at once.
+A random number depends on a key and a counter only.  Ranks that share a body therefore draw the
+same numbers without communication, and a restarted run continues the same random sequence.
+Words are 32-bit integers.  Normal deviates use the Box-Muller method, with a logarithm, sine and
+cosine that the compiler can vectorise.
 """
 
 from math import floor, log, pi, sqrt
@@ -14,9 +14,9 @@ from ..loops.compiled import inlined
 
 WORD = 0xFFFFFFFF
 _FACTOR_0, _FACTOR_1 = 0xD2511F53, 0xCD9E8D57
-_STEP_0, _STEP_1 = 0x9E3779B9, 0xBB67AE85  # of the key, from round to round
-_HALF_WORD = 2.0**30  # an ID is two words of 30 bits, which a processor converts fast
-_QUARTER, _QUARTERS = 0x3FFFFFFF, 30  # where an angle is in its quarter of a turn; which quarter
+_STEP_0, _STEP_1 = 0x9E3779B9, 0xBB67AE85  # increments of the key per round
+_HALF_WORD = 2.0**30  # an ID is split into two words of 30 bits, which convert fast
+_QUARTER, _QUARTERS = 0x3FFFFFFF, 30  # mask of the angle in its quadrant; shift to the quadrant
 _LOG_2, _ROOT_HALF = log(2.0), sqrt(0.5)
 
 
@@ -47,8 +47,8 @@ def words(number, step, draw, k0, k1):
     """Four words for a body.
 
     Args:
-        number: the body's ID, a float, a whole number of at most 2^53.
-        step, draw: of the run, and which of this step's draws it is, below 4096; integers.
+        number: the body's ID, an integral float of at most 2^53.
+        step: time step of the run.  draw: index of the draw in this step, below 4096.
         k0, k1: the key.
     """
     high = floor(number * (1.0 / _HALF_WORD))
@@ -84,7 +84,7 @@ def minus_log(word):
 
 @inlined(contract=True)
 def direction(word):
-    """Cosine and sine of 2 pi (word + 1/2) / 2^32, but for a turn that all words have in common."""
+    """Cosine and sine of 2 pi (word + 1/2) / 2^32, up to a rotation common to all words."""
     quarter = word >> _QUARTERS
     a = ((word & _QUARTER) - 536870911.5) * (0.5 * pi / 1073741824.0)
     x = a * a
@@ -99,7 +99,7 @@ def direction(word):
 
 @inlined
 def normal_pair(a, b):
-    """Two independent numbers of the standard normal distribution, from two words."""
+    """Two independent standard normal deviates, from two words."""
     r = sqrt(2.0 * minus_log(a))
     c, s = direction(b)
     return r * c, r * s

@@ -2,26 +2,26 @@
 
 A rigid body's orientation is a unit quaternion q and its conjugate momentum p.
 The rotational Hamiltonian is a sum of h_k = [p . P_k q]^2 / (8 I_k), one for each
-principal axis k, and each h_k alone is a rotation that is known exactly:
+principal axis k, and the motion under each h_k alone is an exact rotation:
 
     zeta_k = (p . P_k q) / (4 I_k)
     q <- cos(zeta_k dt) q + sin(zeta_k dt) P_k q        (2.56)
     p <- cos(zeta_k dt) p + sin(zeta_k dt) P_k p
 
-The free rotation is the palindrome 3,2,1,2,3 of these.  Principal moments are
+The free rotation is the symmetric product 3,2,1,2,3 of these (2.53).  Principal moments are
 numbered I_1 >= I_2 >= I_3, so the smallest moment (the fastest axis) is outermost:
 for TIP3P water the reverse order has about ten times the energy error.
 
 Quaternions are tuples (scalar part first).  The functions are inlined into the
 loops of `operations.py`; where `small` is true all angles are below SMALL, and the
-compiler advances several bodies at once.
+compiler vectorises over the bodies.
 """
 
 from math import cos, sin, sqrt
 
 from ..loops.compiled import inlined
 
-SMALL = 0.5  # radians; sine and cosine of smaller angles are their power series
+SMALL = 0.5  # radians; below it sine and cosine are computed by power series
 
 # 1 / n!, with the signs of the series of sin(a) / a and of (1 - cos(a)) / a^2
 _S2, _S4, _S6, _S8, _S10, _S12 = (
@@ -74,7 +74,7 @@ def s_times(q, x, y, z):
 
 @inlined
 def dot(a, b):
-    """The product of two four-vectors."""
+    """The scalar product of two four-vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 
 
@@ -97,9 +97,9 @@ def series(a):
 def sine_and_versine(angle, small):
     """sin(angle) and 1 - cos(angle).
 
-    A rounded cosine and sine are together longer or shorter than 1, for one angle always in the
-    same way: multiplied 10^7 times, lengths would change by up to 1e-9. Added as a change, they do
-    not.
+    For rounded values cos^2 + sin^2 differs from 1, for a given angle always by the same amount:
+    after 10^7 multiplications the norm of a quaternion would be off by up to 1e-9. Written as an
+    increment with the versine, the rotation preserves the norm.
     """
     if small:
         return series(angle)
@@ -139,8 +139,8 @@ def free_rotor(q, p, moment_1, moment_2, moment_3, dt, small):
 
 @inlined
 def turns_little(p, moment, dt):
-    """Whether no angle of a rotation by dt can be above SMALL, with the least of the moments: |p .
-    P_k q| <= |p|."""
+    """Whether all angles of a rotation by dt are below SMALL, from |p . P_k q| <= |p| and the
+    smallest moment."""
     return dt * dt * dot(p, p) <= (4.0 * SMALL * moment) ** 2
 
 

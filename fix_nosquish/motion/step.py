@@ -1,4 +1,4 @@
-"""The passes of a step over a rank's bodies, and how they follow from an integrator's splitting."""
+"""The passes of a step over a rank's bodies, generated from an integrator's splitting."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -49,14 +49,14 @@ from .frames import (
 
 @inlined
 def rotation_matrices(block):
-    """What takes an atom's displacement to its place about the centre of mass."""
+    """Matrices from an atom's displacement (principal frame) to its position about the centre."""
     for b in range(LANES):
         write(block, MATRIX, b, rotation_matrix(four(block, Q, b)))
 
 
 @inlined
 def velocity_matrices(block):
-    """What takes it to the velocity about the centre of mass: the rotation matrix times omega x."""
+    """Matrices from the displacement to the velocity about the centre: rotation times omega x."""
     for b in range(LANES):
         q, (i1, i2, i3) = four(block, Q, b), three(block, MOMENT, b)
         w1, w2, w3 = angular_velocity(q, four(block, P, b), i1, i2, i3)
@@ -70,8 +70,8 @@ def velocity_matrices(block):
 
 @inlined
 def show_atoms_moments(layout, k):
-    """Where moments are chosen, have in the block those of the atoms, and the momenta of the same
-    kinetic energy: atoms then have velocities of the right distribution."""
+    """With keyword moments, set the block to the atoms' moments, and p to the same kinetic energy:
+    the velocities of the atoms then have the correct distribution."""
     block, row = layout.block, layout.kinds.own_moments
     if row > 0:
         take(layout, k, row, row + 3, ATOM)
@@ -93,7 +93,7 @@ def displaced(block, b, displace, j):
 
 @inlined(contract=True)
 def apply_matrices(block, row, begin, end, displace):
-    """The vector in these rows plus the matrix times the displacement, for the atoms of a round."""
+    """The vector in rows `row` plus the matrix times the displacement, for the atoms of a round."""
     for b in range(end - begin):
         x, y, z = three(block, row, b)
         dx, dy, dz = displaced(block, b, displace, begin + b)
@@ -102,7 +102,7 @@ def apply_matrices(block, row, begin, end, displace):
 
 @inlined
 def write_atoms(layout, k, row, atoms):
-    """Write, for each atom of block k, the vector in these rows plus matrix times displacement."""
+    """Write the vector in rows `row` plus matrix times displacement for each atom of block k."""
     blocks, rounds, block = layout.blocks, layout.rounds, layout.block
     for r in range(blocks[k, 1], blocks[k + 1, 1]):
         j = rounds[r]
@@ -115,7 +115,7 @@ def write_atoms(layout, k, row, atoms):
 
 @inlined
 def move_to_images(layout, images, atom_x):
-    """Move the atoms that LAMMPS has in another periodic image than their body there."""
+    """Shift atoms to the periodic image in which LAMMPS stores them, if it is not their body's."""
     for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
@@ -138,8 +138,8 @@ def add_forces(block, begin, end, displace):
 
 @inlined
 def gather_block(layout, k, atom_f):
-    """Sum force and torque over the atoms of block k; returns in how many bodies they are not
-    finite."""
+    """Sum force and torque over the atoms of block k; returns the number of bodies with non-finite
+    sums."""
     blocks, rounds, block = layout.blocks, layout.rounds, layout.block
     for row in range(FORCE, TORQUE + 3):
         for b in range(LANES):
@@ -152,7 +152,7 @@ def gather_block(layout, k, atom_f):
                 block[ATOM + c, b] = atom_f[i, c]
         add_forces(block, j, rounds[r + 1], layout.displace)
     bodies = blocks[k + 1, 0] - blocks[k, 0]
-    if bodies == 1:  # its atoms are in all lanes, and so must be the sums
+    if bodies == 1:  # a large body's atoms are spread over the lanes: sum these, copy to all lanes
         for row in range(FORCE, TORQUE + 3):
             for b in range(1, LANES):
                 block[row, 0] += block[row, b]
@@ -170,10 +170,10 @@ def gather_block(layout, k, atom_f):
 def gather(layout: Layout, atom_f: F2, all_bodies: I) -> I:
     """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
 
-    Of all bodies if `all_bodies`, else of those that are not whole here.
-
+    Args:
+        all_bodies: whether to sum for all bodies, or only for those shared with other ranks.
     Returns:
-        the number of bodies for which they are not finite.
+        the number of bodies with non-finite sums.
     """
     wrong = 0
     for k in range(layout.blocks.shape[0] - 1):
@@ -199,21 +199,20 @@ def set_velocities(layout: Layout, atom_v: F2):
 
 # ---------------------------------------------------------------- from a splitting to its loops
 
-# what `advance` does with force and torque that it gathers, besides using them: nothing, or it puts
-# them to the bodies' state
+# whether `advance` only uses the force and torque that it gathers, or also stores them in `state`
 DROPS, KEEPS = 1, 2
 
 
 class Operation(NamedTuple):
-    """What a letter of a splitting stands for.
+    """The meaning of a letter of a splitting.
 
     Attributes:
-        does: a function (block, kind, dt, parameters), inlined; see `operations`.
-        moves: whether it changes positions or orientations, so that forces are new after it.
-        prepared: whether the integrator's loop `prepares` sets parameters for it before, once a
-            step.  Such a letter stands once, from the first on that moves to the last.
-        measures: None, or a function as `does`, of what `prepares` must know of all bodies.  Then
-            the step is two passes over the bodies, and `prepares` is between them.
+        does: an inlined function (block, kind, dt, parameters); see `operations`.
+        moves: whether it changes positions or orientations, so that forces must be recomputed.
+        prepared: whether the integrator's loop `prepares` sets parameters for it once a step.  Such
+            a letter may occur once, between the first and the last letter that moves bodies.
+        measures: function like `does` that sums over all bodies what `prepares` needs, or None.
+            With it the step is two passes over the bodies, with `prepares` between them.
         exact: whether it rotates bodies exactly where parameters.mrot is EXACT; see `operations`.
         named: whether it may read the rows COUNTED, NUMBER and FREE, see `block.take_names`.
     """
@@ -227,9 +226,12 @@ class Operation(NamedTuple):
 
 
 class Stages(NamedTuple):
-    """A splitting as functions (block, kind, dt, parameters): before what moves, what moves and
-    what is between, in one pass or two, after LAMMPS's forces; whether the last one moves, too;
-    whether something is prepared; and whether an operation is `named`."""
+    """A splitting as functions (block, kind, dt, parameters).
+
+    `lead` is before the first letter that moves bodies, `middle` from there to the forces, in one
+    or two passes, `tail` after the forces.  The flags say whether `tail` moves bodies, whether an
+    operation is `prepared`, and whether one is `named`.
+    """
 
     lead: Callable
     middle: tuple[Callable, ...]
@@ -251,14 +253,14 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
     """The three stages of a step.
 
     Args:
-        splitting: letters with spaces between, as "B A B".  A letter that stands n times does dt /
-            n each time.  Where forces are computed is an F, or, without one, after the last letter
-            that moves.
-        operations: from letters to each `Operation`.
+        splitting: letters separated by spaces, such as "B A B".  A letter that occurs n times
+            advances by dt / n each time.  Forces are computed at the letter F, or, without one,
+            after the last letter that moves bodies.
+        operations: the `Operation` of each letter.
     Raises:
         ValueError: for a letter without an operation; for an operation of the letter F, or one that
-            is not inlined; if nothing moves; and for a letter that is prepared and stands twice,
-            before those that move, or behind them.
+            is not inlined; if no letter moves bodies; for a prepared letter that occurs twice, or
+            is not between the letters that move bodies.
     """
     letters = splitting.split()
     _check_letters(splitting, letters, operations)
@@ -288,7 +290,7 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
 
 
 def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, Operation]) -> None:
-    """Raise an error for letters and operations that do not go together; see `stages`."""
+    """Raise an error for invalid letters or operations; see `stages`."""
     if FORCES in operations:
         raise ValueError(
             f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
@@ -306,9 +308,9 @@ def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, 
             )
 
 
-@cache  # each is compiled once
+@cache  # so that each chain is compiled once
 def _chain(parts: tuple[tuple[Callable, float], ...]) -> Callable:
-    """One function of several, done one after the other, each for its share of dt."""
+    """The composition of several functions, each for its share of dt."""
     if not parts:
         return nothing
     (does, share), *rest = parts
@@ -330,10 +332,10 @@ class Scheme:
     """A step, and its loops.
 
     Args:
-        owner: the module that the loops belong to, and what their names stand behind.
+        owner: the module that the loops belong to, and the prefix of their names.
         splitting, operations: see `stages`.
         numbers, rows, starts, work: see `integrator.Integrator`.
-        ends: lead and tail, if they are those of another step.
+        ends: lead and tail of another step, to use instead.
 
     Attributes:
         advance, go_on, lead, tail, start: see there.
@@ -372,14 +374,14 @@ class Scheme:
 
 @inlined
 def place(layout, k, atom_x):
-    """Place the atoms of block k."""
+    """Set the positions of the atoms of block k."""
     rotation_matrices(layout.block)
     write_atoms(layout, k, X, atom_x)
 
 
 @inlined
 def place_all(layout, images, atom_x):
-    """Place all atoms where the bodies have them."""
+    """Set the positions of all atoms from their bodies."""
     for k in range(layout.blocks.shape[0] - 1):
         take(layout, k, X, Q + 4, X)
         place(layout, k, atom_x)
@@ -388,7 +390,7 @@ def place_all(layout, images, atom_x):
 
 @loop
 def place_atoms(layout: Layout, images: Images, atom_x: F2):
-    """Place all atoms where the bodies have them."""
+    """Set the positions of all atoms from their bodies."""
     place_all(layout, images, atom_x)
 
 
@@ -401,12 +403,12 @@ def _make_advance(parts, owner, numbers, rows):
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F,
         parameters: numbers, gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
     ) -> I:  # fmt: skip
-        """Move the bodies, and place their atoms.
+        """Move the bodies, and set the positions of their atoms.
 
-        It ends the last step, if `ends`, and begins this one, if `begins`: a whole step can be one
-        pass.  If it gathers, force and torque of bodies that are whole here are those of their
-        atoms, which it DROPS or KEEPS.  It does so to the bodies of one part: ALL,
-        WHOLE here or DIVIDED between ranks; if to these two, in this order.
+        It completes the previous step if `ends`, and begins this one if `begins`, so a whole step
+        can be one pass.  If it gathers, force and torque of bodies with all atoms on this rank are
+        summed here, and DROPS or KEEPS says whether they are stored.  `part` selects the bodies:
+        ALL, WHOLE or DIVIDED; the loop is called for WHOLE before DIVIDED.
 
         Returns:
             as `gather`, or 0.
@@ -422,7 +424,7 @@ def _make_advance(parts, owner, numbers, rows):
                 bad = gather_block(layout, k, atom_f)
                 if bad or gathers == KEEPS:
                     put(layout, k, FORCE, TORQUE + 3, FORCE)
-                if bad:  # these stay as they are, for who says why
+                if bad:  # leave these bodies unchanged, for the error message
                     wrong += bad
                     continue
             else:
@@ -458,15 +460,15 @@ def make_pass(
     places: bool = False,
     rows: int = 0,
 ) -> Loop:
-    """A pass that does one thing with all bodies.
+    """A pass that applies one function to all bodies.
 
     Args:
-        name: what it is called.  does: what it does, as an `Operation`.
-        until: the row up to which it takes theirs: with force and torque these are known.
-        owner: the module that the loop belongs to, and what its name stands behind.
+        name: name of the loop.  does: the function, see `Operation`.
+        until: row of `state` before which it reads; force and torque must be known if included.
+        owner: the module that the loop belongs to, and the prefix of its name.
         numbers: the record of its parameters.
-        named: see `Operation`.  places: whether atoms are placed then.
-        rows: how many numbers of its own each body has.
+        named: see `Operation`.  places: whether to set the positions of the atoms afterwards.
+        rows: number of extra rows of each body.
     """
 
     def go(

@@ -1,4 +1,4 @@
-"""The virial of the forces that keep the bodies rigid."""
+"""The virial of the constraint forces, which keep the bodies rigid."""
 
 from ..loops.compiled import F1, F2, I1, F, inlined, loop
 from .block import (
@@ -27,15 +27,15 @@ ACCELERATION = OWN
 
 @inlined
 def acceleration_matrices(block, ftm2v):
-    """What takes a displacement to the acceleration about the centre of mass, as force per mass:
-    alpha x and omega x omega x."""
+    """Matrices from a displacement (principal frame) to the acceleration about the centre of mass
+    (space frame), alpha x + omega x omega x, in units of force per mass."""
     for b in range(LANES):
         r = nine(block, MATRIX, b)
         i1, i2, i3 = three(block, MOMENT, b)
         w1, w2, w3 = angular_velocity(four(block, Q, b), four(block, P, b), i1, i2, i3)
         x, y, z = three(block, TORQUE, b)
         t1, t2, t3 = to_body(r, x, y, z)
-        # Euler's equations; an axis without moment does not turn
+        # Euler's equations; no rotation about an axis with zero moment
         a1 = (t1 * ftm2v - (i3 - i2) * w2 * w3) / i1 if i1 > 0.0 else 0.0
         a2 = (t2 * ftm2v - (i1 - i3) * w3 * w1) / i2 if i2 > 0.0 else 0.0
         a3 = (t3 * ftm2v - (i2 - i1) * w1 * w2) / i3 if i3 > 0.0 else 0.0
@@ -61,13 +61,13 @@ def constraint_virial(
     atom_virial: F2,
     mask: F2,
 ):
-    """Add the virial of the forces that keep the bodies rigid to virial (xx yy zz xy xz yz).
+    """Add the virial of the constraint forces to virial (xx yy zz xy xz yz).
 
-    The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid motion
-    itself; its virial is taken about the centre of mass.  Masses are of atoms, or, where there are
-    none, of types.  atom_virial is (atoms, 9), or (0, 9) if the atoms' parts are not wanted: they
-    are not symmetric, for no force of an atom is along its arm (xx yy zz xy xz yz yx zx zy, of arm
-    and force).
+    The constraint force on atom i is m_i a_i - f_i, with the acceleration a_i of the rigid motion;
+    its virial is taken about the centre of mass.  Masses are per atom, or per type if atom_mass is
+    empty.  atom_virial is (atoms, 9), or (0, 9) if per-atom virials are not wanted.  They are not
+    symmetric because an atom's constraint force is not along its displacement (xx yy zz xy xz yz yx
+    zx zy, displacement first).
     """
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
