@@ -1,1 +1,1 @@
-"""The periodic box where it changes, by a barostat or by another fix."""
+"""A periodic box that changes, by a barostat or by another fix."""

@@ -1,7 +1,7 @@
-"""The box of an integrator at constant pressure: its numbers, its pressure, and how it stretches.
+"""The box of an integrator at constant pressure: its parameters, pressure, and deformation.
 
-The pressure is the molecular one: of the bodies' translation, and the virial of the forces on their
-centres of mass.  `crescale` and `mtk` say how the box follows it.
+The pressure is the molecular pressure, from the translational kinetic energy of the bodies and the
+virial of the forces on their centres of mass.  `crescale` and `mtk` implement the barostats.
 """
 
 from math import floor
@@ -12,42 +12,42 @@ from ..motion.block import IMAGE, Layout, Q, at, take
 from ..motion.periodic import PeriodicBox, invert, reflag
 from ..motion.step import displaced, rotation_matrices
 
-# what can change: three axes, three tilts; matrices are upper triangular, in the order of this
+# components that can change: three axes, three tilts; upper triangular matrices use this order
 XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
 BarostatNumbers = record(
     "BarostatNumbers",
-    p_start=(F, 6),  # pressure at the begin of the run and at its end, as energies in a volume
+    p_start=(F, 6),  # pressure at the start and the end of the run, energy per volume
     p_stop=(F, 6),
-    axes=(I, 6),  # which change together: a number from 0 to 5, or -1 for one that does not
-    weight=(F, 6),  # how many k T its own volume adds to the pressure of an axis
-    rate=F,  # compressibility over damping time; of a piston, 1 over the damping time
-    unit=F,  # mass times velocity squared as an energy
+    axes=(I, 6),  # group of coupled components, 0 to 5; -1 for a component that does not change
+    weight=(F, 6),  # number of k T / volume that the Jacobian adds to the pressure of an axis
+    rate=F,  # compressibility / damping time; for a piston, 1 / damping time
+    unit=F,  # energy per mass times velocity squared, LAMMPS's force->mvv2e
     box_every=I,  # steps between two changes of the box
     dimension=I,
     tilted=I,  # whether tilts change
     sums=(F, 12),  # of this rank and of all ranks, see `motion_of` and `spread_of`
     total=(F, 12),
     stretch=(F, 3),  # factors of the axes
-    shear=(F, 3),  # what shears them then
+    shear=(F, 3),  # shear after the stretch: xy, xz, yz
     centre=(F, 3),
     broken=I,  # whether a factor or a shear was out of bounds
-    open=I,  # whether the box has changed and the forces behind are not known
+    open=I,  # whether the box has changed and the new forces are not yet known
 )
-OUT_OF_BOUNDS = -2  # what the loops return then
-MOST = 2.0  # the largest factor by which an axis may change at once, and its inverse the smallest
-FLIP = 0.6  # of an edge: the tilt from which on there are better box vectors, as in LAMMPS's fixes
+OUT_OF_BOUNDS = -2  # return value of the loops if `broken`
+MOST = 2.0  # largest factor by which an axis may change at once; 1 / MOST is the smallest
+FLIP = 0.6  # tilt, as a fraction of an edge, above which the box is flipped, as in LAMMPS's fixes
 
 
 class ChangingBox(NamedTuple):
-    """What changes the box.
+    """The box of a barostat.
 
     Attributes:
         barostat: the record.
-        forces_virial: (6,) the virial of LAMMPS's forces on all ranks (xx yy zz xy xz yz).
-        new_box: (12,) lowest and highest coordinates, tilts xy, xz, yz; of a flip, how many box
-            vectors are added: a to b, a to c, b to c.
-        set_box: (2,) address of LAMMPS's function that takes these, and its first argument.
-        flip_box: (2,) the same of the one for a flip.
+        forces_virial: (6,) virial of LAMMPS's forces, summed over ranks (xx yy zz xy xz yz).
+        new_box: (12,) lowest and highest coordinates; tilts xy, xz, yz; for a flip, the numbers of
+            box vectors to add: a to b, a to c, b to c.
+        set_box: (2,) address of the function that sets LAMMPS's box, and its first argument.
+        flip_box: (2,) the same for a flip.
     """
 
     barostat: BarostatNumbers
@@ -59,19 +59,19 @@ class ChangingBox(NamedTuple):
 
 @inlined
 def motion_of(sums):
-    """Twice the kinetic energy along each axis, and with each tilt, (6,)."""
+    """Twice the translational kinetic energy tensor, sum of m v_i v_j (xx yy zz xy xz yz), (6,)."""
     return sums[0:6]
 
 
 @inlined
 def spread_of(sums):
-    """The virial of forces about the centres along each axis, and with each tilt, (6,)."""
+    """The virial of the forces about the centres of mass (xx yy zz xy xz yz), (6,)."""
     return sums[6:12]
 
 
 @loop
 def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
-    """The virial of the forces on this rank's atoms about their bodies' centres."""
+    """Compute the virial of the forces on this rank's atoms about their bodies' centres of mass."""
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(COMPONENTS):
         spread_of(barostat.sums)[k] = 0.0
@@ -88,10 +88,10 @@ def virial_about_centres(layout: Layout, atom_f: F2, barostat: BarostatNumbers):
 
 @inlined
 def add_products(barostat, place, force):
-    """Add the products of two vectors' components to the sums: xx, yy, zz, xy, xz, yz.
+    """Add products of position and force components to the sums: xx, yy, zz, xy, xz, yz.
 
-    A tilt moves what is further along its second axis along the first.  So of xy it is the force
-    along x and the place along y that count.
+    The tilt xy moves an atom along x in proportion to its y.  Its virial is therefore y times the
+    force along x.
     """
     (x, y, z), (fx, fy, fz) = place, force
     spread = spread_of(barostat.sums)
@@ -123,13 +123,13 @@ def volume_of(box, numbers):
 
 @inlined
 def pressure_now(numbers, k, part):
-    """The pressure that is asked for along an axis, or by which a tilt is driven."""
+    """The target pressure of component k, when the fraction `part` of the run is over."""
     return numbers.p_start[k] + part * (numbers.p_stop[k] - numbers.p_start[k])
 
 
 @inlined
 def is_in_bounds(numbers):
-    """Whether no axis and no tilt changes too much at once, and all are numbers."""
+    """Whether all changes of axes and tilts are finite and within bounds."""
     inside = True
     for k in range(3):
         inside &= 1.0 / MOST < numbers.stretch[k] < MOST and abs(numbers.shear[k]) < MOST - 1.0
@@ -138,10 +138,10 @@ def is_in_bounds(numbers):
 
 @inlined
 def stretch_box(cell, box, shift):
-    """Stretch the box about its centre, then shear it, with all that follows from it; tell LAMMPS.
+    """Stretch the box about its centre, then shear it; update shifts of images and LAMMPS's box.
 
     Returns:
-        OUT_OF_BOUNDS if a factor or a shear is, or was, else 0.
+        OUT_OF_BOUNDS if a factor or a shear is or has been out of bounds, else 0.
     """
     h, lo, numbers = box.h, box.lo, cell.barostat
     if numbers.broken or not is_in_bounds(numbers):
@@ -167,11 +167,11 @@ def stretch_box(cell, box, shift):
 
 @inlined
 def tell_box(box, new_box):
-    """Have the inverse of the box, and its numbers ready for LAMMPS."""
+    """Update the inverse of the box vectors, and `new_box` for LAMMPS."""
     h, lo = box.h, box.lo
     for k in range(3):
         new_box[k], new_box[3 + k] = lo[k], lo[k] + h[k, k]
-        h[k, k] = new_box[3 + k] - lo[k]  # as LAMMPS will have it
+        h[k, k] = new_box[3 + k] - lo[k]  # rounded as in LAMMPS
     new_box[6], new_box[7], new_box[8] = h[0, 1], h[0, 2], h[1, 2]
     invert(h, box.inverse)
 
@@ -192,21 +192,21 @@ def shear_box(numbers, h, lo, shift):
 
 @inlined
 def sheared(shear, y, z):
-    """How far a shear moves along x and y what is at y and z from its centre."""
+    """The displacement along x and y by a shear, at y and z relative to its centre."""
     xy, xz, yz = shear
     return xy * y + xz * z, yz * z
 
 
 @inlined
 def undone(shear):
-    """The shear that undoes one."""
+    """The inverse of a shear."""
     xy, xz, yz = shear
     return -xy, xy * yz - xz, -yz
 
 
 @inlined
 def shear_rows(vectors, row, lanes, shear, y0, z0):
-    """Shear, about y0 and z0, the vectors in three rows from this one on."""
+    """Shear the vectors in three rows, beginning with `row`, about y0 and z0."""
     for b in range(lanes):
         x, y = sheared(shear, vectors[row + 1, b] - y0, vectors[row + 2, b] - z0)
         vectors[row, b] += x
@@ -215,7 +215,7 @@ def shear_rows(vectors, row, lanes, shear, y0, z0):
 
 @inlined
 def add_motion(sums, m, x, y, z):
-    """Add to sums twice the kinetic energy of a mass along each axis, and with each tilt."""
+    """Add m v_i v_j of the velocity (x, y, z) to the sums (xx yy zz xy xz yz)."""
     xx, yy, zz, xy, xz, yz = sums
     return (
         xx + m * x * x, yy + m * y * y, zz + m * z * z,
@@ -225,10 +225,11 @@ def add_motion(sums, m, x, y, z):
 
 @loop
 def flip(state: F2, cell: ChangingBox, box: PeriodicBox) -> I:
-    """Where a tilt has become large, take other vectors of the same lattice for the box.
+    """Flip the box where a tilt has become large: choose other vectors of the same lattice.
 
-    Nothing moves but the bodies' image flags, which count these vectors.  The box keeps its centre,
-    from which it stretches, so that a run backwards, which flips elsewhere, finds the same.
+    No body moves; only image flags change, because they count box vectors.  The box keeps its
+    centre, about which it stretches, so that a time-reversed run, which flips at other steps, has
+    the same trajectory.
     """
     h, lo, new = box.h, box.lo, cell.new_box
     yz = -floor(h[1, 2] / h[1, 1] + 0.5) if abs(h[1, 2]) > FLIP * h[1, 1] else 0.0

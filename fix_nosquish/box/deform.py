@@ -1,8 +1,8 @@
-"""The box is changed by another fix, as by fix deform; bodies keep their shapes.
+"""A box deformed by another fix, such as fix deform; bodies keep their shapes.
 
-With its remap x each body's centre keeps its place in units of the box vectors, as with LAMMPS's
-fix rigid.  With remap v bodies stay where they are, and periodic images stream past each other:
-what crosses a face gets the velocity that its image has there (`periodic.take_into_box`).
+With remap x the centre of mass of each body keeps its fractional coordinates, as with LAMMPS's fix
+rigid.  With remap v bodies keep their positions, and periodic images move relative to each other:
+a body that crosses a face gets the velocity of its image there (`periodic.take_into_box`).
 """
 
 from math import floor
@@ -21,21 +21,21 @@ from ..motion.step import move_to_images, place_all
 from ..ranks.migration import OF_BODY
 from .cell import three_of
 
-SAME_LATTICE = 1e-9  # of a box vector, by which a tilt may miss the lattice
+SAME_LATTICE = 1e-9  # tolerance of a tilt for the same lattice, as a fraction of a box vector
 
 
 @inlined
 def edges(told_box):
-    """How long a box is along x, y and z; told_box as of `deform`."""
+    """The edge lengths of a box along x, y and z; for told_box see `deform`."""
     return told_box[3] - told_box[0], told_box[4] - told_box[1], told_box[5] - told_box[2]
 
 
 @inlined
 def images_of(inverse, shift, a):
-    """How many box vectors the image is away in which LAMMPS has an atom.
+    """The shift of an atom's image in numbers of box vectors.
 
     Args:
-        a: the place of the atom among `Images.away`.
+        a: index of the atom in `Images.away`.
     """
     x, y, z = three_of(shift[a])
     u, v, w = fractional(inverse, x, y, z)
@@ -44,9 +44,9 @@ def images_of(inverse, shift, a):
 
 @inlined
 def know(images, box, told_box):
-    """Set the box to the one that LAMMPS has now.
+    """Set the box to LAMMPS's present box.
 
-    An atom in another image than its body stays as many box vectors away from it.
+    The shift of an atom in another image than its body keeps its numbers of box vectors.
     """
     h, shift = box.h, images.shift
     for a in range(shift.shape[0]):
@@ -63,10 +63,10 @@ def know(images, box, told_box):
 
 @loop
 def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
-    """Move the bodies into the box that LAMMPS has now, and place their atoms.
+    """Map the bodies to LAMMPS's present box, and set the positions of their atoms.
 
     Args:
-        told_box: (9,) its lowest coordinates, its highest ones, its tilts xy, xz, yz.
+        told_box: (9,) lowest and highest coordinates, tilts xy, xz, yz.
     """
     lo, state = box.lo, layout.state
     for b in range(state.shape[1]):
@@ -81,8 +81,8 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 
 @loop
 def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
-    """Set the box to the one that LAMMPS has now; atoms in another image than their body go with
-    that image, and bodies stay where they are."""
+    """Set the box to LAMMPS's present box without moving the bodies; atoms in another image than
+    their body move with that image."""
     for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
@@ -92,10 +92,10 @@ def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 
 @loop
 def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign: F):
-    """Add the velocity of its image to each atom that is in another image than its body.
+    """Add the velocity of the image to each atom in another image than its body.
 
     Args:
-        sign: 1.0, or -1.0 to subtract it again.
+        sign: 1.0, or -1.0 to subtract it.
     """
     for a in range(images.away.size):
         i = layout.index[images.away[a]]
@@ -108,14 +108,14 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
 
 @loop
 def flipped(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, arrived: F2) -> I:
-    """Set the box to the one that LAMMPS has now, if its vectors span the same lattice.
+    """Set the box to LAMMPS's present box, if its vectors span the same lattice.
 
-    LAMMPS adds whole numbers of the vector a to b (xy) and to c (xz), and of b to c (yz).  The
-    image flags of bodies are counted anew for the new vectors, also those of bodies that have just
-    come from another rank.
+    In a flip LAMMPS adds integer multiples of the vector a to b (xy) and to c (xz), and of b to c
+    (yz).  Image flags of bodies are converted to the new vectors, including those of bodies that
+    have just arrived from another rank.
 
     Returns:
-        1 if the lattice is another one, and then the box stays as it was; else 0.
+        1 if the lattice differs, in which case the box is unchanged; else 0.
     """
     h = box.h
     xx, yy, zz = edges(told_box)

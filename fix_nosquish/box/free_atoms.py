@@ -1,7 +1,7 @@
-"""Atoms that are in no body, beside bodies whose box changes: some move with it, others stay.
+"""Atoms in no body, in a box that changes: some are remapped with the box, others are not.
 
-Atoms that fix shake or rattle holds together are a cluster, which moves by its centre of mass, as a
-body does.  So its bonds keep their length and its constraints do no work.
+Atoms constrained by fix shake or rattle form a cluster, which is remapped by its centre of mass,
+as a body is.  Its bonds keep their length, so the constraints do no work.
 """
 
 from ..loops.compiled import F1, F2, I1, L1, I, call, inlined, loop
@@ -13,20 +13,20 @@ from .cell import ChangingBox, add_products, is_due, sheared, three_of, undone
 
 @loop
 def find_clusters(cluster_finder: L1):
-    """Have the plugin fill the array `clusters` for the atoms as they are now.
+    """Call the plugin to fill the array `clusters` for the present positions.
 
     Args:
-        cluster_finder: (2,) the address of a function of the plugin and its argument.
+        cluster_finder: (2,) address of the plugin's function, and its argument.
     """
     call(cluster_finder[0], cluster_finder[1])
 
 
 @inlined
 def of_cluster(clusters, atom_v, i):
-    """The vector from the centre of its cluster to an atom, and the velocity of that centre.
+    """The vector from the centre of a cluster to its atom, and the velocity of that centre.
 
     Args:
-        clusters: (natoms, 6) both of each atom; (0, 6) where no fix holds atoms together.
+        clusters: (natoms, 6) both for each atom; (0, 6) without constraints.
         i: index of the atom.
     """
     if clusters.shape[0] == 0:  # each atom is its own centre
@@ -39,16 +39,16 @@ def virial_of_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
     type_mass: F1, type: I1, clusters: F2, cell: ChangingBox, box: PeriodicBox,
 ):  # fmt: skip
-    """Add the part of atoms that are in no body to the sums of `cell.virial_about_centres`.
+    """Add the contribution of atoms in no body to the sums of `cell.virial_about_centres`.
 
-    These sums are subtracted from LAMMPS's virial, in which each atom moves with the box.  For
-    an atom that stays they get the virial of its force about the middle of the box, and for an
-    atom of a cluster that about the cluster's centre.  The kinetic part of centres that move with
-    the box is in them with a minus sign.  Only forces that LAMMPS's virial counts are in them: not
+    These sums are subtracted from LAMMPS's virial, which assumes that each atom is remapped.  An
+    atom that is not remapped adds the virial of its force about the centre of the box; an atom of a
+    cluster adds the virial about the cluster's centre.  The kinetic contribution of remapped
+    centres is added with a minus sign.  Only forces that LAMMPS's virial includes are counted: not
     those of fix langevin, for example, whose noise would act on the box.
 
     Args:
-        dilated: bits of the groups whose atoms move with the box.
+        dilated: bits of the groups whose atoms are remapped.
         clusters: see `of_cluster`.
     """
     numbers, h, lo = cell.barostat, box.h, box.lo
@@ -79,11 +79,11 @@ def move_others(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, clusters: F2, step: L1,
     cell: ChangingBox,
 ):  # fmt: skip
-    """In a step in which the box changes, stretch and shear with it the centres of clusters that
-    move, and their velocities by the inverse.
+    """Remap free atoms and centres of clusters in a step in which the box changes, and scale their
+    velocities by the inverse.
 
     Args:
-        dilated, clusters: as of `virial_of_others`.
+        dilated, clusters: see `virial_of_others`.
     """
     numbers = cell.barostat
     if is_due(step, cell):
@@ -105,7 +105,7 @@ def move_others(
 
 @inlined
 def stretched(numbers, x, y, z):
-    """Where a place goes when the axes of the box are stretched."""
+    """The position (x, y, z) after the axes of the box are stretched."""
     c1, c2, c3 = three_of(numbers.centre)
     f1, f2, f3 = three_of(numbers.stretch)
     return c1 + f1 * (x - c1), c2 + f2 * (y - c2), c3 + f3 * (z - c3)
