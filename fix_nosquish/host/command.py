@@ -453,7 +453,7 @@ class Command:
 
         Args:
             line: the line.  keywords: which of `OWN_KEYWORDS` the class has.
-            own: as `Declaration.own_keywords`.
+            own: as `Integrator.extra_keywords`.
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
