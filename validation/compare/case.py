@@ -1,4 +1,5 @@
-"""What is compared, a built-in scene or a user's script, and how large errors may be."""
+"""The subject of a comparison, a built-in scene or a user's script, and the largest errors
+allowed."""
 
 import math
 from collections.abc import Mapping
@@ -12,11 +13,11 @@ from ..scenes.units import BOLTZMANN, UNITS
 from ..user_script import candidates, conserved_energy, shapes, thermostat, time_step
 from ..user_script.loader import UserScript
 
-# of the usual step: the energy's changes in it count.  Errors of the step are as large as they get
-# by then.  What is added up later, by noise or by forces that a cutoff ends, is the same at all
-# steps: the standard deviation of a whole run is mostly this
+# Span of energy changes, in steps of the usual length.  Errors of the step reach their full size
+# within it.  Errors that accumulate, from noise or from forces that a cutoff ends, are the same at
+# all steps, and dominate the standard deviation of a whole run
 SPAN = 96
-# times in a ns; in reduced units 1,000 of them stand for it
+# units of time per ns; in reduced units 1,000 of them are used instead
 NS = {
     "real": 1e6,
     "electron": 1e6,
@@ -26,10 +27,10 @@ NS = {
     "si": 1e-9,
     "cgs": 1e-9,
 }
-ENERGIES = "drift", "energy"  # targets that econserve tells
-MEANS = frozenset(("potential", "density", "rdf"))  # that are held against another run
-ASKED = "energy_sd", "potential"  # targets only if they are asked for
-TARGETS = {  # largest error by default, unit, what it is, why
+ENERGIES = "drift", "energy"  # targets measured from econserve
+MEANS = frozenset(("potential", "density", "rdf"))  # targets compared with another run
+ASKED = "energy_sd", "potential"  # targets only on request
+TARGETS = {  # default largest error, unit, description, reason
     "drift": (
         0.01,
         "kT per {ns} and degree of freedom",
@@ -93,21 +94,21 @@ DIFFERS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A scene with what its errors are measured by.
+    """A scene and the settings by which its errors are measured.
 
     Attributes:
-        word: of the command line.
-        integrators: that can move it, by name.
-        reference: name of the one whose shortest step means are held against.
-        usual: names of those that are compared if none is asked for.
-        steps: time steps that are tried, in the scene's units.
-        temperature: that is kept, or that the start has.
+        word: name on the command line.
+        integrators: integrators that can move it, by name.
+        reference: name of the integrator whose shortest step is the reference of means.
+        usual: names of the integrators that are compared by default.
+        steps: time steps to try, in the scene's units.
+        temperature: of the thermostat, or of the start.
         boltzmann: Boltzmann's constant in the scene's units.
-        bath: whether a thermostat keeps the temperature.
-        lost: targets that say nothing of the case, each with why.
-        unknown: of an integrator the targets that its runs do not tell; ``why`` is why.
+        bath: whether a thermostat controls the temperature.
+        lost: targets that are meaningless for this case, with reasons.
+        unknown: by integrator, targets that its runs cannot measure; ``why`` is the reason.
         thermostat: the script's, see `thermostat.asked`; None if its bodies' fixes have none.
-        unstable: the step above which the forces at the start tell that none is stable.
+        unstable: step above which no run is stable, estimated from the forces at the start.
         script: the script, if it is one.
     """
 
@@ -140,17 +141,17 @@ class Case:
 
     @property
     def ns(self) -> float:
-        """Times in what costs and drifts are told of."""
+        """Units of time in the unit of costs and drifts."""
         return NS.get(self.scene.units, 1e3)
 
     @property
     def name_of_ns(self) -> str:
-        """What costs and drifts are told of."""
+        """Name of the unit of costs and drifts."""
         return "ns" if self.scene.units in NS else f"1,000 {self.time}"
 
     def written(self, integrator: Integrator) -> tuple[list[str], str, list[str]]:
-        """Lines of an input script for an integrator, the place where they stand, and what is to be
-        said of commands that they cannot have beside them."""
+        """Return lines of an input script for an integrator, where they belong, and a notice on
+        commands that cannot be used together with them."""
         lines = integrator.commands(self.scene)
         if self.script is None:
             return lines, "These lines replace what moves the atoms", []
@@ -162,7 +163,7 @@ class Case:
 
 
 def of_scene(name: str, folder: Path) -> Case:
-    """A built-in scene; ``folder``: for data files of starts."""
+    """Return the case of a built-in scene; ``folder`` is for data files of starts."""
     scene = SCENES[name] if name == "dimer" else _on_mesh(name)
     scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
     if scene.subject:
@@ -188,17 +189,17 @@ def of_scene(name: str, folder: Path) -> Case:
 
 
 def _on_mesh(name: str) -> Scene:
-    """A scene with PPPM of the accuracy `MESH`."""
+    """Return a scene with PPPM of the accuracy `MESH`."""
     scene = peptide.scene() if name == "peptide" else SCENES[name]
     subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
     return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
 
 
 def of_script(script: UserScript) -> Case:
-    """A user's script.
+    """Return the case of a user's script.
 
     Raises:
-        LookupError: its atoms are at rest, and nothing can be told.
+        LookupError: its atoms are at rest, so no error can be measured.
     """
     if not shapes.temperature(script) > 0:
         raise LookupError(
@@ -243,7 +244,7 @@ def _lost(script: UserScript) -> dict[str, str]:
     if lacking:
         why = COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
         lost |= dict.fromkeys((*ENERGIES, "energy_sd"), why)
-    if script.reading["sized"]:  # such atoms turn, too, and their velocities do not tell it
+    if script.reading["sized"]:  # these atoms rotate, too, which their velocities do not show
         lost["temperature"] = "its atoms may have moments of inertia of their own"
     if not script.rigid.state.press:
         lost["density"] = "its box does not change"
@@ -253,11 +254,11 @@ def _lost(script: UserScript) -> dict[str, str]:
 
 
 def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
-    """Largest errors that are good enough, by name; those that say nothing of the case are left out
-    of the default ones.
+    """Return the largest errors allowed, by name; default targets that are meaningless for the case
+    are omitted.
 
     Raises:
-        LookupError: there is no such target, and the message lists all; or it says nothing.
+        LookupError: a target does not exist (the message lists all), or is meaningless.
     """
     for name in wanted:
         if name not in TARGETS:
@@ -276,7 +277,7 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
 
 
 def about(case: Case) -> dict[str, dict]:
-    """What each target is, in words, and its default for this case."""
+    """Describe each target, with its default for this case."""
     words = {
         "ns": case.name_of_ns,
         "span": f"{SPAN * case.scene.dt:g} {case.time}",

@@ -1,12 +1,12 @@
-"""Which of the points that were measured is the fastest that is accurate enough.  Pure functions;
-nothing between two points is interpolated.
+"""Selection of the fastest measured point that is accurate enough.  Pure functions; nothing is
+interpolated between points.
 
-One rule, `verdicts`, gives the answer and the verdict of each row.  An integrator's steps are
-tested from the shortest on, and the tests end with the first step that is not met.  So each
-integrator can be wrong at one step only, in 5 % of cases over the number of integrators (a fixed
-sequence of tests, and a union bound).  A long run, ``alone``, judges the step that it was made for.
+One rule, `verdicts`, gives the answer and the verdict of each row.  The steps of an integrator are
+tested from the shortest on, and the tests end with the first step that is not met.  Each integrator
+can therefore be wrong at one step only, in 5 % of cases divided by the number of integrators (a
+fixed sequence of tests, and a union bound).  A long run, ``alone``, judges only its own step.
 
-Targets are a dictionary from measure to the largest error that is good enough, in its unit.
+Targets are a dictionary from measure to the largest error allowed, in its unit.
 """
 
 import math
@@ -14,12 +14,12 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypedDict
 
-from ..scenes.integrators import OURS  # a tie goes to it: this package's, without keywords
+from ..scenes.integrators import OURS  # wins ties: this package's, without keywords
 from ..statistics.check import Check
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from ..statistics.measures import Spread
 
-SAFE = 1.5  # times a step that is named, the integrator still runs
+SAFE = 1.5  # the integrator must also run at the named step times this
 RULE = (
     f"Met: with {SURE} confidence, corrected for several integrators, all errors of the step and "
     "of the shorter ones are within the targets, or those of a long run of this step or a longer "
@@ -30,22 +30,22 @@ Targets = Mapping[str, float]
 
 
 class Measured(TypedDict):
-    """A row: what is known of a point, as plain data.
+    """A row of results, as plain data.
 
     Attributes:
-        ours: whether the integrator is this package's, whatever its keywords.
-        thermostat: its kind, see `thermostat.kind_of`; earlier summaries have none.
+        ours: whether the integrator is this package's, with any keywords.
+        thermostat: its kind, see `thermostat.kind_of`; absent in earlier summaries.
         lines: of an input script; ``place`` and ``lost``: see `case.Case.written`.
         time: sampled from each start, in the scene's units.
-        failed: why it is none, with the step that failed; ``failures``: how many starts did.
-        is_reference: whether means are held against it.  asked: whether it was asked for.
-        alone: whether a long run of its own judges it.
+        failed: why the point failed, with the step; ``failures``: number of starts that failed.
+        is_reference: whether it is the reference of means.  asked: whether it was requested.
+        alone: whether a separate long run judges it.
         cost: wall time, s per ns.  cpu: CPU time of all cores without output, s per ns, by which
-            points are compared.  share: of a core that each rank had, in percent.
-        errors: measure to its ``Estimate``; one without an error bar has none, or None.
-        signed: the same with its sign.  by_itself: by its own run, where other steps help.
-        without: targets that its runs do not tell.
-        command: that runs it again.
+            points are compared.  share: CPU use of each rank, percent of a core.
+        errors: ``Estimate`` by measure; without error bar if there is none, or None.
+        signed: the same with its sign.  by_itself: from this point's runs only.
+        without: targets that its runs cannot measure.
+        command: that repeats the point.
     """
 
     integrator: str
@@ -78,11 +78,11 @@ class Choice:
     """The fastest way to reach the targets.
 
     Attributes:
-        targets: by which it was chosen: those that the points' runs tell.
-        best: the simplest of the fastest and those that tie with it; None if no point is met.
-        fastest: the point that is met at the smallest cost.
-        ties: the other points that are met, and whose timings overlap with those of the fastest.
-        perhaps: those as fast as the best one that may be met.
+        targets: targets of the choice: those that the points' runs can measure.
+        best: the simplest of the fastest point and those that tie with it; None if none is met.
+        fastest: the point that is met at the lowest cost.
+        ties: other points that are met, whose timings overlap with those of the fastest.
+        perhaps: points as fast as the best one whose verdict is open.
     """
 
     targets: Targets
@@ -93,12 +93,12 @@ class Choice:
 
     @property
     def verdict(self) -> str:
-        """``met``; else ``cannot tell`` if some point may meet the targets, or ``not met``."""
+        """``met``; else ``cannot tell`` if the verdict of some point is open, or ``not met``."""
         return "met" if self.best else "cannot tell" if self.perhaps else "not met"
 
 
 def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> float:
-    """What an error is at most for sure: value + its margin; infinite if it is not known."""
+    """Return the upper bound of an error: value + margin; infinite if it is not known."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
         return math.inf
@@ -107,19 +107,18 @@ def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> floa
 
 
 def is_zero(point: Measured, measure: str) -> bool:
-    """Whether an error is known, and cannot be told from zero by its 95 % margin."""
+    """Return whether an error is known, and not significantly different from zero (95 %)."""
     return 2 * point["errors"][measure]["value"] < bound(point, measure) < math.inf
 
 
 def cost(point: Measured) -> float:
-    """Median CPU time, s per ns; infinite if it is not known."""
+    """Return the median CPU time, s per ns; infinite if it is not known."""
     return point["cpu"]["median"] if point["cpu"] else math.inf
 
 
 def meets(point: Measured, targets: Targets) -> bool | None:
-    """Whether all errors of a point are within the targets: True if they are with their 95 %
-    margins, False if one less its margin is above or the point failed, None if there is no
-    telling."""
+    """Return whether all errors of a point are within the targets: True if they are including their
+    95 % margins; False if one is above even less its margin, or if the point failed; else None."""
     if point["failed"]:
         return False
     verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
@@ -133,22 +132,22 @@ def _within(found, target):
 
 
 def passes(point: Measured, targets: Targets, level: float = CONFIDENCE) -> bool:
-    """Whether all errors are within the targets, by margins of this confidence."""
+    """Return whether all errors are within the targets, with margins of this confidence."""
     return all(bound(point, name, level) <= most for name, most in targets.items())
 
 
 def level_of_each(integrators: Iterable[str], share: float = 1.0) -> float:
-    """The confidence by which each step is judged in a sequence; at least the usual one, for errors
-    below zero are no mistake.
+    """Return the confidence for each step in a sequence of tests: at least the usual one, because
+    errors below zero are no mistake.
 
     Args:
-        share: of the 5 %, for all sequences together.
+        share: part of the 5 % that all sequences together may use.
     """
     return max(CONFIDENCE, 1 - 2 * (1 - CONFIDENCE) * share / max(1, len({*integrators})))
 
 
 def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list[bool | None]:
-    """Of each point whether it is met, by `RULE`; None where the runs cannot tell.
+    """Return for each point whether it is met, by `RULE`; None where the runs cannot tell.
 
     Args:
         level: see `level_of_each`.
@@ -176,10 +175,10 @@ def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list
 
 
 def near_failure(points: Iterable[Measured]) -> list[Measured]:
-    """The points whose step is more than 1 / `SAFE` of one with which their integrator fails.
+    """Return the points whose step is more than 1 / `SAFE` of one at which their integrator fails.
 
-    What ends a run, as a bond that breaks, is rare at steps that are a little shorter.  A run that
-    does not see it says nothing of one that is longer.
+    Events that end a run, such as a broken bond, are rare at slightly shorter steps.  A run without
+    one says nothing about a longer run.
     """
     points = list(points)
 
@@ -193,7 +192,8 @@ def near_failure(points: Iterable[Measured]) -> list[Measured]:
 
 
 def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Measured]:
-    """The points with the script's kind of thermostat; all if it has none, or if no point does.
+    """Return the points with the script's kind of thermostat; all if it has none, or if no point
+    does.
 
     Args:
         thermostat: see `thermostat.asked`.
@@ -203,10 +203,10 @@ def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Mea
 
 
 def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice:
-    """The `Choice` among points.
+    """Return the `Choice` among points.
 
-    Points whose runs tell all targets count; if there are none, all count, by the targets that they
-    tell.
+    Points whose runs measure all targets count.  If there are none, all points count, by the
+    targets that they measure.
 
     Args:
         level: see `level_of_each`.
@@ -240,24 +240,24 @@ def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice
 
 
 def nearest(points: Iterable[Measured], targets: Targets) -> tuple[Measured, float] | None:
-    """The point that is the least above the targets, and how many times its worst `bound` is above;
-    None if no point has all these errors."""
+    """Return the point that exceeds the targets least, and the ratio of its worst `bound` to the
+    target; None if no point has all these errors."""
     excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
     factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
     return (point, factor) if point and factor < math.inf else None
 
 
 def size(found: Estimate) -> dict:
-    """An error without its sign, as plain data."""
+    """Return an error without its sign, as plain data."""
     return found._replace(value=abs(found.value)).plain()
 
 
 def _by_words(point):
-    """From the simplest: this package's default, then what takes the fewest words in an input
-    script; of equal ones the fastest first."""
+    """Sort key, simplest first: this package's default, then the fewest words in an input script;
+    ties by cost."""
     return point["integrator"] != OURS, len(" ".join(point["lines"]).split()), _by_cost(point)
 
 
 def _by_cost(point):
-    """From the fastest; of equal ones the longer step first, then by name; untimed ones last."""
+    """Sort key, fastest first; ties: the longer step, then by name.  Untimed points come last."""
     return cost(point), -point["dt"], point["integrator"]

@@ -1,4 +1,4 @@
-"""``compare``: its words, and what they run."""
+"""The verb ``compare``: its command line, and what it runs."""
 
 from argparse import Namespace
 
@@ -52,12 +52,12 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
     from ..user_script import loader, pair_shift, time_step
     from . import case as cases
-    from . import measure, plan, report  # heavy: not for --help
+    from . import measure, plan, report  # slow to import: not for --help
 
     silence = arguments.silence
     try:

@@ -1,8 +1,8 @@
-"""From runs to errors: what a run gives, how much of it is noise, and a row for each point.
+"""Errors from runs: observables of a run, their noise, and the errors of each point.
 
-All points are run from the same starts.  What is alike in all runs from a start is its chance, and
-is taken off.  What the runs of a point still differ by from start to start is noise, whatever its
-correlation time: all points together tell how much larger it is than a single run shows.
+All points run from the same starts.  Deviations that all runs from a start share are the chance of
+that start, and are subtracted.  The remaining scatter of a point from start to start is noise,
+whatever its correlation time; all points together give its ratio to the error of a single run.
 """
 
 import math
@@ -21,15 +21,15 @@ from ..user_script.shapes import MVV2E
 from .case import MEANS, SPAN, Case, about
 from .law import by_law
 
-BIN, REACH = 0.04, (0.3, 2.2)  # of g(r), in edges of a body's room
-HALF = 0.95  # of half the box that g(r) reaches at most
+BIN, REACH = 0.04, (0.3, 2.2)  # of g(r), in units of the edge of the volume per body
+HALF = 0.95  # largest distance of g(r), in halves of the box
 UNLIKELY = 5.0  # standard deviations of a temperature
-LEFT = 3.0  # times what is gone from start to start: what may be left of it, if it goes slowly
-FEWEST = 3  # independent vectors of noise, without which g(r) has no error
+LEFT = 3.0  # remaining deviation from equilibrium, in units of its decrease between starts
+FEWEST = 3  # independent vectors of noise that the error of g(r) needs
 
 
 class Series(NamedTuple):
-    """What counts of a run: thermodynamic output by column, and positions in its frames."""
+    """The data of a run: thermodynamic output by column, and positions in its frames."""
 
     thermo: Mapping[str, np.ndarray]
     motion: Motion
@@ -38,13 +38,13 @@ class Series(NamedTuple):
 
 
 class Numbers(NamedTuple):
-    """Of a run.
+    """Results of a run.
 
     Attributes:
         estimates: by the names of `case.TARGETS`.
-        kinds: by which part of it temperatures differ, of translation from that of rotation, and of
-            either from the thermostat's.
-        rdf: (bins,) g(r); None where it says nothing.
+        kinds: relative temperature differences: of translation and rotation, and of either and the
+            thermostat.
+        rdf: (bins,) g(r), or None.
     """
 
     estimates: Mapping[str, Estimate]
@@ -52,11 +52,11 @@ class Numbers(NamedTuple):
     rdf: np.ndarray | None = None
 
 
-Found = Mapping[Point, Mapping[int, Numbers]]  # of each start, by its number
+Found = Mapping[Point, Mapping[int, Numbers]]  # by start number
 
 
 def failure(result: run.Result, temperature: float, boltzmann: float) -> str | None:
-    """None, or in a line why a run is none: it ended early, has no number, or heats."""
+    """Return why a run failed, in a line: it ended early, has NaN, or heats; None if it is good."""
     if result.error:
         return result.error
     kelvin, energy = result.thermo["Temp"], result.thermo["TotEng"]
@@ -70,21 +70,21 @@ def failure(result: run.Result, temperature: float, boltzmann: float) -> str | N
 
 
 def observables(case: Case) -> list[Observable]:
-    """What is measured of a run's `Series` by itself, by the names of `case.TARGETS`."""
+    """Return the observables of a single run's `Series`, by the names of `case.TARGETS`."""
 
     def conserved(series):
         return series.thermo.get("Econserve", series.thermo["TotEng"])
 
     def drift(series):
-        """By ns and degree of freedom, in kT."""
+        """Drift in kT per ns and degree of freedom."""
         thermo = series.thermo
         freedom = 2 * thermo["KinEng"].mean() / (case.boltzmann * thermo["Temp"].mean())
         slope = measures.drift(thermo["Step"] * series.dt, conserved(series))
         return slope.times(case.ns / (case.kt * freedom))
 
     def energy(series):
-        """The rms change in `SPAN` steps of the usual length over √2, in parts of the kinetic
-        energy's standard deviation."""
+        """Rms change in `SPAN` steps of the usual length over √2, in units of the standard
+        deviation of the kinetic energy."""
         apart = (series.thermo["Step"][1] - series.thermo["Step"][0]) * series.dt
         kept = conserved(series)
         lag = max(1, min(len(kept) // 2, round(SPAN * case.scene.dt / apart)))
@@ -109,7 +109,7 @@ def observables(case: Case) -> list[Observable]:
 
 
 def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Numbers:
-    """What a run gives without its first part, of which ``settles`` is left out."""
+    """Return the results of a run without its first part, the fraction ``settles``."""
     assert result.positions
     frames = len(result.positions.x) - 1
     first = math.ceil(settles * frames * (1 - 1e-9))
@@ -123,7 +123,8 @@ def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Number
 
 
 def temperatures(case: Case, series: Series) -> tuple[np.ndarray, np.ndarray | None]:
-    """Temperatures of the bodies' centres and of their turning, (frames,); None if none turns."""
+    """Return temperatures of the bodies' centres and of their rotation, (frames,); the latter is
+    None if no body rotates."""
     motion, axes = series.motion, case.scene.dimension
     mass, v = motion.mass, motion.v[list(series.frames)]
     v = v - np.average(v, axis=1, weights=mass)[:, None]
@@ -161,10 +162,10 @@ Starts = Mapping[Point, Mapping[int, Estimate]]  # of each start of each point, 
 
 
 class Noise(NamedTuple):
-    """How many times larger errors are than single runs show, and its degrees of freedom.
+    """Factor by which errors are larger than single runs show, and its degrees of freedom.
 
-    It is one factor for all points together (R. T. Birge, Phys. Rev. 40, 207, 1932): what runs of
-    the same point differ by, over their errors.
+    It is one factor for all points together (R. T. Birge, Phys. Rev. 40, 207, 1932): the scatter of
+    runs of the same point over their errors.
     """
 
     wider: float
@@ -172,7 +173,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, starts: Starts, chance: Mapping[int, float]) -> "Noise":
-        """Of runs of points from several starts, whose ``chance`` is taken off."""
+        """Return the noise of points that run from several starts; ``chance`` is subtracted."""
         square, freedom = 0.0, 0
         for found in starts.values():
             own = {n: one.value - chance.get(n, 0.0) for n, one in found.items()}
@@ -180,19 +181,19 @@ class Noise(NamedTuple):
             known = {n: one.error for n, one in found.items() if one.error}
             square += sum(((own[n] - mean) / error) ** 2 for n, error in known.items())
             freedom += len(own) - 1
-        freedom = max(0, freedom - max(0, len(chance) - 1))  # which the chance has taken
+        freedom = max(0, freedom - max(0, len(chance) - 1))  # used for the chance of the starts
         return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
 
 
 class Pooled(NamedTuple):
-    """Means over starts, with the noise that a single run hides.
+    """Means over starts, with the noise that a single run does not show.
 
-    What all runs from a start have in common, its chance, is alike in what they are held against.
-    Where they are held against none it may be that the start was not in equilibrium: then what the
-    starts' chances differ by may be left of it in all means, too.
+    If means are compared with another run, the chance of each start cancels.  Otherwise the starts
+    may not have been in equilibrium, so all means may still contain part of the difference between
+    the starts' chances.
 
     Attributes:
-        settles: standard error of all of them together, from starts that are not in equilibrium.
+        settles: standard error of all means together, due to starts that are not in equilibrium.
     """
 
     means: Mapping[Point, Estimate]
@@ -200,11 +201,11 @@ class Pooled(NamedTuple):
 
     @classmethod
     def of(cls, starts: Starts, shared: bool, like: Starts | None = None) -> "Pooled":
-        """Of points' starts.
+        """Return the means over the points' starts.
 
         Args:
-            shared: whether they are held against another run.
-            like: runs that tell the noise; None is these.
+            shared: whether they are compared with another run.
+            like: runs from which the noise is estimated; None means these.
         """
         told = starts if like is None else like
         known = _chance(_values(told))
@@ -218,13 +219,13 @@ class Pooled(NamedTuple):
         return cls(made, 0.0 if shared else _settling(told, known))
 
     def with_settling(self, found: Estimate | None) -> Estimate | None:
-        """An error of these means, with what settles."""
+        """Return an error of these means with that of starts that are not in equilibrium added."""
         return found and found._replace(error=math.hypot(found.error, self.settles))
 
 
 def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
-    """What may be left of the first start's distance from equilibrium, from how much the starts'
-    chances differ, beyond their own errors."""
+    """Estimate the remaining deviation of the first start from equilibrium, from the difference
+    between the starts' chances beyond their errors."""
     if len(chance) < 2:
         return 0.0
     squares = (one.error**2 for found in starts.values() for one in found.values())
@@ -237,7 +238,8 @@ def _values(starts: Starts) -> dict[Point, dict[int, float]]:
 
 
 def _chance(found: Mapping[Point, Mapping[int, Any]]) -> dict[int, Any]:
-    """What all runs from a start have in common, of each: by the points that have all starts."""
+    """Return the deviation that all runs from a start share, by start, from the points that have
+    all starts."""
     number = max(map(len, found.values()), default=0)
     complete = [starts for starts in found.values() if len(starts) == number]
     means = {n: np.mean([one[n] for one in complete], axis=0) for n in (complete or [{}])[0]}
@@ -249,9 +251,9 @@ class Structure(NamedTuple):
 
     Attributes:
         means: (bins,) over starts.
-        runs: how many there are, in lengths of those whose noise is told.
-        noise: (vectors, bins), independent, each the noise of one run: what runs of the same point
-            differ by.
+        runs: number of runs, in lengths of those whose noise is known.
+        noise: (vectors, bins), independent, each the noise of one run: the scatter of runs of the
+            same point.
     """
 
     means: Mapping[Point, np.ndarray]
@@ -260,7 +262,8 @@ class Structure(NamedTuple):
 
     @classmethod
     def of(cls, found: Found, like: Found, times: float = 1.0) -> "Structure | None":
-        """Of the runs of points; None if they have none. For the arguments see `errors`."""
+        """Return g(r) from the runs of points; None if they have none. For the arguments see
+        `errors`."""
         own, told = (_starts(some, lambda one: one.rdf) for some in (found, like))
         every = [g for some in (own, told) for starts in some.values() for g in starts.values()]
         bins = min(map(len, every), default=0)
@@ -269,7 +272,7 @@ class Structure(NamedTuple):
         rows = _rows(told, bins).values()
         parts = [linalg.helmert(len(starts)) @ starts for starts in rows if len(starts) > 1]
         noise = np.concatenate([np.empty((0, bins)), *parts])
-        lost = max(map(len, rows)) - 1  # which the chance of the starts has taken
+        lost = max(map(len, rows)) - 1  # used for the chance of the starts
         if len(noise) > lost:
             noise *= math.sqrt(len(noise) / (len(noise) - lost))
         means = {point: starts.mean(axis=0) for point, starts in _rows(own, bins).items()}
@@ -277,16 +280,16 @@ class Structure(NamedTuple):
         return cls(means, runs, noise)
 
     def error(self, point: Point, held: Point) -> Estimate | None:
-        """The rms error, without what noise makes of it; None if nothing tells the noise.
+        """Return the rms error without the part due to noise; None if the noise is not known.
 
-        What runs of a point differ by has no error of the step.  So noise of any correlation time
-        is no error, as it would be if parts of a run stood for independent ones.
+        The scatter of runs of a point contains no error of the step.  The noise is thus correct
+        for any correlation time, which it would not be if blocks of a run counted as independent.
         """
         ours = [one for one in self.means if one.scheme == held.scheme and one.dt > held.dt]
         shorter = [one for one in ours if one.dt <= point.dt] or sorted(ours)[:1]
         if not shorter or not {point, held} <= self.means.keys() or len(self.noise) < FEWEST:
             return None
-        # what means are held against has an error itself, which goes as the square of its step
+        # the reference has an error, too, proportional to the square of its step
         far = max(shorter)
         part = held.dt**2 / (far.dt**2 - held.dt**2)
         weights = dict.fromkeys((point, far, held), 0.0)
@@ -301,8 +304,8 @@ class Structure(NamedTuple):
 
 
 def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:
-    """Of each point its starts as rows, without what all runs from a start have in common, in the
-    bins that all runs have."""
+    """Return the starts of each point as rows, without the deviation that all runs from a start
+    share, in the bins that all runs have."""
     cut = {point: {n: g[:bins] for n, g in starts.items()} for point, starts in found.items()}
     chance = _chance(cut)
     return {
@@ -319,14 +322,14 @@ def errors(
     like: Found | None = None,
     times: float = 1.0,
 ) -> dict[Point, dict[str, Estimate]]:
-    """How far each point is off, with signs, by the names of `case.TARGETS`; without those that
-    cannot be told.
+    """Return the error of each point, with sign, by the names of `case.TARGETS`; errors that cannot
+    be estimated are omitted.
 
     Args:
-        held: what means are held against.
-        by_itself: each by its own runs; else also by those with longer steps of its integrator.
-        like: shorter runs that tell the noise, of which each of ``found`` has the length of so many
-            ``times``; None is these.
+        held: the reference of means.
+        by_itself: use the point's own runs only; else also longer steps of its integrator.
+        like: shorter runs from which the noise is estimated; None means these.
+        times: length of the runs in ``found``, in lengths of those in ``like``.
     """
     told = found if like is None else like
 
@@ -357,7 +360,7 @@ def errors(
 
 
 def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:
-    """Something of each start's numbers, where there is any."""
+    """Return a value of each start's numbers, where it exists."""
     every = {
         point: {n: of(one) for n, one in starts.items() if of(one) is not None}
         for point, starts in found.items()
@@ -366,7 +369,7 @@ def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int,
 
 
 def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> dict[float, Estimate]:
-    """Of each step of the point's integrator that tells its error the mean."""
+    """Return the means from which the point's error is estimated, by step of its integrator."""
     return {
         one.dt: mean
         for one, mean in means.items()
@@ -375,7 +378,7 @@ def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> di
 
 
 def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
-    """The difference of temperatures that may be furthest off."""
+    """Return the temperature difference with the largest possible error."""
     known = filter(None, kinds)
     return max(known, key=lambda one: abs(one.value) + one.margin, default=None)
 

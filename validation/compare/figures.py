@@ -15,8 +15,8 @@ from ..scenes.units import UNITS
 from ..statistics.estimate import SURE, Estimate
 from .choice import Measured, bound, is_zero
 
-MAIN = "energy_sd", "energy", "drift"  # the first of these that there is
-# drawn, of many: a scheme's variants lie on its line
+MAIN = "energy_sd", "energy", "drift"  # the first available one
+# drawn if there are many: variants of a scheme lie on its line
 SHOWN = (integrators.OURS, "rigid/nve", "rigid", "shake-1e-8", "gear")
 MORE = (PURPLE, "P"), (SKY, "X"), (RED, "v"), (INK, "D")
 READ = (
@@ -29,7 +29,7 @@ READ = (
 
 
 def _drawn(summary: Mapping) -> list[Measured]:
-    """The points that are drawn, from the shortest step."""
+    """Return the points to draw, from the shortest step."""
     points = [one for one in summary["points"] if one["asked"]]
     some = [one for one in points if one["integrator"] in SHOWN]
     few = len({one["integrator"] for one in points}) <= len(SHOWN)
@@ -37,7 +37,7 @@ def _drawn(summary: Mapping) -> list[Measured]:
 
 
 def _styles(points: Iterable[Measured]) -> dict[str, dict]:
-    """How each integrator is drawn, by its name: keywords of matplotlib."""
+    """Return matplotlib keywords for each integrator, by name."""
     spare, found = iter(MORE * 9), {}
     for point in points:
         name = point["integrator"]
@@ -57,8 +57,8 @@ def _by_integrator(points: Sequence[Measured]) -> dict[str, list[Measured]]:
 
 
 def cost(summary: Mapping) -> Figure | None:
-    """The main error against run time, a line for each integrator through its steps, and above it
-    which steps run."""
+    """Draw the main error against run time, a line for each integrator through its steps, and above
+    it which steps run."""
     points = _drawn(summary)
     good = [one for one in points if not one["failed"] and one["cpu"]]
     main = next((name for name in MAIN if any(name in one["errors"] for one in good)), None)
@@ -98,7 +98,8 @@ def cost(summary: Mapping) -> Figure | None:
 
 
 def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None:
-    """One integrator's points, those that can be told from zero joined; ours with their steps."""
+    """Draw one integrator's points; join those that differ significantly from zero; ours with
+    steps."""
     spent = [one["cpu"] for one in row if one["cpu"]]
     least, x = np.array([(one["min"], one["median"]) for one in spent]).T
     zero = np.array([is_zero(one, measure) for one in row])

@@ -9,38 +9,38 @@ from scipy import special
 from ..statistics import measures
 from ..statistics.estimate import CONFIDENCE, Estimate, margin
 
-# even powers of the step in errors of means.  Each above the square is noise of this standard
-# deviation at the longest step, in largest errors seen.  So a step near the end of stability, where
-# all powers count, tells little of shorter ones
+# even powers of the step in errors of means.  Each above the square is treated as noise with this
+# standard deviation at the longest step, in units of the largest error seen.  A step near the
+# stability limit, where all powers matter, therefore says little about shorter ones
 POWERS, HIGHER = 4, 4.0
-LEAST = 0.02  # of an error, its standard error by what is still higher
+LEAST = 0.02  # standard error by still higher powers, relative to the error
 NONE = Estimate(0.0)
 
 
 def by_law(
     dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
 ) -> Estimate | None:
-    """An error that grows as a series in the square of the time step: from the run with this step,
-    and from those with longer ones.
+    """Fit an error that is a series in the square of the time step, to the run with this step and
+    to those with longer ones.
 
-    The errors of means have even powers of the step only, for integrators are reversible.  So
-    longer steps, whose errors are larger, tell the error of a shorter one best.  The square is
-    fitted.  The next powers are as large as they can be beside what is seen (`HIGHER`): they are
-    part of the noise, with one shape for all steps.  The longest steps are left out until the
-    others are such a series within their error bars (chi-squared).  If none are, the run with this
-    step counts alone, and the square is for the reference's own error only.
+    The errors of means contain only even powers of the step, because integrators are reversible.
+    Longer steps have larger errors, and so determine the error of a shorter one best.  The square
+    is fitted.  The next powers may be as large as the data allow (`HIGHER`): they are part of the
+    noise, with one shape for all steps.  The longest steps are left out until the others fit such a
+    series within their error bars (chi-squared).  If none do, only the run with this step counts,
+    and the square is used for the reference's own error only.
 
-    What is held against something else than a step of the same integrator may have an error that is
-    the same at all steps, too.  This is fitted, and all steps tell it.  It counts only where there
-    is an error for sure: else it is noise, that of the common start, for example.
+    If the reference is not a step of the same integrator, there may also be an error that is the
+    same at all steps.  It is fitted to all steps.  It counts only if it is significant; otherwise
+    it is noise, for example that of the common start.
 
     Args:
-        found: of each step the mean.
-        held: what the mean would be without an error, or, of the same integrator, with a step of
-            ``finer``, whose own error follows from all other steps.
+        found: mean by step.
+        held: the mean without an error, or, of the same integrator, at a step of ``finer``, whose
+            own error follows from all other steps.
 
     Returns:
-        None if no step tells it.
+        None if no step determines it.
     """
     telling = (step for step in found if step != finer and (step >= dt or dt == finer or not finer))
     steps = sorted(step for step in telling if np.isfinite([*found[step][:2]]).all())
@@ -62,42 +62,43 @@ def by_law(
 
 
 def _counted(errors: Iterable[Estimate]) -> Estimate:
-    """The whole error if there is one for sure, else the step's part of it."""
+    """Return the whole error if one is significant, else only the step's part."""
     whole, of_step = errors
     return whole if abs(whole.value) > whole.margin else of_step
 
 
 def _with(error: Estimate, *more: float) -> Estimate:
-    """An error with further parts of its own standard error, and `LEAST`."""
+    """Return an error with further contributions to its standard error, and `LEAST`."""
     parts = (error.error, LEAST * error.value, *more)
     return error._replace(error=float(np.sqrt(sum(part**2 for part in parts))))
 
 
 def _of_square(dt: float, other: float, finer: float) -> float:
-    """The error at a step over how far another is off one of ``finer``, by the square law."""
+    """Return the error at a step over the difference between another step and ``finer``, by the
+    square law."""
     return dt**2 / (other**2 - finer**2)
 
 
 def _free(finer: float) -> int:
-    """Parameters of a series: the square, and an error that is the same at all steps, see
-    `by_law`."""
+    """Return the number of parameters of a series: the square, and an error that is the same at all
+    steps, see `by_law`."""
     return 1 if finer else 2
 
 
 class _Part(NamedTuple):
-    """The error at the step asked for, whole or without what is the same at all steps."""
+    """The error at the requested step, either whole or without the part that all steps share."""
 
-    weights: np.ndarray  # (steps,): times how far these are off
+    weights: np.ndarray  # (steps,): of the deviations of the steps
     error: float  # standard
-    missed: float  # its part by the higher powers
+    missed: float  # standard error by the higher powers
 
 
 class _Fit(NamedTuple):
-    """A series of even powers through how far the first steps are off."""
+    """A series of even powers through the deviations of the first steps."""
 
     number: int  # of steps
-    parts: tuple[_Part, _Part]  # the whole error, and the step's
-    # (degrees of freedom, number): times these, normal numbers if the series holds
+    parts: tuple[_Part, _Part]  # the whole error, and that of the step
+    # (degrees of freedom, number): applied to the deviations, normal variables if the series holds
     rest: np.ndarray
 
 
@@ -109,12 +110,12 @@ def _fits(
     held: float,
     finer: float,
 ) -> Iterator[_Fit]:
-    """See `by_law`: from all steps down to those that leave one degree of freedom.
+    """Yield fits as in `by_law`: from all steps down to those that leave one degree of freedom.
 
     Args:
-        off: sizes of how far the means at these steps are off.
+        off: absolute deviations of the means at these steps.
         errors: standard errors of these means.
-        held: that of what they are held against, which all have in common.
+        held: standard error of the reference, common to all.
     """
     free = _free(finer)
     exponents = 2 * np.arange(2 - free, POWERS + 1)
@@ -131,8 +132,8 @@ def _fits(
         fit = np.linalg.solve(fitted.T @ inverse @ fitted, fitted.T @ inverse)
         left = inverse - inverse @ fitted @ fit
         parts = []
-        for first in (0, free - 1):  # with and without what is the same at all steps
-            # at the step asked for each power is 1: the higher ones are told by what is left
+        for first in (0, free - 1):  # with and without the error that is the same at all steps
+            # at the requested step each power is 1: the residuals determine the higher ones
             weights = fit[first:].sum(axis=0) + sizes**2 @ higher.T @ left
             missed = float(np.linalg.norm(sizes * (weights @ higher - 1)))
             error = np.hypot(np.sqrt(weights @ own @ weights), missed)
@@ -143,5 +144,5 @@ def _fits(
 
 
 def _normal(one: Estimate) -> float:
-    """The standard error of a normal variable with the same margin."""
+    """Return the standard error of a normal variable with the same margin."""
     return one.margin / margin(1.0)

@@ -1,5 +1,5 @@
-"""Neighbour lists at the advised step: with long steps they are rebuilt every few steps, so a wider
-skin or smaller bins may take less time."""
+"""Neighbour lists at the advised step: long steps rebuild them every few steps, so a wider skin or
+smaller bins may save time."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -11,8 +11,8 @@ from .plan import OTHER_LISTS, ROUNDS, Settings
 
 WIDER = 1.5  # times the script's skin; a narrower one could miss pairs
 BINS = 1 / 3  # of the neighbour cutoff; LAMMPS takes a half
-SAVES = 0.98  # of the time at most, in each round: less could be the timings' noise
-LATEST = 2  # times the planned time; if steps take longer than was planned, nothing is timed
+SAVES = 0.98  # largest ratio of times, in each round: smaller savings could be noise
+LATEST = 2  # times the planned time; if steps take longer than that, nothing is timed
 AS_IT_IS = "as it is"
 
 
@@ -25,9 +25,9 @@ def measure(
         startup: s until a run's first step.
 
     Returns:
-        of each ``lines``, what they add to the script, and ``ratio``, the `Spread` of their time
-        per step over that of the script's lists. Only settings that ran in all rounds; none if the
-        time does not suffice.
+        for each: ``lines`` to add to the script, and ``ratio``, the `Spread` of the time per step
+        over that with the script's lists. Only settings that ran in all rounds; none if the time
+        does not suffice.
 
     Raises:
         RuntimeError: the script's own lists fail.
@@ -72,8 +72,8 @@ def measure(
 
 
 def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
-    """A wider skin, smaller bins, and both; where LAMMPS puts atoms into bins, and the script does
-    not say how large they are."""
+    """Return a wider skin, smaller bins, and both, where LAMMPS bins atoms and the script does not
+    set the bin size."""
     if lists is None or lists.style != "bin" or lists.sized:
         return {}
     wider = f"neighbor {WIDER * lists.skin:g} bin"
@@ -83,8 +83,7 @@ def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
 
 
 def said(found: Sequence[Mapping]) -> Iterator[str]:
-    """What is advised: the fastest lists of those that were faster than the script's in all
-    rounds."""
+    """Advise the fastest lists of those that were faster than the script's in all rounds."""
     if not found:
         return
     good = [one for one in found if one["ratio"]["max"] < SAVES]

@@ -1,4 +1,4 @@
-"""What is measured: short runs of all points, then a long one of the most promising."""
+"""The measurement: short runs of all points, then a long run of the most promising one."""
 
 import math
 import shlex
@@ -22,16 +22,16 @@ from .case import MEANS, Case, about
 from .choice import Choice, Measured, Targets, choose, cost, kept, level_of_each, passes, size
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
-FIRST = 0.5  # of the time, for the short runs
-CHOICE = 3  # points: among fewer there is none, and the short runs get all of the time
-SHARE = 0.5  # of what may go wrong, for steps that short runs name
-GAIN = 0.9  # of the cost of the fastest step that is known to be good: one that is worth a run
-PARTS = 5  # of a run, of which each tells a cost
+FIRST = 0.5  # fraction of the time for the short runs
+CHOICE = 3  # least number of points for a long run: with fewer, the short runs get all of the time
+SHARE = 0.5  # fraction of the error probability for steps that short runs select
+GAIN = 0.9  # largest cost of a step worth a long run, over that of the fastest good one
+PARTS = 5  # parts of a run, each with a cost
 
 
 class Cost(NamedTuple):
-    """What a part of a run took: s per ns of the clock; s per ns of all cores, without output; and
-    the share of a core that each rank had, in percent."""
+    """Cost of a part of a run: wall time, s per ns; CPU time of all cores without output, s per ns;
+    and CPU use of each rank, percent of a core."""
 
     wall: float
     cpu: float
@@ -40,12 +40,12 @@ class Cost(NamedTuple):
 
 @dataclass
 class Runs:
-    """What became of runs.
+    """Outcome of the runs.
 
     Attributes:
-        found: numbers of those that are good, of each start of each point.
-        costs: of each point those of parts of its runs.
-        failed: why those of a point failed.
+        found: results of good runs, by point and start.
+        costs: of parts of the runs, by point.
+        failed: why the runs of a point failed.
     """
 
     found: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
@@ -53,13 +53,13 @@ class Runs:
     failed: dict[Point, list[str]] = field(default_factory=dict)
 
     def fails(self, point: Point) -> str | None:
-        """Why a point is none: with its step, or a shorter one of its integrator."""
+        """Return why a point failed, at its step or at a shorter one of its integrator."""
         shorter = [one for one in self.failed if one.scheme == point.scheme and one.dt <= point.dt]
         first = min(shorter, key=lambda one: one.dt, default=None)
         return f"{first.dt:g}: {self.failed[first][0]}" if first else None
 
     def judge(self, case: Case) -> None:
-        """Say of failures at steps above the stability limit that the step is too long."""
+        """Attribute failures at steps above the stability limit to the step."""
         told = f"the step is too long (unstable above about {case.unstable:.2g} {case.time}): "
         for point, why in self.failed.items():
             if point.dt > case.unstable and not why[0].startswith(told):
@@ -67,8 +67,8 @@ class Runs:
 
 
 class Prepared(NamedTuple):
-    """A comparison that can begin: its points, what means are held against, and how long runs are
-    on this machine."""
+    """A comparison that is ready to run: points, reference of means, and lengths of runs on this
+    machine."""
 
     case: Case
     settings: Settings
@@ -80,23 +80,23 @@ class Prepared(NamedTuple):
 
     @property
     def every(self) -> list[Point]:
-        """The points, and what means are held against before them."""
+        """All points, the reference of means first."""
         return list(dict.fromkeys([self.held, *self.points]))
 
     @property
     def parts(self) -> bool:
-        """Whether a part of the time goes to a long run."""
+        """Whether part of the time is for a long run."""
         return len(self.points) >= CHOICE
 
     @property
     def level(self) -> float:
-        """The confidence by which a step is judged that short runs name."""
+        """The confidence for a step that short runs select."""
         names = (point.scheme for point in self.points)
         return level_of_each(names, SHARE if self.parts else 1.0)
 
     @property
     def steps(self) -> int:
-        """Steps of all runs together, about."""
+        """Approximate number of steps of all runs together."""
         short = STARTS * sum(sum(self.lengths.runs(point.dt)) for point in self.every)
         return round(short / (FIRST if self.parts else 1.0))
 
@@ -109,7 +109,7 @@ def prepare(
     settings: Settings,
     meter: run.Meter,
 ) -> Prepared:
-    """Measure a step's time, unless the same command has, and plan the runs by it.
+    """Measure the time of a step, unless the same command already has, and plan the runs.
 
     Raises:
         KeyboardInterrupt: after a Ctrl-C.
@@ -127,7 +127,8 @@ def prepare(
 
 
 def compare(prepared: Prepared, meter: run.Meter) -> dict:
-    """Run what is not there yet, and measure: plain data; after a Ctrl-C of what is complete."""
+    """Run what has no result yet, and return the summary as plain data; after a Ctrl-C that of the
+    complete runs."""
     case = prepared.case
     summary = _summary(prepared)
     short = plan.trajectories(case, prepared.every, prepared.lengths, prepared.settings)
@@ -149,13 +150,13 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
 
 
 def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
-    """The `Choice` among the points that were asked for, with the script's thermostat."""
+    """Return the `Choice` among the requested points, with the script's thermostat."""
     asked = [one for one in rows if one["asked"]]
     return choose(kept(asked, prepared.case.thermostat), prepared.targets, prepared.level)
 
 
 def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
-    """See `lists.measure`, of the point that is advised."""
+    """Return `lists.measure` of the advised point."""
     best = _choice(prepared, summary["points"]).best
     if best is None:
         return []
@@ -167,7 +168,7 @@ def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
     try:
         with store.locked("lists"):
             return store.once("lists", origin, lambda: {"found": make()})["found"]
-    except RuntimeError:  # the meter has told it; it is tried again by the next command
+    except RuntimeError:  # the meter has shown it; the next command tries again
         return []
     except KeyboardInterrupt:
         summary["interrupted"] = True
@@ -212,10 +213,10 @@ def _store(settings: Settings) -> Store:
 def collected(
     prepared: Prepared, done: Outcome, folder: str = SHORT, settles: float = SETTLES
 ) -> Runs:
-    """What became of the points' runs in a folder, from each start.
+    """Return the outcome of the points' runs in a folder, from each start.
 
     Args:
-        settles: part of each run that is left out.
+        settles: fraction of each run that is left out.
     """
     found, case = Runs(), prepared.case
     for point in prepared.every:
@@ -234,7 +235,7 @@ def collected(
 
 
 def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]:
-    """The costs of successive parts of a run."""
+    """Return the costs of successive parts of a run."""
     each, found = max(1, len(job.runs) // PARTS), []
     for first in range(0, len(job.runs) - each + 1, each):
         some = slice(first, first + each)
@@ -251,8 +252,8 @@ def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]
 
 
 def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
-    """A row for each point that has run, or whose integrator fails with a step that is not
-    longer."""
+    """Return a row for each point that has run, or whose integrator fails at the same or a shorter
+    step."""
     good = {point: one for point, one in runs.found.items() if not runs.fails(point)}
     signed = errors.errors(prepared.case, good, prepared.held)
     alone = errors.errors(prepared.case, good, prepared.held, by_itself=True)
@@ -272,7 +273,7 @@ def row(
     signed: Mapping[str, Estimate],
     by_itself: Mapping[str, Estimate],
 ) -> Measured:
-    """The row of a point, whose runs have this time."""
+    """Return the row of a point, whose runs have this time."""
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
     costs = [] if fails else runs.costs.get(point, [])
@@ -307,7 +308,7 @@ def row(
 
 
 def _command(prepared: Prepared, point: Point) -> str:
-    """That runs a point again, and what it is held against, elsewhere."""
+    """Return the command that repeats a point and its reference elsewhere."""
     steps = f"{prepared.held.dt:g},{point.dt:g}"
     minutes, ranks = f"{prepared.settings.minutes:g}", str(prepared.settings.ranks)
     words = [
@@ -319,15 +320,14 @@ def _command(prepared: Prepared, point: Point) -> str:
 
 
 class Plan(NamedTuple):
-    """A point to which the rest of the time could go.
+    """A long run of one point, for the rest of the time.
 
     Attributes:
-        row: of the point.
-        targets: by which it is judged.
-        again: whether what means are held against is run as long, too: where short runs do not
-            tell them.
+        row: row of the point.
+        targets: targets by which it is judged.
+        again: whether the reference runs as long, too: if the short runs cannot measure the means.
         time: of the run, in the scene's units.
-        times: what counts of it, over what counts of the short ones.
+        times: length that counts, over that of the short runs.
     """
 
     row: Measured
@@ -338,14 +338,14 @@ class Plan(NamedTuple):
 
     @property
     def point(self) -> Point:
-        """Of the row."""
+        """The point of the row."""
         return Point(self.row["integrator"], self.row["dt"])
 
 
 def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
-    """What is run for the rest of the time: the point with the largest chance that this finds it
-    good for sure, times its gain in speed.  None if there is none that may be good and is faster
-    than what is known to be."""
+    """Return the long run to do: of the point with the largest probability that the run confirms
+    it, times its gain in speed.  None if no point may be good and is faster than the fastest one
+    known to be good."""
     choice = _choice(prepared, rows)
     known = cost(choice.fastest) if choice.fastest else math.inf
     plans = [
@@ -370,18 +370,18 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
 
 
 def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
-    """The chance that the run finds the point good for sure, times how much faster it is; and for
-    those that have none how far error bars are from a target, in parts of it.
+    """Return the probability that the run confirms the point, times its speed-up; and for points
+    without one the distance between error bars and a target, relative to it.
 
     Args:
         known: cost of the fastest point that is known to be good.
     """
     chance, room = 1.0, math.inf
     for name, most in plan.targets.items():
-        if name in MEANS:  # what short runs do not tell, a long one may
+        if name in MEANS:  # a long run may measure what short runs cannot
             continue
         error = Estimate.of(plan.row["errors"][name])
-        # the noise of a slope goes as the length to -3/2
+        # the noise of a slope is proportional to length^(-3/2)
         noise = plan.row["by_itself"][name]["error"] * plan.times ** (
             -1.5 if name == "drift" else -0.5
         )
@@ -398,11 +398,11 @@ def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
 def run_longer(
     prepared: Prepared, best: Plan, short: Runs, meter: run.Meter
 ) -> tuple[Outcome, Measured | None]:
-    """Run a plan: what became of it, and the point's row by this run alone; None if there is none.
+    """Run a plan: its outcome, and the point's row by this run alone; None if there is none.
 
-    It begins with the last start, and leaves out as much as the short runs lasted, by which it was
-    chosen: so what chose the point does not judge it.  Means are held against a run as long, or
-    stay as short runs tell them, where there is none, or where it takes other steps to tell them.
+    It begins with the last start, and leaves out as much time as the short runs, which selected the
+    point, lasted: the selection must not bias the judgement.  Means are compared with a reference
+    that is as long, or stay those of the short runs, if there is none or if it needs other steps.
     """
     case, point, held = prepared.case, best.point, prepared.held
     some = [point, *([held] if best.again else [])]

@@ -1,7 +1,7 @@
-"""What is run: points, how long, and the runs' jobs.
+"""The plan: points, lengths, and the jobs of the runs.
 
 Short runs of all points, from two starts: the scene's own, and one that a run of the reference
-makes.  What the runs of a point differ by tells how much noise there is that a single run hides.
+creates.  The scatter of a point's runs gives the noise that a single run does not show.
 """
 
 import math
@@ -15,25 +15,28 @@ from ..running import machine, rounds, run, starts
 from .case import SPAN, Case
 
 STARTS = 2
-FRAMES, APART = 200, 12  # of a run, or steps between them if it is long
-ATOMS, FEW = 6_000_000, 20  # in all frames of a run at most, but so many frames at least
-SETTLES = 0.25  # of the frames are left out
-PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; more than one for so many in all
+FRAMES, APART = 200, 12  # frames of a run; steps between them if it is long
+ATOMS, FEW = 6_000_000, 20  # most atoms in all frames of a run; but at least so many frames
+SETTLES = 0.25  # fraction of the frames that is left out
+PARTS, MANY = (
+    (8, 4, 2),
+    8000,
+)  # samples of the energy in `SPAN`; several up to that total
 LEAST = 400  # steps of a run
-STARTUP = 3.0  # s until a run's first step, about, of few atoms
-LISTS = 0.2  # of the time for everything goes to neighbour lists, if starts leave time for steps
-OTHER_LISTS, ROUNDS = 3, 3  # settings that are timed beside the script's, so many times
-LEAST_PART = 0.2  # of the time for all, for steps, however long starts take
+STARTUP = 3.0  # s until a run's first step, about, with few atoms
+LISTS = 0.2  # fraction of all time for neighbour lists, if starting up leaves time for steps
+OTHER_LISTS, ROUNDS = 3, 3  # settings timed beside the script's; rounds
+LEAST_PART = 0.2  # least fraction of all time for steps, however long starting up takes
 SHORT, LONG = "short", "longer"  # folders of runs
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How runs are made.
+    """Settings of the runs.
 
     Attributes:
-        out: folder of all.
-        minutes: that all may take, by the time of a step when it is measured.
+        out: output folder.
+        minutes: total time, planned from the time of a step when it is measured.
         silence: s without a sign of life after which a run is given up.
     """
 
@@ -44,18 +47,18 @@ class Settings:
 
     @property
     def for_lists(self) -> float:
-        """s for `lists`."""
+        """Time for `lists`, s."""
         share = LISTS * 60 * self.minutes
         return share if share > 2 * STARTUP * ROUNDS * (1 + OTHER_LISTS) else 0.0
 
     @property
     def for_points(self) -> float:
-        """s for the points' runs."""
+        """Time for the points' runs, s."""
         return 60 * self.minutes - self.for_lists
 
 
 class Machine(NamedTuple):
-    """What a run costs here: s of a step and until the first step, and the number of atoms."""
+    """Cost of a run here: s per step, s until the first step, and the number of atoms."""
 
     step: float
     startup: float
@@ -64,11 +67,11 @@ class Machine(NamedTuple):
 
 @dataclass(frozen=True)
 class Lengths:
-    """How long runs are: ``time`` of each in the scene's units, of so many ``frames`` at most."""
+    """Lengths of runs: ``time`` of each in the scene's units, with at most ``frames`` frames."""
 
     time: float
     frames: int
-    span: float  # in which the energy's changes count
+    span: float  # of the energy changes
 
     @property
     def sample(self) -> float:
@@ -81,7 +84,7 @@ class Lengths:
         return max(1, round(self.sample / dt))
 
     def runs(self, dt: float) -> list[int]:
-        """Steps between frames."""
+        """Return the numbers of steps between frames."""
         samples = math.ceil(self.time / self.frames / self.sample * (1 - 1e-9))
         frames = max(FEW, round(self.time / (samples * self.sample)))
         return [samples * self.every(dt)] * frames
@@ -90,8 +93,8 @@ class Lengths:
 def points(
     case: Case, only: Collection[str], steps: Sequence[float] | None
 ) -> tuple[list[Point], Point]:
-    """What is compared, of integrators with these names, from the shortest steps; and what means
-    are held against: the reference with the shortest step, or with half of it if it is the only
+    """Return the points of integrators with these names, from the shortest steps; and the reference
+    of means: the reference integrator with the shortest step, or with half of it if it is the only
     one."""
     names = [name for name in case.integrators if name in only]
     dts = sorted(steps or case.steps)
@@ -100,7 +103,7 @@ def points(
 
 
 def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) -> Machine:
-    """What a run costs on this machine now.
+    """Return the current cost of a run on this machine.
 
     Raises:
         SystemExit: the reference cannot begin.
@@ -125,14 +128,16 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
 
 
 def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:
-    """Of each of these runs, in the scene's units, if they may take so many s together."""
+    """Return the length of each of these runs, in the scene's units, if together they take so many
+    s."""
     each = [1 / point.dt for point in points]
     left = max(LEAST_PART * seconds, seconds - len(each) * machine.startup)
     return left / (machine.step * sum(each))
 
 
 def lengths(case: Case, points: Collection[Point], machine: Machine, time: float) -> Lengths:
-    """Of runs of points, with as many frames as the longest step and the memory have room for."""
+    """Return the lengths of the runs of points, with as many frames as the longest step and the
+    memory allow."""
     longest = max(point.dt for point in points)
     time = max(time, LEAST * longest / 4, LEAST * case.scene.dt)
     most = max(FEW, ATOMS // machine.atoms)
@@ -148,13 +153,12 @@ def trajectories(
     numbers: Iterable[int] = range(1, 1 + STARTS),
     longer: Lengths | None = None,
 ) -> list[Trajectory]:
-    """The run that makes the second start, and the runs of points, each from each start, which take
-    turns.
+    """Return the run that creates the second start, and the runs of points from each start in turn.
 
     Args:
-        short: lengths of short runs, by which the starts are apart.
+        short: lengths of the short runs, which separate the starts.
         numbers: of the starts.
-        longer: lengths of these runs, if they are no short ones.
+        longer: lengths of these runs, if they are not short ones.
     """
     how = (SHORT, short) if longer is None else (LONG, longer)
     last = sum(short.runs(case.scene.dt))
@@ -166,12 +170,12 @@ def trajectories(
 
 
 def name_of(folder: str, point: Point, number: int) -> str:
-    """The name of the trajectory of a point from a start."""
+    """Return the name of the trajectory of a point from a start."""
     return f"{folder}/{run.folder_name(point.scheme)}/{point.dt:g}/{number}"
 
 
 def _state(settings: Settings) -> Path:
-    """The dump that is the second start."""
+    """Return the path of the dump that is the second start."""
     return (settings.out / "runs" / "start" / "state.dump").resolve()
 
 
@@ -196,7 +200,7 @@ def _makes_start(case: Case, lengths: Lengths, settings: Settings) -> Trajectory
 
 
 def _trajectory(case, point, folder, lengths, settings, number, last) -> Trajectory:
-    """The run of a point from a start; ``last``: step of the dump that is the second one."""
+    """Return the run of a point from a start; ``last``: step of the dump that is the second one."""
     integrator, state = case.integrators[point.scheme], _state(settings)
     name = name_of(folder, point, number)
 

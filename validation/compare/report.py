@@ -1,4 +1,4 @@
-"""What ``compare`` says of its summary: which step to take, how sure that is, what it costs."""
+"""The report of ``compare``: which step to use, how certain that is, and what it costs."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,14 +11,14 @@ from ..user_script import thermostat
 from . import choice, figures, lists
 from .choice import Choice, Measured, bound, cost, meets, near_failure, nearest
 
-FOUR_OF_FIVE = 0.84  # standard errors above the mean, below which a normal variable is so often
-LEAST_ROOM = 0.25  # of a target, between it and the error that is counted on in telling a budget
-FAR = 100  # times a budget: what is told of one so much larger, by few samples, is chance
-MORE = 10  # times a budget, that is tried then
+FOUR_OF_FIVE = 0.84  # quantile of the normal distribution, in standard errors, at 80 %
+LEAST_ROOM = 0.25  # least distance between error and target, relative, when a budget is estimated
+FAR = 100  # times a budget: estimates of larger ones, from few samples, are chance
+MORE = 10  # times a budget, that is tried then instead
 VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
-FEW = 4  # points that are named
-BUSY = 90.0  # percent of a core, below which the machine was busy
-FASTER = 0.95  # of the cost at most: less is worth another thermostat
+FEW = 4  # points that are listed
+BUSY = 90.0  # percent of a core; below it the machine was busy
+FASTER = 0.95  # largest ratio of costs at which another thermostat is worth mentioning
 NOTES = {
     "CPU time": "Of all cores, without output: the median of parts of the runs.",
     "drift, energy": "Of the energy that the integrator conserves, which includes that of "
@@ -30,10 +30,10 @@ NOTES = {
 
 
 class Answer:
-    """What follows from a summary's points.
+    """The conclusions from a summary's points.
 
     Attributes:
-        points: that were asked for.
+        points: the requested points.
         kept: those with the script's kind of thermostat; all if there is none.
         choice: among these.  averages: the `Choice` among all, for averages only.
     """
@@ -42,7 +42,7 @@ class Answer:
         self.summary, self.wanted = summary, summary["targets"]
         self.every: list[Measured] = summary["points"]
         self.clock = "CPU time" if any(one["cpu"] for one in self.every) else "wall time"
-        if self.clock == "wall time":  # results of before CPU times were kept
+        if self.clock == "wall time":  # older results without CPU times
             self.every = [one | {"cpu": one["cost"]} for one in self.every]
         self.points = [one for one in self.every if one["asked"]]
         self.thermostat = summary.get("thermostat")
@@ -52,11 +52,11 @@ class Answer:
         self.unit = UNITS[summary["units"]].time
 
     def among(self, points: Sequence[Measured]) -> Choice:
-        """The `Choice` among some of the points."""
+        """Return the `Choice` among some of the points."""
         return choice.choose(points, self.wanted, self.summary["level"])
 
     def verdict(self, point: Measured) -> str:
-        """The verdict of a row, by the rule that gives the answer."""
+        """Return the verdict of a row, by the rule that gives the answer."""
         if point["failed"]:
             return "fail"
         if not self.targets:
@@ -66,20 +66,20 @@ class Answer:
         return VERDICTS[met[points.index(point)]]
 
     def named(self, points: Sequence[Measured]) -> str:
-        """Points with their steps, as text; of many the first ones."""
+        """Return points with their steps, as text; if there are many, the first ones."""
         more = f" and {len(points) - FEW} more" if len(points) > FEW else ""
         return (
             "; ".join(f"{one['label']}, {one['dt']:g} {self.unit}" for one in points[:FEW]) + more
         )
 
     def within(self, point: Measured) -> str:
-        """A point's errors with their targets, as text."""
+        """Return a point's errors with their targets, as text."""
         return ", ".join(
             f"{name} {_text(point, name)} (at most {most:g})" for name, most in self.targets.items()
         )
 
     def why_not(self, point: Measured) -> str:
-        """Why a point is not within the targets."""
+        """Explain why a point is not within the targets."""
         if point["failed"]:
             return f"it fails ({point['failed']})"
         wide = {name: _text(point, name) for name, most in self.targets.items()
@@ -88,7 +88,8 @@ class Answer:
 
     @property
     def minutes(self) -> int | None:
-        """Minutes that tell what the points do not; None where they do, or where no run tells."""
+        """Estimate the minutes that decide the open points; None if none is open, or no length
+        decides."""
         level = self.summary["level"]
         factors = []
         for one in [] if self.choice.best else self.choice.perhaps:
@@ -100,7 +101,7 @@ class Answer:
         least = min(factors, default=math.inf)
         if not math.isfinite(least):
             return None
-        # the least that helps is some runs more
+        # the least that helps is a few more runs
         return math.ceil(float(f"{self.summary['minutes'] * max(2.0, least):.2g}"))
 
 
@@ -110,12 +111,12 @@ def _text(point: Measured, name: str) -> str:
 
 
 def _above(point: Measured, name: str, most: float, confidence: float) -> float:
-    """How many times longer runs have an error bar that does not reach across the target, in four
-    of five cases.
+    """Return how many times longer a run must be so that in four of five cases its error bar does
+    not reach across the target.
 
-    The bar of a mean goes as the run's length to -1/2, that of a slope, whose noise does not
-    wander, to -3/2.  Of the error the noise is taken off.  What is as large as the target or larger
-    may be noise, too: `LEAST_ROOM`.  Infinite if no length tells.
+    The bar of a mean is proportional to length^(-1/2), that of a slope without a random walk to
+    length^(-3/2).  The noise is subtracted from the error.  An error as large as the target or
+    larger may be noise, too: `LEAST_ROOM`.  Infinite if no length suffices.
     """
     if not math.isfinite(bound(point, name)):
         return math.inf
@@ -127,7 +128,7 @@ def _above(point: Measured, name: str, most: float, confidence: float) -> float:
 
 
 def answered(summary: Mapping) -> dict:
-    """What follows from the points, for the summary's file."""
+    """Return the conclusions, for the summary's file."""
     answer = Answer(summary)
     best, minutes = answer.choice.best, answer.minutes
     told = minutes if minutes and minutes <= FAR * summary["minutes"] else None
@@ -137,7 +138,7 @@ def answered(summary: Mapping) -> dict:
 
 
 def said(summary: Mapping) -> Said:
-    """The answer, the points, and a figure of the error against the run time."""
+    """Return the report: the answer, the points, and a figure of the error against the run time."""
     answer = Answer(summary)
     wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
                        for name, most in answer.wanted.items())  # fmt: skip
@@ -162,7 +163,7 @@ def said(summary: Mapping) -> Said:
 
 
 def _defeats(answer: Answer) -> Iterator[str]:
-    """Where another integrator reaches the targets sooner than ours, each beside its best step."""
+    """Name each integrator that reaches the targets sooner than ours, with its best step."""
     best, ties = answer.choice.best, answer.choice.ties
     if best is None or best["ours"] or any(one["ours"] for one in ties):
         return
@@ -172,14 +173,14 @@ def _defeats(answer: Answer) -> Iterator[str]:
 
 
 def _kept(answer: Answer) -> dict[str, str]:
-    """What the table of releases keeps."""
+    """Return the numbers for the table of releases."""
     best = answer.choice.best
     told = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
     return {"fastest within the targets": told}
 
 
 def _about(one: Mapping) -> str:
-    """What a target is, and why it is as large by default."""
+    """Describe a target, and the reason for its default."""
     what = f"{one['what']}, {one['unit']}".strip(", ")
     usual = f"By default {one['default']:g}: " if one["default"] else ""
     return f"{what}. {usual}{one['why']}."
@@ -225,7 +226,8 @@ def _answer(answer: Answer) -> str:
 
 
 def _speed_up(answer: Answer, best: Measured) -> str:
-    """How much less time than the script's own line at its own step, if that was measured."""
+    """Return the time saved relative to the script's own line at its own step, if that was
+    measured."""
     usual = answer.summary.get("usual") or {}
     own = [one for one in answer.every if one["cpu"]
            and usual == {"integrator": one["integrator"], "dt": one["dt"]}]  # fmt: skip
@@ -239,7 +241,7 @@ def _speed_up(answer: Answer, best: Measured) -> str:
 
 
 def _lines(answer: Answer) -> Iterator[str]:
-    """Further sentences, and the lines for the input script."""
+    """Yield further sentences, and the lines for the input script."""
     unit = answer.unit
     lost = set(answer.wanted) - set(answer.targets)
     others = [one for one in answer.points if set(answer.wanted) & set(one["without"])]
@@ -276,7 +278,7 @@ def _lines(answer: Answer) -> Iterator[str]:
 
 
 def _busy(answer: Answer) -> Iterator[str]:
-    """That other work took a part of the cores."""
+    """Warn if other work used part of the cores."""
     shares = [share for one in answer.points if (share := one.get("share")) is not None]
     if shares and min(shares) < BUSY:
         yield (
@@ -286,7 +288,7 @@ def _busy(answer: Answer) -> Iterator[str]:
 
 
 def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
-    """What is kept of the thermostat, and what another one would be good for."""
+    """Explain which thermostat is kept, and what another one could gain."""
     best, other = answer.choice.best, answer.averages.best
     kinds = {one["thermostat"] for one in answer.points}
     if asked["kind"] not in kinds:
@@ -310,12 +312,12 @@ def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
 
 
 def _input(best: Measured) -> list[str]:
-    """Lines for the input script."""
+    """Return the lines for the input script."""
     return [*best["lines"], f"timestep {best['dt']:g}"]
 
 
 def _nearest(answer: Answer) -> Iterator[str]:
-    """Where nothing is good for sure: what is the least off."""
+    """If no point is met: name the one that is nearest."""
     held = [one for one in answer.every if one["is_reference"] and not one["failed"]]
     if held and answer.targets and meets(held[0], answer.targets) is False:
         yield (
@@ -331,7 +333,7 @@ def _nearest(answer: Answer) -> Iterator[str]:
 
 
 def _beside(answer: Answer, best: Measured) -> Iterator[str]:
-    """What there is beside the best one: longer steps, ties, others that may be as good."""
+    """Name alternatives to the best one: longer steps, ties, and others that may be as good."""
     unit = answer.unit
     longer = [
         one
@@ -370,7 +372,7 @@ def _cost(point: Measured) -> str:
 
 
 def _tables(answer: Answer) -> list[Table]:
-    """Each integrator's fastest step within the targets, and all points."""
+    """Return tables of each integrator's fastest step within the targets, and of all points."""
     summary, nearest_of = answer.summary, []
     for name in dict.fromkeys(one["integrator"] for one in answer.points):
         mine = [one for one in answer.points if one["integrator"] == name]
@@ -421,7 +423,7 @@ def _further(summary: Mapping) -> list[Column]:
 
 
 def _shown(answer: Answer, point: Measured) -> dict:
-    """A row of a table."""
+    """Return a row of a table."""
     found = {f"of {name}": one for name, one in point["errors"].items()}
     status = point["failed"] or "ok"
     return {
