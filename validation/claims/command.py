@@ -1,10 +1,10 @@
-"""``claims``: its words, and what they run."""
+"""The verb ``claims``: its command line, and what it runs."""
 
 from argparse import ArgumentTypeError, Namespace
 
 from .. import command_line
 
-# module of a list: its name on the command line, and of its folder
+# module of a list: its name on the command line and of its folder
 LISTS = ("theory", "paper", "published")
 
 
@@ -53,7 +53,7 @@ def _list(word):
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
     from . import measure, plan, report  # heavy: not for --help

@@ -1,4 +1,4 @@
-"""The loop of all claims: what is not there yet is run, then judged."""
+"""The loop of all claims: run what has no result yet, then judge."""
 
 from collections.abc import Sequence
 
@@ -9,19 +9,19 @@ from .plan import Bench, Claims, Simulation, failure, series
 
 
 def total(claims: Claims, bench: Bench) -> int:
-    """Steps of all runs together."""
+    """Return the number of steps of all runs together."""
     return sum(simulation.steps for simulation in _chosen(claims, bench))
 
 
 def measure(name: str, claims: Claims, bench: Bench) -> dict:
-    """Run and judge what the bench names.
+    """Run and judge the simulations that the bench names.
 
     Args:
         name: of the list.
 
     Returns:
-        plain data: the circumstances, ``claims`` (the name), ``interrupted``, ``failed`` (name of
-        what should not have failed to why), and what the list's judge gives.
+        plain data: circumstances, ``claims`` (the name), ``interrupted``, ``failed`` (reasons by
+        name, for simulations that should not fail), and the result of the list's judge.
     """
     circumstances, simulations = machine.circumstances(), _chosen(claims, bench)
     trajectories = [simulation.trajectory(bench) for simulation in simulations]
@@ -40,14 +40,14 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
 
 
 def _chosen(claims: Claims, bench: Bench) -> Sequence[Simulation]:
-    """The simulations that are asked for, and those that make their starts."""
+    """Return the requested simulations, and those that create their starts."""
     every = claims.plan(bench)
     starts = {one.start[0] for one in every if one.start and one.name in bench.names}
     return [one for one in every if one.name in starts.union(bench.names)]
 
 
 def wrong(claims: Claims, summary: dict) -> bool:
-    """Whether something has failed, or a claim of ours does not hold, or was not measured."""
+    """Return whether something has failed, or a claim of ours does not hold or was not measured."""
     lost = [check for check in summary["checks"] if check["verdict"] == "does not hold"]
     missing = [check for check in summary["checks"] if check["value"] is None]
     return bool(summary["failed"] or (claims.ours and (lost or missing)))

@@ -1,11 +1,11 @@
-"""The paper's test problems again, section III: the water dimer, liquid water and the peptide of
-its figures, and what it says of them.
+"""The paper's test problems, section III: the water dimer, liquid water and the peptide of its
+figures, and its statements about them.
 
 The paper's measure is Delta E(t) = [E(t) - <E>] / |<E>|, with the averages along the trajectory
 (caption of figure 2); its average is here the mean of |Delta E|.  |<E>| depends on the zero of
-energy and on the number of molecules, which the paper does not name.
+energy and on the number of molecules, which the paper does not state.
 
-Only trajectories that are complete are judged, but for Gear's.
+Only complete trajectories are judged, except for those of Gear's scheme.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -32,7 +32,7 @@ PARTS = {
     "peptide": "The peptide in water, figure 3",
     "gear": "Gear's scheme",
 }
-# What the paper says, in its words; no number is read off its figures.
+# The paper's statements, in its words; no number is read off its figures.
 STATEMENTS = {
     "dimer": "Section III, figure 2a: NO_SQUISH is more accurate than Ref. 12 but both methods are "
     "stable at long times.",
@@ -46,14 +46,14 @@ STATEMENTS = {
 AVERAGE_MEASURE = 1e-5  # of figure 3, section III
 DIMER_DT, DT = 0.3, 3.0  # fs, of figure 2a, and of figures 2b and 3
 OTHER = "matubayasi-nakahara"
-SIDE = 8  # of a trajectory: parts, for the error of a ratio
-SURE_DRIFT = 2.5  # margins (95 %) that a drift has which is none by chance
-LOST = 0.05  # of Richardson's drift, that another one may be
+SIDE = 8  # parts of a trajectory, for the error of a ratio
+SURE_DRIFT = 2.5  # margins (95 %) of a drift that counts as significant
+LOST = 0.05  # largest fraction of Richardson's drift that another one may be
 # "far more accurate", "about": one order of magnitude, and the same one
 FAR, NEAR = 10.0, np.sqrt(10.0)
-EQUAL = 0.15  # off 1: a ratio
-# steps in which Gear's scheme, begun with a free body's derivatives, finds the right ones: its
-# energy jumps meanwhile
+EQUAL = 0.15  # distance of a ratio from 1
+# steps after which Gear's scheme, started with a free body's derivatives, has correct ones; its
+# energy changes abruptly in them
 BEGINNING = 20
 OVER = "reference 12 over NO_SQUISH"
 
@@ -62,17 +62,17 @@ OVER = "reference 12 over NO_SQUISH"
 
 
 class Lengths(NamedTuple):
-    """How long everything is, in ps.
+    """Lengths of the trajectories, in ps.
 
     Attributes:
         dimer: each trajectory of the dimer.  starts: their number.
-        apart: time between one start and the next.
+        apart: time between two starts.
         liquid: 1,000 waters.
         peptide: figure 3's trajectories.
         drifting: the peptide with ``rigid/small``.
         gear: Gear's trajectories of the liquid and the peptide.
-        gear_starts: of the dimer, with Gear's scheme.
-        every: steps between samples of the energy, where not said otherwise.
+        gear_starts: number of starts of the dimer with Gear's scheme.
+        every: default number of steps between samples of the energy.
     """
 
     dimer: float
@@ -87,7 +87,7 @@ class Lengths(NamedTuple):
 
 
 SHORT = Lengths(50.0, 10, 60.0, 3.6, 3.6, 2.4, 0.15, 4, 10)
-# the paper's, but for figure 2b's 6,000 ps of the liquid
+# the paper's, except for figure 2b's 6,000 ps of the liquid
 FULL = Lengths(300.0, 32, 1000.0, 3000.0, 300.0, 30.0, 2.0, 4, 50)
 
 
@@ -97,8 +97,8 @@ def _lengths(bench: Bench) -> Lengths:
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """All trajectories, in the order in which they run: those of figures 2a and 3, then those of
-    figure 2b."""
+    """Return all trajectories, in the order in which they run: those of figures 2a and 3, then
+    those of figure 2b."""
     lengths, peptide, liquid = _lengths(bench), paper_peptide.scene(), SCENES["water"]
     make = partial(_simulation, bench, lengths)
     made = [*_dimers(make, lengths)]
@@ -112,7 +112,8 @@ def plan(bench: Bench) -> list[Simulation]:
 def _simulation(
     bench: Bench, lengths: Lengths, scene: Scene, integrator: str, time: float, **more
 ) -> Simulation:
-    """So many ps of an integrator, in the usual way where ``more`` does not say otherwise."""
+    """Return a simulation of so many ps with an integrator; ``more`` overrides the usual
+    settings."""
     who = (INTEGRATORS | PAPER)[integrator]
     usual: dict = {
         "name": f"{scene.name}-{integrator}",
@@ -127,8 +128,8 @@ def _simulation(
 
 
 def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simulation]:
-    """Figure 2a: from each of several starts of one trajectory, with Gear's scheme from the first
-    ones only."""
+    """Yield figure 2a's trajectories: from several starts of one trajectory; Gear's scheme from the
+    first ones only."""
     scene, how = SCENES["dimer"], {"ranks": 1, "dt": DIMER_DT}
     apart, starts = steps(lengths.apart, DIMER_DT), "dimer-starts"
     named = {"name": starts, "label": "dimer, starts", "every": 1000, "state": apart}
@@ -149,8 +150,8 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """All numbers of trajectories, complete or not, as plain data: ``rows``, a row for each,
-    ``checks``, ``lengths``."""
+    """Return the numbers of all trajectories, complete or not, as plain data: ``rows``, ``checks``,
+    ``lengths``."""
     whole = {name: one for name, one in found.items() if not one.error and len(one.total) >= FEW}
     checks = [
         *_dimer(whole),
@@ -166,7 +167,7 @@ def judge(found: Found, bench: Bench) -> dict:
 
 
 def row(one: Series) -> dict:
-    """The numbers of one trajectory; those that could not be measured are not there."""
+    """Return the numbers of one trajectory; those that could not be measured are absent."""
     made = one.simulation
     found = {
         "name": made.name,
@@ -191,7 +192,7 @@ def row(one: Series) -> dict:
 
 
 def measure(total: np.ndarray) -> np.ndarray:
-    """|Delta E| of each sample."""
+    """Return |Delta E| of each sample."""
     return np.abs(total - total.mean()) / abs(total.mean())
 
 
@@ -199,7 +200,7 @@ def measure(total: np.ndarray) -> np.ndarray:
 
 
 def _length(*series: Series) -> str:
-    """How long the shortest is, in words."""
+    """Return the length of the shortest one, in words."""
     return f"{min(one.time[-1] for one in series):.4g} ps"
 
 
@@ -208,15 +209,15 @@ def _shortest(pair: Sequence[Series]) -> int:
 
 
 def _dimer_pairs(whole: Found, second: str) -> Pairs:
-    """Dimers of NO_SQUISH and of another integrator from the same starts."""
+    """Return dimers of NO_SQUISH and of another integrator from the same starts."""
     numbers = range(1, 1 + len(whole))
     names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in numbers]
     return [(whole[one], whole[other]) for one, other in names if {one, other} <= whole.keys()]
 
 
 def _ratio(pairs: Pairs, of: Callable[[Series], float]) -> Estimate:
-    """A number of the second trajectory over that of the first one, mean of all pairs, with the
-    error that their scatter tells."""
+    """Return a number of the second trajectory over that of the first one: mean of all pairs, with
+    the error from their scatter."""
     return measures.ratio(*([of(one) for one in series] for series in zip(*pairs)))
 
 
@@ -225,13 +226,14 @@ def _average(one: Series) -> float:
 
 
 def _drift(series: Sequence[Series]) -> Estimate:
-    """The mean drift of trajectories; of several starts its error is from their scatter."""
+    """Return the mean drift of trajectories; with several starts its error is from their
+    scatter."""
     fits = [measures.drift(one.time, one.total) for one in series]
     return fits[0] if len(fits) == 1 else measures.mean_of_few([fit.value for fit in fits])
 
 
 def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
-    """Stable: the drift moves the energy by less than it fluctuates anyway."""
+    """Check stability: the drift changes the energy by less than its fluctuation."""
     slope = _drift(series)
     deviation = np.sqrt(np.mean([one.total.var() for one in series]))
     scale = min(one.time[-1] for one in series) / deviation
@@ -250,7 +252,7 @@ def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
 
 
 def _dimer(whole: Found) -> Iterator[Check]:
-    """Figure 2a."""
+    """Yield the checks of figure 2a."""
     check = partial(Check.of, "dimer", source=STATEMENTS["dimer"])
     pairs = _dimer_pairs(whole, OTHER)
     if len(pairs) > 1:
@@ -262,7 +264,7 @@ def _dimer(whole: Found) -> Iterator[Check]:
 
 
 def _liquid(whole: Found) -> Iterator[Check]:
-    """Figure 2b."""
+    """Yield the checks of figure 2b."""
     check = partial(Check.of, "liquid", source=STATEMENTS["liquid"])
     series = {name: whole.get(f"water-{name}") for name in ("nosquish", OTHER)}
     ours, other = series.values()
@@ -276,13 +278,13 @@ def _liquid(whole: Found) -> Iterator[Check]:
 
 
 def _in_parts(total: np.ndarray) -> np.ndarray:
-    """The energy in equal parts of a trajectory: (parts, samples)."""
+    """Return the energy in equal parts of a trajectory: (parts, samples)."""
     size = len(total) // SIDE
     return total[: SIDE * size].reshape(SIDE, size)
 
 
 def _peptide(whole: Found) -> Iterator[Check]:
-    """Figure 3."""
+    """Yield the checks of figure 3."""
     check = partial(Check.of, "peptide", source=STATEMENTS["peptide"])
     names = "nosquish", "shake", "rigid/nve/small"
     series = {name: whole[f"peptide-{name}"] for name in names if f"peptide-{name}" in whole}
@@ -321,7 +323,7 @@ def _peptide(whole: Found) -> Iterator[Check]:
 
 
 def _equal(check: Callable, ours: Series, shake: Series) -> Check:
-    """NO_SQUISH and SHAKE, in parts of the same length."""
+    """Compare NO_SQUISH and SHAKE, in parts of the same length."""
     both = shake, ours
     label = f"NO_SQUISH over {PAPER['shake'].label}"
     what = f"equal: sd of energy about the means of {SIDE} parts, {_length(*both)}"
@@ -334,24 +336,25 @@ def _equal(check: Callable, ours: Series, shake: Series) -> Check:
 
 
 def _begun(one: Series) -> Series:
-    """A trajectory without its first `BEGINNING` steps."""
+    """Return a trajectory without its first `BEGINNING` steps."""
     kept = one.time > BEGINNING * one.simulation.dt / FS_PER_PS
     return replace(one, time=one.time[kept], total=one.total[kept])
 
 
 def _gear_pairs(whole: Found) -> Pairs:
-    """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`, where
-    there are several."""
+    """Return complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`,
+    if there are several."""
     pairs = [tuple(map(_begun, pair)) for pair in _dimer_pairs(whole, "gear")]
     pairs = [pair for pair in pairs if _shortest(pair) >= FEW]
     return pairs if len(pairs) > 1 else []
 
 
 def _gear(found: Found, whole: Found) -> Iterator[Check]:
-    """Gear's scheme: at the usual step, and beside NO_SQUISH from the same starts of the dimer.
+    """Yield the checks of Gear's scheme: at the usual step, and compared with NO_SQUISH from the
+    same starts of the dimer.
 
-    Its error grows with the time, by its drift, and so does the ratio of the average measures: it
-    is the drift that "far" is asked of.
+    Its error grows with time because of its drift, and so does the ratio of the average measures:
+    "far" is therefore tested for the drift.
     """
     check = partial(Check.of, "gear", source=STATEMENTS["gear"])
     for scene in "water", "peptide":
@@ -370,13 +373,13 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
     far, what = None, f"far more accurate {where}: drift of the energy, {when}"
     told = f"Gear's drift itself cannot be told: {note}"
-    if off >= SURE_DRIFT:  # nothing can be said over a drift that may be none
+    if off >= SURE_DRIFT:  # no ratio to a drift that is not significant
         far, told = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
     yield check("NO_SQUISH over Gear, dimer", what, far, low=-1 / FAR, high=1 / FAR, note=told)
 
 
 def tables(summary: dict) -> list[Table]:
-    """All trajectories."""
+    """Return a table of all trajectories."""
     lengths = [{**row, "status": row["error"] or "ok"} for row in summary["rows"]]
     return [Table("All trajectories", COLUMNS, lengths, file="table", long=True)]
 

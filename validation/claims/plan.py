@@ -1,4 +1,4 @@
-"""What a list of claims is, and the runs of LAMMPS that its claims are measured on."""
+"""Lists of claims, and the LAMMPS runs on which they are measured."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -16,21 +16,21 @@ from ..running.starts import from_dump, to_dump
 from ..scenes import FS_PER_PS, Scene
 from ..scenes.integrators import Integrator
 
-FEW = 16  # samples: less says nothing
+FEW = 16  # least number of samples
 
 
 @dataclass
 class Bench:
-    """What the command line asks for, and where it goes.
+    """Options of the command line, and output folders.
 
     Attributes:
         out: folder of the list's results.
         full: whether runs are as long as the committed ones.
-        time: ps of the long runs, in place of that; None for the usual one.
-        ranks: MPI ranks of what is large.
-        silence: s without a word in the log after which a run is given up.
-        names: of the simulations that are asked for.
-        meter: what is told of progress.
+        time: ps of the long runs, instead of that; None for the usual one.
+        ranks: MPI ranks of large systems.
+        silence: s without a line in the log after which a run is given up.
+        names: of the requested simulations.
+        meter: shows the progress.
     """
 
     out: Path
@@ -43,7 +43,7 @@ class Bench:
 
     @property
     def runs(self) -> Path:
-        """Folder of the runs of LAMMPS."""
+        """Folder of the LAMMPS runs."""
         return self.out / "runs"
 
 
@@ -52,13 +52,13 @@ class Simulation:
     """A run of LAMMPS.
 
     Attributes:
-        name: of its folder, and what it is asked for by; with slashes, in such folders.
+        name: of its folder, and on the command line; slashes make subfolders.
         label: for the terminal.
-        dt: the scene's unit.  steps: in all.  every: steps between samples of the energy.
-        start: name of the simulation that makes its start, and the step; None for the scene's own.
-        state: steps between dumps of all atoms, of one that makes starts.
+        dt: in the scene's unit.  steps: in all.  every: steps between samples of the energy.
+        start: name of the simulation that creates its start, and the step; None for the scene's.
+        state: steps between dumps of all atoms, for a simulation that creates starts.
         more: LAMMPS commands before it; ``{folder}`` is its folder.
-        may_fail: whether a failure tells something of the integrator.
+        may_fail: whether a failure is a result about the integrator.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Simulation:
     may_fail: bool = False
 
     def trajectory(self, bench: Bench) -> experiment.Trajectory:
-        """It as a part of an experiment."""
+        """Return it as a part of an experiment."""
         point = experiment.Point(self.integrator.name, self.dt)
         more: dict = {} if self.state else {"point": point}
         start = self.start[0] if self.start else ""
@@ -84,7 +84,7 @@ class Simulation:
         )
 
     def job(self, bench: Bench) -> run.Job:
-        """Its job; the file of its start is there."""
+        """Return its job; the file of its start exists."""
         folder, scene, files = _folder(bench, self.name), self.scene, []
         if self.start:
             name, step = self.start
@@ -117,14 +117,14 @@ def _state(bench, name):
 
 @dataclass
 class Series:
-    """What a simulation left.
+    """The output of a simulation.
 
     Attributes:
         error: None, or why it is not complete.
         folder: its files.
-        time: (n,) ps.  total, kinetic: (n,) kcal/mol.  temperature: (n,) K.  All up to a sample
-            that is not finite.
-        seconds: that the steps took.
+        time: (n,) ps.  total, kinetic: (n,) kcal/mol.  temperature: (n,) K.  All up to the first
+            sample that is not finite.
+        seconds: time of the steps.
     """
 
     simulation: Simulation
@@ -137,23 +137,23 @@ class Series:
     seconds: float = 0.0
 
 
-Found = dict[str, Series]  # by the simulation's name
+Found = dict[str, Series]  # by name of the simulation
 
 
 class Claims(NamedTuple):
     """A list of claims.
 
     Attributes:
-        title: what it is about.
+        title: its subject.
         question: that it answers.
         noun: what its checks are, in the answer.
-        parts: part of its checks to their heading.
-        plan: gives the simulations.
-        judge: from what these left to plain data: ``checks`` and more.
-        tables: of a summary, beside the checks.
-        notes: what words mean, and how it was measured.
+        parts: headings by part of its checks.
+        plan: returns the simulations.
+        judge: from their output to plain data: ``checks`` and more.
+        tables: further tables of a summary, besides the checks.
+        notes: meaning of terms, and how it was measured.
         checks_file: of the CSV file of the checks.
-        ours: whether a check that does not hold is a failure of ours, not of what others say.
+        ours: whether a check that does not hold is our failure, not that of another statement.
     """
 
     title: str
@@ -169,13 +169,13 @@ class Claims(NamedTuple):
 
 
 def failure(result: run.Result) -> str | None:
-    """Why a result is none."""
+    """Return why a result is not usable, or None."""
     finite = np.isfinite(result.thermo.get("TotEng", np.zeros(1))).all()
     return result.error or (None if finite else "energy is not finite")
 
 
 def series(simulation: Simulation, job: run.Job) -> Series:
-    """What the run of a job left, complete or not."""
+    """Return the output of a job's run, complete or not."""
     result = run.collect(job.directory)
     columns = "Step", "TotEng", "KinEng", "Temp"
     values = [result.thermo.get(column, np.empty(0)) for column in columns]

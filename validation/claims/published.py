@@ -1,10 +1,10 @@
-"""The spread of rigid water's energy at several time steps, beside published numbers.
+"""The spread of rigid water's energy at several time steps, compared with published numbers.
 
 A. J. Silveira and C. R. A. Abreu, J. Chem. Phys. 150, 114110 (2019), integrated TIP3P water with
 the free rotor's exact solution and forces that end smoothly; `inputs/water_smooth` has their
-potential, but for the form of its end.  Their paper draws the energies and prints no number of
-their spread: `PUBLISHED` and its error are worked out from the authors' files, as `ORIGINS` says
-number by number.
+potential, except for how it ends.  Their paper plots the energies and prints no number for their
+spread: `PUBLISHED` and its error are computed from the authors' files, as `ORIGINS` states number
+by number.
 """
 
 from collections.abc import Iterator
@@ -21,13 +21,15 @@ from .plan import FEW, Bench, Claims, Found, Simulation
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
 SERIES = "github.com/craabreu/rigid_nvt_paper"
-FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories of constant energy
+FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories at constant energy
 # fs: standard deviation of TotEng in `FILE`, kcal/mol
 PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}
 ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
-THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # of these, relative, for they do not depend on each other
-# All four have one energy, above its mean at 298 K, so they are warmer: the mean of TotEng of all
-# four; E and Cv1 of Figures/S1.csv at 1 fs
+THEIR_ERROR = 1 / np.sqrt(
+    2 * ENERGIES
+)  # relative error of these, because the energies are independent
+# All four have the same energy, above its mean at 298 K, so they are warmer: the mean of TotEng of
+# all four; E and Cv1 of Figures/S1.csv at 1 fs
 ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K
 TEMPERATURE = 298.0 + (ENERGY - ENERGY_AT_298) / HEAT_CAPACITY  # K
 ORIGINS = {
@@ -56,7 +58,7 @@ SAMPLED = 12.0  # fs between samples of the energy
 
 
 def scene() -> Scene:
-    """Their water."""
+    """Return their water."""
     return smooth_water(
         "water-smooth",
         "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
@@ -71,7 +73,8 @@ def _time(bench: Bench) -> float:
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """One trajectory that leaves the start, and one with each time step, the longest first."""
+    """Return one trajectory that creates the start, and one with each time step, the longest
+    first."""
     water, rest = scene(), steps(REST, BATH_DT)
     how: dict = {"scene": water, "ranks": bench.ranks}
     more = _to_the_mean(water.group)
@@ -95,7 +98,7 @@ def plan(bench: Bench) -> list[Simulation]:
 
 
 def _to_the_mean(group):
-    """LAMMPS commands that bring water to the energy that it has on average at `TEMPERATURE`."""
+    """Return LAMMPS commands that bring water to its mean energy at `TEMPERATURE`."""
     return (
         f"fix bath {group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
         f"run {steps(BATH, BATH_DT)}",
@@ -103,7 +106,7 @@ def _to_the_mean(group):
         f"fix mean {group} ave/time 1 1 1 v_energy ave running",
         f"run {steps(MEAN, BATH_DT)}",
         "unfix bath",
-        # to the mean energy, not the one that chance has left
+        # to the mean energy, not to a random one
         f"velocity {group} scale $(temp*(1.0+(f_mean-etotal)/ke))",
         "unfix mean",
         "reset_timestep 0",
@@ -111,13 +114,13 @@ def _to_the_mean(group):
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """``checks`` of what was found over what is published, and ``time``."""
+    """Return ``checks`` against the published numbers, and ``time``."""
     return {"checks": [check.plain() for check in checks(found)], "time": _time(bench)}
 
 
 def checks(found: Found) -> Iterator[Check]:
-    """Of each time step (fs); where all spreads are known their mean, too, each weighted by what it
-    is worth."""
+    """Yield a check for each time step (fs); if all spreads are known also one for their mean,
+    weighted by their errors."""
     made = []
     for dt, theirs in PUBLISHED.items():
         result = found.get(f"{dt:g}-fs")
@@ -137,7 +140,7 @@ def checks(found: Found) -> Iterator[Check]:
 
 
 def _over(time, energy, theirs):
-    """A standard deviation over theirs, and in words what it is made of."""
+    """Return a standard deviation over theirs, and how it was obtained, in words."""
     spread, slope = measures.standard_deviation(energy), measures.drift(time, energy)
     other = Estimate(theirs, theirs * THEIR_ERROR)
     line = measures.about_line(time, energy).text()

@@ -1,4 +1,4 @@
-"""What `claims` says of a summary."""
+"""The report of `claims`."""
 
 from importlib import import_module
 
@@ -8,12 +8,12 @@ from .plan import Claims
 
 
 def claims_of(name: str) -> Claims:
-    """The list of claims of this name."""
+    """Return the list of claims of this name."""
     return import_module(f".{name}", __package__).CLAIMS
 
 
 def said(summary: dict) -> Said:
-    """The answer, all checks, and what the list has beside them."""
+    """Return the report: the answer, all checks, and the list's further tables."""
     claims = claims_of(summary["claims"])
     return Said(
         claims.title,
@@ -29,7 +29,7 @@ def said(summary: dict) -> Said:
 
 
 def _answer(claims: Claims, summary: dict) -> str:
-    """How many checks hold, and of which parts those are that do not, or cannot be told."""
+    """Say how many checks hold, and which parts have checks that do not, or that are open."""
     parts: dict[str, list[str]] = {verdict: [] for verdict in VERDICTS}
     for check in summary["checks"]:
         if check["verdict"]:

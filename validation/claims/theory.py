@@ -1,7 +1,7 @@
-"""What section II of the paper proves, measured in LAMMPS: each statement a number between bounds.
+"""The proofs of section II of the paper, tested in LAMMPS: each statement is a number with bounds.
 
 reversal      forward and back, with every integrator
-symplectic    (2.42), of the derivatives of a step
+symplectic    (2.42), from the derivatives of a step
 energy        the dt^2 law of the energy's error
 """
 
@@ -31,7 +31,7 @@ SOURCES = {
     "symplectic": "Section II.B, (2.42): the composition of Hamiltonian motions is symplectic",
     "energy": "Section II.B, (2.37): a symplectic step conserves H + Δt² H⁽²⁾ + O(Δt⁴)",
 }
-SHOWN = 1e-9  # the least that is not rounding
+SHOWN = 1e-9  # smallest number that is not rounding
 
 WRITE = f'write_dump all custom "{{{{folder}}}}/{{}}" id x y z vx vy vz modify {EXACT}'
 READ = 'read_dump "{folder}/start" 0 x y z vx vy vz replace yes'
@@ -39,10 +39,10 @@ READ = 'read_dump "{folder}/start" 0 x y z vx vy vz replace yes'
 # ---- forward and back
 
 STEPS = 1, 3, 10, 30, 100, 300, 1000
-# A reversal is judged where chaos has not made much of rounding yet: of 1e-15 Angstrom it makes
-# 1e-13 in 300 steps and back, and in 1,000 1e-11 to 1e-10, as luck and processor have it.
+# A reversal is judged before chaos has amplified rounding much: 1e-15 Angstrom becomes 1e-13 after
+# 300 steps and back, and 1e-11 to 1e-10 after 1,000, depending on chance and processor.
 REVERSED = 300
-RETURNED = 1e-10  # Angstrom that may be left
+RETURNED = 1e-10  # largest remaining distance, Angstrom
 INTEGRATORS = [
     nosquish("NVE", "fix_nosquish.NVE"),
     *(nosquish(name, name, scheme=name) for name in OLDER),
@@ -54,12 +54,11 @@ REMADE = "its derivatives are made anew at the reversal, of force and torque"
 
 
 def _there_and_back() -> Iterator[Simulation]:
-    """So many steps forward, velocities reversed, as many steps, for each of `STEPS` from the same
-    start, with every integrator.
+    """Yield runs of so many steps forward, velocities reversed, as many steps, for each of `STEPS`
+    from the same start, with every integrator.
 
-    After the reversal a new run begins.  Integrators that keep a state of their own, as ours do,
-    make it anew of the atoms' positions and velocities then: that costs a rounding error, which the
-    one after one step tells.
+    A new run begins after the reversal.  Integrators with internal state, as ours, set it up then
+    from the atoms' positions and velocities: the rounding error of this is that after one step.
     """
     commands = [WRITE.format("start"), *(f"variable {c} atom -v{c}" for c in "xyz")]
     for n in STEPS:
@@ -77,7 +76,7 @@ def _there_and_back() -> Iterator[Simulation]:
 
 
 def reversal(found: Found) -> tuple[list[Check], dict]:
-    """Forward and back in LAMMPS."""
+    """Check reversal in LAMMPS."""
     check, checks = partial(Check.of, "reversal", unit="Å", source=SOURCES["reversal"]), []
     far = f"distance from the start after {REVERSED:,} steps and back"
     rows = [_reversed(one) for one in found.values()]
@@ -93,8 +92,8 @@ def reversal(found: Found) -> tuple[list[Check], dict]:
 
 
 def _reversed(one: Series) -> dict:
-    """What a run forward and back came to, plain data: of each of `STEPS` how far the atom is that
-    is left furthest, Angstrom."""
+    """Return the result of a run forward and back, plain data: for each of `STEPS` the distance of
+    the atom that is furthest from its start, Angstrom."""
     integrator, distance = one.simulation.integrator, []
     for n in () if one.error else STEPS:
         left = _positions(one, f"back-{n}") - _positions(one, "start")
@@ -109,23 +108,23 @@ def _positions(one, dump):
 
 # ---- symplectic
 
-# Derivatives are central differences with these steps, extrapolated twice.  They leave less than
-# the extrapolation once does, 0.005^4 = 6e-10 times a fifth derivative of order one, and rounding,
-# 1e-14 / 0.0025; what is said of them is said to 1e-8.
+# Derivatives are central differences with these steps, extrapolated twice.  Their error is smaller
+# than after one extrapolation, 0.005^4 = 6e-10 times a fifth derivative of order one, and rounding,
+# 1e-14 / 0.0025; the checks need 1e-8.
 SIDES = 0.01, 0.005, 0.0025
 DIFFERENCES = 1e-8
 DTS = 0.05, 0.07, 0.1, 0.14, 0.2  # reduced units
-APART = 12.0  # between two pairs of bodies, of which each one moves for itself
+APART = 12.0  # between two pairs of bodies, which do not interact
 SPINS = np.array([[0.3, -0.2, 0.35], [-0.25, 0.3, 0.2]])
 PLACES = np.array([[0.0, 0, 0], [1.1, 0.5, 0.4]])
 TURNS = Rotation.from_rotvec([[0.4, -0.3, 0.2], [-1.1, 0.5, 0.8]])
-# what a step keeps
+# conserved in a step
 FORMS = {"NVE": "form", "rigid/nve": "form", "MatubayasiNakahara": "volume", "rigid": "nothing"}
 
 
 def _neighbours(bench: Bench) -> Iterator[Simulation]:
-    """One step of many pairs of bodies that attract each other: each pair begins at another place
-    of phase space, off in one of its 24 directions."""
+    """Yield one step of many pairs of bodies that attract each other: each pair starts at another
+    point of phase space, displaced in one of its 24 directions."""
     pairs: list[bodies.Body] = []
     for size, sign, way in itertools.product(SIDES, (1, -1), range(24)):
         off = np.zeros((4, 2, 3))  # places, angles, velocities, spins of both bodies
@@ -165,8 +164,8 @@ def _neighbours(bench: Bench) -> Iterator[Simulation]:
 
 
 def symplectic(found: Found) -> tuple[list[Check], dict]:
-    """What a step of LAMMPS loses of the symplectic form (2.42), sum of dp ^ dr over the atoms, on
-    the phase space of rigid bodies, and of volume there."""
+    """Check how a step of LAMMPS changes the symplectic form (2.42), sum of dp ^ dr over the atoms,
+    on the phase space of rigid bodies, and the volume there."""
     check = partial(Check.of, "symplectic", source=SOURCES["symplectic"])
     checks, data = [], {}
     for one in (one for one in found.values() if not one.error):
@@ -190,8 +189,8 @@ def symplectic(found: Found) -> tuple[list[Check], dict]:
 
 
 def _derivative(one: Series, file: str) -> tuple[np.ndarray, float]:
-    """Momenta, then places, of a pair's atoms, derived by all directions, (36, 24), and a bound of
-    the error."""
+    """Return momenta, then positions, of a pair's atoms, differentiated in all directions, (36,
+    24), and a bound of the error."""
     mass = np.tile(bodies.MASSES, 2)[:, None]
     atoms = motion.read(one.folder / file)[1][0, :, 1:].reshape(len(SIDES), 2, 24, 6, 6)
     number = np.arange(atoms[..., 0, 0].size).reshape(*atoms.shape[:3], 1)
@@ -206,16 +205,16 @@ def _derivative(one: Series, file: str) -> tuple[np.ndarray, float]:
 def form(
     before: tuple[np.ndarray, float], after: tuple[np.ndarray, float]
 ) -> tuple[float, float, float]:
-    """What (2.42) becomes on a constrained phase space.
+    """Return the change of (2.42) on a constrained phase space.
 
-    There the form of two directions u, v is u^T g v, and a step is symplectic if it keeps it.
+    There the form of two directions u, v is u^T g v, and a step is symplectic if it conserves it.
 
     Args:
-        before, after: a basis of directions, (2 n, m), and where they lead, with their errors.
+        before, after: a basis of directions, (2 n, m), and their images, with their errors.
 
     Returns:
-        2-norm of the change of the form, the relative change of the volume that belongs to it, and
-        the error of the differences.
+        2-norm of the change of the form, relative change of the corresponding volume, and the error
+        of the differences.
     """
     (basis, _), (moved, error) = before, after
     g = np.kron([[0, 1], [-1, 0]], np.eye(len(basis) // 2))
@@ -232,7 +231,7 @@ SPAN = 40  # of the longest steps
 
 
 def _energies() -> Iterator[Simulation]:
-    """The dimer's energy with each time step, at the same times."""
+    """Yield the dimer with each time step, sampled at the same times."""
     for (label, words), multiple in itertools.product(ROTORS.items(), MULTIPLES):
         every, dt = round(MULTIPLES[-1] / multiple), multiple * SCENE.dt
         named = f"energy/{label}-{multiple:g}", f"{label}, {dt:g} fs"
@@ -241,7 +240,7 @@ def _energies() -> Iterator[Simulation]:
 
 
 def energy(found: Found) -> tuple[list[Check], dict]:
-    """How the spread of H along a trajectory falls with dt."""
+    """Check how the spread of H along a trajectory decreases with dt."""
     check = partial(Check.of, "energy", source=SOURCES["energy"])
     checks, data = [], {}
     for label in ROTORS:
@@ -256,7 +255,7 @@ def energy(found: Found) -> tuple[list[Check], dict]:
 
 
 def _power(check, subject, what, x, y, law, within):
-    """The exponent of y ~ x^exponent, and what it is to be."""
+    """Check the exponent of y ~ x^exponent."""
     (exponent, _), covariance = np.polyfit(np.log(x), np.log(y), 1, cov=True)
     measured = Estimate(float(exponent), float(np.sqrt(covariance[0, 0])), len(x) - 2)
     low, high = round(law - within, 9), round(law + within, 9)
@@ -271,12 +270,12 @@ MEASURES = {
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """All runs of LAMMPS."""
+    """Return all runs of LAMMPS."""
     return [*_there_and_back(), *_neighbours(bench), *_energies()]
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """``checks``, and ``data``: of each part what these follow from."""
+    """Return ``checks``, and ``data``: the underlying numbers of each part."""
     checks: list[Check] = []
     data = {}
     for part, measure in MEASURES.items():

@@ -1,4 +1,4 @@
-"""``stress``: its words, and what they run."""
+"""The verb ``stress``: its command line, and what it runs."""
 
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Collection
@@ -59,7 +59,7 @@ def _names() -> Collection[str]:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
     from . import measure, report  # heavy: not for --help

@@ -1,6 +1,6 @@
-"""Bodies that a field turns, and that collide far from the origin.
+"""Bodies that rotate in a field, and bodies that collide far from the origin.
 
-Reduced units; most bodies are bent triatomics, which fix shake can hold too.
+Reduced units; most bodies are bent triatomics, which fix shake can constrain too.
 """
 
 import numpy as np
@@ -24,7 +24,8 @@ WHOLE = bodies.MASSES.sum()
 
 
 def _liquid(stand, name, corner):
-    """Bent triatomics on a lattice of 4³ places, turned at random, thermal at temperature 1."""
+    """Return bent triatomics on a lattice of 4³ sites with random orientations, at temperature
+    1."""
     rng, found = np.random.default_rng(4), []
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     for site in np.ndindex(4, 4, 4):
@@ -49,7 +50,7 @@ def _scene(stand, name, found, setup, box, corner):
     **molecules.OF_DRIFT,
 )
 def gradient(stand: Stand, steps: int) -> Number:
-    """Dipoles in a field that changes over their length, and a trap that keeps them there."""
+    """Measure dipoles in a field that varies over their length, and in a harmonic trap."""
     charge, rng, found = np.array([-2.0, 1.0, 1.0]), np.random.default_rng(9 + stand.start), []
     for k in range(20):
         turn, keys = bodies.turned(k + 20 * stand.start), ("place", "velocity", "spin")
@@ -80,7 +81,7 @@ def gradient(stand: Stand, steps: int) -> Number:
     bars=EXACT,
 )
 def far_away(stand: Stand, steps: int) -> Number:
-    """The same bodies in a box at the origin and in one far off."""
+    """Measure the same bodies in a box at the origin and in one far from it."""
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
         scene, more = _liquid(stand, name, corner), motion.dump(steps)

@@ -1,7 +1,7 @@
-"""The criteria of `stress`: every bound, and what it is derived from.
+"""The criteria of `stress`: every bound, and its derivation.
 
-A bound is set from physics or from what a user needs, not from any result.  It is stated here
-alone.  To change one, change `bound`, and add the reason to docs/results/stability.md.
+A bound is derived from physics or from what a user needs, not from any result.  It is stated only
+here.  To change one, change `bound`, and add the reason to docs/results/stability.md.
 """
 
 from dataclasses import dataclass
@@ -11,12 +11,12 @@ import numpy as np
 from ..scenes.units import NS_OF_REDUCED
 
 EPS = float(np.finfo(float).eps)
-READING = 5000  # steps' worth of rounding is in what is read from a trajectory: 1e4 ulps
+READING = 5000  # rounding of what is read from a trajectory, in steps: 1e4 ulps
 
 
 @dataclass(frozen=True)
 class Criterion:
-    """A bound that a number of some cases is held against."""
+    """A bound for a number of some cases."""
 
     side: str  # ``≤`` or ``≥``
     bound: float
@@ -25,11 +25,11 @@ class Criterion:
     quantity: str  # the number, in words
     derivation: str  # how the bound follows
     need: str  # whose need it is
-    # whether it is of a part of the measurement, as what a stable run is: it gives no verdict alone
+    # whether it bounds a part of the measurement, such as what a stable run is: no verdict alone
     inner: bool = False
 
     def within(self) -> tuple[float | None, float | None]:
-        """The bound as (low, high), None for none."""
+        """The bound as (low, high), None for an open end."""
         return (self.bound, None) if self.side == "≥" else (None, self.bound)
 
     def text(self) -> str:
@@ -147,15 +147,16 @@ CRITERIA = {
 }
 
 
-# of several criteria at once: each number over its own bound
+# of several criteria at once: each number relative to its own bound
 EACH = Criterion("≤", 1.0, "", "", "the largest of all, each over its bound", "", "")
 
 
 def rounding(steps: int) -> float:
-    """What rounding may do to a number that is kept exactly, relative to it, in so many steps."""
+    """Return the relative effect of rounding on an exactly conserved number, in so many steps."""
     return CRITERIA["rounding"].bound * (steps + READING)
 
 
 def in_a_step(change: float, steps: int) -> float:
-    """What a relative change in so many steps is in a step, as the criterion of rounding has it."""
+    """Convert a relative change in so many steps to one per step, as the criterion of rounding
+    needs it."""
     return change / (steps + READING)

@@ -10,7 +10,7 @@ from ..pages.figures import INK, message
 from ..scenes.integrators import OURS
 from .measure import ALL
 
-# colours that differ in lightness too, and a sign each
+# colours that also differ in lightness, with a sign each
 LOOKS = {
     "pass": ("#a9c8e8", ""),
     "fail": ("#e69f00", "✗"),
@@ -25,7 +25,7 @@ READ = (
 
 
 def matrix(cases: Sequence[dict]) -> Figure | None:
-    """Cases by integrators, coloured by verdict."""
+    """Draw cases by integrators, coloured by verdict."""
     found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
     shown = [name for name in ALL if name in found]
     if not shown:

@@ -1,10 +1,10 @@
-"""What breaks, where: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's
+"""Limits of stability: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's
 rigid and constraint fixes.
 
-A case is a function of a `Stand` and a length that runs LAMMPS and gives a `Number`; `stress` runs
-cases with integrators, row by row.  A row keeps what was measured, from each start; it is judged
-against the bounds of ``criteria`` whenever it is shown.  Several processes may run with the same
-output folder: one alone has a case, and the summary of each has the rows of all.
+A case is a function of a `Stand` and a length that runs LAMMPS and returns a `Number`; `stress`
+runs cases with integrators, row by row.  A row stores the numbers of each start, and is judged
+against the bounds of ``criteria`` each time it is shown.  Several processes may run with the same
+output folder: a case is locked by one of them, and each summary has the rows of all.
 """
 
 import shlex
@@ -39,10 +39,10 @@ COMPARED = {
     **{name: SWEPT[name.replace(" ", "-")] for name in (*_RIGID, *_HELD)},
 }
 ALL = tuple(COMPARED)
-# without those that are much like another
+# without those that are similar to another
 FEW = "nosquish", "rigid/nve", "rigid/nve/small", "rigid", "shake 1e-8", "rattle 1e-4"
 EXTREME, REPORTED = "extreme", "reported"  # parts: by physics; by what users report as broken
-# why a number has the error bar that it has, or none
+# the origin of a number's error bar, or why there is none
 LINE = "standard error of the slope of a line, by the noise about it and the largest random walk"
 EXACT = (
     "none: the largest of all deviations in runs that give the same each time, of which no mean is "
@@ -52,15 +52,15 @@ EXACT = (
 
 @dataclass(frozen=True)
 class Number:
-    """What a case measures.
+    """Result of a case.
 
     Attributes:
         value: in the case's unit.
-        error: its standard error, or how finely it was looked for.
-        note: what else there is to say, as which part of the case the number is of.
+        error: its standard error, or the resolution of a search.
+        note: further information, such as the part of the case that gave the number.
         freedom: degrees of freedom of the error; None for many.
-        parts: of a case with several criteria, the number of each, by name; ``value`` is then the
-            largest of them, each over its bound.
+        parts: number of each criterion, by name, if there are several; ``value`` is then the
+            largest of them, each relative to its bound.
     """
 
     value: float
@@ -71,12 +71,12 @@ class Number:
 
     @classmethod
     def of(cls, estimate: Estimate, note: str = "") -> "Number":
-        """An estimate with a note."""
+        """Return an estimate with a note."""
         return cls(float(estimate.value), float(estimate.error), note, estimate.freedom)
 
 
 def of_parts(parts: Mapping[str, float], note: str) -> Number:
-    """The `Number` of a case with several criteria, each with a bound from above, by name."""
+    """Return the `Number` of a case with several criteria, each with an upper bound, by name."""
     parts = {name: float(value) for name, value in parts.items()}
     return Number(_largest(parts), note=note, parts=parts)
 
@@ -86,7 +86,7 @@ def _largest(parts: Mapping[str, float]) -> float:
 
 
 def of_starts(numbers: Sequence[Number]) -> Number:
-    """|mean| of rates that may have either sign; the errors are those of the lines."""
+    """Return |mean| of rates of either sign; the errors are those of the line fits."""
     parts = ((number.error / len(numbers), number.freedom) for number in numbers)
     mean = abs(np.mean([number.value for number in numbers]))
     return Number.of(Estimate(mean, *combined(*parts)), _notes(numbers))
@@ -98,27 +98,27 @@ def _notes(numbers: Sequence[Number]) -> str:
 
 
 class BlowUp(Exception):
-    """A run that broke: what it said, and after which step."""
+    """A run that failed: its message, and the last step."""
 
 
 class CannotRun(Exception):
-    """Why an integrator is not run on a case."""
+    """The reason why an integrator is not run on a case."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A situation that some integrator does not bear.
+    """A situation that some integrators do not survive.
 
     Attributes:
         name: on the command line and of its folder.
         physics: what happens, in a sentence.
         criterion: the number, in words.
-        bars: what the number's error is, or why there is none.
-        measure: the number, of a stand and a length.
-        short, full: lengths; what they count is the function's own.
-        compared: names of the integrators that it is run with; with --short those of `FEW`.
-        starts: how many at most: a row gets more until its verdict is sure.
-        bounds: criteria by name, other than those that name the case.
+        bars: meaning of the number's error, or why there is none.
+        measure: returns the number, from a stand and a length.
+        short, full: lengths, in a unit of the function.
+        compared: names of the integrators to run; with --short those of `FEW`.
+        starts: largest number of starts: a row gets more until its verdict is significant.
+        bounds: names of criteria, other than those that name the case.
         part: `EXTREME` or `REPORTED`.
     """
 
@@ -136,38 +136,39 @@ class Case:
 
     @classmethod
     def of(cls, name: str, physics: str, short: Any, full: Any, **more) -> Callable:
-        """A decorator that makes a case of its measure."""
+        """Return a decorator that makes a case of its measure."""
         return lambda measure: cls(name, physics, measure=measure, short=short, full=full, **more)
 
     @property
     def criteria(self) -> dict[str, Criterion]:
-        """All that bound its numbers, by name."""
+        """All criteria for its numbers, by name."""
         return self.bounds or {
             key: some for key, some in criteria.CRITERIA.items() if self.name in some.cases.split()
         }
 
     @property
     def bound(self) -> Criterion:
-        """Of the number: its criterion's, or that each part is below its own."""
+        """The bound of the number: of its criterion, or that each part is below its own."""
         judges = [criterion for criterion in self.criteria.values() if not criterion.inner]
         return judges[0] if len(judges) == 1 else criteria.EACH
 
     @property
     def inner(self) -> dict[str, float]:
-        """Bounds that what is measured follows from."""
+        """Bounds that the measured number depends on."""
         found = {name: some.bound for name, some in self.criteria.items() if some.inner}
         return found | {"rounding": criteria.rounding(1)}
 
     def length(self, full: bool) -> Any:
-        """Of a full run or of a short one."""
+        """Return the length of a full run or of a short one."""
         return self.full if full else self.short
 
     def integrators(self, full: bool) -> list[str]:
-        """Names of the integrators that it is run with."""
+        """Return the names of the integrators to run."""
         return [name for name in self.compared if full or name in FEW]
 
     def number(self, numbers: Sequence[Number]) -> Number:
-        """The row's `Number`, of its starts'; of one with parts by the bounds of today."""
+        """Return the row's `Number` from those of its starts; one with parts by the current
+        bounds."""
         if self.starts > 1:
             return of_starts(numbers)
         parts = numbers[0].parts
@@ -175,13 +176,12 @@ class Case:
 
     @property
     def looks(self) -> list[int]:
-        """Numbers of starts at which a row may have enough: 1, doubled again and again."""
+        """Numbers of starts at which a row may have enough: 1, doubled each time."""
         return [2**k for k in range(self.starts.bit_length())]
 
     def verdict(self, numbers: Sequence[Number]) -> str:
-        """pass, fail, or cannot tell where the interval of the starts' number reaches over the
-        bound.  Each of the `looks` is a chance to be sure by
-        chance: so intervals are wider, of 95 % for all looks together."""
+        """Return pass, fail, or cannot tell if the interval of the number contains the bound.  Each
+        of the `looks` is a test, so the intervals are those of 95 % for all looks together."""
         found = self.number(numbers)
         confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
         wider = margin(1.0, found.freedom, confidence) / margin(1.0, found.freedom)
@@ -191,14 +191,14 @@ class Case:
 
 @dataclass
 class Stand:
-    """Where a case is run with one integrator.
+    """The place where a case is run with one integrator.
 
     Attributes:
-        folder: of this case with this integrator; the case's own files may stand in its parent.
+        folder: of this case with this integrator; files of the case may be in its parent.
         silence: s without a sign of life after which a run is given up.
-        ranks: of scenes that are worth more than one.
-        start: which of the starts, from 0, of a case that has several.
-        seconds: that steps have taken.
+        ranks: for scenes that are worth more than one.
+        start: index of the start, from 0, of a case that has several.
+        seconds: time of all steps.
     """
 
     case: Case
@@ -211,7 +211,8 @@ class Stand:
     seconds: float = 0.0
 
     def run(self, scene: Scene, label: str, runs: list[int], **how) -> tuple[Result, Path]:
-        """As `attempt`, but a `BlowUp`, too, if it broke later or its energy is not finite."""
+        """Same as `attempt`, but also raise `BlowUp` if it failed later or its energy is not
+        finite."""
         result, folder = self.attempt(scene, label, runs, **how)
         steps = result.thermo.get("Step", np.zeros(1))
         if result.error:
@@ -232,21 +233,21 @@ class Stand:
         by: Integrator | None = None,
         **how,
     ) -> tuple[Result, Path]:
-        """Do the runs, or take over what is there.
+        """Do the runs, or use existing results.
 
         Args:
             label: of the run's folder.
             more: LAMMPS commands before the first run; ``{folder}`` is the run's.
-            files: what the run follows from beside the scene.
+            files: files besides the scene that the run depends on.
             by: another integrator than the stand's.
-            how: as ``run.job`` has it.
+            how: arguments of ``run.job``.
 
         Returns:
-            the result, which may have broken after its first line of output, and its folder.
+            the result, which may have failed after its first line of output, and its folder.
 
         Raises:
-            CannotRun: the integrator does not hold such bodies.
-            BlowUp: it was refused, or broke, before the first step.
+            CannotRun: the integrator does not support such bodies.
+            BlowUp: LAMMPS refused it, or it failed before the first step.
             KeyboardInterrupt: after a Ctrl-C.
         """
         integrator = by or self.integrator
@@ -278,25 +279,25 @@ class Rows:
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:
-        """A row's name in the store and its origin: code, length and inner bounds."""
+        """Return a row's name in the store and its origin: code, length and inner bounds."""
         found = self.cases[case]
         settings = found.length(self.full), found.inner, self.scenes
         return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
 
     def kept(self, case: str, integrator: str) -> dict | None:
-        """The row that was measured with this code, or None."""
+        """Return the row that was measured with this code, or None."""
         found = self.store.kept(*self.place(case, integrator))
         return found and found["record"]
 
     def keep(self, case: str, row: dict) -> None:
-        """Keep a row, as far as it is known."""
+        """Store a row, as far as it is known."""
         place = self.place(case, row["integrator"])
         self.store.keep(*place, row, _enough(self.cases[case], row))
 
     def summary(self) -> dict:
-        """What all rows of the folder say, other processes' too.  A row that this code has not
-        measured is that of the folder's summary.json, if there it has the same length and inner
-        bounds: each row says with what it was measured."""
+        """Return all rows of the folder, including those of other processes.  A row that was not
+        measured with this code is read from the folder's summary.json, if it has the same length
+        and inner bounds: each row states the code of its measurement."""
         told = (json_files.read(self.out / "summary.json") or {}).get("cases", ())
         before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
         found = []
@@ -311,14 +312,14 @@ class Rows:
         return {"full": self.full, "cases": found, "command": command}
 
     def _is_of(self, case: Case, row: dict) -> bool:
-        """Whether a row has a number or an end, of this length and these inner bounds."""
+        """Return whether a row has a result of this length and these inner bounds."""
         same = row["length"], row["inner"]
         told = bool(row["ended"] or row["numbers"])
         return told and same == (case.length(self.full), case.inner)
 
 
 def _plain(case: Case, full: bool) -> dict:
-    """A case without its rows, as plain data."""
+    """Return a case without its rows, as plain data."""
     low, high = case.bound.within()
     sign, value = ("≥", low) if high is None else ("≤", high)
     words = {key: getattr(case, key) for key in ("name", "part", "physics", "criterion", "bars")}
@@ -337,11 +338,10 @@ def stress(
     meter: Meter,
     only: Collection[str] | None = None,
 ) -> dict:
-    """Run what is not there yet; another process may run other cases into the same folder
-    meanwhile.
+    """Run what has no result yet; other processes may run other cases in the same folder.
 
     Args:
-        cases: all that there are.  names: of those to run.
+        cases: all cases.  names: of those to run.
         full: whether with full lengths.
         silence: s without a sign of life after which a run is given up.
         only: names of integrators; None for all that the cases name.
@@ -369,7 +369,7 @@ def stress(
 def plan(
     cases: Mapping[str, Case], names: Iterable[str], full: bool, only: Collection[str] | None = None
 ) -> list[tuple[str, str]]:
-    """(case, integrator), names, in the order in which they run."""
+    """Return names (case, integrator), in the order in which they run."""
     planned = (
         (case, name) for case in names for name in cases[case].integrators(full or bool(only))
     )
@@ -377,11 +377,11 @@ def plan(
 
 
 def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
-    """Run a case with an integrator, of that name in `COMPARED`; its row, as far as it is known, as
-    plain data without verdict, after each start that it did not have yet.  The stand is in the
-    case's folder, and gets one there."""
+    """Run a case with an integrator of that name in `COMPARED`.  After each new start yield the
+    row, as far as it is known, as plain data without verdict.  The stand has the case's folder, and
+    gets a folder there."""
     case, length = stand.case, stand.case.length(full)
-    stand.ranks = 1 if full else 2  # in full, cases side by side make the better use of cores
+    stand.ranks = 1 if full else 2  # with full lengths, parallel cases use the cores better
     stand.folder /= run.folder_name(name)
     stand.folder.mkdir(parents=True, exist_ok=True)
     words = ["stress", case.name, "--only", name, "--full" if full else "--short"]
@@ -405,7 +405,7 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
 
 
 def _enough(case: Case, row: dict) -> bool:
-    """Whether a row needs no more starts: at one of the looks its verdict is sure."""
+    """Return whether a row needs no more starts: its verdict is significant at one of the looks."""
     count = len(row["numbers"])
     if row["ended"] or count >= case.starts:
         return True
@@ -413,9 +413,9 @@ def _enough(case: Case, row: dict) -> bool:
 
 
 def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
-    """What one start more adds to a row."""
+    """Return what one more start adds to a row."""
     try:
-        with np.errstate(all="ignore"):  # what breaks, overflows: the number tells
+        with np.errstate(all="ignore"):  # runs that fail overflow: the number shows it
             number = stand.case.measure(stand, length)
         if not np.isfinite(number.value):
             raise BlowUp(f"not finite; {number.note}")
@@ -425,13 +425,13 @@ def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
         return {"ended": ["blow-up", str(found)]}
     except CannotRun as found:
         return {"ended": ["cannot run", str(found)]}
-    # what a broken trajectory does to its analysis (in new numpys a LinAlgError is a ValueError)
+    # the analysis of a failed trajectory raises these (in new numpys a LinAlgError is a ValueError)
     except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as found:
         return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
 
 
 def judged(case: Case, row: dict) -> dict:
-    """A row with its number, verdict and note, by the bounds of today."""
+    """Return a row with its number, verdict and note, by the current bounds."""
     if row["ended"]:
         verdict, note = row["ended"]
         found = {"value": None, "error": None, "freedom": None, "note": note}
@@ -443,7 +443,7 @@ def judged(case: Case, row: dict) -> dict:
 
 
 def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
-    """Where ours is worse than LAMMPS's fixes: names of cases by what happens."""
+    """Return where ours is worse than LAMMPS's fixes: names of cases by kind of failure."""
     found: dict[str, list[str]] = {
         "Ours breaks where a LAMMPS fix does not": [],
         "Ours does not pass what a LAMMPS fix passes": [],

@@ -1,4 +1,4 @@
-"""Molecules from the scenes: how long a step they bear, heat, cold, very many steps.  LAMMPS units
+"""Molecules from the scenes: longest stable steps, heat, cold, and long runs.  LAMMPS units
 ``real``: Angstrom, fs, kcal/mol."""
 
 import bisect
@@ -22,9 +22,9 @@ from .measure import (
     of_parts,
 )
 
-ALLOWED = criteria.CRITERIA["stable"].bound  # of the kinetic energy, gained or lost
-GIVEN_UP = 10  # times that, by which the energy is off when a run is ended
-MOST = 4000  # steps that a step limit of many molecules is worth
+ALLOWED = criteria.CRITERIA["stable"].bound  # change of the energy, relative to the kinetic energy
+GIVEN_UP = 10  # times that: a larger change ends a run
+MOST = 4000  # largest number of steps in a search with many molecules
 UP_TO = f"5 ps, or {MOST:,} steps if that is less"
 LONGEST = (
     "longest Δt at which the energy changes by less than {:.0%} of the kinetic energy, from the "
@@ -44,16 +44,16 @@ OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": STARTS}
 
 
 def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
-    """The time step up to which runs, of up to `MOST` steps, have a `change` that is allowed: by
-    bisection, and with a step of half the limit after it; if that is bad the limit is below it.
+    """Find the time step up to which a `change` in runs of up to `MOST` steps is allowed, by
+    bisection; then try half of it.  If that is bad, the limit is below it.
 
     Args:
         dts: time steps, ascending.  time: that each run covers.
-        how: as ``Stand.run`` has it.
+        how: arguments of ``Stand.run``.
     """
 
     def why(k: int) -> str:
-        """Why a step is bad; empty if it is good."""
+        """Return why a step is bad; empty if it is good."""
         off, error = change(stand, scene, dts[k], min(time, MOST * dts[k]), **how)
         told = error or f"energy off by {off:.2g} of the kinetic energy"
         return "" if off < ALLOWED else told
@@ -66,7 +66,7 @@ def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> N
 
 
 def _between(dts: np.ndarray, first: int, error: str) -> Number:
-    """The limit where ``dts[first]`` is the first bad step."""
+    """Return the limit if ``dts[first]`` is the first bad step."""
     if first == 0:
         return Number(0.0, note=f"not even at {dts[0]:.4g} fs, the shortest step tried: {error}")
     longest = dts[first - 1]
@@ -81,9 +81,9 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
 
 
 def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[float, str | None]:
-    """By how much of the kinetic energy at the start the energy differs between the first and the
-    last fifth of a run, which ends when it is off by `GIVEN_UP` times what is allowed; infinite
-    where the run is not complete, and what ended it."""
+    """Return the change of the energy from the first to the last fifth of a run, relative to the
+    kinetic energy at the start, and why the run ended.  The run ends at `GIVEN_UP` times the
+    allowed change; a run that is not complete has an infinite change."""
     every = max(1, round(time / dt) // SAMPLES)
     lines = [
         "run 0",
@@ -105,8 +105,8 @@ def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[f
 def drift(
     stand: Stand, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
 ) -> Number:
-    """Change of the energy, by a straight line, over the mean kinetic energy, per ns, which is so
-    many of the scene's units of time; the note has places for the temperature at start and end."""
+    """Return the slope of the energy over the mean kinetic energy, per ns, which is ``ns`` of the
+    scene's units of time; the note has places for the temperature at start and end."""
     how = {"dt": scene.dt, **how}
     result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], every=every, **how)
     thermo = result.thermo
@@ -122,8 +122,8 @@ def later(
     more: Iterable[str],
     **how,
 ) -> tuple[Scene, Path]:
-    """The scene of the stand's start, and the file that it is from: so many steps later, as ours
-    moves it, again so many for each further start; the same for all integrators."""
+    """Return the scene of the stand's start, and its file: so many steps later, as ours moves it,
+    and again so many for each further start; the same for all integrators."""
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
@@ -133,12 +133,12 @@ def later(
 
 
 def coarse(scene: Scene) -> Scene:
-    """The scene with a coarser mesh, which stability does not ask for."""
+    """Return the scene with a coarser mesh, which stability does not depend on."""
     return scene.on_mesh("1e-4")
 
 
 def water(stand: Stand) -> Scene:
-    """Some water, the same for all integrators."""
+    """Return some water, the same for all integrators."""
     folder = stand.folder.parent / "data"
     return coarse(scene_starts.of_size(SCENES["water"], BODIES, folder))
 
@@ -152,16 +152,16 @@ def water(stand: Stand) -> Scene:
     bars=ONE,
 )
 def water_dt(stand: Stand, length: list[float]) -> Number:
-    """Of the length the time, and between two steps tried."""
+    """Measure the longest step. Args: length: the time, and the spacing of the steps tried."""
     steps = np.arange(0.5, 12.1, length[1])
     return halved(stand, water(stand), steps, length[0], ranks=stand.ranks)
 
 
 def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
-    """Its `drift` after Langevin dynamics.
+    """Return the `drift` of water after Langevin dynamics.
 
-    The cutoff is smooth and there is no mesh: what a mesh of 1e-4 takes from the energy at 1 K, the
-    same with all integrators, is a hundred times the bound.
+    The cutoff is smooth and there is no mesh: the energy change by a mesh of 1e-4 at 1 K, the same
+    with all integrators, is a hundred times the bound.
     """
     bath, steps = f"{temperature} {temperature} {damping} 4928", round(warm_time / warm_dt)
     more, how = [f"fix heat all langevin {bath}"], {"ranks": stand.ranks}
@@ -178,7 +178,7 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
     **OF_DRIFT,
 )
 def water_hot(stand: Stand, time: float) -> Number:
-    """Heated for 0.2 ps."""
+    """Measure the drift after heating for 0.2 ps."""
     return _water_drift(stand, 1500.0, time, 2.0, 200.0, 0.5, 50.0)
 
 
@@ -190,7 +190,7 @@ def water_hot(stand: Stand, time: float) -> Number:
     **OF_DRIFT,
 )
 def water_cold(stand: Stand, time: float) -> Number:
-    """Cooled for 10 ps."""
+    """Measure the drift after cooling for 10 ps."""
     return _water_drift(stand, 1.0, time, 4.0, 10_000.0, 4.0, 200.0)
 
 
@@ -204,7 +204,7 @@ def water_cold(stand: Stand, time: float) -> Number:
     bars=EXACT,
 )
 def long_dimer(stand: Stand, steps: int) -> Number:
-    """Two molecules that stay bound."""
+    """Measure the conservation laws of two molecules that stay bound."""
     result, folder = stand.run(
         SCENES["dimer"],
         "run",

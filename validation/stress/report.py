@@ -1,4 +1,4 @@
-"""What `stress` says of its summary."""
+"""The report of `stress`."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -24,7 +24,7 @@ KEYS = (
 
 
 def said(summary: dict) -> Said:
-    """What breaks, where."""
+    """Return the report on what fails and where."""
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
@@ -62,7 +62,7 @@ def said(summary: dict) -> Said:
 
 
 def _longer(case: dict) -> list[str]:
-    """Which integrators run with a longer step than ours, in a case whose number is one."""
+    """Name the integrators with a longer step than ours, in a case whose number is a step."""
     ours = next((row for row in case["rows"] if row["integrator"] == OURS), None)
     if ours is None or ours["value"] is None or case["low"] is None:
         return []
@@ -76,7 +76,7 @@ def _longer(case: dict) -> list[str]:
 
 
 def _answer(cases: Iterable[dict]) -> str:
-    """How many cases ours passes, and the one of LAMMPS's fixes that passes most."""
+    """Say how many cases ours passes, and which of LAMMPS's fixes passes most."""
     rows = [row for case in cases for row in case["rows"]]
     ran = Counter(row["label"] for row in rows if row["verdict"] != "cannot run")
     passed = Counter(row["label"] for row in rows if row["verdict"] == "pass")
@@ -93,13 +93,13 @@ def _answer(cases: Iterable[dict]) -> str:
 
 
 def _labels(cases: Iterable[dict]) -> dict[str, str]:
-    """Names and labels of the integrators that have rows, in order."""
+    """Return names and labels of the integrators that have rows, in order."""
     found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
     return {name: found[name] for name in ALL if name in found}
 
 
 def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
-    """The lines of table.csv."""
+    """Return the lines of table.csv."""
     return [
         {**row, "case": case["name"], "margin": Estimate.of(row).margin or None}
         | {"error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
@@ -109,13 +109,13 @@ def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
 
 
 def _package(row: Mapping) -> str:
-    """With which package a row was measured."""
+    """Return the version of the package with which a row was measured."""
     found = row["versions"]
     return f"fix_nosquish {found['fix_nosquish']} ({found['package']}), LAMMPS {found['lammps']}"
 
 
 def _found(row: Mapping | None) -> Cell:
-    """A row's number, with its verdict."""
+    """Return a row's number, with its verdict."""
     if row is None:
         return Cell("not run")
     if row["value"] is None:
@@ -129,7 +129,7 @@ def _found(row: Mapping | None) -> Cell:
 
 
 def _table(title: str, cases: list[dict]) -> Table:
-    """Cases by integrators, each with its number."""
+    """Return a table of cases by integrators."""
     labels, rows = _labels(cases), []
     for case in cases:
         found = {row["integrator"]: row for row in case["rows"]}
@@ -140,7 +140,7 @@ def _table(title: str, cases: list[dict]) -> Table:
 
 
 def _bounds() -> Table:
-    """Every bound, and what it is derived from."""
+    """Return a table of every bound, with its derivation."""
     head = "quantity, bound, derived from, whose need, cases"
     rows = [
         (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))

@@ -1,8 +1,8 @@
-"""What users of rigid bodies in LAMMPS report as broken, each a number that is small where all is
-well, with ours and with LAMMPS's own fixes.
+"""Failures that users of rigid bodies in LAMMPS report: numbers that are small if all is well, with
+ours and with LAMMPS's own fixes.
 
-Each case is a small box of Lennard-Jones bodies (``boxes``), in their units. It is a function of a
-way to run a box, so the tests hold ours against the same numbers in their own way.
+Each case is a small box of Lennard-Jones bodies (``boxes``), in their units.  It is a function of a
+way to run a box, so the tests can hold ours to the same numbers in their own way.
 """
 
 import re
@@ -19,14 +19,14 @@ from .measure import EXACT, REPORTED, Case, Number, Stand
 FIXES = "nosquish", "rigid/nve", "rigid/nve/small"
 ROUNDING = "rounding, after the motion has made it grow"
 NEED = "who reported it"
-# of a way to run a box: of a `System`, steps and keywords, its `Result`
+# a way to run a box: from a `System`, steps and keywords to its `Result`
 Simulate = Callable[..., Result]
 MEASURES: dict[str, Callable[[Simulate], float | Number]] = {}  # of the cases, by name
 CASES: list[Case] = []
 
 
 def simulated(stand: Stand) -> Simulate:
-    """The way to run a box with a stand's integrator."""
+    """Return the way to run a box with a stand's integrator."""
 
     def simulate(
         system: System,
@@ -66,8 +66,8 @@ def simulated(stand: Stand) -> Simulate:
 
 
 def case(name: str, most: float, why: str = ROUNDING) -> Callable:
-    """A decorator that makes a function the measure of a `Case`.  Its docstring says what happens
-    and, behind the last colon, what the number is."""
+    """Return a decorator that makes a function the measure of a `Case`.  Its docstring says what
+    happens and, after the last colon, what the number is."""
 
     def of(measure):
         MEASURES[name] = measure
@@ -97,12 +97,12 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
 
 
 def tops() -> System:
-    """A box with two or three bodies of each of the symmetric kinds."""
+    """Return a box with two or three bodies of each of the symmetric kinds."""
     return mixture(" ".join(boxes.TOPS), side=3, spacing=2.8, temperature=2.0, seed=8)
 
 
 def _worst(system, first, second):
-    """The largest distance between atoms, and of which kind of body it is."""
+    """Return the largest distance between atoms, and the kind of body that has it."""
     found = {}
     for kind, molecules in re.findall(r"^group (\w+) molecule (.*)$", system.setup, re.M):
         mine = np.isin(system.molecule, [int(number) for number in molecules.split()])

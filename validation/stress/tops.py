@@ -1,5 +1,5 @@
-"""Free tops: what they keep is known, so is the exact motion.  Reduced units, all bodies of a case
-in one run."""
+"""Free tops: their invariants and their exact motion are known.  Reduced units; all bodies of a
+case are in one run."""
 
 import numpy as np
 
@@ -9,10 +9,10 @@ from . import criteria
 from .measure import EXACT, Case, Number, Stand, of_parts
 
 TURN = 0.05  # radians in a step, as in practice
-# about the principal axes, none of them alone
+# about the principal axes: a mixture of all three
 SPIN = np.array([0.6, -0.5, 0.7]) / np.linalg.norm([0.6, -0.5, 0.7])
 ATTITUDE = bodies.turned(2002)  # of all tops at the start
-COMPARED_AT = 20_000  # steps, 1,000 radians, at which tops are held against the exact motion
+COMPARED_AT = 20_000  # steps, 1,000 radians: tops are then compared with the exact motion
 RATIOS = 10.0 ** -np.arange(13)
 GAP = 10.0  # between bodies
 TOPS = (
@@ -27,7 +27,7 @@ def _place(k):
 
 
 def _scene(stand, moments):
-    """Tops with these moments side by side."""
+    """Return tops with these moments side by side."""
     tops = [
         bodies.body(
             *bodies.three_rods(moment),
@@ -43,8 +43,8 @@ def _scene(stand, moments):
 
 
 def _kept(stand, moments, labels, steps):
-    """Largest change of a body's energy and angular momentum, and distance from the exact motion
-    after `COMPARED_AT` steps."""
+    """Measure the largest change of a body's energy and angular momentum, and the distance from the
+    exact motion after `COMPARED_AT` steps."""
     every = max(1, steps // 200)
     how: dict = {"dt": 1.0, "every": every, "more": motion.dump(every)}
     _, folder = stand.run(_scene(stand, moments), "run", [steps], **how)
@@ -73,7 +73,7 @@ def _kept(stand, moments, labels, steps):
     **OF_TOPS,
 )
 def needles(stand: Stand, steps: int) -> Number:
-    """Moments (1, 1, r)."""
+    """Measure tops with moments (1, 1, r)."""
     moments = [np.array([1, 1, r]) for r in RATIOS]
     return _kept(stand, moments, [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
 
@@ -84,7 +84,7 @@ def needles(stand: Stand, steps: int) -> Number:
     **OF_TOPS,
 )
 def disks(stand: Stand, steps: int) -> Number:
-    """Moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
+    """Measure tops with moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
     moments = [np.array([1 + t, 1 + t, 2]) for t in RATIOS]
     return _kept(stand, moments, [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
 
