@@ -1,1 +1,1 @@
-"""What the rigid bodies are, and how they are made of LAMMPS's atoms."""
+"""The rigid bodies, and how they are made from LAMMPS's atoms."""

@@ -1,8 +1,8 @@
 """Rigid bodies: their state, and how they follow LAMMPS's atoms.
 
 The state of a body is its centre of mass x, velocity v, quaternion q and conjugate quaternion
-momentum p, with its mass and principal moments.  Every rank keeps the bodies of which it owns an
-atom, and of their atoms only its own.  `build` makes them.
+momentum p, with its mass and principal moments.  Each rank stores the bodies of which it owns an
+atom, with only its own atoms.  `build` makes them.
 """
 
 from collections.abc import Sequence
@@ -33,9 +33,9 @@ from ..ranks.sharing import Sharers, places
 from .membership import FLEXIBLE, Membership, PreviousBodies
 from .particles import Particles
 
-OFF_BODY = 1e-9  # positions further off the body than this part of the box were changed by others
-NO_ID = 2.0**62  # of a body that is no more
-_SOON = 100  # steps after which what happens is no longer due to the start
+OFF_BODY = 1e-9  # deviation from the body, in box sizes, above which something else moved an atom
+NO_ID = 2.0**62  # ID of a deleted body
+_SOON = 100  # number of steps within which a failure is attributed to the start of the run
 
 # rows of a body's state
 ROWS = block.ROWS
@@ -60,7 +60,7 @@ MASS, MOMENT, X, V, Q, P, WRENCH, FORCE, TORQUE, NATOMS, IMAGE, HOME, ID = (
 
 
 class StartDiagnosis(NamedTuple):
-    """What is known of the start of a run: its step, and what `log.forces_at_start` says."""
+    """The first step of a run, and the result of `log.forces_at_start`."""
 
     step: int = 0
     diagnosis: str = ""
@@ -68,12 +68,12 @@ class StartDiagnosis(NamedTuple):
     spacing: float = np.inf
 
     def explains(self, step: int) -> bool:
-        """Whether what fails at this step follows from the forces of the start."""
+        """Whether a failure at this step is attributed to the forces at the start."""
         return bool(self.diagnosis) and step <= self.step + _SOON
 
 
 class _View:
-    """An attribute of `Bodies` that is a view of the array in a cell, or of some of its rows."""
+    """An attribute of `Bodies`: a view of the array in a cell, or of some of its rows."""
 
     def __init__(self, cell: str, rows: int | slice = slice(None)) -> None:
         self._cell, self._rows = cell, rows
@@ -83,44 +83,43 @@ class _View:
 
 
 class Bodies:
-    """The bodies of which this rank owns atoms, those of one kind side by side.
+    """The bodies of which this rank owns atoms, sorted by kind.
 
-    Loops find everything in `cells`.  Arrays here are views of what is in the cells when they are
-    asked for: do not keep them, because `follow` sets the cells anew.
+    Loops read everything from `cells`.  Array attributes are views of the present contents of the
+    cells: do not keep them, because `follow` replaces the contents.
 
     Attributes:
         id: (n,) body IDs.
-        rotors, turning: bodies [0, rotors) have three moments (in a plane: a moment about axis 3),
-            [rotors, turning) are linear, [turning, n) are points.
+        rotors, turning: bodies [0, rotors) have three moments (in two dimensions, one about axis
+            3), [rotors, turning) are linear, [turning, n) are points.
         state: (rows, n); mass, moment, x, v, q, p, wrench, force, torque, natoms and image are
             views of its rows.
         mass, natoms: (n,).
-        moment: (3, n) in the principal frame, from the largest to the smallest (with order 123 the
-            other way round; in a plane the third is about z).
-        x, v: (3, n) in the space frame; x is kept in the box, and `image`, (3, n), counts how many
-            box vectors the body is away.
+        moment: (3, n) principal moments, in descending order (ascending with order 123; in two
+            dimensions the third is about z).
+        x, v: (3, n) in the space frame; x is wrapped into the box, with image flags `image` (3, n).
         q, p: (4, n).
-        wrench: (6, n) force and torque in the space frame, which sharing ranks exchange, whether
-            they act or are switched off: see `acting_wrench`.
+        wrench: (6, n) force and torque in the space frame, summed over sharing ranks, including
+            inactive components: see `acting_wrench`.
         force, torque: (3, n), the two parts of it.
-        index, displace: this rank's atoms as the loops take them; see `block.Layout`.
-        body, tag: (m,) the body of each of these atoms, and its ID.
+        index, displace: this rank's atoms in the order of the loops; see `block.Layout`.
+        body, tag: (m,) the body of each of these atoms, and its atom ID.
         sharers: the `Sharers` of these bodies.
-        start: what is known of the start of the run.
+        start: diagnosis of the start of the run.
         possible_causes: part of the message for an atom that was moved: other fixes that may have
-            done it.
-        force_receiver: a weak method that takes external forces: see `add_force`.
-        tolerates_shifts: whether atoms may be away from where their bodies have them.
-        planar: whether bodies turn in the xy plane only, about their axis 3.
+            moved it.
+        force_receiver: a weak method that receives external forces: see `add_force`.
+        tolerates_shifts: whether atoms may deviate from their positions in the bodies.
+        planar: whether bodies rotate in the xy plane only, about their axis 3.
         chosen: `block.Kinds.own_moments`.
-        spin: whether some atom of a body, on any rank, has a torque and a spin of its own.
-        oriented: whether some atom of a body has an orientation; see `extended`.
-        cells: dictionary from the names that the loops' arguments have to `compiled.Cell`.
+        spin: whether an atom of a body, on any rank, has a torque and an angular velocity.
+        oriented: whether an atom of a body has an orientation; see `extended`.
+        cells: `compiled.Cell` by the names of the loops' arguments.
 
     Args:
-        memory: a `Memory` of `BodyRows`, which holds `state` (rows, n) and `displace` (4 or more,
-            m) in any order; both are put into the order of the passes.
-        body: (m,) the column in state of each atom's body.
+        memory: a `Memory` of `BodyRows` with `state` (rows, n) and `displace` (4 or more, m) in any
+            order; both are sorted into the order of the passes.
+        body: (m,) column of each atom's body in state.
         here: (m,) indices of these atoms in LAMMPS's arrays, ascending.
         planar, spin, oriented, chosen: see above.
         communicator: the `Communicator` or `ALONE`.
@@ -172,8 +171,7 @@ class Bodies:
 
     @property
     def acting_wrench(self) -> np.ndarray:
-        """(6, n) the wrench that moves the bodies, without what keywords switch off; see
-        `block.hold`."""
+        """(6, n) the wrench without the components that keywords switch off; see `block.hold`."""
         mask = self.cells["mask"].array
         return self.wrench * mask if mask.size else self.wrench
 
@@ -194,17 +192,17 @@ class Bodies:
         return self.displace[3].astype(np.int64)
 
     def update_tags(self, lammps: Lammps) -> None:
-        """Know the atoms by the IDs that they have now."""
+        """Update the atom IDs from LAMMPS."""
         self.displace[3] = lammps.tags[self.index]
 
     @property
     def listed(self) -> np.ndarray:
-        """Which bodies are counted here and are no flexible atoms, (n,)."""
+        """Which bodies this rank counts, except flexible atoms, (n,) bool."""
         return self.sharers.owned & (self.state[block.ID] < FLEXIBLE)
 
     @property
     def flat(self) -> np.ndarray:
-        """Which rotors are planar, (rotors,): two of their moments add up to the largest."""
+        """Which rotors are planar, (rotors,) bool: two moments add up to the largest."""
         moment = self.moments_of_atoms[:, : self.rotors]
         return moment.sum(axis=0) <= moment.max(axis=0) * (2 + 1e-7)
 
@@ -214,8 +212,8 @@ class Bodies:
     # ------------------------------------------------------------- after LAMMPS has moved atoms
 
     def bind(self, membership: Membership) -> None:
-        """Bind the passes that follow the atoms of this LAMMPS, and one that has each atom take
-        along where it is now: `note`."""
+        """Bind the passes that follow the atoms of this LAMMPS, and `note`, which stores in each
+        atom its present rank and index."""
         bound = (
             self.cells
             | membership.lammps.cells
@@ -232,9 +230,10 @@ class Bodies:
         """Follow the atoms after LAMMPS has moved them between ranks and in its arrays; collective.
 
         Returns:
-            whether the bodies are the same: False if atoms of bodies came or are gone on any rank.
+            whether the bodies are the same: False if atoms of bodies were added or deleted on any
+            rank.
         Raises:
-            RunError: on all ranks, if atoms are where this fix has not put them.
+            RunError: on all ranks, if atoms are not at their positions in the bodies.
         """
         self.update_box(lammps.box)
         problem = self.following()
@@ -243,17 +242,17 @@ class Bodies:
         return problem != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
-        """Drop bodies whose atoms are gone, and take in others; collective.
+        """Remove bodies whose atoms are gone, and add others; collective.
 
         Args:
-            gone: (n,) bool, which bodies those are.
-            new: `Bodies` of other atoms of this LAMMPS, None for none on any rank.
+            gone: (n,) bool, the bodies to remove.
+            new: `Bodies` of added atoms; None if there are none on any rank.
         Raises:
-            RunError: as `follow`.
+            RunError: see `follow`.
         """
         self.state[block.ID, gone] = NO_ID  # a new one may have its ID
         if new is not None:
-            # they come with their atoms, as bodies do that come from other ranks
+            # they arrive with their atoms, like bodies from other ranks
             arrived = lammps.cells["arrived"]
             rows = new.rows_of_atoms()
             lammps.cells["origins"].array[new.index] = (
@@ -271,19 +270,19 @@ class Bodies:
             )
 
     def settle(self, lammps: Lammps) -> None:
-        """Find which atoms LAMMPS has in another periodic image than their bodies; collective.
+        """Find atoms that LAMMPS stores in another periodic image than their bodies; collective.
 
         Raises:
-            RunError: as `follow`.
+            RunError: see `follow`.
         """
         self.update_box(lammps.box)
         if self._settle():
             self._refuse_off()
 
     def refuse_moved_atoms(self, lammps: Lammps) -> None:
-        """End the run if an atom is not where its body has it; collective.
+        """Raise an error if an atom is not at its position in its body; collective.
 
-        The bodies stay as they are, to the last bit.
+        The bodies are unchanged, to the last bit.
 
         Raises:
             RunError: on all ranks.
@@ -304,7 +303,7 @@ class Bodies:
             self._memory.put(name, values)
 
     def as_previous(self, lammps: Lammps, followed: bool = True) -> PreviousBodies:
-        """What each of LAMMPS's atoms here is in these bodies; see `PreviousBodies`."""
+        """The bodies of LAMMPS's atoms on this rank as `PreviousBodies`."""
         origins, arrived = (lammps.cells[name].array for name in ("origins", "arrived"))
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
@@ -323,23 +322,23 @@ class Bodies:
         return PreviousBodies(here | came, known[0], known[1:5], known[5:], followed)
 
     def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
-        """What goes with these atoms to other ranks, but for their origins: a row of each."""
+        """The rows that move with these atoms to other ranks, one each, without their origins."""
         body, displace = self.body[which], self.displace[:, which]
         return np.vstack([np.zeros((OF_BODY, len(body))), self.state[:, body], displace]).T.copy()
 
     def update_box(self, box: Box) -> None:
-        """Have the cells of the box as this one is, if it is another one than before."""
+        """Set the cells of the box, if the box has changed."""
         if box is not self._box:
             self._box = box
             near = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
             near = np.inf if self.tolerates_shifts else near
             known = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
             for name, value in known.items():
-                self.cells[name].set(copy(value))  # a barostat changes what loops have
+                self.cells[name].set(copy(value))  # a copy, because a barostat changes it in place
             self.cells["near"].set(near)
 
     def _refuse_off(self) -> None:
-        """End the run because an atom of some rank is off its body; collective."""
+        """Raise an error because an atom of some rank is off its body; collective."""
         far, atom = self.cells["off"].array
         self._communicator.refuse(
             np.array([not far <= self.cells["near"].number]),
@@ -359,20 +358,20 @@ class Bodies:
         force: np.ndarray,
         torque: np.ndarray | Sequence[float] = (0.0, 0.0, 0.0),
     ) -> None:
-        """Hand in an external force and torque for each of these bodies; collective.
+        """Set an external force and torque on each of these bodies; collective.
 
-        They act on the bodies from the next forces that LAMMPS computes, in all steps and runs
-        until the same body gets others here.  A body that goes takes them along.
+        They act from LAMMPS's next force computation on, in all steps and runs, until they are set
+        again.  A body that is deleted loses them.
 
         Args:
-            ids: (n,) body IDs, as `output.table` has them; the same on all ranks, as all arguments.
-            force: (n, 3), on the centres of mass; or (3,), the same for each of them.
-            torque: (n, 3) or (3,), about the centres of mass.  All is in the space frame and in
+            ids: (n,) body IDs, see `output.table`; all arguments must be the same on all ranks.
+            force: (n, 3) on the centres of mass; or (3,), the same for all.
+            torque: (n, 3) or (3,), about the centres of mass.  Both are in the space frame and in
                 LAMMPS's units.
         Raises:
-            RunError: on all ranks, for IDs that no body has or that stand twice, for numbers that
-                are not finite or of another shape, if ranks hand in different ones, and in a run
-                that began without external forces.
+            RunError: on all ranks, for unknown or repeated IDs, for values that are not finite or
+                have another shape, if ranks pass different arguments, and in a run that began
+                without external forces.
         """
         take = self.force_receiver()
         if take is None:  # nobody holds the integrator any more
@@ -393,9 +392,9 @@ class Bodies:
         """Set v and p to the rigid motion with the momenta of the atoms' velocities; collective.
 
         Args:
-            particles: what the bodies' atoms are, (m,); None if all are points.
-            given: (k,) places of bodies whose momenta are known otherwise, or (n,) bool.
-            momenta: (6, k), linear and angular ones of these, space frame.
+            particles: spins of the bodies' atoms, (m,); None if all are points.
+            given: (k,) indices of bodies with prescribed momenta, or (n,) bool.
+            momenta: (6, k) their linear and angular momenta, space frame.
         """
         mass, wrench = lammps.masses, self.wrench.copy()
         of_atoms = mass[:, None] * lammps.v
@@ -414,7 +413,7 @@ class Bodies:
         if self.chosen:
             slower = self.angular_momentum() * self.slowness
             self.p[:] = quaternion_momentum(self.q, *slower)
-        if self.turning > self.rotors:  # nothing turns about the axis of a linear body
+        if self.turning > self.rotors:  # no angular momentum along the axis of a linear body
             linear = slice(self.rotors, self.turning)
             q, about = self.q[:, linear], self.angular_momentum()[2, linear]
             self.p[:, linear] -= 2.0 * about * np.array([-q[3], q[2], -q[1], q[0]])
@@ -424,26 +423,25 @@ class Bodies:
         return np.array(angular_momentum(self.q, self.p))
 
     def angular_velocity(self) -> np.ndarray:
-        """Angular velocity in the principal frame, (3, n); zero about an axis without moment."""
+        """Angular velocity in the principal frame, (3, n); zero about an axis with zero moment."""
         turns = self.moment > 0
         return np.divide(
             self.angular_momentum(), self.moment, out=np.zeros_like(self.moment), where=turns
         )
 
     def principal_torque(self) -> np.ndarray:
-        """Torque that acts, principal frame, (3, n); zero about an axis without moment, where it
-        turns nothing."""
+        """Active torque, principal frame, (3, n); zero about an axis with zero moment."""
         torque = np.array(to_body(matrices(self.q).reshape(9, -1), *self.acting_wrench[3:]))
         return torque * (self.moment > 0)
 
     @property
     def slowness(self) -> np.ndarray | float:
-        """The root of each moment over that of the atoms, (3, n), or 1.0; see `block.Layout`."""
+        """Square root of moment / moment of the atoms, (3, n), or 1.0; see `block.Kinds`."""
         return self.state[self.chosen : self.chosen + 3] if self.chosen else 1.0
 
     @property
     def moments_of_atoms(self) -> np.ndarray:
-        """Principal moments that follow from the atoms, or the infile, (3, n)."""
+        """Principal moments from the atoms, or from the infile, (3, n)."""
         return self.moment / self.slowness**2
 
     def momenta(self) -> np.ndarray:
@@ -453,8 +451,8 @@ class Bodies:
         return np.concatenate([self.mass * self.v, angular])
 
     def instability(self, body: int, lammps: Lammps) -> tuple[str, str]:
-        """Why the body at this place moves too far in a step, and what to do; two empty texts if it
-        does not."""
+        """Why a body, by its index, moves too far in a step, and advice; two empty texts if it does
+        not."""
         speeds = self.v, self.angular_velocity()
         move, turn = (lammps.innermost_dt * np.linalg.norm(speed[:, body]) for speed in speeds)
         start = self.start
@@ -466,7 +464,7 @@ class Bodies:
         return f"the time step is too long: {cause}", "use a shorter one, or a better start"
 
     def kinetic_of_atoms(self, lammps: Lammps) -> np.ndarray:
-        """Kinetic energy of the velocity of each atom, mass times velocity squared, (m,)."""
+        """Translational kinetic energy of each atom, mass times velocity squared, (m,)."""
         v = lammps.v[self.index]
         return 0.5 * lammps.masses[self.index] * (v**2).sum(axis=1)
 
@@ -477,7 +475,7 @@ class Bodies:
 
 
 def aligned(shape: tuple[int, int]) -> np.ndarray:
-    """An array of ones of this shape that begins where one of the processor's cache lines does."""
+    """An array of ones of this shape, aligned to a cache line."""
     numbers = np.ones(shape[0] * shape[1] + block.LINE)
     begin = -(numbers.ctypes.data // numbers.itemsize) % block.LINE
     return numbers[begin : begin + shape[0] * shape[1]].reshape(shape)

@@ -1,4 +1,4 @@
-"""How bodies are made of LAMMPS's atoms: image, mass, centre of mass, inertia, principal frame."""
+"""Make bodies from LAMMPS's atoms: images, mass, centre of mass, inertia, principal frame."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -22,25 +22,24 @@ from .principal import moments_and_axes
 from .shapes import ShapeCorrection
 from .unwrap import UnwrappedPositions, unwrap
 
-TURN = 0.08  # rad in a step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
-_SAME_PLACE = 1e-12  # atoms closer than this part of the box are at one point
-# atoms further off a linear body's line than this part of its radius of gyration are beside it: a
-# data file may have rounded places
+TURN = 0.08  # rad per step, of keyword moments step: TIP3P with 6 amu A^2 at 298 K and 12 fs
+_SAME_PLACE = 1e-12  # atoms closer than this fraction of the box are at one point
+# largest distance of an atom from a linear body's line, in radii of gyration: positions in a data
+# file may be rounded
 _BESIDE = 1e-2
-_AT_ONCE = 4096  # atoms whose rotation matrices are in memory at a time
+_AT_ONCE = 4096  # number of atoms whose rotation matrices are in memory at a time
 
 
 class Prescribed(NamedTuple):
-    """What is known of some of this rank's bodies besides their atoms: from an infile, or from a
-    molecule template.
+    """Properties of bodies that are prescribed by an infile or by a molecule template.
 
     Attributes:
-        which: (n,) bool, of which of this rank's bodies; m of them, in their order.
-        ids: IDs of all such bodies, on any rank.
+        which: (n,) bool, the m bodies of this rank with prescribed properties.
+        ids: IDs of all these bodies, on all ranks.
         mass: (m,).
-        centre: (3, m) of mass, from the body's first atom.
+        centre: (3, m) centre of mass, relative to the body's first atom.
         inertia: (m, 3, 3), space frame.
-        momenta: (6, m) linear and angular, space frame.
+        momenta: (6, m) linear and angular momentum, space frame.
         warnings: lines for the log.
     """
 
@@ -54,7 +53,7 @@ class Prescribed(NamedTuple):
 
 
 def nothing(unwrapped: UnwrappedPositions) -> Prescribed:
-    """`Prescribed` of no body."""
+    """`Prescribed` for no body."""
     which = np.zeros(len(unwrapped.members.ids), bool)
     none = np.empty((6, 0))
     return Prescribed(
@@ -63,15 +62,15 @@ def nothing(unwrapped: UnwrappedPositions) -> Prescribed:
 
 
 class Recipe(NamedTuple):
-    """How bodies are made of atoms.
+    """How bodies are made from atoms.
 
     Attributes:
         membership: which atoms form which body.
         shapes: see `hosts.Host.shapes`.
         oriented: whether atoms of this atom style can have an orientation.
-        find_prescribed: finds what is known of bodies besides their atoms; collective.
-        own_rows: rows of zeros in the bodies' state, behind those that `block` names.
-        keeps_shapes: whether bodies keep the shapes that they had.
+        find_prescribed: returns the `Prescribed` properties; collective.
+        own_rows: number of extra rows of the bodies' state, after those named in `block`.
+        keeps_shapes: whether bodies keep their previous shapes.
     """
 
     membership: Membership
@@ -84,14 +83,14 @@ class Recipe(NamedTuple):
 
 @dataclass
 class BuildReport:
-    """What there is to say of bodies that were made, the same on all ranks.
+    """Statistics of bodies that were made, identical on all ranks.
 
     Attributes:
-        kinetic: energy of the atoms, in LAMMPS's units.
-        removed: the part of it that is not rigid motion.
-        rebuilt: number of bodies that the nearest images put together.
-        stray: number of atoms that no molecule-ID puts in a body.
-        still: whether atoms that have moments of their own do not rotate.
+        kinetic: kinetic energy of the atoms, in LAMMPS's units.
+        removed: the part of it that is not rigid-body motion.
+        rebuilt: number of bodies reassembled from nearest images.
+        stray: number of atoms with molecule-ID 0.
+        still: whether finite-size atoms have no angular velocity.
         prescribed_ids: IDs of the bodies with `Prescribed` properties, on all ranks.
         warnings: lines for the log.
     """
@@ -106,7 +105,7 @@ class BuildReport:
 
 
 class Built(NamedTuple):
-    """What `build` returns."""
+    """The result of `build`."""
 
     bodies: Bodies
     report: BuildReport
@@ -116,15 +115,14 @@ class Built(NamedTuple):
 def build(
     recipe: Recipe, previous: PreviousBodies | None = None, atoms: np.ndarray | None = None
 ) -> Built:
-    """Make the bodies from LAMMPS's atoms as they are; collective.
+    """Make the bodies from the present state of LAMMPS's atoms; collective.
 
-    Their q and p are those of the rigid motion that has the linear and angular momentum of the
-    atoms' velocities.
+    Their v and p are those of the rigid motion with the linear and angular momentum of the atoms.
 
     Args:
-        previous: what LAMMPS's atoms were in bodies; None if they were in none.
-        atoms: indices of this rank's atoms to make bodies of, ascending; None for all that the
-            membership names.
+        previous: the previous bodies of LAMMPS's atoms; None if there are none.
+        atoms: indices of this rank's atoms to make bodies from, ascending; None for all atoms of
+            the membership.
     Raises:
         RunError: on all ranks, naming the body.
     """
@@ -136,7 +134,7 @@ def build(
     mass[prescribed.which], centre[:, prescribed.which] = prescribed.mass, prescribed.centre
     members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
     r, correction = unwrapped.delta, ShapeCorrection()
-    r -= centre[:, members.body].T  # in place, as there may be many atoms
+    r -= centre[:, members.body].T  # in place, because there may be many atoms
     if previous is not None and recipe.keeps_shapes:
         members, r, correction = shapes.keep(members, previous, r)
 
@@ -144,11 +142,11 @@ def build(
     warnings = _set_shapes(memory, recipe, members, r, mass, prescribed)
     state = memory.cells["state"].array
     state[X], state[IMAGE] = unwrapped.place + centre, unwrapped.image
-    # every copy of a shared body starts from the lowest rank's numbers, to the last bit
+    # all copies of a shared body start from the lowest rank's values, to the last bit
     state[:, ~members.owned] = 0.0
     members.sharers.combine(state)
     bodies = _with_atoms(memory, recipe, members, r)
-    # the bodies have these atoms in another order
+    # again, because the bodies store the atoms in another order
     particles = particles_of(lammps, recipe.shapes, bodies.index) if bodies.spin else None
     places = np.argsort(bodies.id)[prescribed.which]
     bodies.take_velocities(lammps, particles, places, prescribed.momenta)
@@ -167,11 +165,11 @@ def _set_shapes(
     mass: np.ndarray,
     prescribed: Prescribed,
 ) -> list[str]:
-    """Make `state` (see `Bodies`) and set what does not depend on where the bodies are, and their
-    orientations; the rest is zero; collective.
+    """Make `state` (see `Bodies`); set masses, moments, quaternions, numbers of atoms, homes and
+    IDs, and the rest to zero; collective.
 
     Args:
-        r: (m, 3) the atoms' positions from their body's centre of mass, space frame.
+        r: (m, 3) positions of the atoms relative to the centre of mass, space frame.
         mass: (n,) of the bodies.
     Returns:
         lines for the log.
@@ -194,8 +192,8 @@ def _set_shapes(
 
 
 def _refuse_points(members: Members, inertia: np.ndarray, prescribed: Prescribed) -> None:
-    """End the run if the mass of several atoms is at one point, and nothing else says what they
-    are; collective.
+    """Raise an error if the mass of several atoms is at one point, unless the body's inertia is
+    prescribed; collective.
 
     Args:
         inertia: (3, 3, n) of the atoms.
@@ -220,14 +218,14 @@ def _beside_lines(
     axes: np.ndarray,
     prescribed: Prescribed,
 ) -> list[str]:
-    """End the run if an atom beside the line of a linear body may have a torque about it, for which
-    the body has no moment of inertia; collective.
+    """Raise an error if an atom off the line of a linear body could have a torque about the line,
+    for which the body has no moment of inertia; collective.
 
     Args:
         moment (3, n), axes (n, 3, 3): see `principal.moments_and_axes`.
-        prescribed: bodies whose moments were given are as the user wants them.
+        prescribed: bodies with prescribed moments are not checked.
     Returns:
-        a line for the log if dipoles are across such a line, on any rank.
+        a warning if a dipole, on any rank, is not along such a line.
     Raises:
         RunError: on all ranks.
     """
@@ -239,7 +237,7 @@ def _beside_lines(
     size = np.sqrt(moment[0] / members.mass)[members.body]
 
     def beside(vectors: np.ndarray) -> np.ndarray:
-        """How far vectors (m, 3) go off the line, (m,)."""
+        """Length of the component of vectors (m, 3) perpendicular to the line, (m,)."""
         along = (vectors * line).sum(axis=1)[:, None] * line
         return np.linalg.norm(vectors - along, axis=1) * here
 
@@ -266,9 +264,10 @@ def _beside_lines(
 
 
 def least_moment(lammps: Lammps, command: Command) -> float:
-    """The least moment of a body that turns by `TURN` in a step, or less, as keyword moments step
-    has it: with the mean angular velocity, of equipartition, at the temperature of the fix line,
-    the higher one of two; in mass times length squared.
+    """The smallest moment with which a body rotates by at most `TURN` per step, for keyword moments
+    step, in mass times length squared.
+
+    The angular velocity is the equipartition value at the higher temperature of the fix line.
     """
     assert command.temp, "keyword moments needs temp"
     temperature = max(lammps.number(word) for word in command.temp[:2])
@@ -276,16 +275,16 @@ def least_moment(lammps: Lammps, command: Command) -> float:
 
 
 def _chosen(members: Members, moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The moments that bodies have instead of those of their atoms; see `Command.moments`.
+    """The moments that replace those of the atoms; see `Command.moments`.
 
     Args:
-        moment: (3, n) those of the atoms.
+        moment: (3, n) moments of the atoms.
     Returns:
-        moments (3, n), and the root of each over that of the atoms, (3, n); (0, n) if they are
-        those.
+        moments (3, n), and the square root of each divided by that of the atoms, (3, n); (0, n) if
+        they are not replaced.
     Raises:
-        RunError: on all ranks, if heat turns a body with such a moment by more than half a turn in
-            a step.
+        RunError: on all ranks, if a body with such a moment rotates thermally by more than half a
+            turn per step.
     """
     lammps, command = members.lammps, members.membership.command
     if command.moments is None:
@@ -298,7 +297,7 @@ def _chosen(members: Members, moment: np.ndarray) -> tuple[np.ndarray, np.ndarra
         command.refuse_unless_positive(f"keyword moments: {how}", value)
     turns = (moment > 0) & (value > 0)
     if lammps.dimension == 2:
-        turns[:2] = False  # a moment about these axes only says that the body is no point
+        turns[:2] = False  # moments about these axes only mark the body as no point
     slowness = np.ones_like(moment)
     factor = np.full_like(moment, value) / (1.0 if how == "scale" else np.where(turns, moment, 1.0))
     slowness[turns] = np.sqrt(factor[turns])
@@ -314,7 +313,7 @@ def _chosen(members: Members, moment: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def count(membership: Membership) -> int | None:
-    """How many bodies there are; None, not a fixed number, as long as there is none; collective."""
+    """The number of bodies; None if there are none, because their number may change; collective."""
     kept = membership.kept
     owned = sharers_of(
         membership.communicator, np.unique(kept[(kept > OUT) & (kept < FLEXIBLE)])
@@ -323,10 +322,10 @@ def count(membership: Membership) -> int | None:
 
 
 def _report(bodies: Bodies, members: Members, particles: Particles | None) -> BuildReport:
-    """What there is to say of bodies as they were made; collective.
+    """The `BuildReport` of bodies that were just made; collective.
 
     Args:
-        particles: what their atoms are, in the bodies' order; None if all are points.
+        particles: spins of their atoms, in the bodies' order; None if all are points.
     """
     owned, lammps = bodies.sharers.owned, members.lammps
     own = np.zeros(1) if particles is None else particles.kinetic()
@@ -349,15 +348,15 @@ def _with_atoms(memory: Memory, recipe: Recipe, members: Members, r: np.ndarray)
     """The `Bodies` with this state and these atoms; collective.
 
     Args:
-        memory: has the state.
-        r: (m, 3) the atoms' positions from their body's centre of mass, space frame.
+        memory: contains the state.
+        r: (m, 3) positions of the atoms relative to the centre of mass, space frame.
     """
     communicator, particles, command = (
         members.communicator, members.particles, members.membership.command,
     )  # fmt: skip
     state, body, come = memory.cells["state"].array, members.body, bool(command.mol)
     spin = directed = False
-    if particles is not None:  # others may come, of any kind that the atom style has
+    if particles is not None:  # with keyword mol any particle of the atom style may be added
         has = particles.quat.any() or particles.dipole.any()
         directed = communicator.any(has or (come and recipe.oriented))
         spin = directed or communicator.any(come or particles.moment.any())

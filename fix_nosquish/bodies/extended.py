@@ -1,9 +1,9 @@
-"""Particles that are more than points: spheres, ellipsoids, lines, triangles, dipoles.
+"""Finite-size particles in bodies: spheres, ellipsoids, lines, triangles, dipoles.
 
-Each adds its own moment of inertia to its body's, and its own torque.  Ellipsoids, lines, triangles
-and dipoles have an orientation, which turns with the body: behind an atom's place, ID included,
-`displace` then has its quaternion in the body's principal frame, its own principal moments, and its
-dipole there.
+Each contributes its own moment of inertia and torque to its body.  Ellipsoids, lines, triangles and
+dipoles have an orientation, which rotates with the body.  After an atom's position and ID,
+`displace` then has its quaternion relative to the body's principal frame, its own principal
+moments, and its dipole in that frame.
 """
 
 from math import sqrt
@@ -21,14 +21,14 @@ from ..motion.frames import (
 )
 from ..motion.step import show_atoms_moments
 
-# rows of `displace`, if atoms can have an orientation: a quaternion, moments about its axes for
-# particles that keep an angular momentum, a dipole; zero for what an atom has not
+# rows of `displace`, if atoms can have an orientation: quaternion, principal moments of particles
+# for which LAMMPS stores an angular momentum, dipole; zero where an atom has none
 ORIENT, OWN_MOMENT, DIPOLE, ROWS = 4, 8, 11, 14
 
 
 @loop
 def add_torques(body: L1, index: I1, atom_torque: F2, wrench: F2):
-    """Add the torques that act on the atoms themselves to those on their bodies."""
+    """Add the torques on the atoms themselves to the torques on their bodies, space frame."""
     for j in range(index.size if atom_torque.size else 0):
         for k in range(3):
             wrench[3 + k, body[j]] += atom_torque[index[j], k]
@@ -36,8 +36,8 @@ def add_torques(body: L1, index: I1, atom_torque: F2, wrench: F2):
 
 @loop
 def set_spins(layout: Layout, atom_omega: F2, atom_angmom: F2):
-    """Write the bodies' angular velocity, space frame, as that of their atoms, and for those that
-    keep it, the angular momentum that they have with it."""
+    """Set the atoms' angular velocity to that of their body, and the angular momentum of particles
+    for which LAMMPS stores it; space frame."""
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
         take(layout, k, MOMENT, P + 4, MOMENT)
@@ -63,11 +63,11 @@ def set_spins(layout: Layout, atom_omega: F2, atom_angmom: F2):
 
 @loop
 def orient(layout: Layout, atom_mu: F2, orient_atom: L1, quat: F1):
-    """Give the atoms the orientation and the dipoles that follow from their bodies'.
+    """Set the orientations and dipoles of atoms from their bodies.
 
     Args:
         orient_atom: (2,) address of a function of LAMMPS's fix and its first argument; 0 for none.
-        quat: (4,) to work with.
+        quat: (4,) scratch array.
     """
     block, blocks, rounds, d = layout.block, layout.blocks, layout.rounds, layout.displace
     for k in range(blocks.shape[0] - 1):
@@ -84,5 +84,5 @@ def orient(layout: Layout, atom_mu: F2, orient_atom: L1, quat: F1):
                 x, y, z = to_space(rotation_matrix(q), *three(d, DIPOLE, j))
                 size = sqrt(x * x + y * y + z * z)
                 if size > 0.0:
-                    part = atom_mu[i, 3] / size  # the length stays to the last bit
+                    part = atom_mu[i, 3] / size  # keep the length of the dipole, mu[3], exactly
                     atom_mu[i, 0], atom_mu[i, 1], atom_mu[i, 2] = part * x, part * y, part * z

@@ -1,6 +1,6 @@
-"""Keyword infile of fix rigid: a file with mass, centre of mass, inertia, velocities of bodies.
+"""Keyword infile as in fix rigid: mass, centre of mass, inertia and velocities of bodies in a file.
 
-The first line that is not empty and no comment holds the number of lines that follow, one a body:
+The first line that is neither empty nor a comment is the number of bodies; one line each follows:
 
     ID mass x y z ixx iyy izz ixy ixz iyz vx vy vz lx ly lz ix iy iz
 
@@ -23,19 +23,19 @@ from .membership import FLEXIBLE, Membership
 from .unwrap import UnwrappedPositions
 
 _COLUMNS = 20
-_OFF_CENTRE = 2.0  # radii of gyration that a centre of mass may be from that of the atoms
-_OFF_POINT = 1e-3  # of the box, that it may be from a single atom: the file has few digits
+_OFF_CENTRE = 2.0  # largest distance of the centre from that of the atoms, in radii of gyration
+_OFF_POINT = 1e-3  # the same from a single atom, in box sizes: the file has few digits
 
 
 def read(path: str, counts: bool, unwrapped: UnwrappedPositions) -> Prescribed:
     """Read the file; collective.
 
     Args:
-        counts: whether its IDs count from 1 for the smallest of the bodies.
-        unwrapped: this rank's bodies, of their atoms.
+        counts: whether its IDs are numbered from 1 for the lowest body ID.
+        unwrapped: unwrapped positions of this rank's atoms.
     Raises:
-        RunError: on all ranks, if the file cannot be read, or names a body that is not there, or
-            one twice, or has one far from its atoms.
+        RunError: on all ranks, if the file cannot be read, names a body that does not exist or is
+            named twice, or has a centre of mass far from the body's atoms.
     """
     members = unwrapped.members
     lammps, communicator, ids = members.lammps, members.communicator, members.ids
@@ -72,18 +72,19 @@ def read(path: str, counts: bool, unwrapped: UnwrappedPositions) -> Prescribed:
 
 
 def _offset(counts: bool, ids: np.ndarray, communicator: Alone) -> int:
-    """By how much the bodies' IDs exceed those of a file that counts; else 0; collective."""
+    """Body ID minus ID in the file if the file counts from 1; else 0; collective."""
     if not counts:
         return 0
     return int(communicator.gather_to_all(ids[ids < FLEXIBLE]).min(initial=FLEXIBLE)) - 1
 
 
 def _off_centre(unwrapped: UnwrappedPositions, off: np.ndarray) -> list[str]:
-    """Warnings of bodies whose centres the file has far from their atoms, by `off` (3, n);
-    collective.
+    """Warnings of bodies whose centres in the file are far from their atoms; collective.
 
+    Args:
+        off: (3, n) centre of mass in the file minus that of the atoms.
     Raises:
-        RunError: on all ranks, where that is more than half the box.
+        RunError: on all ranks, if the distance exceeds half the box.
     """
     members = unwrapped.members
     box = members.lammps.box
@@ -97,7 +98,7 @@ def _off_centre(unwrapped: UnwrappedPositions, off: np.ndarray) -> list[str]:
     )
     trace = np.trace(unwrapped.inertia())
     off, radius = np.linalg.norm(off, axis=0), np.sqrt(0.5 * trace / members.mass)  # of gyration
-    point = radius < 1e-6 * off  # an atom alone, to rounding
+    point = radius < 1e-6 * off  # a single atom, up to rounding
     radius[point] = 0.0
     limit = np.where(point, _OFF_POINT * box.size, _OFF_CENTRE * radius)
     odd = members.owned & (off > limit)
@@ -167,11 +168,12 @@ def _tensors(rows: np.ndarray) -> np.ndarray:
 
 
 def write(path: str, counts: bool, bodies: Bodies, membership: Membership) -> None:
-    """Write the bodies of the fix line as they are, without flexible atoms, to a file that is
-    whole, or is what it was; collective.
+    """Write the bodies, without flexible atoms, to a file; collective.
+
+    The file is replaced only when it is complete.
 
     Args:
-        counts: as of `read`.
+        counts: see `read`.
     Raises:
         RunError: on all ranks, if the file cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Which atoms form which body, as the fix line says it."""
+"""Which atoms form which body, according to the fix line."""
 
 from typing import NamedTuple, cast
 
@@ -13,19 +13,19 @@ from ..ranks.migration import OUT, UNDECIDED
 
 FLEXIBLE = 2**52  # a flexible atom's ID is this plus its tag; IDs of bodies are smaller
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers
-_UNKNOWN = -(2**60)  # the ID of a body that the rule has not told
-_MOST = 2**26  # rows of 24 bytes in what LAMMPS writes at once
+_UNKNOWN = -(2**60)  # the ID of a body whose ID the rule does not give
+_MOST = 2**26  # rows of 24 bytes in one of LAMMPS's restart records
 
 
 class PreviousBodies(NamedTuple):
-    """What LAMMPS's atoms on this rank were in bodies.
+    """The previous bodies of LAMMPS's atoms on this rank.
 
     Attributes:
         known: (natoms,) bool, which atoms were in a body.
-        natoms: (natoms,) the body's number of atoms.
-        q: (4, natoms) its quaternion.
+        natoms: (natoms,) number of atoms of the body.
+        q: (4, natoms) quaternion of the body.
         displace: (rows, natoms) the atom's column of `Bodies.displace`.
-        followed: whether LAMMPS took all that along with the atoms; else their IDs found them.
+        followed: whether LAMMPS moved these data with the atoms; else atoms are matched by ID.
     """
 
     known: np.ndarray
@@ -38,8 +38,9 @@ class PreviousBodies(NamedTuple):
 class Membership:
     """Which body each of this rank's atoms belongs to.
 
-    The fix line's rule decides it where the fix is defined.  Each atom takes its ID along, in the
-    cell `membership`; atoms that come later are decided by the same rule when bodies are made.
+    The rule of the fix line assigns atoms to bodies when the fix is defined.  The body ID moves
+    with the atom, in the cell `membership`.  Atoms that are added later are assigned by the same
+    rule when bodies are made.
 
     Args:
         lammps, communicator, command: see the attributes.
@@ -48,13 +49,13 @@ class Membership:
         lammps: the `Lammps` that has the atoms.
         communicator: the `Communicator` of its ranks, or `ALONE`.
         command: the `Command`, which is the fix line.
-        variable: name of the atom-style variable that tells bodies apart; "" if none does.
+        variable: name of the atom-style variable that identifies bodies; "" if there is none.
         masks: bits of `lammps.groups` by name.  By the rule, an atom is in a body if its groups
-            have some bit of fix_group and some of body_groups, and flexible if they have some bit
-            of flexible.
+            have a bit of fix_group and a bit of body_groups, and flexible if they have a bit of
+            flexible.
 
     Raises:
-        RunError: on all ranks, for a group or variable that is not there.
+        RunError: on all ranks, for a group or variable that does not exist.
     """
 
     def __init__(self, lammps: Lammps, communicator: Alone, command: Command) -> None:
@@ -76,8 +77,8 @@ class Membership:
         self.find_groups()
 
     def find_groups(self) -> None:
-        """Find the groups' bits, which deleted groups leave to others; without a group, no atom
-        that comes later is in it."""
+        """Find the groups' bits, because LAMMPS reuses bits of deleted groups.  A deleted group has
+        no bit, so it contains no atom that is added later."""
         has, bit = self.lammps.has, self.lammps.group_bit
         bits = {group: bit(group) if has("group", group) else 0 for group in self._groups}
         self._bits = [bits[group] for group in self._of_bodies]
@@ -90,7 +91,7 @@ class Membership:
 
     @property
     def kept(self) -> np.ndarray:
-        """What was decided of each of this rank's atoms, (natoms,): the ID of its body, `FLEXIBLE`,
+        """The assignment of each of this rank's atoms, (natoms,): the ID of its body, `FLEXIBLE`,
         `OUT` or `UNDECIDED`."""
         return self.lammps.cells["membership"].array
 
@@ -99,14 +100,14 @@ class Membership:
         return np.flatnonzero(self.kept > OUT)
 
     def define(self, listed: np.ndarray) -> None:
-        """Decide of all atoms, where the fix is defined; collective.
+        """Assign all atoms when the fix is defined; collective.
 
         Args:
-            listed: (n, 3) what a restart file says of some atoms: their IDs, what they have in
-                `kept`, and what the fix line said of them then; in the first row the number of all
-                atoms is in the middle.
+            listed: (n, 3) exceptions from a restart file: atom ID, entry of `kept`, and entry by
+                the rule when the file was written; the first row has the total number of atoms in
+                column 1.
         Raises:
-            RunError: on all ranks, for such an atom that is another one, and as `ids`.
+            RunError: on all ranks, if the rule gives a different entry now; see also `ids`.
         """
         kept, tags = self.kept, self.lammps.tags.astype(np.int64)
         kept[:] = UNDECIDED
@@ -132,7 +133,7 @@ class Membership:
         kept[kept == UNDECIDED] = OUT
 
     def decide(self) -> None:
-        """Decide of the atoms that are in the fix line's groups and came since; collective.
+        """Assign the atoms in the fix line's groups that were added since; collective.
 
         Raises:
             RunError: on all ranks, see `ids`.
@@ -141,12 +142,13 @@ class Membership:
         kept[:] = np.where(ids > FLEXIBLE, FLEXIBLE, ids)
 
     def ids(self) -> np.ndarray:
-        """The ID of the body of each atom, (natoms,), or its own if it is flexible, by the rule if
-        it came since; `OUT` or `UNDECIDED` for those in none; collective.
+        """The body ID of each atom, (natoms,), with added atoms assigned by the rule; collective.
+
+        A flexible atom has a unique ID; atoms in no body have `OUT` or `UNDECIDED`.
 
         Raises:
-            RunError: on all ranks, for an atom that came and is in two bodies or in one that has
-                its atoms, and where what tells bodies apart is not there.
+            RunError: on all ranks, for an added atom that is in two bodies or in one that is
+                complete, and if the molecule-ID, value or variable does not exist.
         """
         ids, by_rule = self.kept.copy(), self._by_rule(None)
         came = np.flatnonzero((ids == UNDECIDED) & (by_rule != OUT))
@@ -159,10 +161,10 @@ class Membership:
         return np.where(ids == FLEXIBLE, FLEXIBLE + self.lammps.tags.astype(np.int64), ids)
 
     def _refuse(self, came: np.ndarray, ids: np.ndarray) -> None:
-        """End the run if atoms that came cannot be in their bodies; collective.
+        """Raise an error if added atoms cannot be in their bodies; collective.
 
         Args:
-            came: (n,) their indices.  ids: (n,) as of `kept`.
+            came: (n,) their indices.  ids: (n,) their entries, see `kept`.
         """
         groups, tags = self.lammps.groups[came], self.lammps.tags[came]
         rigid, flexible = (some[came] for some in self._rigid_and_flexible())
@@ -188,21 +190,21 @@ class Membership:
         )
 
     def _number_anew(self, ids: np.ndarray, came: np.ndarray) -> None:
-        """Give bodies that came another ID than the rule's, where a body has that ID whose atoms
-        were given others, as by reset_atoms mol; collective.
+        """Renumber added bodies whose ID by the rule belongs to an existing body.  This occurs if
+        the atoms of that body have since got other IDs, for example by reset_atoms mol; collective.
 
         Args:
-            ids: (natoms,) as of `kept`; here they change.
-            came: (n,) indices of the atoms that came.
+            ids: (natoms,) see `kept`; changed in place.
+            came: (n,) indices of the added atoms.
         Raises:
-            RunError: on all ranks, if only some of that body's atoms were given another ID.
+            RunError: on all ranks, if only some atoms of that body have got another ID.
         """
         gathered, kept = self.communicator.gather_to_all, self.kept
         now, known = self._by_rule(self._standing()), (kept > OUT) & (kept < FLEXIBLE)
         renamed = gathered(np.unique(kept[known & (kept != now) & (now > _UNKNOWN)]))
         clashes = np.isin(ids[came], renamed)
         if not self.communicator.any(clashes.any()):
-            return  # so insertion in a run gathers the IDs of no others
+            return  # so that insertion in a run does not gather all IDs
         self.communicator.refuse(
             clashes & np.isin(ids[came], gathered(np.unique(now[known]))),
             lambda k: (
@@ -218,7 +220,7 @@ class Membership:
         ids[which] = highest + 1 + np.searchsorted(taken, ids[which])
 
     def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which of this rank's atoms are in bodies, and which are flexible, by the rule: (natoms,)
+        """Which of this rank's atoms are in bodies and which are flexible by the rule, (natoms,)
         bool each."""
         one, other, flexible = (
             self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
@@ -226,10 +228,10 @@ class Membership:
         return one & other, flexible
 
     def _by_rule(self, values: np.ndarray | None) -> np.ndarray:
-        """What the fix line says of each atom as it is now, (natoms,) as of `kept`.
+        """The assignment of each atom by the rule at present, (natoms,), see `kept`.
 
         Args:
-            values: (natoms,) what tells bodies apart; if it is None, that is `_UNKNOWN`.
+            values: (natoms,) molecule-IDs or custom values; None for `_UNKNOWN`.
         """
         (rigid, flexible), groups = self._rigid_and_flexible(), self.lammps.groups
         ids: np.ndarray | int = _UNKNOWN if values is None else values
@@ -240,8 +242,8 @@ class Membership:
         return np.where(rigid, ids, np.where(flexible, FLEXIBLE, OUT))
 
     def _standing(self) -> np.ndarray | None:
-        """The atoms' molecule-IDs or custom values, (natoms,); None without them, and for those of
-        a variable, which is read once."""
+        """The atoms' molecule-IDs or custom values, (natoms,); None if there are none, or if they
+        are from a variable, which is evaluated only once."""
         style, lammps = self.command.style, self.lammps
         if style == "molecule":
             return lammps.per_atom("molecule", lammps.tagint)
@@ -249,10 +251,10 @@ class Membership:
         return lammps.per_atom(self.command.arguments[0], np.int32) if integers else None
 
     def _values(self) -> np.ndarray:
-        """What tells bodies apart, (natoms,) int64; collective.
+        """The molecule-IDs or custom values that identify bodies, (natoms,) int64; collective.
 
         Raises:
-            RunError: on all ranks, if it is not there.
+            RunError: on all ranks, if they do not exist.
         """
         if self.variable:
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))
@@ -276,8 +278,8 @@ class Membership:
         return cast(np.ndarray, found).astype(np.int64)
 
     def changes(self) -> str:
-        """Which atoms have changed since it was decided of them, and how many, for messages; "" for
-        none; collective."""
+        """How many atoms have changed group, molecule-ID or value since they were assigned, for
+        messages; "" for none; collective."""
         kept, now = self.kept, self._by_rule(self._standing())
         rigid = (kept > OUT) & (kept < FLEXIBLE)
         now[rigid & (now == _UNKNOWN)] = kept[rigid & (now == _UNKNOWN)]
@@ -298,12 +300,12 @@ class Membership:
         return ", ".join(f"{what}: {count:.0f}" for count, what in pairs if count)
 
     def exceptions(self) -> np.ndarray | None:
-        """What the fix line does not say of the atoms as they are now, for a restart file: (n, 3)
-        as of `define`, on rank 0; None elsewhere, and if there is nothing; collective."""
+        """The atoms whose assignment differs from the rule, for a restart file: (n, 3), see
+        `define`, on rank 0; None on other ranks, and if there are none; collective."""
         kept, now, communicator = self.kept, self._by_rule(self._standing()), self.communicator
         which = (kept != now) & (kept != UNDECIDED)
         bodies = communicator.gather_to_all(np.unique(kept[which & (kept > OUT)]))
-        which |= np.isin(kept, bodies)  # whole ones: so it is known which IDs are not free
+        which |= np.isin(kept, bodies)  # whole bodies, so that the IDs in use are known
         many = communicator.count(which.sum())
         refuse(
             many > _MOST,
@@ -315,7 +317,7 @@ class Membership:
         return np.concatenate([head, rows]) if many and rows is not None else None
 
     def name(self, body: int) -> str:
-        """How a user would name the body of this ID."""
+        """The body of this ID in the user's terms, for messages."""
         style, arguments = self.command.style, self.command.arguments
         if self.command.flexible and body > FLEXIBLE:
             return f"atom {body - FLEXIBLE} (keyword flexible)"

@@ -1,4 +1,4 @@
-"""What atoms are besides points: spheres, ellipsoids, lines, triangles, dipoles."""
+"""Atoms that are not point masses: spheres, ellipsoids, lines, triangles, dipoles."""
 
 from typing import NamedTuple, cast
 
@@ -7,19 +7,19 @@ import numpy as np
 from ..host.lammps import Lammps
 from ..motion.frames import matrices, product
 
-# moments of inertia of unit mass and size: a solid sphere's radius, the length of a line
+# moments of inertia for unit mass: solid sphere of unit radius, line of unit length
 SPHERE, LINE = 0.4, 1.0 / 12.0
 
 
 class Particles(NamedTuple):
-    """What atoms are besides points.
+    """Finite size, orientation and spin of atoms.
 
     Attributes:
-        moment: (3, m) principal moments of inertia of each, 0 of a point.
-        quat: (4, m) the orientation of its principal frame in space, 0 if it has none.
-        dipole: (3, m) its dipole in space.
-        momentum: (3, m) its angular momentum in space.
-        keeps: (m,) bool, whether LAMMPS has this momentum, not its angular velocity.
+        moment: (3, m) principal moments of inertia, 0 for a point.
+        quat: (4, m) quaternion from the principal to the space frame, 0 without an orientation.
+        dipole: (3, m) dipole, space frame.
+        momentum: (3, m) angular momentum, space frame.
+        keeps: (m,) bool, whether LAMMPS stores angular momentum, not angular velocity.
     """
 
     moment: np.ndarray
@@ -30,33 +30,32 @@ class Particles(NamedTuple):
 
     @property
     def axes(self) -> np.ndarray:
-        """Rotations (3, 3, m) from their principal frames to space."""
+        """Rotations (3, 3, m) from the principal frames to the space frame."""
         none = ~self.quat.any(axis=0)
         return matrices(self.quat + np.outer([1.0, 0.0, 0.0, 0.0], none))
 
     def inertia(self) -> np.ndarray:
-        """Their tensors of inertia in space, (3, 3, m)."""
+        """Inertia tensors, space frame, (3, 3, m)."""
         axes = self.axes
         return np.einsum("akm,km,bkm->abm", axes, self.moment, axes)
 
     def directions(self) -> np.ndarray:
-        """Two vectors that each of them points to, (2, 3, m), 0 for one without an orientation."""
+        """Two vectors along each particle's orientation, (2, 3, m); 0 without an orientation."""
         axes = self.axes * self.quat.any(axis=0)
         return np.array([axes[:, 0], axes[:, 1]]) + self.dipole
 
     def kinetic(self) -> np.ndarray:
-        """The energy of their rotation, mass times velocity squared, (m,)."""
+        """Rotational kinetic energy, mass times velocity squared, (m,)."""
         momentum = np.einsum("akm,am->km", self.axes, self.momentum)
         turns = self.moment > 0
         squares = np.divide(momentum**2, self.moment, out=np.zeros_like(momentum), where=turns)
         return 0.5 * squares.sum(axis=0)
 
     def in_bodies(self, q: np.ndarray) -> np.ndarray:
-        """What `displace` has of them behind their places: rows ORIENT to ROWS of `extended`,
-        (10, m).
+        """Rows ORIENT to ROWS (see `extended`) of `displace`, (10, m).
 
         Args:
-            q: (4, m) the quaternion of each particle's body.
+            q: (4, m) quaternion of each particle's body.
         """
         conjugate = q * np.array([[1.0], [-1.0], [-1.0], [-1.0]])
         back = np.array(product(conjugate, self.quat))
@@ -67,17 +66,17 @@ class Particles(NamedTuple):
 
 
 def particles_of(lammps: Lammps, shapes: np.ndarray | None, atoms: np.ndarray) -> Particles:
-    """What these atoms are besides points: `Particles`.
+    """The `Particles` of these atoms.
 
     Args:
-        shapes: (natoms, 7), see `hosts.Host.shapes`; None if none is known.
+        shapes: (natoms, 7), see `hosts.Host.shapes`; None if unknown.
         atoms: (m,) indices of atoms.
     """
     m, mass = len(atoms), lammps.masses[atoms]
     moment, quat, dipole, momentum = (np.zeros((k, m)) for k in (3, 4, 3, 3))
     keeps = np.zeros(m, bool)
     radius, mu = lammps.radius, lammps.per_atom("mu", columns=4)
-    # None only in styles whose particles have neither
+    # None only in atom styles whose particles have neither
     omega, angmom = (
         cast(np.ndarray, lammps.per_atom(name, columns=3)) for name in ("omega", "angmom")
     )

@@ -1,26 +1,26 @@
-"""Principal moments of inertia and the frames along them, which follow from the atoms alone."""
+"""Principal moments of inertia and principal frames, determined by the atoms alone."""
 
 import numpy as np
 
 from .members import Members
 
-# a moment below this part of the body's largest is none, as in LAMMPS's fix rigid
+# a moment below this fraction of the body's largest is zero, as in LAMMPS's fix rigid
 _ZERO_MOMENT = 1e-7
-# moments closer than this part of the largest are equal: their axes are the atoms' choice
+# moments closer than this fraction of the largest are equal: their axes follow from the atoms
 _EQUAL_MOMENTS = 1e-9
 
 
 def moments_and_axes(
     members: Members, inertia: np.ndarray, r: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments and axes as the integrator takes them; collective.
+    """Principal moments and axes in the order of the integrator; collective.
 
-    In two dimensions bodies turn about z only, which is axis 3.
+    In two dimensions bodies rotate about z only, which is axis 3.
 
     Args:
-        inertia: (n, 3, 3) tensors of inertia, space frame.
-        r: (m, 3) the atoms' places from the bodies' centres, space frame; with the directions of
-            particles, these choose axes that moments leave open.
+        inertia: (n, 3, 3) inertia tensors, space frame.
+        r: (m, 3) positions of the atoms relative to the centres of mass, space frame.  With the
+            orientations of particles they fix the axes of equal moments.
     Returns:
         moment (3, n); axes (n, 3, 3), in columns, right-handed.
     """
@@ -45,10 +45,10 @@ def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     """Principal moments and axes in three dimensions.
 
     Args:
-        inertia: (n, 3, 3) tensors of inertia.
+        inertia: (n, 3, 3) inertia tensors, space frame.
     Returns:
-        moment (3, n), from the largest to the smallest; axes (n, 3, 3), in columns; and (2, n)
-        bool, whether moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
+        moment (3, n), in descending order; axes (n, 3, 3), in columns; and (2, n) bool, whether
+        moments 1 and 2, and 2 and 3, are equal, so that their axes are arbitrary.
     """
     values, axes = np.linalg.eigh(inertia)
     moment, axes = values[:, ::-1].T.copy(), axes[:, :, ::-1].copy()
@@ -69,8 +69,8 @@ def _principal(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def _frames_along(axis: np.ndarray) -> np.ndarray:
-    """Frames (n, 3, 3) whose third column is along these unit vectors (n, 3);
-    the rest follows from the vector alone."""
+    """Frames (n, 3, 3) with the third column along these unit vectors (n, 3), or opposite to them;
+    a frame depends on its vector only."""
     n = np.arange(len(axis))
     axis = axis * np.sign(axis[n, np.abs(axis).argmax(axis=1)])[:, None]
     other = np.zeros_like(axis)
@@ -81,7 +81,7 @@ def _frames_along(axis: np.ndarray) -> np.ndarray:
 
 
 def _principal_in_plane(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Moments and axes of bodies that turn about z, as `moments_and_axes`."""
+    """Principal moments and axes in two dimensions; see `moments_and_axes`."""
     values, turned = np.linalg.eigh(inertia[:, :2, :2])
     axes = np.zeros_like(inertia)
     axes[:, 2, 2] = 1.0
@@ -91,10 +91,7 @@ def _principal_in_plane(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def weights(tag: np.ndarray) -> np.ndarray:
-    """Two numbers in [0, 1) for each atom that follow from its tag and are like no others, (2, n).
-
-    They are splitmix64 of it.
-    """
+    """Two pseudo-random numbers in [0, 1) for each atom, (2, n): splitmix64 of its tag."""
     bits = 2 * tag.astype(np.uint64) + np.array([[0], [1]], np.uint64)
     bits = (bits + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     for shift, factor in (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB):
@@ -103,19 +100,19 @@ def weights(tag: np.ndarray) -> np.ndarray:
 
 
 def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
-    """Where moments are equal, turn the axes to weighted sums of the atoms' places, in place.
+    """Align the axes of equal moments with weighted sums of the atoms' positions, in place.
 
-    A frame that follows from the atoms alone is found again, whenever and on however many ranks
-    the bodies are made.  The splitting into rotations about axes, and so the trajectory, needs it.
+    The frame then depends on the atoms alone, not on when and on how many ranks the bodies are
+    made.  The splitting into rotations about axes depends on the frame, and so does the trajectory.
 
     Args:
         axes: (n, 3, 3), in columns.
         equal: (2, n) bool, see `_principal`.
-        sums: (n, 2, 3), two vectors of each body, space frame.
+        sums: (n, 2, 3), two weighted sums of each body, space frame.
     """
     chosen = np.flatnonzero(equal.any(axis=0))
     equal, frames = equal[:, chosen], axes[chosen]
-    # all moments are equal; the third one is alone
+    # all moments are equal; moments 1 and 2 are equal, so axis 3 is unique
     both, last = equal[0] & equal[1], equal[0] & ~equal[1]
     one, two = sums[chosen, 0], sums[chosen, 1]
     alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
@@ -124,7 +121,7 @@ def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
         return (a * b).sum(axis=1, keepdims=True)
 
     def without(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        """The part of a that is perpendicular to b."""
+        """The component of a perpendicular to b."""
         return (
             a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
         )
@@ -132,7 +129,7 @@ def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
     first = np.where(both[:, None], one, alone)
     one, two = without(one, alone), without(two, first)
     second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
-    # a sphere has no direction
+    # a sphere has no direction: keep its axes
     found = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
     found &= dot(first, first)[:, 0] > 0
     first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))

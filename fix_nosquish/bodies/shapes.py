@@ -1,4 +1,4 @@
-"""Shapes of bodies: kept where something has deformed them between two runs."""
+"""Restore the shapes of bodies that were deformed between two runs."""
 
 from typing import NamedTuple
 
@@ -12,22 +12,22 @@ from .members import Members
 from .membership import PreviousBodies
 from .particles import Particles
 
-_TORN = 2.0  # atoms further off than this times the size of their body say nothing of where it is
-_LINE = 1e-10  # a body whose atoms tell less than this part of a turn about their line is a line
-_ANOTHER = 1e-6  # radians by which an orientation is another one
-_WEAK = 1e-6  # directions that tell less than this part of such a turn are along the line
-_MISTAKEN = 0.2  # so may those, where atoms are known by their IDs alone
+_TORN = 2.0  # atoms off by more than this times the body's size do not determine its position
+_LINE = 1e-10  # relative size of the second singular value below which a body is a line
+_ANOTHER = 1e-6  # change of an orientation, radians, that counts as a different one
+_WEAK = 1e-6  # directions with a smaller component across the line do not determine its twist
+_MISTAKEN = 0.2  # replaces _TORN where atoms are matched by their IDs alone
 
 
 class ShapeCorrection(NamedTuple):
-    """What keeping the bodies' shapes changes; by default nothing.
+    """The changes that restore the bodies' shapes; by default none.
 
     Attributes:
-        atoms: (k,) indices in LAMMPS's arrays of the atoms that have to move.
-        shift: (k, 3) how far.
+        atoms: (k,) indices in LAMMPS's arrays of the atoms to move.
+        shift: (k, 3) their displacements.
         text: a line for the log; empty if no body was deformed.
-        turned: how many particles, on all ranks, have got another orientation.
-        new: whether some body, on any rank, is of other atoms than before.
+        turned: number of particles, on all ranks, with a changed orientation.
+        new: whether some body, on any rank, has other atoms than before.
     """
 
     atoms: np.ndarray = np.empty(0, np.int64)
@@ -40,20 +40,20 @@ class ShapeCorrection(NamedTuple):
 def keep(
     members: Members, previous: PreviousBodies, r: np.ndarray
 ) -> tuple[Members, np.ndarray, ShapeCorrection]:
-    """Give bodies that something has deformed since the last run their shape again; collective.
+    """Restore the shapes of bodies that were deformed since the last run; collective.
 
-    Such a body is put at the centre of mass of its atoms and turned to fit them best, by least
-    squares weighted with mass (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body of other atoms than
-    before has the shape that its atoms have.  The same fit tells how a body was turned whole, by
-    which the orientations of its particles follow.  Atoms in a line do not tell how far it was
-    turned about that line: the particles' orientations, as they are now, do.
+    A deformed body is placed at the centre of mass of its atoms, with the orientation of the
+    mass-weighted least-squares fit (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body with other atoms
+    than before takes the shape of its atoms.  The fit also gives the rotation of a body that was
+    rotated as a whole, by which its particles are rotated.  Atoms on a line do not determine the
+    rotation about that line: the present orientations of the particles do.
 
     Args:
-        previous: what LAMMPS's atoms were in bodies.
-        r: (m, 3) the atoms' places from their body's centre of mass, space frame.
+        previous: the previous bodies of LAMMPS's atoms.
+        r: (m, 3) positions of the atoms relative to the centre of mass, space frame.
     Returns:
-        the `Members`, with particles that are turned with their bodies; r in the kept shapes; and
-        the `ShapeCorrection`.
+        the `Members`, with particles rotated with their bodies; r in the restored shapes; and the
+        `ShapeCorrection`.
     Raises:
         RunError: on all ranks, if a body was torn apart.
     """
@@ -68,7 +68,7 @@ def keep(
     bound = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
 
     def off(placed: np.ndarray) -> np.ndarray:
-        """How far each body's atoms are from these places, at most, (n,)."""
+        """Largest distance of each body's atoms from these positions, (n,)."""
         return members.highest(np.linalg.norm(r - placed, axis=1))[0] * same
 
     moved = off(np.einsum("abm,bm->ma", matrices(previous.q[:, atoms]), d)) > bound
@@ -93,7 +93,7 @@ def keep(
 
 
 def _of_the_same_atoms(members: Members, previous: PreviousBodies) -> np.ndarray:
-    """Which bodies have the atoms that they had, (n,) bool; collective."""
+    """Which bodies have the same atoms as before, (n,) bool; collective."""
     before = np.where(previous.known, previous.natoms, 0)[members.atoms]
     return members.lowest(before)[0] == members.natoms
 
@@ -106,11 +106,13 @@ def _turns(
     d: np.ndarray,
     particles: Particles | None,
 ) -> np.ndarray:
-    """How far each body that has `moved` (n,) is turned, (n, 3, 3); collective.
+    """The rotation of each body from its principal frame, (n, 3, 3); collective.
 
     Args:
-        r (m, 3), d (3, m): the atoms' places from the centre now, and in their body's frame.
-        particles: what the atoms are; None if none can have an orientation.
+        moved: (n,) bool, the bodies to fit; the others get the identity.
+        r, d: (m, 3), (3, m) present positions relative to the centre of mass, space frame; and
+            positions in the principal frame.
+        particles: the atoms' orientations; None if no atom can have one.
     """
     n, plane = len(moved), members.lammps.dimension == 2
     weight = members.atom_mass * moved[members.body]
@@ -126,11 +128,11 @@ def _turns(
 
 
 def best_turns(products: np.ndarray, plane: bool = False) -> np.ndarray:
-    """The rotations that bring one set of vectors nearest to another.
+    """The rotations that fit one set of vectors to another by least squares.
 
     Args:
-        products: (n, 3, 3), the sums over the vectors of weight times a bᵀ; b is turned into a.
-        plane: whether to turn about z only.
+        products: (n, 3, 3), weighted sums of a bᵀ; b is rotated onto a.
+        plane: whether to rotate about z only.
     Returns:
         (n, 3, 3) rotation matrices.
     """
@@ -148,7 +150,7 @@ def best_turns(products: np.ndarray, plane: bool = False) -> np.ndarray:
 
 
 def _directions(particles: Particles, columns: np.ndarray) -> np.ndarray:
-    """The sums of a bᵀ over each particle's directions now, a, and in its body, b: (3, 3, m).
+    """Sums of a bᵀ over each particle's directions: a at present, b in its body, (3, 3, m).
 
     Args:
         columns: (rows, m) of `Bodies.displace`.
@@ -163,14 +165,14 @@ def _directions(particles: Particles, columns: np.ndarray) -> np.ndarray:
 def _turned(
     before: Particles, which: np.ndarray, turn: np.ndarray, columns: np.ndarray
 ) -> tuple[Particles, int]:
-    """The particles, turned with their bodies.
+    """Rotate the particles with their bodies.
 
     Args:
         which: (m,) bool, the particles of bodies that have moved.
-        turn: (m, 3, 3) the new rotation of each particle's body.
+        turn: (m, 3, 3) new rotation of each particle's body.
         columns: (rows, m) of `Bodies.displace`.
     Returns:
-        these, and how many of them had another orientation.
+        the particles, and how many have a changed orientation.
     """
     turn, d = turn[which], columns[:, which]
     quat, dipole = before.quat.copy(), before.dipole.copy()
@@ -184,12 +186,12 @@ def _turned(
 
 
 def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.ndarray:
-    """Rotations of bodies; those that are a line are turned about it so that directions fit best.
+    """Rotate bodies that are lines about their line, so that directions fit best.
 
     Args:
-        turn: (n, 3, 3) of `best_turns`.  products: (n, 3, 3), from which they are.
-        others: products of other vectors, (n, 3, 3) each; the later ones serve where those before
-            say nothing.
+        turn: (n, 3, 3) result of `best_turns`.  products: (n, 3, 3) its argument.
+        others: products of other vectors, (n, 3, 3) each; a later one is used where the earlier
+            ones do not determine the rotation about the line.
     Returns:
         (n, 3, 3) rotation matrices.
     """
@@ -213,11 +215,11 @@ def _say(
     """The line for the log on bodies that were deformed; collective.
 
     Args:
-        far, size: (n,) how far an atom of each body is from its place, and the body's size.
+        far, size: (n,) largest distance of an atom from its position in the body; size of the body.
         which: (n,) bool, the bodies that were deformed.
-        most: an atom may be off by so many sizes.
+        most: largest allowed distance, in sizes of the body.
     Raises:
-        RunError: on all ranks, if one is off by more.
+        RunError: on all ranks, if a distance is larger.
     """
     part, distance, body = members.furthest(which, far / size, far, members.ids)
     name = members.membership.name(int(body))

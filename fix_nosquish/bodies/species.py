@@ -1,4 +1,4 @@
-"""Whether molecules of one species have one shape as rigid bodies."""
+"""Compare the shapes of rigid bodies that are molecules of the same species."""
 
 from typing import NamedTuple
 
@@ -10,21 +10,22 @@ from .bodies import Bodies
 from .membership import Membership
 from .principal import weights
 
-_DIFFERENT = 1e-3  # deviation, as a part of a body's size, that a data file's digits do not explain
-_OTHER = 0.3  # deviation by which a body is another fragment, not one that was bent
-_SAID = 5  # warnings at most
+_DIFFERENT = 1e-3  # deviation / size of the body that rounding in a data file does not explain
+_OTHER = 0.3  # deviation above which a body is a different fragment, not a deformed molecule
+_SAID = 5  # largest number of warnings
 _SHAPES = "three-dimensional", "planar", "linear"
 
 
 class Species(NamedTuple):
-    """Bodies with the same atom types in the order of IDs, where there are several; alike on all
-    ranks.
+    """Species: bodies with the same atom types in the order of IDs; identical on all ranks.
+
+    A species has at least two bodies.
 
     Attributes:
-        key: (s,) int64, what tells a species apart, ascending.
-        first: (s,) the lowest ID of a body.
+        key: (s,) int64 hash of the atom types, ascending.
+        first: (s,) lowest body ID.
         natoms: (s,) number of atoms of a body.
-        counts: (s, 3) how many bodies have each of _SHAPES.
+        counts: (s, 3) number of bodies with each of _SHAPES.
     """
 
     key: np.ndarray
@@ -34,17 +35,17 @@ class Species(NamedTuple):
 
 
 def compare(bodies: Bodies, membership: Membership) -> list[str]:
-    """Warn of molecules of one species that do not have one shape; collective.
+    """Warn of molecules of one species that differ in shape; collective.
 
-    Fragments may have the same types and be different on purpose.  If more than a tenth of the
-    bodies deviate by more than _OTHER, they are no species, and nothing is said.
+    Fragments may have the same types but intentionally different shapes.  If at least a tenth of
+    the bodies deviate by more than _OTHER, there is no warning.
 
-    Each body is laid over the one of its species that has the lowest ID, turned (or mirrored: a
-    racemate is of one species) by least squares. All atoms count alike: by their masses, rounding
-    errors would turn bodies about directions in which only massless sites extend.
+    Each body is superposed on the body of its species with the lowest ID, by a least-squares
+    rotation (or reflection, so a racemate is one species).  All atoms have the same weight: weights
+    by mass would leave rotations that move only massless sites to rounding errors.
 
     Returns:
-        lines for the log, alike on all ranks.
+        lines for the log, identical on all ranks.
     """
     communicator, owned = membership.communicator, bodies.sharers.owned
     place, key = _places_and_keys(bodies, membership.lammps)
@@ -59,7 +60,7 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     of_each = [species[other], species[(far > _OTHER) & owned]]
     counts = [np.bincount(which, minlength=len(found.key)) for which in of_each]
     differ, fragments = communicator.total(np.concatenate(counts)).astype(int).reshape(2, -1)
-    # of each species the body that differs most
+    # the body of each species that differs most
     rows = _of_each(np.array([species, -far, bodies.id], float)[:, other].T)
     furthest = np.zeros((len(found.key), 2))
     rows = _of_each(communicator.gather_to_all(rows))
@@ -75,8 +76,8 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
 
 
 def _of_each(rows: np.ndarray) -> np.ndarray:
-    """Of rows (n, k) with the same first number, the one whose second number is the lowest, with
-    the sums of all that is behind the third."""
+    """Merge rows (n, k) with the same first column: the row with the lowest second column, with
+    sums in the columns after the third."""
     rows = rows[np.lexsort((rows[:, 1], rows[:, 0]))]
     first = np.unique(rows[:, 0], return_index=True)[1]
     return np.hstack([rows[first, :3], np.add.reduceat(rows[:, 3:], first, axis=0)])
@@ -85,12 +86,11 @@ def _of_each(rows: np.ndarray) -> np.ndarray:
 def _deviations(
     bodies: Bodies, communicator: Alone, species: np.ndarray, place: np.ndarray, found: Species
 ) -> np.ndarray:
-    """How far each body is from the first of its species, as a part of its size, (n,); collective.
+    """Deviation of each body from the first of its species, divided by its size, (n,); collective.
 
     Args:
-        species: (n,) the place of each body's species in `found`, -1 for those that are not
-            compared.
-        place: (m,) of each atom among its body's.
+        species: (n,) index of each body's species in `found`; -1 if the body is not compared.
+        place: (m,) index of each atom within its body.
     """
     sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(found.natoms)])
     mine = species[bodies.body] >= 0
@@ -106,11 +106,11 @@ def _deviations(
     products = sharers.total(body, (a * b for a in d for b in model)).T.reshape(-1, 3, 3)
 
     def deviation(turn: np.ndarray) -> np.ndarray:
-        """How far each body is from the first of its species, turned so, of its size, (n,)."""
+        """The deviations for rotations `turn` (n, 3, 3) of the first body of each species, (n,)."""
         off = np.linalg.norm(d - np.einsum("mab,bm->am", turn[body], model), axis=0)
         return np.where(species >= 0, sharers.highest(body, off)[0] / size[species], 0.0)
 
-    # principal axes of bodies of one shape differ in their signs only, unless moments are equal
+    # for one shape the principal axes differ in signs only, unless moments are equal
     turn = np.eye(3) * np.where(products < 0, -1.0, 1.0)
     far = deviation(turn)
     doubt = far > _DIFFERENT
@@ -122,11 +122,11 @@ def _deviations(
 
 
 def _species(bodies: Bodies, communicator: Alone, key: np.ndarray, owned: np.ndarray) -> Species:
-    """The species of which there are several bodies; collective.
+    """The species with more than one body; collective.
 
     Args:
-        key: (n,) what tells species apart.
-        owned: (n,) bool, which bodies to count here.
+        key: (n,) hash of the species.
+        owned: (n,) bool, the bodies that this rank counts.
     """
     counts = _shapes(bodies)[:, None] == np.arange(len(_SHAPES))
     rows = np.column_stack([key, bodies.id, bodies.natoms.astype(np.int64), counts])[owned]
@@ -136,12 +136,11 @@ def _species(bodies: Bodies, communicator: Alone, key: np.ndarray, owned: np.nda
 
 
 def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.ndarray]:
-    """The place of each atom here among its body's, in the order of IDs, and keys of species.
+    """The index of each atom within its body, in the order of atom IDs, and the keys of species.
 
     Returns:
-        (m,) int; (n,) int64, the same number for bodies with the same types in this order, -1 if
-        ranks that share the body would have to tell each other the order: each knows it where the
-        IDs follow one another.
+        (m,) int; (n,) int64, equal for bodies with the same types in this order.  The key is -1 for
+        a body on several ranks whose atom IDs have gaps: its order would need communication.
     """
     tag, body = bodies.tag, bodies.body
     first, last = bodies.sharers.lowest(body, tag, -tag) * np.array([[1], [-1]])
@@ -152,7 +151,7 @@ def _places_and_keys(bodies: Bodies, lammps: Lammps) -> tuple[np.ndarray, np.nda
     shared = here < bodies.natoms
     place = np.where(shared[body], tag - first[body], place).astype(int)
     types = lammps.types[bodies.index]
-    # whole numbers, whose sums do not depend on their order
+    # integers, so that the sums do not depend on the order of summation
     halves = np.floor(weights((place << 20) + types) * 2.0**31)
     sums = bodies.sharers.total(body, halves)
     key = (sums[0] % 2**31).astype(np.int64) << 31 | (sums[1] % 2**31).astype(np.int64)
@@ -175,9 +174,9 @@ def _line(
     """The warning of one species.
 
     Args:
-        k: its place in `found`.
-        differ: how many bodies differ from the first.
-        far, furthest: by how much the one does that differs most, and its ID.
+        k: index of the species in `found`.
+        differ: number of bodies that differ from the first.
+        far, furthest: largest deviation, and the ID of that body.
     """
     name, counts = membership.name(int(found.first[k])), found.counts[k]
     text = (

@@ -1,9 +1,8 @@
-"""Bodies that other fixes insert as molecules of a template with a mass, centre or inertia of its
-own: keyword mol.
+"""Bodies inserted by other fixes from a molecule template with mass, com or inertia: keyword mol.
 
-What fix rigid/small takes from its template, such a body has: its mass, centre of mass and tensor
-of inertia, the velocity of its insertion, and no rotation.  Bodies whose template says what follows
-from their atoms are made of these.
+As in fix rigid/small, such a body has the mass, centre of mass and inertia tensor of its template,
+the velocity of its insertion, and no angular velocity.  If the template agrees with the atoms, the
+body is made from its atoms.
 """
 
 from typing import NamedTuple
@@ -17,9 +16,9 @@ from .build import Prescribed
 from .members import Members
 from .unwrap import UnwrappedPositions
 
-# parts of a body, and of the box, by which places that follow from the atoms are off, at most
+# tolerances for agreement with the atoms, as fractions of the body's and of the box's size
 _SAME, _ROUNDED = 1e-9, 1e-12
-_COLUMNS = 13  # what a template says of a molecule; see `Molecules`
+_COLUMNS = 13  # numbers of a template; see `Molecules`
 _UNKNOWN = (
     "WARNING: this LAMMPS does not tell a molecule template's mass, com and inertia: inserted "
     "bodies have those of their atoms"
@@ -27,15 +26,15 @@ _UNKNOWN = (
 
 
 class Molecules(NamedTuple):
-    """The molecules that were inserted since the last time, the same on all ranks.
+    """The molecules inserted since the last call, identical on all ranks.
 
     Attributes:
-        before: (k,) the highest ID of an atom before each.
-        natoms: (k,) of each.
-        v: (3, k) the velocity.
-        q: (4, k) the quaternion of how it was turned.
-        template: (k, 13) what its template says: the centre, mass, centre of mass and tensor of
-            inertia (xx yy zz yz xz xy); no number for what is not known.
+        before: (k,) highest atom ID before the insertion.
+        natoms: (k,) number of atoms.
+        v: (3, k) velocity.
+        q: (4, k) quaternion of the rotation at insertion.
+        template: (k, 13) of the template: geometric centre, mass, centre of mass and inertia
+            tensor (xx yy zz yz xz xy); NaN where not given.
         warnings: lines for the log.
     """
 
@@ -48,11 +47,11 @@ class Molecules(NamedTuple):
 
 
 def inserted(host: Host, communicator: Alone) -> Molecules | None:
-    """The `Molecules` that the host has noted, which it forgets; None for none; collective."""
+    """Take the `Molecules` from the host's record, and clear it; None if empty; collective."""
     rows = host.inserted()
     if not len(rows):
         return None
-    # of an ID that was given twice the first molecule is gone
+    # if an ID was used twice, the first molecule has been deleted
     _, last = np.unique(rows[::-1, 0], return_index=True)
     rows = rows[len(rows) - 1 - last]
     natoms = communicator.total(rows[:, 1]).round().astype(int)
@@ -67,11 +66,10 @@ def inserted(host: Host, communicator: Alone) -> Molecules | None:
 
 
 def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
-    """What the template says of those of these bodies that are inserted molecules, where it is not
-    what follows from their atoms; collective.
+    """The properties of inserted bodies whose template differs from their atoms; collective.
 
     Raises:
-        RunError: on all ranks, if a molecule is not one body, or for a moment that is negative.
+        RunError: on all ranks, if a molecule is not one body, or has a negative moment of inertia.
     """
     members, box = unwrapped.members, unwrapped.members.lammps.box
     which, inside = _molecule_of_body(molecules, unwrapped)
@@ -91,7 +89,7 @@ def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
     _refuse_negative(members, own, inertia)
 
     def told(by_template: np.ndarray, by_atoms: np.ndarray) -> np.ndarray:
-        """What the template says, and where it says nothing what follows from the atoms."""
+        """The value of the template; where it gives none, the value from the atoms."""
         return np.where(np.isnan(by_template), by_atoms, by_template)[..., own]
 
     mass, v = told(mass[0], members.mass), molecules.v[:, which[own]]
@@ -109,7 +107,7 @@ def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
 def _molecule_of_body(
     molecules: Molecules, unwrapped: UnwrappedPositions
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The place of each body in `Molecules`, (n,), and whether it is one of them, (n,) bool;
+    """The index of each body in `Molecules`, (n,), and whether it is one of them, (n,) bool;
     collective.
 
     Raises:
@@ -132,8 +130,7 @@ def _molecule_of_body(
 
 
 def _differs(told: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.ndarray:
-    """For which bodies (n,) the template says another number, in columns (..., n); where it says
-    nothing it is not."""
+    """Which bodies (n,) differ from the template, for values (..., n); NaN does not differ."""
     off = np.abs(told - other) > bound
     return off.any(axis=tuple(range(off.ndim - 1)))
 

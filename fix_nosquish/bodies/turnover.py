@@ -1,4 +1,4 @@
-"""Bodies that come and go with their atoms, while all others go on."""
+"""Bodies that are added or deleted with their atoms during a run; all others are unchanged."""
 
 import numpy as np
 
@@ -12,17 +12,16 @@ from .membership import Membership
 
 
 def update_bodies(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray]:
-    """Drop the bodies whose atoms are all gone, and make those of the atoms that came; collective.
+    """Remove the bodies whose atoms are all gone, and make bodies of added atoms; collective.
 
     Args:
-        bodies: the `Bodies` of before, which change.
+        bodies: the present `Bodies`, changed in place.
         recipe: how bodies are made.
     Returns:
-        lines for the log, on what is probably not meant, and the IDs of new bodies of which more is
-        known than their atoms.
+        warnings for the log, and the IDs of new bodies with `Prescribed` properties.
     Raises:
-        RunError: on all ranks, if a body has lost some of its atoms, if atoms were lost and not
-            deleted, or came into a body that there is.
+        RunError: on all ranks, if a body has lost some of its atoms, if LAMMPS has lost atoms that
+            were not deleted, or if atoms were added to an existing body.
     """
     membership = recipe.membership
     lammps, communicator = membership.lammps, membership.communicator
@@ -48,7 +47,7 @@ def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
     """Which bodies have lost all of their atoms, (n,) bool; collective.
 
     Raises:
-        RunError: as `update_bodies`.
+        RunError: see `update_bodies`.
     """
     lammps, communicator = membership.lammps, membership.communicator
     of_atoms = lammps.cells["origins"].array[membership.atoms()]
@@ -59,7 +58,7 @@ def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
     (missing,) = bodies.sharers.total(bodies.body[lost], [np.ones(len(lost))])
     wrong = (missing > 0) & (missing < bodies.natoms)
     if communicator.count(len(lammps.groups)) != lammps.natoms:
-        wrong = missing > 0  # LAMMPS has lost atoms, and not deleted them
+        wrong = missing > 0  # LAMMPS's count still includes them: lost atoms, not deleted ones
     lost = lost[np.argsort(bodies.tag[lost])]
     communicator.refuse(
         wrong[bodies.body[lost]],
@@ -69,7 +68,7 @@ def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
 
 
 def _of_lost(bodies: Bodies, atom: int, membership: Membership) -> str:
-    """The message for the atom at this place among those of the bodies, which its body lost."""
+    """The message for an atom, by its index among the bodies' atoms, that its body has lost."""
     lammps, body = membership.lammps, bodies.body[atom]
     name = membership.name(int(bodies.id[body]))
     text = f"atom {bodies.tag[atom]} of {name} is gone by step {lammps.step}"
@@ -84,7 +83,7 @@ def _of_lost(bodies: Bodies, atom: int, membership: Membership) -> str:
 
 
 def _refuse_joining(ids: np.ndarray, new: Bodies, membership: Membership) -> None:
-    """End the run if a body that there is, (n,) IDs, is to have new atoms; collective."""
+    """Raise an error if atoms were added to an existing body; `ids` (n,) of these; collective."""
     communicator = membership.communicator
     of_new = communicator.gather_to_all(new.id)
     taken = communicator.gather_to_all(np.intersect1d(ids, of_new))
