@@ -1,4 +1,4 @@
-"""``check``: its words, and what they run."""
+"""The verb ``check``: its command line, and what it runs."""
 
 from argparse import Namespace
 
@@ -41,7 +41,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
     from ..running import store

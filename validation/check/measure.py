@@ -1,4 +1,4 @@
-"""Whether a script's bodies are what its author thinks, and its step is safe: numbers with bounds.
+"""Checks of a script: whether the bodies are as intended, and whether its step is safe.
 
 From the state at the script's run, and from some steps with each integrator.
 """
@@ -22,10 +22,10 @@ from ..user_script.loader import UserScript
 from ..user_script.shapes import BodyGroup, BodyKind
 
 STEPS = 20  # with each integrator
-# rad: a body that turns further in a step is not followed any more
+# rad: a body that rotates further in a step is not resolved
 TURN = 0.5
-ALIKE = 1e-3  # of the largest moment: rounding of a data file's digits is less
-SOME = 200  # atoms of a body whose pairs are counted
+ALIKE = 1e-3  # relative to the largest moment; the rounding of a data file's digits is smaller
+SOME = 200  # atoms of a body whose pairs are counted, at most
 IDLE = (
     "these forces cost time and do nothing: neigh_modify exclude molecule/intra {} leaves them "
     "out, where each body has a molecule ID of its own; special_bonds lj/coul 0 0 0 does, where "
@@ -43,10 +43,10 @@ def check(
     meter: run.Meter,
     tolerance: float = time_step.TOLERANCE,
 ) -> dict:
-    """All of it, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances.
+    """Return all checks, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances.
 
     Args:
-        tolerance: of averages, the largest relative error of temperatures.
+        tolerance: largest relative error of temperatures, as an average.
     """
     groups, gap = shapes.body_groups(script)
     kinds = shapes.body_kinds(script, groups)
@@ -77,8 +77,8 @@ def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, *
 def _starts(
     script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter
 ) -> tuple[list[dict], bool]:
-    """A row for each integrator: what it makes of the start, and of some steps; and whether a
-    Ctrl-C ended it."""
+    """Return a row for each integrator, on the start and some steps; and whether a Ctrl-C ended
+    it."""
     integrators, runs = script.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
     every = [
@@ -98,12 +98,12 @@ def _starts(
 
 
 def _told(found: Check) -> Check:
-    """Without the note on what is wrong, where nothing is, but the longest step."""
+    """Remove the note on what is wrong if nothing is, except from the longest step."""
     return replace(found, note="") if found.holds and found.part != "step" else found
 
 
 def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterator[Check]:
-    """Kinds, images, neighbours."""
+    """Check kinds, images and neighbours."""
     units = script.units
     for kind in kinds:
         note = (
@@ -160,7 +160,7 @@ def _step(
 
 
 def _script(script: UserScript) -> Iterator[Check]:
-    """Groups, other fixes."""
+    """Check groups and other fixes."""
     movers = shapes.atoms_moved_by_fixes(script)
     count = np.sum([*movers.values()], axis=0)
     idle, twice = int(np.sum(count == 0)), int(np.sum(count > 1))
@@ -194,8 +194,8 @@ def _script(script: UserScript) -> Iterator[Check]:
 
 
 def _lists(rows: Sequence[Mapping]) -> Check:
-    """Whether lists of neighbours are built in time, with a step that may be longer than the one
-    for which the script says how often LAMMPS looks."""
+    """Check whether neighbour lists are built in time, with a step that may be longer than the one
+    for which the script sets how often LAMMPS checks them."""
     late = [row["late"] for row in rows if row.get("late") is not None]
     note = (
         "atoms may have come within the cutoff before LAMMPS looked"
@@ -210,11 +210,12 @@ def _lists(rows: Sequence[Mapping]) -> Check:
 def _forces_within(
     script: UserScript, groups: Sequence[BodyGroup], out: Path, ranks: int, silence: float
 ) -> Check:
-    """How many pairs of atoms have forces, in one body of each kind (of a large one, among its
-    first `SOME` atoms).  LAMMPS lists them: it knows exclusions and special bonds.
+    """Count the pairs of atoms with forces in one body of each kind (in a large one, among its
+    first `SOME` atoms).  LAMMPS lists them, because it knows exclusions and special bonds.
 
-    With a kspace style its list also has special pairs of factor 0, from which the pair style
-    takes what the mesh gives them.  Without both it lists the same pairs less these."""
+    With a kspace style its list also contains special pairs of factor 0, from which the pair style
+    subtracts the contribution of the mesh.  Without both it lists the same pairs without these.
+    """
     atoms = np.concatenate([1 + group.atoms[0, :SOME] for group in groups])
     folder = (out / "runs" / "pairs").resolve()
     more = [
@@ -231,7 +232,7 @@ def _forces_within(
         size = 2 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
         more += [
             "group own_others subtract all own_sample",
-            "neigh_modify exclude group own_others all",  # a long list else
+            "neigh_modify exclude group own_others all",  # otherwise a long list
             "kspace_style none",
             f"pair_style zero {1.01 * size or 1.0:g}",
             "pair_coeff * *",
@@ -264,7 +265,7 @@ def _forces_within(
 
 
 def _barostat(script: UserScript) -> Iterator[str]:
-    """The line for bodies beside a barostat of other atoms, which does not scale bodies."""
+    """Yield the lines for bodies beside a barostat of other atoms, which does not scale bodies."""
     rigid = script.rigid
     if len(rigid.ids) < 2 or not (rigid.flexible and rigid.state.press):
         return
@@ -282,8 +283,8 @@ def _barostat(script: UserScript) -> Iterator[str]:
 
 
 def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterator[str]:
-    """Whether the suffix nosquish has replaced the script's fix, or would replace it, in sentences;
-    none for a fix that has no such suffix."""
+    """Yield sentences on whether the suffix nosquish has replaced or would replace the script's
+    fix; none for a fix without such a suffix."""
     (line, *_), found = script.rigid.lines, script.rigid
     style, suffixes = (
         rigid_atoms.style_of(line),
@@ -306,7 +307,7 @@ def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterat
 
 
 def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence: float) -> str:
-    """What ``lmp -sf nosquish`` makes of the script's fix, which LAMMPS is asked for."""
+    """Return how ``lmp -sf nosquish`` replaces the script's fix, as LAMMPS reports it."""
     found, line = script.rigid, script.rigid.lines[0]
     words = split_words(line)
     ours = join_words((*words[:3], rigid_atoms.style_of(line) + SUFFIX, *words[4:]))
@@ -325,7 +326,7 @@ def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence
 
 
 def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict:
-    """What an integrator makes of the start, and of some steps."""
+    """Return the row of an integrator: its start, and some steps."""
     thermo = result.thermo
     error = result.error or _no_number(thermo)
     row: dict = {
@@ -350,7 +351,8 @@ def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict
 
 
 def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
-    """From which step on a quantity of a run is no number; None if all are.  LAMMPS goes on."""
+    """Return the first step at which a quantity is NaN, in words; None if there is none.  LAMMPS
+    goes on."""
     bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
     first = min((int(one.argmax()) for one in bad.values() if one.any()), default=None)
     if first is None:

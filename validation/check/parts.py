@@ -1,5 +1,5 @@
 """Rigid parts of molecules, from bonds and masses: water, CH3, NH3, aromatic rings, and any heavy
-atom with its hydrogens.  No LAMMPS."""
+atom with its hydrogens.  Without LAMMPS."""
 
 import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -9,19 +9,19 @@ from scipy.spatial.transform import Rotation
 
 from ..statistics import measures
 
-# g/mol; a mass within NEAR of one of these is that element
+# g/mol; a mass within NEAR of one of these identifies the element
 ELEMENTS = {"H": 1.008, "C": 12.011, "N": 14.007, "O": 15.999, "S": 32.06, "F": 18.998}
 NEAR = 0.3
 RING = 5, 6  # atoms of an aromatic ring
-# Angstrom: how far an atom of a ring may be from its plane in a run at room temperature
+# Angstrom: largest distance of an atom from the plane of its ring, at room temperature
 FLAT = 0.35
-ROUNDS = 5  # of fits to a mean shape, and means of what is fitted
+ROUNDS = 5  # iterations of fits to a mean shape
 PARTS = "water", "CH3", "NH3", "rings", "XH"
 Atoms = Mapping[str, np.ndarray]
 
 
 def _elements(mass: np.ndarray) -> np.ndarray:
-    """The element of each atom, by its mass; empty for none."""
+    """Return the element of each atom, by its mass; empty if unknown."""
     found = np.full(len(mass), "", dtype="<U2")
     for name, known in ELEMENTS.items():
         found[np.abs(mass - known) < NEAR] = name
@@ -29,7 +29,7 @@ def _elements(mass: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
-    """Of each atom those that it is bonded to, from 0; ``bonds`` has rows (type, ID, ID)."""
+    """Return the bonded neighbours of each atom, from 0; ``bonds`` has rows (type, ID, ID)."""
     found: list[list[int]] = [[] for _ in range(atoms)]
     for _, i, j in bonds:
         found[i - 1].append(j - 1)
@@ -40,8 +40,9 @@ def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
 def rigid(
     atoms: Atoms, cell: np.ndarray, periodic: Sequence[bool], wanted: Collection[str] = PARTS[:-1]
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """The rigid part of each atom, numbered from 1 in order of their first atoms, 0 for none; and
-    how many there are of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other part.
+    """Return the rigid part of each atom, numbered from 1 in order of their first atoms, 0 for
+    none; and the number of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other
+    part.
 
     Args:
         atoms: ``mass``, ``x`` and ``bonds``, as of ``own``.
@@ -74,7 +75,7 @@ def rigid(
 
 
 def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
-    """Closed walks of `RING` atoms that can be aromatic, each once."""
+    """Yield closed walks of `RING` atoms that can be aromatic, each once."""
     able = [kind in ("C", "N", "O", "S") and len(some) <= 3 for kind, some in zip(kinds, tied)]
     seen = set()
     for first in np.flatnonzero(able):
@@ -90,7 +91,7 @@ def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
 
 
 def _whole(x: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
-    """Atoms of bodies (..., atoms, 3), put together by nearest images."""
+    """Return the atoms of bodies, (..., atoms, 3), unwrapped by nearest images."""
     return x[..., :1, :] + measures.nearest_image(x - x[..., :1, :], cell, periodic)
 
 
@@ -100,7 +101,7 @@ def _is_flat(r: np.ndarray) -> bool:
 
 
 def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
-    """Parts, with those that share atoms as one."""
+    """Merge parts that share atoms."""
     found: list[set[int]] = []
     for part in parts:
         touching = [other for other in found if other & part]
@@ -109,7 +110,7 @@ def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
 
 
 def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
-    """The rotation of a body onto the shape; about the line of a linear one, any."""
+    """Return the rotation of a body onto the shape; of a linear one, any about its axis."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Optimal rotation is not uniquely")
         return Rotation.align_vectors(shape, other)[0]
@@ -118,9 +119,9 @@ def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
 def alike(
     atoms: Atoms, body: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
 ) -> tuple[np.ndarray, float]:
-    """Places of all atoms when each body has the mean shape of its kind; and the largest distance
-    that an atom moved.  Bodies of the same types are a kind; of a type, atoms stand for each other
-    in order of ID."""
+    """Return the positions of all atoms if each body has the mean shape of its kind; and the
+    largest displacement of an atom.  Bodies with the same types are a kind; atoms of a type
+    correspond in order of ID."""
     moved = np.zeros_like(atoms["x"], dtype=float)
     order = np.lexsort((atoms["type"], body))  # stable
     kinds: dict[tuple, list[np.ndarray]] = {}
@@ -131,7 +132,7 @@ def alike(
         group = np.array(rows)
         mass = atoms["mass"][group[0]]
         r = _whole(atoms["x"][group], cell, periodic)
-        if group.shape[1] == 4:  # CH3: a mirror image is no other kind, two of its H are swapped
+        if group.shape[1] == 4:  # CH3: a mirror image is the same kind, with two of its H swapped
             volume = np.linalg.det(r[:, 1:] - r[:, :1])
             light = np.argsort(mass, kind="stable")[:2]
             mirrored = np.flatnonzero(volume * volume[0] < 0)[:, None]

@@ -1,4 +1,4 @@
-"""What `check` says of its summary."""
+"""The report of `check`."""
 
 from ..pages import Column, Said, Table
 from ..scenes.units import UNITS
@@ -7,7 +7,7 @@ from .measure import STEPS, TITLES
 
 
 def said(summary: dict) -> Said:
-    """Whether a script is sound."""
+    """Return the report on whether a script is sound."""
     checks = summary["checks"]
     lost = [one for one in checks if one["verdict"] == "does not hold"]
     answer = "All numbers that have bounds are within them."
@@ -30,14 +30,14 @@ def said(summary: dict) -> Said:
 
 
 def _subject(one: dict) -> str:
-    """What is out of its bounds: of a step, whether it is unstable or inaccurate."""
+    """Name the check that is out of bounds; for a step, whether it is unstable or inaccurate."""
     kind = one["what"].partition(":")[0]
     named = {"stability": "the step is unstable", "accuracy": "the step is inaccurate"}
     return f"{one['subject']} ({named[kind]})" if kind in named else one["subject"]
 
 
 def _kinds(summary: dict) -> Table:
-    """The kinds of bodies."""
+    """Return a table of the kinds of bodies."""
     rows = [
         [
             *(kind["name"], f"{kind['number']:,}", kind["atoms"], kind["shape"], kind["freedom"]),
@@ -55,7 +55,7 @@ def _kinds(summary: dict) -> Table:
 
 
 def _starts(summary: dict) -> Table:
-    """What integrators make of the start."""
+    """Return a table of the start with each integrator."""
     units = UNITS[summary["units"]]
     columns = [
         Column("label", "integrator", kind="text"),

@@ -1,8 +1,9 @@
-"""Writes rigid parts of a user's molecules: the files and the lines with which a script has them.
+"""Writes rigid parts of a user's molecules: the files and the lines that a script needs to use
+them.
 
-The script keeps all commands that make its atoms.  A file says of each atom in which body it is,
-and another one has places in which all bodies of a kind have one shape; a few lines in the place of
-the script's fixes read both.
+The script keeps all commands that create its atoms.  One file has the body of each atom, another
+has positions in which all bodies of a kind have the same shape; a few lines that replace the
+script's fixes read both.
 """
 
 import os
@@ -21,10 +22,10 @@ from ..user_script.rigid_atoms import RigidAtoms
 from . import parts
 
 GROUP, BODY = "own_bodies", "own_body"
-OTHERS = "own_others"  # atoms in no body that the bodies' fix does not move
+OTHERS = "own_others"  # atoms in no body, which the bodies' fix does not move
 STYLE = f"custom v_{BODY}"
 PLACES = "x y z ix iy iz"
-FAR = 0.5  # Å: parts of a kind in which atoms differ by more have no mean shape
+FAR = 0.5  # Å: parts of a kind whose atoms differ by more have no mean shape
 ALIKE = (
     "read_dump gives all parts of a kind their mean shape: for this an atom moves by {:.3g} Å at "
     "most. Without that line each part keeps its own shape."
@@ -38,7 +39,8 @@ DIFFER = (
 def written(
     ask: loader.ScriptOptions, out: Path, silence: float, wanted: Collection[str]
 ) -> tuple[dict[str, int], list[str]]:
-    """How many parts there are of each kind, and sentences and lines for the user.
+    """Write the files; return the number of parts of each kind, and sentences and lines for the
+    user.
 
     Args:
         out: folder of the files.
@@ -46,9 +48,9 @@ def written(
         wanted: of `parts.PARTS`.
 
     Raises:
-        SystemExit: with one message, what is wrong and the way out.
+        SystemExit: with a message: what is wrong, and what to do.
     """
-    asked = replace(ask, group=GROUP, bodies=STYLE)  # at its first run, whatever moves atoms there
+    asked = replace(ask, group=GROUP, bodies=STYLE)  # at its first run, with any fixes
     said, atoms, _ = loader.read(asked, out, 1, silence)
     if not len(atoms.get("bonds", ())):
         raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")
@@ -92,7 +94,7 @@ def written(
 
 
 def _named(file: Path, folder: Path) -> str:
-    """A file as a script in the folder names it, by its whole path if LAMMPS takes that."""
+    """Return the name of a file for a script in the folder: the whole path if LAMMPS accepts it."""
     text = str(file.resolve())
     if not text.isascii() or '"' in text:
         text = os.path.relpath(text, folder)
@@ -100,13 +102,14 @@ def _named(file: Path, folder: Path) -> str:
 
 
 def _bodies(body: np.ndarray) -> str:
-    """A file of a variable of style atomfile: the body of each atom that is in one."""
+    """Return the text of a file for a variable of style atomfile: the body of each atom in a
+    body."""
     inside = np.flatnonzero(body)
     return f"{len(inside)}\n" + "".join(f"{atom + 1} {body[atom]}\n" for atom in inside)
 
 
 def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
-    """A dump of places of all atoms; its box, of which LAMMPS reads nothing here, is none."""
+    """Return a dump of the positions of all atoms; LAMMPS does not read its box."""
     head = ("TIMESTEP\n0", f"NUMBER OF ATOMS\n{len(x)}", "BOX BOUNDS pp pp pp" + "\n0 1" * 3)
     rows = zip(count(1), x, atoms["image"])
     text = (f"{atom} {' '.join(f'{value:.17g}' for value in (*at, *image))}\n"
@@ -115,7 +118,8 @@ def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
 
 
 def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
-    """The lines that move the bodies, and what the script's fixes have moved beside them."""
+    """Return the lines that move the bodies, and those for other atoms that the script's fixes
+    moved."""
     ours = {
         one.name: one
         for one in candidates.integrators(found, said["units"])[0]
@@ -124,7 +128,9 @@ def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
     same = f"{OURS}-nh" if thermostat.kind_of([found.mover]) == "nh" else OURS
     made = [line.format(group=GROUP, bodies=STYLE) for line in ours[same].lines]
     moved = rigid_atoms.in_group(said, atoms, split_words(found.mover)[2])
-    if found.state.press and not (moved | (found.body > 0)).all():  # the box scales all others, too
+    if (
+        found.state.press and not (moved | (found.body > 0)).all()
+    ):  # the barostat scales the others, too
         taken = f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in made[-1] else GROUP
         line = made.pop().replace(f" dilate {candidates.REST}", "")
         made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]
@@ -132,7 +138,7 @@ def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
 
 
 def _torn(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
-    """What is to be said of bonds between bodies and other atoms that nothing holds."""
+    """Yield notices on bonds between bodies and other atoms that are not constrained."""
     bonds = np.asarray(atoms["bonds"])
     first, second = found.body[bonds[:, 1:].T - 1]
     styles = [words[1] for words in map(split_words, said["commands"]) if words[0] == "bond_style"]

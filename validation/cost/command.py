@@ -1,4 +1,4 @@
-"""``cost``: its words, and what they run."""
+"""The verb ``cost``: its command line, and what it runs."""
 
 from argparse import Namespace
 
@@ -65,7 +65,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
     from ..running import store
@@ -104,7 +104,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
-    """What is measured of the built-in scenes, in so many rounds of segments of so many s."""
+    """Return the points of the built-in scenes, in so many rounds of segments of so many s."""
     short, parts = arguments.short, arguments.parts or plan.PARTS
     wanted = arguments.only or (SHORT if short else None)
     names = tuple(command_line.in_order(BENCHMARKED, wanted))

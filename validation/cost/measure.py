@@ -1,4 +1,4 @@
-"""What ours and LAMMPS's own fixes cost: time, memory, messages, the start.
+"""The cost of ours and of LAMMPS's own fixes: time, memory, messages, start-up.
 
 A point that was measured with the same package, code, inputs and settings is not measured again.
 """
@@ -16,9 +16,9 @@ from ..scenes import SCENES, Scene
 from ..scenes.integrators import BENCHMARKED, FREE, OURS, Integrator
 from .plan import Point
 
-MESH = "1e-4"  # usual, where there is one: here accuracy of the energy does not matter
-COUNTED = 50  # steps whose messages are counted; atoms that nothing holds do not come too far in it
-# forces of the water whose messages are counted: a mesh would send its own, and take its time
+MESH = "1e-4"  # the usual accuracy of PPPM: here that of the energy does not matter
+COUNTED = 50  # steps whose messages are counted; free atoms do not move too far in them
+# forces of the water for counting messages: a mesh would send its own, and take time
 WITHOUT_MESH = (
     "kspace_style none",
     "pair_style lj/charmm/coul/charmm 8.0 10.0",
@@ -31,7 +31,7 @@ GROUPS = {"start": "starts", "messages": "counts"}  # of the summary; of other p
 
 
 class Cut(KeyboardInterrupt):
-    """A Ctrl-C; ``rows`` are what was measured by then."""
+    """A Ctrl-C; ``rows`` were measured before it."""
 
     def __init__(self, rows: list[dict]) -> None:
         self.rows = rows
@@ -39,7 +39,7 @@ class Cut(KeyboardInterrupt):
 
 @dataclass(frozen=True)
 class Call:
-    """Where points are measured, and of what.
+    """The subject of the measurement, and its output folder.
 
     Attributes:
         out: output folder.
@@ -54,7 +54,7 @@ class Call:
 
 
 def cost(wanted: Iterable[Point], call: Call) -> dict:
-    """Measure the points that are not there yet.
+    """Measure the points that have no result yet.
 
     Returns:
         summary: plain data, complete or not: ``interrupted`` says that a Ctrl-C ended it.
@@ -89,7 +89,7 @@ def _record(point: Point, call: Call, begun: dict) -> dict:
 
 
 def _scene(point: Point, call: Call) -> list[dict]:
-    """All integrators in turn; without rounds their messages."""
+    """Measure all integrators in turn; without rounds count their messages."""
     if call.script:
         scene, integrators = call.script
     else:
@@ -126,7 +126,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
 
     loop = _calibrated(integrators, job, record) if point.rounds else 1.0
     lengths = rounds.lengths(loop, point.seconds)
-    # what moves freely moves for some steps only: nothing keeps its atoms apart
+    # free atoms move for a few steps only, because nothing keeps them apart
     runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
     every = {one.name: one for one in (*integrators, FREE)}
     label = f"{point.part} {point.bodies:,} on {point.ranks}"
@@ -159,7 +159,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
 
 
 def _calibrated(integrators, job, record):
-    """s of a step, of the first integrator that runs: ours, unless it fails."""
+    """Return s per step of the first integrator that runs: ours, unless it fails."""
     for one in integrators:
         step = rounds.calibrate(partial(job, one))
         if isinstance(step, float):
@@ -170,7 +170,7 @@ def _calibrated(integrators, job, record):
 
 
 def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
-    """An integrator's numbers, spreads over its rounds; None for those that were not measured."""
+    """Return an integrator's numbers, spreads over its rounds; None for those not measured."""
     rivals = [] if own is ours else ours
     return {
         "modify": rounds.spread(own, "modify"),
@@ -192,8 +192,8 @@ def _counts(
     folder: Path,
     meter: run.Meter,
 ) -> tuple[dict[str, dict], bool]:
-    """What fixes hand to MPI in a step of each job, the mean over the ranks, and whether a Ctrl-C
-    ended it all; of those that fail the ``errors`` are added."""
+    """Count what fixes pass to MPI in a step of each job, mean over the ranks; and whether a Ctrl-C
+    ended it.  Failures are added to ``errors``."""
     sent: dict[str, dict] = {}
     for name in jobs:
         meter.begin(f"{labels[name]}, messages", 1)
@@ -213,7 +213,7 @@ def _counts(
 
 
 def _messages(point: Point, call: Call) -> list[dict]:
-    """What the fixes hand to MPI, of each integrator."""
+    """Count what the fixes pass to MPI, for each integrator."""
     try:
         (record,), cut = _scene(point, call), False
     except Cut as end:

@@ -1,4 +1,4 @@
-"""What `cost` measures: points, each measured as a whole and kept."""
+"""The plan of `cost`: points, each measured and stored as a whole."""
 
 import itertools
 from collections.abc import Iterable, Sequence
@@ -9,20 +9,20 @@ from ..scenes import SCENES
 from ..scenes.integrators import BENCHMARKED
 
 PARTS = *SCENES, "start", "messages"
-# ranks of the messages, if no others are named; on 27 each has its full 26 neighbours
+# default ranks for messages; of 27 each has its full 26 neighbours
 COUNTED_ON = 1, 2, 4, 8, 16, 27
-COMPARED = "nosquish", "rigid/nve", "rigid/nve/small"  # by their messages
-PER_RANK = SCENES["water"].unit  # molecules, of the messages
+COMPARED = "nosquish", "rigid/nve", "rigid/nve/small"  # integrators whose messages are counted
+PER_RANK = SCENES["water"].unit  # molecules per rank, for messages
 
 
 @dataclass(frozen=True)
 class Point:
-    """A scene of one size on so many ranks, the start on so many, or its messages.
+    """A scene of one size on so many ranks, the start-up on so many, or its messages.
 
     Attributes:
         part: name of a scene or script, ``start`` or ``messages``.
-        rounds: how often each integrator has its turn, and ``seconds`` of a timed segment; without
-            rounds messages are counted only.
+        rounds: turns of each integrator, and ``seconds`` of a timed segment; without rounds
+            only messages are counted.
     """
 
     part: str
@@ -34,7 +34,7 @@ class Point:
 
     @property
     def name(self) -> str:
-        """Of its record."""
+        """Name of its record."""
         words = self.part, self.bodies, self.ranks
         return "-".join(str(word) for word in words if word)
 
@@ -45,14 +45,14 @@ class Point:
 
     @property
     def turns(self) -> int:
-        """Runs that a meter counts."""
+        """Number of runs, for a meter."""
         if self.part == "start":
             return 2 * (self.rounds + 1)
         return (len(self.integrators) + 1) * self.rounds or len(self.integrators)
 
     @property
     def inputs(self) -> list[Path]:
-        """Folders of its inputs; none of a script, which a record follows from as a whole."""
+        """Folders of its inputs; none for a script, whose record depends on all of it."""
         return [SCENES[self.scene].folder] if self.scene in SCENES else []
 
 
@@ -64,7 +64,7 @@ def points(
     rounds: int,
     seconds: float,
 ) -> list[Point]:
-    """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
+    """Return the points of these parts; ``sizes`` are those of the water, other scenes have one."""
     found, few = [], ranks or (1, 2)
     for part in parts:
         if part == "start":

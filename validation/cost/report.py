@@ -1,4 +1,4 @@
-"""What `cost` says of its summary."""
+"""The report of `cost`."""
 
 import numpy as np
 
@@ -37,7 +37,7 @@ STARTS = {
     "added": "ours, more than LAMMPS alone",
 }
 FASTEST = "the fastest of LAMMPS's rigid fixes"
-FREE = 90.0  # percent of a core that a rank must have had
+FREE = 90.0  # least CPU use of a rank, percent of a core
 RATIOS = "modify_ratio", "spent_ratio", "loop_ratio"
 USUAL = "rigid/nve", "rigid/nve/small", "shake"
 NOTES = {
@@ -63,7 +63,7 @@ NOTES = {
 
 
 def said(summary: dict) -> Said:
-    """What the fix costs: times against LAMMPS's fixes, memory, messages, start."""
+    """Return the report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
     answer, lines = _whole(points)
     lines += _busy(points)
@@ -89,8 +89,8 @@ def said(summary: dict) -> Said:
 
 
 def interval(ratios: dict | None) -> dict | None:
-    """The geometric mean of ratios, one from each round, with its 95 % confidence interval: plain
-    data for a `Column` of this kind; None without two rounds."""
+    """Return the geometric mean of ratios, one from each round, with its 95 % confidence interval:
+    plain data for a `Column` of this kind; None for fewer than two rounds."""
     if not ratios or len(ratios["values"]) < 2:
         return None
     mean = measures.mean_of_few(np.log(ratios["values"]))
@@ -100,15 +100,15 @@ def interval(ratios: dict | None) -> dict | None:
 
 
 def fastest(point: dict) -> dict | None:
-    """The interval of the ratio of a whole step with ours to that with the fastest of LAMMPS's
-    rigid fixes: of CPU times; of wall times where results have none of the former."""
+    """Return the ratio of a whole step's time with ours to that with the fastest of LAMMPS's rigid
+    fixes, as an interval: of CPU times, or of wall times if results have no CPU times."""
     rows = [row for row in point["integrators"] if row["kind"] == "rigid"]
     found = (interval(row.get("spent_ratio") or row.get("loop_ratio")) for row in rows)
     return max(filter(None, found), key=lambda one: one["value"], default=None)
 
 
 def place(point: dict) -> str:
-    """Scene, bodies and ranks of a point, in words."""
+    """Return scene, bodies and ranks of a point, in words."""
     return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
 
 
@@ -118,7 +118,7 @@ def _ratio(found):
 
 
 def _whole(points):
-    """What is said of the time of a whole step: an answer, and further lines."""
+    """Describe the time of a whole step: an answer, and further lines."""
     found = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
     if not found:
         return "", []
@@ -134,7 +134,7 @@ def _whole(points):
 
 
 def _defeats(points):
-    """Where a whole step takes significantly longer than with the fastest of LAMMPS's rigid
+    """Name where a whole step takes significantly longer than with the fastest of LAMMPS's rigid
     fixes."""
     return [
         f"{place(point)}: a step takes {_ratio(ratio)} times as long as one with {FASTEST}"
@@ -144,7 +144,7 @@ def _defeats(points):
 
 
 def _kept(points):
-    """For the table of releases."""
+    """Return the numbers for the table of releases."""
     kept = {}
     for point in points:
         own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
@@ -154,7 +154,7 @@ def _kept(points):
 
 
 def _busy(points):
-    """A warning if a rank had less than a core."""
+    """Warn if a rank had less than a core."""
     shares = [
         (row["cpu"], place(point))
         for point in points
@@ -171,7 +171,7 @@ def _busy(points):
 
 
 def _best(points):
-    """Ours beside the usual fixes, a row for each scene, size and number of ranks."""
+    """Compare ours with the usual fixes, a row for each scene, size and number of ranks."""
     columns = [
         *WHERE,
         Column("own", "ours", "µs/step"),
@@ -194,7 +194,7 @@ def _best(points):
 
 
 def _every(points):
-    """All numbers of all integrators."""
+    """Return all numbers of all integrators."""
     keys = [column.key for column in WHERE]
     rows = [
         {**row, **{key: point[key] for key in keys}, "status": row["error"] or "ok"}
@@ -218,7 +218,7 @@ def _starts(summary):
 
 
 def _started(summary):
-    """What is said of the start."""
+    """Describe the start-up."""
     return [
         f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
         "more than LAMMPS alone."
@@ -228,18 +228,18 @@ def _started(summary):
 
 
 def _seconds(spread):
-    """Median with minimum and maximum."""
+    """Format the median with minimum and maximum."""
     return Column("spread", "").cell({"spread": spread})
 
 
 def _messages(summary):
-    """What the fixes hand to MPI."""
+    """Return a table of what the fixes pass to MPI."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
     return Table("Handed to MPI by the fixes, per rank and step", COUNTS, counts, "counts")
 
 
 def _handed(summary):
-    """What is said of the messages, as counted on the most ranks."""
+    """Describe the messages, as counted on the most ranks."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
     most = max((row["ranks"] for row in counts), default=0)
     each = "; ".join(
@@ -252,7 +252,7 @@ def _handed(summary):
 
 
 def _failures(summary):
-    """What ended with an error."""
+    """Return what ended with an error."""
     failed = [
         (f"{place(point)}, {row['label']}", row["error"])
         for point in summary.get("points", [])

@@ -1,7 +1,8 @@
-"""The one renderer: a verb gives a `Said`, and `write` and `show` make files, page and terminal.
+"""The only renderer: a verb returns a `Said`; `write` and `show` make files, page and terminal
+output.
 
-A verb's ``report.py`` has one function, ``said(summary) -> Said``.  What it says follows from the
-plain data of its summary.json alone, so that page and tables can be made again from the file.
+A verb's ``report.py`` has one function, ``said(summary) -> Said``.  It uses only the plain data of
+the summary.json, so that page and tables can be recreated from the file.
 """
 
 from .contents import Cell, Column, Figure, Said, Table, digits, ranks_of

@@ -1,4 +1,4 @@
-"""Progress in the terminal; plain lines if it is not one."""
+"""Progress in the terminal; plain lines if the output is not a terminal."""
 
 import time
 
@@ -15,10 +15,10 @@ def console() -> Console:
 
 
 class Meter:
-    """One bar for the run under way and one for all; a line for each finished run.
+    """Progress bars for the current run and for all runs; a line for each finished run.
 
     Args:
-        console: where to.
+        console: output.
         total: steps of all runs together.
         unit: what is counted.
     """
@@ -45,17 +45,17 @@ class Meter:
         self.progress.stop()
 
     def begin(self, label: str, total: int) -> None:
-        """A run of ``total`` steps starts."""
+        """Start a run of ``total`` steps."""
         self.label, self.total, self.start = label, total, time.monotonic()
         self.one = self.progress.add_task(label, total=total)
 
     def at(self, step: float) -> None:
-        """The run has come to ``step``."""
+        """Set the progress of the run to ``step``."""
         self.progress.update(self.one, completed=step)
         self.progress.update(self.all, completed=self.done + step)
 
     def end(self, error: str | None) -> None:
-        """The run is over: well if ``error`` is None."""
+        """End the run: successful if ``error`` is None."""
         self.at(self.total)
         self.done += self.total
         self.progress.remove_task(self.one)

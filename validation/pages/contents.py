@@ -1,7 +1,7 @@
-"""What a verb says of its results: one description, of which `rendering` makes the terminal's
-tables, CSV files and pages.
+"""The report of a verb: one description, from which `rendering` makes the terminal's tables, CSV
+files and pages.
 
-Rows are plain data, as in summary.json, so that everything follows from a committed file again.
+Rows are plain data, as in summary.json, so that everything can be recreated from a committed file.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -14,12 +14,12 @@ from ..statistics.check import CHECK_COLUMNS, VERDICTS, bound, measured
 from ..statistics.estimate import SURE, Estimate
 
 NOTHING = "–"
-STYLES = {  # of a verdict, on pages and in the terminal: its words
+STYLES = {  # styles of verdicts, on pages and in the terminal, with their words
     "good": ("holds", "pass", "met", "agrees"),
     "bad": ("does not hold", "fail", "blow-up", "ends", "not met", "refused"),
     "open": ("cannot tell", "not measured", "cannot run"),
 }
-PARTS = {  # of a value: what its headings in a CSV file end with
+PARTS = {  # endings of a value's headings in a CSV file, by kind
     "spread": {" median": "median", " min": "min", " max": "max"},
     "interval": {"": "value", " low": "low", " high": "high"},
 }
@@ -30,11 +30,11 @@ MARGINS = (
 
 
 class Cell(NamedTuple):
-    """A cell whose text is not that of its column's kind.
+    """A cell with a text other than that of its column's kind.
 
     Attributes:
-        sort: the number by which it is sorted; None: by its text.
-        verdict: what colours it, one of `STYLES`' words.
+        sort: the number by which it is sorted; None sorts by its text.
+        verdict: sets its colour, one of `STYLES`' words.
     """
 
     text: str
@@ -49,10 +49,10 @@ class Column:
     Attributes:
         key: of its values in the rows.
         title, unit: of its heading.
-        kind: what a value is; None, or no value, is an empty cell of any kind.
+        kind: type of the values; None, or no value, is an empty cell of any kind.
 
             ========  ============================================================
-            estimate  value, error, freedom: shown with its 95 % margin; ``note`` is put behind
+            estimate  value, error, freedom: shown with its 95 % margin; ``note`` is appended
             spread    median, min and max of repeats
             interval  value, low, high, of which None is infinite
             number    shown in ``form``
@@ -73,11 +73,11 @@ class Column:
 
     @property
     def heading(self) -> str:
-        """In a file, and in the documentation."""
+        """The heading in a file, and in the documentation."""
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
     def cell(self, row: Mapping, short: bool = False) -> Cell:
-        """A row's entry; ``short`` leaves out the range of a spread."""
+        """Return a row's entry; ``short`` leaves out the range of a spread."""
         value = row.get(self.key)
         if value is None or isinstance(value, Cell):
             return Cell(NOTHING) if value is None else value
@@ -96,7 +96,7 @@ class Column:
         return Cell(text, verdict=text if self.kind == "verdict" else "")
 
     def entries(self, row: Mapping) -> dict[str, Any]:
-        """A row's cells of a CSV file, by their headings; None is empty."""
+        """Return a row's cells of a CSV file, by heading; None is empty."""
         value, unit = row.get(self.key), f" ({self.unit})" if self.unit else ""
         if self.kind == "estimate":
             known = Estimate.of(value) if value else None
@@ -109,7 +109,7 @@ class Column:
 
 
 def digits(value: float | None, significant: int = 3) -> str:
-    """A number to so many digits, never as 1e+03; None is infinite."""
+    """Format a number with so many digits, never as 1e+03; None is infinite."""
     if value is None:
         return "∞"
     return f"{value:,.0f}" if abs(value) >= 100 else f"{value:.{significant}g}"
@@ -117,13 +117,13 @@ def digits(value: float | None, significant: int = 3) -> str:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows by columns.
+    """A table: rows by columns.
 
     Attributes:
-        title: its heading; a table without one is in its file only.
-        rows: plain data by the columns' keys. ``ours`` (true) makes a row stand out, and
-            ``error`` marks it as failed.
-        file: of the CSV file with all columns, without .csv; empty for none.
+        title: its heading; a table without title is written to its file only.
+        rows: plain data by the columns' keys.  ``ours`` (true) highlights a row, ``error`` marks
+            it as failed.
+        file: name of the CSV file with all columns, without .csv; empty for none.
         note: a sentence below it.
         long: whether the page folds it, and the terminal leaves it out.
     """
@@ -146,7 +146,8 @@ class Table:
     def of(
         cls, title: str, headings: str | Iterable[str], rows: Iterable[Iterable], **more
     ) -> "Table":
-        """A table of text, numbers and `Cell`; ``headings`` in one text are split at its commas."""
+        """Return a table of text, numbers and `Cell`; ``headings`` in one text are split at
+        commas."""
         heads = headings.split(", ") if isinstance(headings, str) else headings
         columns = [Column(str(place), head, kind="text") for place, head in enumerate(heads)]
         cells = [{str(place): cell for place, cell in enumerate(row)} for row in rows]
@@ -159,9 +160,9 @@ class Figure:
 
     Attributes:
         name: of its file, without .png.
-        draw: makes it, in the style of `figures`; None if there is nothing to draw.
-        caption: how it is to be read; its message is its own title.
-        words: of a source, which stand beside it.
+        draw: draws it, in the style of `figures`; returns None if there is nothing to draw.
+        caption: how to read it; its message is its title.
+        words: quotation of a source, shown beside it.
     """
 
     name: str
@@ -172,20 +173,20 @@ class Figure:
 
 @dataclass(frozen=True)
 class Said:
-    """What a verb says of its results.
+    """The report of a verb on its results.
 
     Attributes:
         title: heading.
         question: the reader's.
-        answer: to it, in a sentence or two, as far as the data go.
+        answer: a sentence or two, as far as the data allow.
         lines: further sentences.
-        checks: numbers beside bounds, of `Check.plain`; ``parts`` are their headings in order, and
+        checks: numbers with bounds, of `Check.plain`; ``parts`` are their headings in order, and
             ``checks_file`` is their CSV file.
-        notes: what terms and columns mean, and how it was measured.
-        failures: what ended with an error, each with its name.
-        commands: what makes these results again; none: the summary's own.
-        defeats: where ours is worse than another, each with its numbers; the page of all has them.
-        kept: numbers as text, by name, which the table of releases keeps.
+        notes: meaning of terms and columns, and how it was measured.
+        failures: what ended with an error, by name.
+        commands: that repeat these results; empty: the summary's own.
+        defeats: where ours is worse than another, with numbers; shown on the page of all results.
+        kept: numbers as text, by name, for the table of releases.
     """
 
     title: str
@@ -205,7 +206,7 @@ class Said:
 
     @property
     def all_tables(self) -> list[Table]:
-        """Its tables, and those of its checks: one for each part, and that of the file."""
+        """Return its tables, and those of its checks: one for each part, and that of the file."""
         heads = ("subject", "of"), ("what", "number"), ("value", "measured"), ("bound", "bound")
         columns = [Column(*head, kind="text") for head in heads]
         columns += [
@@ -224,7 +225,7 @@ class Said:
 
     @property
     def open_checks(self) -> dict[str, list[str]]:
-        """Checks that do not hold, and those that cannot be told, each with its numbers."""
+        """Return checks that do not hold, and open ones, each with its numbers."""
         return {
             verdict: [
                 f"{one['subject']}: {one['what']}: {measured(one)}, bound {bound(one)}"
@@ -237,7 +238,7 @@ class Said:
 
 
 def _of_check(one: Mapping) -> dict:
-    """A row of a table of checks."""
+    """Return a row of a table of checks."""
     number = Cell(measured(one), one["value"])
     why = "; ".join(text for text in (one["source"], one["note"]) if text)
     words = {key: one[key] for key in ("subject", "what", "verdict")}
@@ -245,5 +246,5 @@ def _of_check(one: Mapping) -> dict:
 
 
 def ranks_of(number: int) -> str:
-    """'1 rank', '2 ranks'."""
+    """Return '1 rank', '2 ranks'."""
     return f"{number} rank" + "s" * (number != 1)

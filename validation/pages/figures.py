@@ -1,7 +1,7 @@
-"""What all figures share: one style, colours that the colour-blind can tell, labels at the lines.
+"""The common style of figures: colours for the colour-blind, and labels at the lines.
 
 A figure shows at most five lines that matter, has its message as its title (`message`), and labels
-its lines where they end (`label_ends`) instead of in a legend.
+its lines at their ends (`label_ends`) instead of in a legend.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Okabe and Ito's colours (jfly.uni-koeln.de/color), which the colour-blind can tell
+# Okabe and Ito's colours (jfly.uni-koeln.de/color), which the colour-blind can distinguish
 BLUE, ORANGE, GREEN, RED, PURPLE, SKY = (
     *("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9"),
 )
@@ -42,19 +42,19 @@ MARKS = {  # integrator: colour and marker
     "rattle": (PURPLE, "P"),
     "ilves": (PURPLE, "X"),
 }
-LINE = 9.0  # points that a label needs in height
+LINE = 9.0  # height of a label, in points
 
 
 def message(figure: Figure, text: str) -> None:
-    """What a figure says, as its title, from the left edge."""
+    """Set the message of a figure as its title, from the left edge."""
     figure.suptitle(text, x=0.01, ha="left", fontsize=12, fontweight="bold")
 
 
 def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> None:
-    """Labels right of an axis for lines that end at these places, apart from each other.
+    """Label lines at their right ends, without overlap.
 
     Args:
-        ends: of each line (x, y, text, colour); call it when limits and scales are set.
+        ends: (x, y, text, colour) of each line; call this after limits and scales are set.
     """
     figure = axis.figure
     assert isinstance(figure, Figure)
@@ -82,7 +82,8 @@ def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> Non
 def panels(
     count: int, columns: int, width: float, height: float, more: float, **shared
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels in columns, and their axes: each so wide and high (in.)."""
+    """Return a figure with so many panels in columns, and their axes; width and height of each in
+    inches."""
     columns = min(columns, count)
     lines = -(-count // columns)
     size = columns * width, more + lines * height

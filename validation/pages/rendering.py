@@ -1,4 +1,4 @@
-"""From `contents.Said` to files, to the terminal and to pages that need no other file."""
+"""Rendering of `contents.Said` to files, to the terminal, and to pages that need no other file."""
 
 import base64
 import io
@@ -22,12 +22,12 @@ from .figures import STYLE
 TEMPLATES = Path(__file__).parent / "templates"
 COLOURS = {"good": "green", "bad": "red", "open": "dim"}  # in the terminal
 PALETTE = 64  # colours of a PNG; lines and text need no more
-FOLDED = 40  # rows from where on the page folds a table
+FOLDED = 40  # rows; the page folds longer tables
 GUTTER = (0, 1, 0, 0)  # of the terminal's tables
 
 
 class Section(NamedTuple):
-    """What a page has of a summary; ``name`` is its anchor, ``folder`` has its figures."""
+    """A summary's section of a page; ``name`` is its anchor, ``folder`` has its figures."""
 
     said: Said
     summary: dict
@@ -44,7 +44,7 @@ def write(said: Said, summary: dict, out: Path) -> None:
 
 
 def write_tables(said: Said, out: Path) -> None:
-    """Write the CSV files; of a table without rows there is none."""
+    """Write the CSV files; a table without rows has none."""
     for table in said.all_tables:
         path = out / f"{table.file}.csv"
         if table.file and table.rows:
@@ -54,7 +54,8 @@ def write_tables(said: Said, out: Path) -> None:
 
 
 def frame(table: Table) -> pd.DataFrame:
-    """All columns of a table; None is an empty cell, and changes no other number's form."""
+    """Return all columns of a table; None is an empty cell, and does not change the format of
+    numbers."""
     headings = [heading for column in table.columns for heading in column.entries({})]
     rows = [
         {
@@ -68,7 +69,8 @@ def frame(table: Table) -> pd.DataFrame:
 
 
 def draw(said: Said, out: Path) -> None:
-    """Draw the figures; where there is nothing to draw, that of an earlier command is removed."""
+    """Draw the figures; if there is nothing to draw, the figure of an earlier command is
+    removed."""
     with plt.rc_context(STYLE):
         for figure in said.figures:
             path, drawn = out / f"{figure.name}.png", figure.draw()
@@ -84,7 +86,7 @@ def draw(said: Said, out: Path) -> None:
 
 
 def style_of(verdict: str) -> str:
-    """The style of a verdict; empty if it has none."""
+    """Return the style of a verdict; empty if it has none."""
     return next((style for style, words in STYLES.items() if verdict in words), "")
 
 
@@ -119,7 +121,7 @@ def page(
 
 
 def _picture(section: Section, name: str) -> str | None:
-    """A figure's data; None if it is not there."""
+    """Return the data of a figure; None if it does not exist."""
     path = section.folder / f"{name}.png"
     return base64.b64encode(path.read_bytes()).decode() if path.exists() else None
 
@@ -173,7 +175,7 @@ def show_table(console: Console, table: Table) -> None:
 
 
 def markdown(table: Table, keys: Iterable[str] = ()) -> str:
-    """A table of the documentation, of the columns with these keys; none: all."""
+    """Format a table for the documentation, with the columns of these keys; by default all."""
     columns = [one for one in table.shown if not keys or one.key in set(keys)]
 
     def line(cells):

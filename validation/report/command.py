@@ -1,4 +1,4 @@
-"""``report``: its words, and what they run."""
+"""The verb ``report``: its command line, and what it runs."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -35,7 +35,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     command_line.require_scenes()
     from ..pages import console
     from . import report  # heavy: not for --help

@@ -1,5 +1,5 @@
-"""What to type in place of the usual lines, system by system: speed and error of both, from the
-summaries of `sample` and `cost`."""
+"""Replacements for the usual lines, by system: speed and error of both, from the summaries of
+`sample` and `cost`."""
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ NONE = "does not apply"
 
 
 class Swap(NamedTuple):
-    """Points of `sample`, scheme and step in fs: what users run, and what replaces it."""
+    """Points of `sample`, scheme and step in fs: the usual one, and its replacement."""
 
     system: str
     scene: str
@@ -47,14 +47,14 @@ SWAPS = (
     Swap("benzene, averages", "benzene", ("rigid/nvt/small", 2.0), ("langevin-20", 10.0)),
     Swap("protein in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
 )
-AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and the usual integrator there
+AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and its usual integrator
     ("colloids, NVE", "mixed", "rigid/nve/small"),
     ("water, NVE", "water", "shake"),
 )
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
-    """A row for each system that these results have."""
+    """Return a row for each system in these results."""
     known = list(summaries)
     return Table(TITLE, COLUMNS, [*_samples(known), *_costs(known)], note=NOTE)
 
@@ -84,7 +84,7 @@ def _sampled(system, usual, ours, summary):
 
 
 def _pressure(biases):
-    """The error of the pressure, or of the density where the pressure is constant."""
+    """Return the error of the pressure, or of the density at constant pressure."""
     if "density" in biases:
         return f"{Estimate.of(biases['density']).text()} %"
     return Estimate.of(biases["pressure"]).text() if "pressure" in biases else None
@@ -95,7 +95,7 @@ def _both(texts):
 
 
 def native(line: str) -> str:
-    """A fix line of the results, which are in quotes, as users type it."""
+    """Convert a quoted fix line of the results to the form that users type."""
     line = re.sub(
         r'python/move "fix_nosquish\.(\w+) \w+ (.*)"',
         lambda found: f"nosquish/{found[1].lower()} {found[2]}",

@@ -1,5 +1,5 @@
-"""The page of all: the reader's question and its answer, one figure, our defeats, the releases, and
-then what each verb says of its results."""
+"""The page of all results: the reader's question and its answer, one figure, our defeats, the
+releases, and then the report of each verb."""
 
 import csv
 import json
@@ -19,17 +19,16 @@ from . import replacements
 
 TITLE = "Rigid bodies in LAMMPS: time step, speed-up and error"
 ORDER = "sample", "compare", "stress", "cost", "claims", "check"  # of the verbs' sections
-ROWS = 8  # of the longest table that the page of all has; folders have the others
+ROWS = 8  # of the longest table on this page; longer ones are in folders
 RELEASES = RESULTS / "releases.csv"
 BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  # of any file
 
 
 def gather(results: Path) -> tuple[list[Section], list[str]]:
-    """What each verb says of its results, and what could not be read.
+    """Return the reports of all verbs, and what could not be read.
 
     Args:
-        results: folder in which results are looked for; those that are not there are taken from
-            `RESULTS`.
+        results: folder of results; missing ones are read from `RESULTS`.
     """
     found: dict[str, Path] = {}
     for root in RESULTS, results:
@@ -50,13 +49,13 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
 
 
 def said_of(summary: Mapping) -> tuple[str, Said]:
-    """The verb of a summary, and what it says of it."""
+    """Return the verb of a summary, and its report."""
     verb = summary["command"].split()[1]  # of "nosquish VERB ..."
     return verb, import_module(f"{NAME}.{verb}.report").said(summary)
 
 
 def _place(path: Path) -> str:
-    """A path as text, from the checkout where it is in it."""
+    """Return a path as text, relative to the checkout if it is in it."""
     whole = path.resolve()
     return str(whole.relative_to(CHECKOUT) if whole.is_relative_to(CHECKOUT) else path)
 
@@ -86,8 +85,8 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
 
 
 def _brief(section: Section) -> Section:
-    """A section without long tables, without what the page has once for all, and with each number
-    that is held against a bound once: those that do not hold, or cannot be told."""
+    """Shorten a section: without long tables and common notes; of numbers with bounds only those
+    that do not hold or are open."""
     tables = [one for one in section.said.tables if not one.long and len(one.rows) <= ROWS]
     said = replace(section.said, tables=tables, notes={}, parts={})
     summary = dict(section.summary)
@@ -97,7 +96,7 @@ def _brief(section: Section) -> Section:
 
 
 def releases() -> Table:
-    """The committed table of all releases."""
+    """Return the committed table of all releases."""
     rows: list[dict] = []
     if RELEASES.exists():
         with open(RELEASES, newline="") as file:
@@ -112,7 +111,7 @@ def releases() -> Table:
 
 
 def release(name: str, sections: Sequence[Section]) -> None:
-    """Set the column of a release in the committed table to what the results are now."""
+    """Set the column of a release in the committed table to the current results."""
     kept = answers.kept(section.summary for section in sections)
     for section in sections:
         kept |= {(section.said.title, what): text for what, text in section.said.kept.items()}
