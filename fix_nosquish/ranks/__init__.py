@@ -1,1 +1,1 @@
-"""Which ranks share a body, and how bodies follow atoms that LAMMPS moves between ranks."""
+"""Bodies shared by several ranks, and the migration of bodies with LAMMPS's atoms."""

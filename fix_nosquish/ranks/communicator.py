@@ -1,4 +1,4 @@
-"""The ranks of a run: collective operations for Python, and the cells by which loops call MPI.
+"""The ranks of a run: collective operations for Python, and the cells with which loops call MPI.
 
 `ALONE` is the communicator of a run on one rank, which does not import mpi4py.
 """
@@ -16,12 +16,12 @@ from . import mpi
 
 
 class Alone:
-    """One rank: each collective operation returns its argument.
+    """A run on one rank: each collective operation returns its argument.
 
     Attributes:
         size, rank: the number of ranks, and the rank of this process.
         messages: the `Memory` with `mpi.MessageRows`.
-        cells: those of the bundle `mpi.Mpi`.
+        cells: the cells of an `mpi.Mpi`.
     """
 
     size, rank = 1, 0
@@ -47,7 +47,7 @@ class Alone:
 
         Args:
             wrong: (n,) bool, which items of this rank are wrong.
-            text: returns the message for an item, of its index.
+            text: returns the message for an item, by its index.
         Raises:
             RunError: with the message for the first wrong item of the lowest rank.
         """
@@ -58,7 +58,7 @@ class Alone:
         """Turn an exception in this block, on any rank, into a `RunError` on all ranks; collective.
 
         Args:
-            what: what fails, the beginning of the message.
+            what: the operation that fails, the beginning of the message.
         """
         problem = None
         try:
@@ -96,14 +96,14 @@ class Alone:
         return value
 
     def wait(self) -> None:
-        """Wait for all ranks without using the processor, as a barrier of MPI would."""
+        """Wait for all ranks without the busy waiting of an MPI barrier."""
 
 
 ALONE = Alone()
 
 
 class Communicator(Alone):
-    """Several ranks, with a duplicate of LAMMPS's communicator, so that messages do not mix.
+    """Several ranks, with a duplicate of LAMMPS's communicator to keep messages separate.
 
     Args:
         comm: the Fortran handle of LAMMPS's communicator.
@@ -112,7 +112,7 @@ class Communicator(Alone):
         comm: the duplicate, as a communicator of mpi4py.
     """
 
-    _keyval: int | None = None  # LAMMPS's communicator has ours as this attribute, and frees it
+    _keyval: int | None = None  # attribute of LAMMPS's communicator that holds and frees ours
 
     def __init__(self, comm: int) -> None:
         from mpi4py import MPI
@@ -125,7 +125,7 @@ class Communicator(Alone):
         ours: Any = theirs.Get_attr(Communicator._keyval)
         if not ours:
             duplicate = theirs.Dup()
-            duplicate.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # loops do not check what MPI returns
+            duplicate.Set_errhandler(MPI.ERRORS_ARE_FATAL)  # loops do not check return values
             messages = Memory("messages", mpi.MessageRows)
             ours = duplicate, messages, mpi.cells_of_library(messages, duplicate, MPI)
             theirs.Set_attr(Communicator._keyval, ours)

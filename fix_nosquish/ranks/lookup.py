@@ -1,4 +1,4 @@
-"""Look data up on other ranks, by atom or by body."""
+"""Look up data on other ranks, by atom or by body."""
 
 import numpy as np
 
@@ -20,11 +20,11 @@ def exchange(
     """Send rows to ranks; collective.
 
     Args:
-        to: (n,) the rank to which each row goes, ascending.
+        to: (n,) destination rank of each row, ascending.
         rows: (n, width) int64.
-        sources: the ranks that send something to this one, if all ranks know theirs.
+        sources: the ranks that send rows to this one, if all ranks know their sources.
     Returns:
-        the rank that each row comes from, (k,) ascending, and the rows, (k, width).
+        the source rank of each row, (k,) ascending, and the rows, (k, width).
     """
     if communicator.size == 1:
         return to, rows
@@ -47,14 +47,14 @@ def exchange(
 def look_up(
     communicator: Alone, keys: np.ndarray, rows: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
-    """Look rows up by their keys, in a directory that is distributed over the ranks; collective.
+    """Look up rows by key in a directory that is distributed over the ranks; collective.
 
     Args:
         keys: (n,) int64, each on one rank only.
         rows: (n, width) int64.
         wanted: (m,) keys.
     Returns:
-        (m, width) the rows of these keys; -1 for a key that no rank has.
+        (m, width) the rows of these keys; -1 for a key that does not exist.
     """
     entries, order = np.column_stack([keys, rows]), np.argsort(keys % communicator.size)
     _, entries = exchange(communicator, keys[order] % communicator.size, entries[order])
@@ -69,11 +69,11 @@ def look_up(
 
 
 def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
-    """Those of the lost atoms that no rank has; collective.
+    """The lost atoms that no rank has received; collective.
 
     Args:
         lost: (k,) indices of atoms that this rank no longer has.
-        gained: origins (see `migration.Atoms`) of atoms that came from other ranks.
+        gained: origins (see `migration.Atoms`) of atoms that arrived from other ranks.
     """
     gained = np.sort(gained)
     _, found = exchange(communicator, gained >> 32, places(gained)[:, None])

@@ -1,4 +1,4 @@
-"""Bodies follow their atoms, which LAMMPS moves between ranks and within its arrays."""
+"""Migration: bodies follow their atoms, which LAMMPS moves between ranks and in its arrays."""
 
 from typing import NamedTuple
 
@@ -24,9 +24,9 @@ from ..structs import IN_NO_BODY, UNDECIDED
 from .mpi import Mpi, add_up
 from .sharing import SHARING, argsort, find
 
-OUT = -(2**61)  # in place of the ID of an atom's body: the atom is in no body
-GONE_ON = -1  # of a row of `arrived`: its atom has left this rank again
-# a row of `arrived`: the origin of an atom, its body's column of state, its column of displace
+OUT = -(2**61)  # instead of a body ID: the atom is in no body
+GONE_ON = -1  # for a row of `arrived`: its atom has left this rank again
+# a row of `arrived`: an atom's origin, its body's column of `state`, its column of `displace`
 OF_BODY = 1
 
 
@@ -37,20 +37,20 @@ class BodyRows(NamedTuple):
         state, displace, blocks, rounds, index: see `block.Layout`.
         away, shift: see `block.Images`.
         wrench: (6, bodies) force and torque, a view of rows of state.
-        body: (atoms,) the body of each atom, in the order of index.
-        atoms: (bodies,) the number of each body's atoms on this rank.
-        here, place: (found,) the atoms of bodies on this rank, in LAMMPS's order, and the previous
+        body: (atoms,) body of each atom, in the order of index.
+        atoms: (bodies,) number of each body's atoms on this rank.
+        here, place: (found,) atoms of bodies on this rank, in LAMMPS's order, and the previous
             entry of index of each, or -1 minus its row of `arrived`.
-        owner: (found,) the body of each: a column of the previous state, or, for a body that is new
-            on this rank, the number of these columns plus its entry of first.
-        first: (new,) for each new body a row of `arrived`.
-        number, order: the new column of each of these bodies, and the inverse.
-        source: (atoms,) the previous entry of index of each atom, or -1 minus its row of `arrived`.
-        line: (1, columns) a row of the previous state or displace.
-        ids, column: (shared + arrived,) for the bodies that were shared, and for the rows of
-            `arrived`: the ID, and the body as in owner.
-        following: (2 * bodies,) the next round of each body and its lane there; for a body that is
-            a block of its own, its next entry of index and -1.
+        owner: (found,) body of each: a column of the previous state, or, for a body that is new on
+            this rank, the number of these columns plus its entry of first.
+        first: (new,) a row of `arrived` for each new body.
+        number, order: new column of each of these bodies, and the inverse permutation.
+        source: (atoms,) previous entry of index of each atom, or -1 minus its row of `arrived`.
+        line: (1, columns) scratch: a row of the previous state or displace.
+        ids, column: (shared + arrived,) ID, and body as in owner, of the previously shared bodies
+            and of the rows of `arrived`.
+        following: (2 * bodies,) next round of each body and its lane there; for a body that fills
+            a block alone, its next entry of index and -1.
         buckets, ends: scratch.
     """
 
@@ -83,13 +83,13 @@ BODIES = rows(BodyRows)
 
 
 class Counts(NamedTuple):
-    """Entries of the argument `counts` of `follow`, first of this rank, then of all ranks.
+    """Entries of the argument `counts` of `follow`: of this rank, then summed over all ranks.
 
     Attributes:
-        came: atoms without an origin.
-        more: the change of the number of atoms in bodies.
-        moved: atoms with another index.
-        off: 1 if an atom is not where its body has it.
+        came: number of atoms without an origin.
+        more: change of the number of atoms in bodies.
+        moved: number of atoms with a new index or rank.
+        off: 1 if an atom is not at its position in its body.
     """
 
     came: int
@@ -104,11 +104,11 @@ class Counts(NamedTuple):
 
 COUNTS = Counts(*range(8))
 
-# bits of the argument `what` of `follow`, and what it returns if bodies cannot be followed
+# bits of the argument `what` of `follow`, and its return values if it fails
 LOCATE, ARRANGE, NOTE, SETTLE, FEWER = 1, 2, 4, 8, 16
-CHANGED, OFF = 1, 2  # atoms came or are gone; an atom is not where its body has it
+CHANGED, OFF = 1, 2  # atoms were added or deleted; an atom is not at its position in its body
 
-# the order of bodies: rotors, linear bodies, points; of each first those that are not shared
+# the order of bodies: rotors, linear bodies, points; in each kind, shared bodies come last
 STRETCHES = 6
 
 
@@ -116,13 +116,13 @@ class Atoms(NamedTuple):
     """LAMMPS's atoms on this rank.
 
     Attributes:
-        membership: (natoms,) the ID of the body of each atom, or UNDECIDED or OUT.
-        groups: (natoms,) the bits of the groups of each atom.
-        fix_group, body_groups, flexible: masks: a new atom belongs to a body if it has a bit of
-            each of the first two, and is flexible if it has a bit of the third.
-        origins: (natoms,) rank << 32 | index of each atom when it was noted; -2 minus its row of
-            `arrived` if it comes from another rank; IN_NO_BODY.
-        arrived: the rows that came with atoms from other ranks, see OF_BODY.
+        membership: (natoms,) body ID of each atom, or UNDECIDED or OUT.
+        groups: (natoms,) group bits of each atom.
+        fix_group, body_groups, flexible: group masks: a new atom belongs to a body if it has a bit
+            of each of the first two, and is flexible if it has a bit of the third.
+        origins: (natoms,) rank << 32 | entry of index at the last NOTE; -2 minus its row of
+            `arrived` for an atom from another rank; IN_NO_BODY.
+        arrived: rows that arrived with atoms from other ranks, see OF_BODY.
         arrived_cell: (3,) the numbers of the cell of `arrived`.
         atom_x: (natoms, 3) positions.
     """
@@ -142,7 +142,7 @@ class Atoms(NamedTuple):
 def locate(atoms, bodies, counts):
     """Find the atoms of the bodies in LAMMPS's arrays.
 
-    An origin that is out of range counts as none: the atom is new.
+    An atom whose origin is out of range counts as new.
     """
     count = came = moved = 0
     index, arrived, natoms = (
@@ -177,7 +177,7 @@ def locate(atoms, bodies, counts):
 
 @inlined
 def of_body(row, b, state, arrived, first):
-    """An entry of the state of body b, which is in `state`, or came with atoms."""
+    """An entry of the state of body b, from `state` or, for a new body, from `arrived`."""
     return (
         state[row, b] if b < state.shape[1] else arrived[first[b - state.shape[1]], OF_BODY + row]
     )
@@ -185,7 +185,7 @@ def of_body(row, b, state, arrived, first):
 
 @inlined
 def bucket(b, atoms, state, arrived, first):
-    """The rank of a body in the order by stretch, then by number of atoms, largest first."""
+    """The sort key of a body: by stretch, then by number of atoms, largest first."""
     largest = of_body(MOMENT, b, state, arrived, first)
     third = of_body(MOMENT + 2, b, state, arrived, first)
     stretch = 0 if third > 0.0 else 2 if largest > 0.0 else 4
@@ -198,8 +198,8 @@ def bucket(b, atoms, state, arrived, first):
 def find_owners(arrived, bodies, sharing):
     """Find the body of each atom on this rank: rows `owner` and `first`.
 
-    Rows of `arrived` whose atoms have left again are ignored, because they may be old.  This occurs
-    when a flip of the box moves atoms before LAMMPS does.
+    Rows of `arrived` whose atoms have left again are ignored, because they may be outdated.  This
+    occurs when a flip of the box moves atoms before LAMMPS does.
     """
     state, body = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.body)
     place, shared = longs_in(bodies, BODIES.place), longs_in(sharing, SHARING.shared)
@@ -245,7 +245,7 @@ def number_bodies(arrived, bodies):
     for b in range(m):
         number[b] = 0
     for j in range(owner.size):
-        number[owner[j]] += 1  # until below the number of atoms
+        number[owner[j]] += 1  # for now the number of atoms
     for k in range(buckets.size):
         buckets[k] = 0
     for b in range(m):
@@ -323,15 +323,16 @@ def place_atoms(bodies):
 
 @inlined
 def reorder(bodies, array, columns, n, arrived, begin):
-    """Put the columns of an array into another order, in place, row by row.
+    """Permute the columns of an array in place, row by row.
 
-    Rows change their length, so the last one comes first where they become longer: each is read
-    before another one is written over it.
+    The number of columns may change.  If it grows, the last row is done first, so that each row is
+    read before it is overwritten.
 
     Args:
         array: a row of the memory.
-        columns: the new columns: an old one each, or -1 minus a row of arrived.  n: how many.
-        begin: where in arrived the array's numbers begin.
+        columns: (n,) old column of each new one, or -1 minus a row of arrived.
+        n: new number of columns.
+        begin: column of arrived at which the array's entries begin.
     """
     height, before = bodies[array, LENGTH], bodies[array, WIDTH]
     resize(bodies, BODIES.line, 1, before)
@@ -349,7 +350,7 @@ def reorder(bodies, array, columns, n, arrived, begin):
 
 @inlined
 def carry_over(arrived, bodies):
-    """Put the columns of state and displace into the new order."""
+    """Permute the columns of state and displace into the new order."""
     source, place = longs_in(bodies, BODIES.source), longs_in(bodies, BODIES.place)
     order, first = longs_in(bodies, BODIES.order), longs_in(bodies, BODIES.first)
     m, n = bodies[BODIES.atoms, LENGTH], source.size
@@ -367,7 +368,7 @@ def carry_over(arrived, bodies):
 
 @inlined
 def arrange(mpi, sharing, arrived, bodies, kinds):
-    """Order the bodies of this rank, and find which ranks share them; collective."""
+    """Sort the bodies of this rank, and find which ranks share them; collective."""
     find_owners(arrived, bodies, sharing)
     number_bodies(arrived, bodies)
     ends = longs_in(bodies, BODIES.ends)
@@ -404,7 +405,7 @@ def settle(layout, bodies, box, atom_x, off):
     """Find the atoms in other periodic images: see `periodic.find_images`."""
     count = (
         bodies[BODIES.away, CAPACITY] // bodies[BODIES.away, ITEMSIZE]
-    )  # few atoms are in others
+    )  # start with the capacity: few atoms are in other images
     while True:
         resize(bodies, BODIES.away, count, 1)
         resize(bodies, BODIES.shift, count, 3)
@@ -437,11 +438,11 @@ def follow(
         counts: see `Counts`.
         off: see `periodic.find_images`.
         what: the sum of
-            LOCATE: find the atoms, and order the bodies if an atom of any rank has moved;
-            ARRANGE: order the bodies;
+            LOCATE: find the atoms, and sort the bodies if an atom of any rank has moved;
+            ARRANGE: sort the bodies;
             NOTE: set the origins of the atoms;
-            SETTLE: find the periodic images;
-            FEWER: accept that atoms are gone.
+            SETTLE: wrap the bodies into the box, and find the periodic images of atoms;
+            FEWER: accept that atoms were deleted.
     Returns:
         0, CHANGED or OFF.
     """

@@ -1,13 +1,13 @@
 """MPI for compiled loops.
 
-Loops send messages themselves, so that no step and no new neighbor list calls Python.  They call
-MPI by the addresses of its functions, with handles and constants from mpi4py, because these differ
-between MPI libraries, and one set of compiled loops serves all.
+Loops send messages themselves, so that neither a step nor a new neighbor list calls Python.  They
+call MPI by the addresses of its functions, with handles and constants from mpi4py.  These differ
+between MPI libraries, but the compiled loops are the same for all.
 
-Which ranks send something to a rank is found by the algorithm NBX (T. Hoefler, C. Siebert and
+A rank finds the ranks that send to it by the algorithm NBX (T. Hoefler, C. Siebert and
 A. Lumsdaine, PPoPP 2010): synchronous sends and a non-blocking barrier.  Its cost grows with the
 logarithm of the number of ranks.  An all-to-all of counts, on which LAMMPS's rendezvous is based,
-would cost each rank time and memory proportional to their number.
+would cost each rank time and memory proportional to the number of ranks.
 """
 
 import ctypes
@@ -29,9 +29,9 @@ class MessageRows(NamedTuple):
     """Rows of the memory for messages.
 
     Attributes:
-        requests: handles of messages that are not complete, 8 bytes for each.
-        senders, sent, numbers: the messages that were received: the rank of each sender, how many
-            numbers it sent, and all numbers.
+        requests: handles of pending messages, 8 bytes each.
+        senders, sent, numbers: the received messages: rank of each sender, count of numbers sent,
+            and all numbers.
         flag, message, status, fortran_status: MPI's output: a flag or a count, the handle of a
             message, its status, and the status in Fortran's form.
         next_tag: (1,) 0 or 1: the next questions have the tag QUESTION + next_tag.
@@ -52,7 +52,7 @@ MESSAGES = rows(MessageRows)
 
 
 class Mpi(NamedTuple):
-    """What loops need to call MPI.
+    """Handles and addresses with which loops call MPI.
 
     Attributes:
         MPI_...: addresses of functions, handles and constants of these names.
@@ -106,7 +106,7 @@ def cells_of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[
         "rank": comm.rank,
         "ranks": comm.size,
     }
-    library = ctypes.CDLL(None)  # first, so that a preloaded library may intercept calls
+    library = ctypes.CDLL(None)  # tried first, so that a preloaded library can intercept calls
     if not hasattr(library, "MPI_Init"):
         library = ctypes.CDLL(MPI.__file__)
     for name in set(Mpi._fields) - set(values) - {"messages"}:
@@ -115,7 +115,7 @@ def cells_of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[
 
 
 def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
-    """The cells of an `Mpi` with these numbers; 0 for others, which one rank does not use."""
+    """The cells of an `Mpi` with these numbers; 0 for others, which a single rank does not use."""
     numbers = {name: ctypes.c_int64(values.get(name, 0)).value for name in Mpi._fields}
     cells = {name: Cell(I, number) for name, number in numbers.items()}
     return cells | {"messages": memory.cells["messages"]}
@@ -123,7 +123,7 @@ def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
 
 @inlined
 def new_request(messages):
-    """The address for the handle of another message."""
+    """Append a request; return the address for its handle."""
     append(messages, MESSAGES.requests, 0)
     return messages[MESSAGES.requests, ADDRESS] + 8 * (messages[MESSAGES.requests, LENGTH] - 1)
 
@@ -178,7 +178,7 @@ def add_up(mpi, numbers, sums):
 
 @inlined
 def extend_received(messages, source, count):
-    """Append a message of so many numbers from a rank; return the address of its numbers."""
+    """Append a received message of `count` numbers from a rank; return the address for them."""
     begin = messages[MESSAGES.numbers, LENGTH]
     append(messages, MESSAGES.senders, source)
     append(messages, MESSAGES.sent, count)
@@ -188,7 +188,7 @@ def extend_received(messages, source, count):
 
 @inlined
 def receive_own(mpi, part):
-    """Append the part that this rank sends to itself, unless it is empty."""
+    """Append the part that this rank sends to itself, if it is not empty."""
     if part.size:
         numbers = longs(extend_received(mpi.messages, mpi.rank, part.size), part.size)
         for k in range(part.size):
@@ -250,10 +250,10 @@ def deliver(mpi, to, many, parts, sources, known):
     The result is in the rows `senders`, `sent` and `numbers` of the messages.
 
     Args:
-        to, many: (n,) the ranks, and how many numbers are sent to each; these may be `senders` and
+        to, many: (n,) destination ranks, and count of numbers for each; these may be `senders` and
             `sent` of the last call.
         parts: the numbers, rank by rank.
-        sources: if known, the ranks that send something to this one, in the order of the result.
+        sources: if known, the ranks that send to this one, in the order of the result.
         known: whether all ranks know their sources. If not, they are found, and the order of the
             result is arbitrary.
     """

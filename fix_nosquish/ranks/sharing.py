@@ -27,18 +27,18 @@ class SharingRows(NamedTuple):
     """Rows of the memory of a rank's shared bodies.
 
     Attributes:
-        asked, ids, meet: (asked,) the bodies that may be shared (their columns), their IDs, and the
-            rank of the rendezvous for each.
-        places, questions: (asked,) the same columns and IDs, in the order of the rendezvous.
-        meetings, many: (meetings,) the ranks of the rendezvous, and how many bodies each is asked
-            about.
-        home: (bodies,) the lowest rank that has each body: its next rendezvous.
-        shared: (shared,) the columns of the shared bodies.
+        asked, ids, meet: (asked,) columns of the bodies that may be shared, their IDs, and the rank
+            of the rendezvous for each.
+        places, questions: (asked,) the same columns and IDs, sorted by rank of the rendezvous.
+        meetings, many: (meetings,) ranks of the rendezvous, and number of bodies for each.
+        home: (bodies,) lowest rank that has each body: its next rendezvous.
+        shared: (shared,) columns of the shared bodies.
         first, source: (shared + 1,), (parts,) the parts of shared body i are the entries first[i]
             to first[i + 1] of source: a row of `received`, or -1 for the part of this rank.
-        partners, shares: (partners,) the ranks that share bodies with this one, and how many.
-        copies: (copies,) the columns of the bodies whose parts are sent, partner by partner.
-        packed, received: (copies, rows) the parts that are sent to the partners, and theirs.
+        partners, shares: (partners,) ranks that share bodies with this one, and numbers of these
+            bodies.
+        copies: (copies,) columns of the bodies whose parts are sent, partner by partner.
+        packed, received: (copies, rows) parts to send to the partners, and parts received.
         order, holder, entry, body, answers, parts: scratch.
     """
 
@@ -70,7 +70,7 @@ SHARING = rows(SharingRows)
 
 
 def places(origins: Any) -> Any:
-    """The indices of atoms in the origins rank << 32 | index."""
+    """The indices of atoms, from the origins rank << 32 | index."""
     return origins & 0xFFFFFFFF
 
 
@@ -81,8 +81,7 @@ def places(origins: Any) -> Any:
 def argsort(order, n, high, low):
     """Fill `order` with the indices 0 to n - 1, sorted by `high`, then `low`, then themselves.
 
-    Shell's method sorts in place.  A loop cannot use the sorts of numba, which allocate arrays, and
-    Python is not called for new neighbor lists.
+    Shell sort works in place.  Loops cannot use the sorts of numba, which allocate arrays.
     """
     for i in range(n):
         order[i] = i
@@ -102,7 +101,7 @@ def argsort(order, n, high, low):
 
 @inlined
 def group(sharing, n, ranks, low, to, many):
-    """Sort by rank and `low`, as `argsort`; rows `to` and `many` get the ranks and their counts."""
+    """`argsort` by rank and `low`; set rows `to` and `many` to the ranks and their counts."""
     order = new_longs(sharing, SHARING.order, n)
     argsort(order, n, ranks, low)
     resize(sharing, to, 0, 1)
@@ -116,7 +115,7 @@ def group(sharing, n, ranks, low, to, many):
 
 @inlined
 def ask(sharing):
-    """Sort the bodies that may be shared by rendezvous, then by ID: alike on all ranks."""
+    """Sort the bodies that may be shared by rank of the rendezvous, then by ID."""
     asked, ids = longs_in(sharing, SHARING.asked), longs_in(sharing, SHARING.ids)
     meet, n = longs_in(sharing, SHARING.meet), asked.size
     group(sharing, n, meet, ids, SHARING.meetings, SHARING.many)
@@ -130,8 +129,8 @@ def ask(sharing):
 def answer(sharing, messages):
     """Answer the questions that this rank has received: which ranks asked about the same body.
 
-    For each asker `answers` has, body by body, the ranks and END; `parts` has how many numbers
-    these are.
+    `answers` has for each asker, body by body, the ranks and END; `parts` has the count of these
+    numbers for each asker.
     """
     askers, asked = longs_in(messages, MESSAGES.senders), longs_in(messages, MESSAGES.sent)
     ids = longs_in(messages, MESSAGES.numbers)
@@ -164,9 +163,9 @@ def answer(sharing, messages):
 def connect(mpi, sharing):
     """Find the partners of this rank, the bodies shared with each, and the order of their parts.
 
-    The numbers that were received have, for each of `places`, the ranks of the body and END.  The
-    first of these ranks is its home.  Parts are sent and received partner by partner, for each in
-    the order of `places`.
+    The received numbers are, for each of `places`, the ranks of the body and END.  The first of
+    these ranks is the body's home.  Parts are sent and received partner by partner, for each in the
+    order of `places`.
     """
     places, home = longs_in(sharing, SHARING.places), longs_in(sharing, SHARING.home)
     answers = longs_in(mpi.messages, MESSAGES.numbers)
@@ -179,7 +178,7 @@ def connect(mpi, sharing):
     nshared = entries = others = k = 0
     for i in range(places.size):
         home[places[i]] = answers[k]
-        if answers[k + 1] == END:  # it is whole here
+        if answers[k + 1] == END:  # not shared
             k += 2
             continue
         shared[nshared], first[nshared] = places[i], entries
@@ -273,10 +272,10 @@ class Sharers:
         communicator: the `Communicator` or `ALONE`.
 
     Attributes:
-        bodies: (m,) the columns of the shared bodies.
-        home: (n,) the lowest rank that has each body.
-        owned: (n,) bool, whether this is that rank; sums over bodies count them there.
-        cells: those of the bundle `Mpi`, and "sharing".
+        bodies: (m,) columns of the shared bodies.
+        home: (n,) lowest rank that has each body.
+        owned: (n,) bool, whether this is that rank, which counts the body in sums over bodies.
+        cells: the cells of an `Mpi`, and "sharing".
     """
 
     def __init__(self, communicator: Alone) -> None:
@@ -288,9 +287,9 @@ class Sharers:
 
         Args:
             n: the number of bodies of this rank.
-            places: (m,) the columns of those that may be shared.
-            ids: (m,) int64, their IDs, each once.
-            meet: (m,) int64, the rank of the rendezvous for each: any on which all ranks agree.
+            places: (m,) columns of the bodies that may be shared.
+            ids: (m,) int64, their IDs, without repetition.
+            meet: (m,) int64, rank of the rendezvous for each: any on which all ranks agree.
         Returns:
             self.
         """
@@ -316,8 +315,8 @@ class Sharers:
         """Combine the parts of shared bodies in place, by one exchange; collective.
 
         Args:
-            values: (components, n) float64, contiguous: the parts of this rank. The columns of
-                bodies that are not shared stay as they are.
+            values: (components, n) float64, contiguous: the parts of this rank. Columns of bodies
+                that are not shared are unchanged.
             operation: numpy.add, minimum or maximum.
         """
         if len(self.bodies):
@@ -329,8 +328,8 @@ class Sharers:
         """Sums over the atoms of each body on all ranks, (columns, n); collective.
 
         Args:
-            body: (m,) the column of each atom's body.
-            columns: (m,) each, a number for each atom; an iterator saves memory.
+            body: (m,) column of each atom's body.
+            columns: arrays (m,) of a number for each atom; an iterator saves memory.
         """
         n = len(self.home)
         sums = np.array([np.bincount(body, column, minlength=n) for column in columns], float)
@@ -338,11 +337,11 @@ class Sharers:
         return sums
 
     def lowest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """As `total`, the minimum; inf for a body without atoms."""
+        """The minimum, otherwise like `total`; inf for a body without atoms."""
         return self._extreme(body, columns, np.inf, np.minimum)
 
     def highest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """As `total`, the maximum; -inf for a body without atoms."""
+        """The maximum, otherwise like `total`; -inf for a body without atoms."""
         return self._extreme(body, columns, -np.inf, np.maximum)
 
     def _extreme(
