@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from scipy import special
 
-from .. import NAME
+from .. import COMMAND
 from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, run
 from ..running.store import Store
@@ -312,7 +312,7 @@ def _command(prepared: Prepared, point: Point) -> str:
     steps = f"{prepared.held.dt:g},{point.dt:g}"
     minutes, ranks = f"{prepared.settings.minutes:g}", str(prepared.settings.ranks)
     words = [
-        *("python", "-m", NAME, "compare", prepared.case.word, "--only", point.scheme),
+        *(COMMAND, "compare", prepared.case.word, "--only", point.scheme),
         *("--steps", steps, "--budget", minutes, "--ranks", ranks),
         *("--out", "results/compare-point"),
     ]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import NAME
+from .. import COMMAND
 from ..running import json_files, machine, run
 from ..running.run import Meter, Result
 from ..running.store import Store
@@ -308,7 +308,7 @@ class Rows:
                 found.append(_plain(case, self.full) | {"rows": shown})
         named = [case["name"] for case in found if len(found) < len(self.cases)]
         words = ["stress", *named, "--full" if self.full else "--short"]
-        command = shlex.join(["python", "-m", NAME, *words])
+        command = shlex.join([COMMAND, *words])
         return {"full": self.full, "cases": found, "command": command}
 
     def _is_of(self, case: Case, row: dict) -> bool:
@@ -395,7 +395,7 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
         "inner": case.inner,
         "seconds": 0.0,
         "versions": machine.versions() | {"package": machine.package_hash()[:12]},
-        "command": shlex.join(["python", "-m", NAME, *words]),
+        "command": shlex.join([COMMAND, *words]),
     }
     while not _enough(case, row):
         stand.start, before = len(row["numbers"]), stand.seconds
