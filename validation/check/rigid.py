@@ -128,9 +128,7 @@ def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
     same = f"{OURS}-nh" if thermostat.kind_of([found.mover]) == "nh" else OURS
     made = [line.format(group=GROUP, bodies=STYLE) for line in ours[same].lines]
     moved = rigid_atoms.in_group(said, atoms, split_words(found.mover)[2])
-    if (
-        found.state.press and not (moved | (found.body > 0)).all()
-    ):  # the barostat scales the others, too
+    if found.state.press and not (moved | (found.body > 0)).all():  # the box scales others, too
         taken = f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in made[-1] else GROUP
         line = made.pop().replace(f" dilate {candidates.REST}", "")
         made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]

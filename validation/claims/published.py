@@ -25,9 +25,7 @@ FILE = "Figures/NVE_{:g}fs.csv"  # there: energies of their trajectories at cons
 # fs: standard deviation of TotEng in `FILE`, kcal/mol
 PUBLISHED = {1.0: 0.0603, 2.0: 0.2205, 3.0: 0.4871, 4.0: 0.8872}
 ENERGIES = 667  # in each `FILE`, 9 ps apart: neighbours' correlation is below 0.06 in all four
-THEIR_ERROR = 1 / np.sqrt(
-    2 * ENERGIES
-)  # relative error of these, because the energies are independent
+THEIR_ERROR = 1 / np.sqrt(2 * ENERGIES)  # relative, because the energies are independent
 # All four have the same energy, above its mean at 298 K, so they are warmer: the mean of TotEng of
 # all four; E and Cv1 of Figures/S1.csv at 1 fs
 ENERGY, ENERGY_AT_298, HEAT_CAPACITY = -6475.0, -6616.5, 17.5  # kcal/mol, kcal/mol, kcal/mol/K

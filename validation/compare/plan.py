@@ -18,10 +18,7 @@ STARTS = 2
 FRAMES, APART = 200, 12  # frames of a run; steps between them if it is long
 ATOMS, FEW = 6_000_000, 20  # most atoms in all frames of a run; but at least so many frames
 SETTLES = 0.25  # fraction of the frames that is left out
-PARTS, MANY = (
-    (8, 4, 2),
-    8000,
-)  # samples of the energy in `SPAN`; several up to that total
+PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; most in all if several
 LEAST = 400  # steps of a run
 STARTUP = 3.0  # s until a run's first step, about, with few atoms
 LISTS = 0.2  # fraction of all time for neighbour lists, if starting up leaves time for steps

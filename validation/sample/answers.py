@@ -1,5 +1,5 @@
-"""The answer to the reader's question, from the summaries of `sample`: for each scene the point of
-ours that is best beside the rivals, and its speed-up at the same error of each average."""
+"""The answer to the reader's question, from the summaries of `sample`: for each scene our best
+point compared with the rivals, and its speed-up at the same error of each average."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -9,7 +9,7 @@ from . import rivals
 from .criteria import BOUNDS
 from .observables import BY_KEY
 
-SCENES = "water", "tip4p", "peptide", "benzene", "co2"  # in this order, and others behind them
+SCENES = "water", "tip4p", "peptide", "benzene", "co2"  # in this order, others after them
 WRITTEN = {"tip4p": "TIP4P/2005", "co2": "CO₂"}
 COLUMNS = (
     Column("scene", "scene", kind="text"),
@@ -34,18 +34,18 @@ NOTE = (
 
 
 def is_sample(summary: Mapping) -> bool:
-    """Whether a summary has points that are timed beside a rival's."""
+    """Return whether a summary has points that are timed together with a rival's."""
     return bool(summary.get("goals")) and rivals.best(summary["rows"]) is not None
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
-    """A row for each average of each scene."""
+    """Return a row for each average of each scene."""
     rows = [row for summary in _ordered(summaries) for row in _answers(summary)]
     return Table("Speed-up at the same error", COLUMNS, rows, note=NOTE)
 
 
 def _ordered(summaries):
-    """Of each scene the summary whose best point is the best of all, in the order of `SCENES`."""
+    """Return the summary with the best point of each scene, in the order of `SCENES`."""
     ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.gains(_best(found)))
     known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
@@ -62,7 +62,7 @@ def _name(summary):
 
 
 def _answers(summary):
-    """The rows of a scene."""
+    """Return the rows of a scene."""
     best = _best(summary)
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
@@ -82,7 +82,7 @@ def _answers(summary):
 
 
 def sentences(rows: Sequence[Mapping]) -> list[str]:
-    """One for each scene."""
+    """Return a sentence for each scene."""
     told: dict[tuple, list[str]] = {}
     for row in rows:
         gain = f"{row['average']} {speed_up(row['gain'])}"
@@ -95,13 +95,13 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
 
 
 def speed_up(gain: Mapping) -> str:
-    """The rival's time divided by ours, with its interval."""
+    """Format the rival's time divided by ours, with its interval."""
     value, low, high = (digits(gain[name], 2) for name in ("value", "low", "high"))
     return f"{value} (95 % CI {low}–{high})"
 
 
 def defeats(rows: Sequence[Mapping]) -> list[str]:
-    """Where ours is not significantly faster than the best rival."""
+    """Name where ours is not significantly faster than the best rival."""
     return [
         f"{row['scene']}, {row['average']}: speed-up {speed_up(row['gain'])} over {row['rival']} "
         f"at {row['rival dt']:g} fs"
@@ -111,7 +111,7 @@ def defeats(rows: Sequence[Mapping]) -> list[str]:
 
 
 def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
-    """For the table of releases: {(scene, number): text}."""
+    """Return the numbers for the table of releases: {(scene, number): text}."""
     found = {}
     for row in table(summaries).rows:
         scene, average = row["scene"], row["average"]
@@ -123,9 +123,9 @@ def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
 
 
 def figure(summaries: Iterable[Mapping]) -> dict:
-    """Data of the interactive figure: of each scene and observable its points.
+    """Return the data of the interactive figure: the points of each scene and observable.
 
-    ``x`` is the CPU time of a ps in s, ``y`` the bias over its bound and ``m`` the margin of that.
+    ``x`` is the CPU time per ps in s, ``y`` the bias over its bound and ``m`` the margin of that.
     """
     found: dict = {}
     for summary in _ordered(summaries):

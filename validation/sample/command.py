@@ -1,4 +1,4 @@
-"""``sample``: its words, and what they run."""
+"""The verb ``sample``: its command line, and what it runs."""
 
 import argparse
 from collections.abc import Collection
@@ -52,14 +52,14 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def scenes() -> Collection[str]:
-    """Names of the scenes."""
+    """Return the names of the scenes."""
     from .scenes import SCENES  # heavy: not for --help
 
     return SCENES
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the verb; the exit status."""
+    """Run the verb; return the exit status."""
     from .. import pages  # heavy: not for --help
     from ..pages import console
     from ..user_script import loader

@@ -1,7 +1,7 @@
 """The bounds of ``sample``, and the checks against them.
 
 They were set before the data: the errors that users accept today at 2 fs, a smaller one for hybrid
-Monte Carlo, and a cost as a goal.
+Monte Carlo, and a goal for the cost.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,19 +15,19 @@ from .plan import LEAST
 # of biases, in the observables' units; 25 atm change the density of water by 0.1 %
 BOUNDS = {"potential": 0.006, "pressure": 25.0, "torque": 1.0, "density": 0.2}
 RELATIVE = 1.0  # %, of averages without their own bound
-# errors that are not worth more time, whatever a rival's is: see `rivals`
+# errors that are not worth more time, even if a rival's is smaller: see `rivals`
 LEAST_ERRORS = {
     observable.key: RELATIVE for observable in OBSERVABLES if observable.relative
 } | BOUNDS
-WITHOUT_BIAS = {"potential": 0.004}  # of hybrid Monte Carlo, which has no error of the step
+WITHOUT_BIAS = {"potential": 0.004}  # for hybrid Monte Carlo, which has no error of the step
 DEVIATION = "slope of the ratio of distributions less the exact one", "sd"
-# that have another name than the bias of their title's mean
+# numbers that are not the bias of the mean in their title
 NAMES = {
     "potential": "bias of the mean potential energy",
     "temperature": "mean of temp less the thermostat's",
     "apart": "temperature of translation less that of rotation",
 }
-WATERS = "water", "pressure"  # scenes of which temperatures are judged
+WATERS = "water", "pressure"  # scenes whose temperatures are checked
 # of the thermostat's temperature, and K between those of translation and rotation
 TEMPERATURE = 0.01
 APART = {
@@ -35,8 +35,8 @@ APART = {
     "langevin-20": {4.0: 0.5, 6.0: 1.0},
     "npt-langevin": {4.0: 1.5, 6.0: 4.0},
 }
-STATES = 2.0  # standard deviations: a right scheme is within them in 19 of 20 cases
-FASTER = 4.0  # times less than the best rival's, the time to the same error
+STATES = 2.0  # standard deviations: a correct scheme is within them in 19 of 20 cases
+FASTER = 4.0  # least speed-up over the best rival, at the same error
 TITLES = {
     "bias": "Averages within the bounds",
     "cost": "Time to the same error, beside the best rival",
@@ -44,7 +44,7 @@ TITLES = {
     "temperature": "Printed temperature",
     "equipartition": "Printed temperatures of translation and of rotation",
     "states": "Enthalpies at two temperatures, volumes at two pressures",
-    # of committed results only, whose checks are kept
+    # only in committed results, whose checks are kept
     "potential": "Bias of the mean potential energy",
     "trial": "The same bias beside that of a trial",
     "pressure": "Bias of the mean pressure",
@@ -54,8 +54,8 @@ TITLES = {
 
 
 def checks(summary: Mapping) -> list[Check]:
-    """Checks of runs that are long enough to estimate their errors: of ours at longer steps than
-    those of today, and of other engines."""
+    """Return the checks of runs that are long enough to estimate their errors: of ours at longer
+    steps than those in use today, and of other engines."""
     if summary["settings"]["time"] < LEAST:
         return []
     today = summary["known"][0]["dt"]
@@ -86,7 +86,7 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
 
 
 def _named(key: str) -> tuple[str, str]:
-    """Description of a number with bounds, and its unit."""
+    """Return the description of a number with bounds, and its unit."""
     if key not in BY_KEY:
         return DEVIATION
     one = BY_KEY[key]
@@ -94,7 +94,7 @@ def _named(key: str) -> tuple[str, str]:
 
 
 def _gains(summary: Mapping) -> Iterator[Check]:
-    """Checks of the point with the best gains over the rivals."""
+    """Yield checks of the point with the best speed-ups over the rivals."""
     best = rivals.best(summary["rows"]) or {"faster": {}}
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]

@@ -1,17 +1,16 @@
-"""Engines beside LAMMPS.
+"""Engines other than LAMMPS.
 
-A run of an engine is a ``run.Job`` as one of LAMMPS is, with a worker of its own that leaves the
-same files (``engine_worker``).  So it is started, watched, kept and found again in the same way.
+A run of an engine is a ``run.Job`` like one of LAMMPS, with its own worker that writes the same
+files (``engine_worker``).  It is therefore started, monitored, stored and found in the same way.
 An engine is a module of this folder with an `Engine` of that name, and the schemes that it runs.
 
-What an engine is given is the water of the scene `water` as numbers: atoms, and forces that end
-smoothly.  The scene's ``pair_style lj/gromacs/coul/gromacs`` is GROMACS's shift function: 1 / r^p
-becomes
+An engine gets the water of the scene `water` as numbers: atoms, and forces that end smoothly.  The
+scene's ``pair_style lj/gromacs/coul/gromacs`` is GROMACS's shift function: 1 / r^p becomes
 
     1 / r^p - A / 3 (r - r1)^3 - B / 4 (r - r1)^4 - C   from r1 on,   1 / r^p - C   before,
 
-with A, B and C that make energy, force and the force's slope zero at the cutoff (GROMACS reference
-manual, "Modified non-bonded interactions").  Tests hold energy and forces against LAMMPS's.
+with A, B and C such that energy, force and the force's slope are zero at the cutoff (GROMACS
+reference manual, "Modified non-bonded interactions").  Tests compare energy and forces with LAMMPS.
 """
 
 import math
@@ -32,7 +31,8 @@ KJ, NM, BAR = 4.184, 0.1, 1 / 1.01325  # kJ/mol in a kcal/mol, nm in an Angstrom
 
 
 class Shift(NamedTuple):
-    """What ends 1 / r^power at ``outer``, smoothly from ``inner`` on: A, B and C."""
+    """Modification of 1 / r^power that ends at ``outer``, smoothly from ``inner`` on: A, B and
+    C."""
 
     power: int
     inner: float
@@ -40,7 +40,7 @@ class Shift(NamedTuple):
 
     @property
     def coefficients(self) -> tuple[float, float, float]:
-        """A, B, C, in the power of the lengths' unit that they have."""
+        """A, B, C, in the powers of the unit of length that they have."""
         p, r1, rc = self
         wide = rc - r1
         a = -p * ((p + 4) * rc - (p + 1) * r1) / (rc ** (p + 2) * wide**2)
@@ -48,9 +48,9 @@ class Shift(NamedTuple):
         return a, b, rc**-p - a / 3 * wide**3 - b / 4 * wide**4
 
 
-# TIP3P as the scene's force field has it.  Of oxygen and hydrogen g/mol and e; of the oxygens'
-# Lennard-Jones, which hydrogens have none of, kcal/mol and Angstrom; Angstrom between O and H, and
-# between both H; how each part ends
+# TIP3P as in the scene's force field: masses of oxygen and hydrogen, g/mol, and charges, e;
+# Lennard-Jones of the oxygens (hydrogens have none), kcal/mol and Angstrom; distances O-H and H-H,
+# Angstrom; the modification of each part
 MASS, CHARGE = (15.9994, 1.008), (-0.834, 0.417)
 DEPTH, SIZE = 0.1521, 3.15061
 BOND, ACROSS = 0.9572, 2 * 0.9572 * math.sin(math.radians(104.52) / 2)
@@ -63,7 +63,7 @@ class Water:
 
     Attributes:
         box: (3,) Angstrom.
-        x: (atoms, 3) Angstrom, each molecule whole.
+        x: (atoms, 3) Angstrom, each molecule unwrapped.
     """
 
     box: np.ndarray
@@ -71,12 +71,12 @@ class Water:
 
     @property
     def molecules(self) -> int:
-        """Their number."""
+        """The number of molecules."""
         return len(self.x) // 3
 
 
 def of_scene(scene: Scene) -> Water:
-    """The water of the scene, whose data file has the atoms in order of ID."""
+    """Return the water of the scene, whose data file has the atoms in order of ID."""
     (file,) = (line.split()[1] for line in scene.setup if line.startswith("read_data"))
     lines = [line.split() for line in (scene.folder / file).read_text().splitlines()]
     ends = np.array([words[:2] for words in lines if words[-1:] in (["xhi"], ["yhi"], ["zhi"])])
@@ -89,12 +89,12 @@ def of_scene(scene: Scene) -> Water:
 
 @dataclass(frozen=True)
 class EngineRun:
-    """What an engine is to do.
+    """Settings of a run of an engine.
 
     Attributes:
-        thermostat: the engine's word.
+        thermostat: the engine's name of it.
         temperature: K.
-        friction: 1/ps; of a thermostat that scales velocities the inverse of its time.
+        friction: 1/ps; for a thermostat that scales velocities, its inverse time constant.
         dt: fs.
         runs: steps that are left out, and steps that are sampled.
         every: steps between samples.
@@ -111,12 +111,12 @@ class EngineRun:
 
     @property
     def steps(self) -> int:
-        """All of them."""
+        """The number of all steps."""
         return sum(self.runs)
 
 
 class Sample(NamedTuple):
-    """At a step the potential energy, kcal/mol, and the pressure, atm."""
+    """Potential energy, kcal/mol, and pressure, atm, at a step."""
 
     step: int
     potential: float
@@ -128,14 +128,14 @@ class Engine:
     """An engine.
 
     Attributes:
-        name: as it calls itself.
-        install: how to get it.
-        version: of the one that is here; None if there is none.
-        given: of a course of a water what the worker is given, plain data.
-        words: of what is given what the page says of it, lines.
-        samples: in the worker, of what is given and the folder of the run: does it.  Raises
-            `Failed` where the engine ends it.
-        same: whether its forces are the scene's, as LAMMPS has them.
+        name: official name.
+        install: how to install it.
+        version: returns the installed version; None if there is none.
+        given: returns the worker's input for a run of water, plain data.
+        words: returns lines about that input for the page.
+        samples: does the run in the worker, from the input and the folder.  Raises `Failed` if the
+            engine ends it.
+        same: whether its forces are those of the scene in LAMMPS.
     """
 
     name: str
@@ -147,7 +147,7 @@ class Engine:
     same: bool = False
 
     def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:
-        """A run; its files go to ``folder``."""
+        """Return a run; its files are written to ``folder``."""
         path = Path(str(sys.modules[self.samples.__module__].__file__))
         told = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}
         told |= {"volume": float(water.box.prod())}
@@ -165,17 +165,17 @@ class Engine:
 
 
 class Failed(Exception):
-    """The engine has ended a run; the same run would end again."""
+    """The engine has ended a run; a repetition would end in the same way."""
 
     def __init__(self, message: str) -> None:
         super().__init__(f"ERROR: {message}")
 
 
 def versions(engines: Iterable[Engine | None]) -> dict[str, str]:
-    """Versions of engines that are not LAMMPS, by name.
+    """Return the versions of engines other than LAMMPS, by name.
 
     Raises:
-        SystemExit: one is not here.
+        SystemExit: one is not installed.
     """
     found = {}
     for engine in dict.fromkeys(filter(None, engines)):

@@ -1,10 +1,10 @@
-"""One run of an engine that is not LAMMPS, a process of its own: ``python engine_worker.py JOB``.
+"""A run of an engine other than LAMMPS, as a separate process: ``python engine_worker.py JOB``.
 
-The job is that of ``running/run.py``, and what is left beside it is as of ``running/worker.py``:
+The job is that of ``running/run.py``, and the files beside it are those of ``running/worker.py``:
 
-    log.lammps      a thermodynamic table with LAMMPS's columns and units, and how long it took
-    done.json       the engine's version; written last, so its presence means success
-    error.txt       why it failed; it begins with ERROR where the engine says so
+log.lammps      a thermodynamic table with LAMMPS's columns and units, and the time it took
+done.json       the engine's version; written last, so its presence means success
+error.txt       why it failed; begins with ERROR if the engine reports it
 """
 
 import json
@@ -18,15 +18,15 @@ COLUMNS = "Step Time PotEng Press Volume"
 
 
 def work(job: dict, folder: Path) -> None:
-    """Do the job in the folder, and leave its files there."""
+    """Do the job in the folder, and write its files there."""
     harness = Path(__file__).resolve().parents[1]
-    sys.path[0] = str(harness.parent)  # in the place of this file's folder
+    sys.path[0] = str(harness.parent)  # instead of this file's folder
     given, log = job["given"], folder / "log.lammps"
     engine, begin = import_module(f"{harness.name}.sample.{given['module']}"), time.perf_counter()
     for number, (step, potential, pressure) in enumerate(engine.samples(given, folder)):
         values = step * given["dt"], potential, pressure, given["volume"]
         line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
-        # before the first sample an engine may have a log of its own there
+        # before the first sample there may be the engine's own log
         with open(log, "a" if number else "w") as file:
             file.write(line if number else f"{COLUMNS}\n{line}")
     seconds, size = time.perf_counter() - begin, f"{given['atoms']} atoms"

@@ -20,9 +20,9 @@ from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from .observables import BY_KEY, CONFIGURATIONS
 from .plan import Plan
 
-TOLD = 0.5  # of an error's part by noise: as much at most is by terms that the steps do not tell
-BESIDE = 1.0  # fs, of a run that the cost is told beside
-HALF = 0.5  # fs, to which usual steps are rounded
+TOLD = 0.5  # largest error by terms that the steps cannot determine, relative to that by noise
+BESIDE = 1.0  # fs, step of a run for comparison of the cost
+HALF = 0.5  # fs, to which default steps are rounded
 NOTES = {
     "at zero": "U₀ of U(h) = U₀ + a h² + b h⁴ + c h⁶, fitted to the means at all steps. Of what "
     f"the longest step is off, {limit.SHARE:g} is taken for the size of the term in h⁴, and "
@@ -39,8 +39,8 @@ NOTES = {
 
 
 def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | None) -> list[Point]:
-    """The points to run: one scheme, by default the first of this package's (the script's own if it
-    is one), at ``steps`` (fs) or the default ones.
+    """Return the points to run: one scheme, by default the first of this package's (the script's
+    own if it is one), at ``steps`` (fs) or the default ones.
 
     Raises:
         SystemExit: there is not exactly one scheme, or its averages are no series in the step.
@@ -68,24 +68,24 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 
 def default_steps(longest: float) -> tuple[float, ...]:
-    """Default steps, fs: rounded down, unless they are very short."""
+    """Return the default steps, fs: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
     return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
 def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
-    """Averages at step zero, by observable, except for a pressure that a barostat controls.
+    """Return averages at step zero, by observable, except for a pressure that a barostat controls.
 
     Args:
         rows: of `measure.summarize`, of one scheme.
         time: ps of each start.
 
     Returns:
-        plain data: the number and its interval at zero, if there is one, and ``why`` not;
+        plain data: the number and its interval at zero, if there is one, or ``why`` there is none;
         ``means``, pairs of steps and numbers; ``chi2``, ``left`` and ``probability`` of the fit,
-        and whether ``h4`` is needed; ``wide``, whether the steps leave much of it open; ``curve``,
-        factors of powers of the square of the step over that of the longest; ``fewer``, times that
-        a run at `BESIDE` takes more steps.
+        and whether ``h4`` is needed; ``wide``, whether the steps leave it largely undetermined;
+        ``curve``, factors of powers of the square of the step over that of the longest; ``fewer``,
+        ratio of the steps of a run at `BESIDE` to those of this.
     """
     good = {row["dt"]: row for row in rows if not row["error"]}
     found: dict[str, dict] = {}
@@ -107,7 +107,7 @@ def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
 
 
 def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
-    """What `extrapolate` returns of a fit, with ps of each step."""
+    """Return the part of `extrapolate` from a fit, with ps of each step."""
     line = limit.extrapolate({dt: fit.points[dt] for dt in times}, powers=1)
     assert line is not None
     parts = {key: weight * _normal(fit.points[key]) for key, weight in fit.weights.items()}
@@ -127,7 +127,7 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
 
 
 def _normal(one: Estimate) -> float:
-    """Standard error of a normal variable with the same margin."""
+    """Return the standard error of a normal variable with the same margin."""
     return one.margin / margin(1.0)
 
 
@@ -135,7 +135,7 @@ def _normal(one: Estimate) -> float:
 
 
 def said(summary: Mapping) -> Said:
-    """The report on averages at step zero."""
+    """Return the report on averages at step zero."""
     zero, rows = summary["zero"], summary["rows"]
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
@@ -159,7 +159,7 @@ def said(summary: Mapping) -> Said:
 
 
 def unit(key: str) -> str:
-    """Unit of a mean."""
+    """Return the unit of a mean."""
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
 

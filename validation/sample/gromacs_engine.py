@@ -1,8 +1,8 @@
 """GROMACS: leap-frog with SETTLE, thermostats sd and v-rescale.
 
-Its Lennard-Jones force switch is the scene's.  With the Verlet scheme it has no shifted Coulomb
-forces and no tables of one's own, so these forces are others than the scene's: they end with a
-reaction field of infinite permittivity, where the force is zero, and its slope is not.
+Its Lennard-Jones force switch is the scene's.  With the Verlet scheme it has neither shifted
+Coulomb forces nor user-defined tables, so its Coulomb forces differ from the scene's: they end with
+a reaction field of infinite permittivity, where the force is zero but not its slope.
 """
 
 import os
@@ -23,10 +23,10 @@ from .schemes import Scheme
 
 GMX = "gmx"
 ENERGIES = "energies.xvg"
-# signals by which a process ends itself, as where atoms are beyond all bounds
+# signals by which a process ends itself, for example if atoms are far outside the box
 OWN = signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS
-LIST_STEPS, TOLERANCE = 10, 1e-4  # steps between pair lists; kJ/mol/ps an atom, of lists too short
-LOGGED = 100  # times that the log tells the step, about
+LIST_STEPS, TOLERANCE = 10, 1e-4  # steps between pair lists; buffer tolerance, kJ/mol/ps per atom
+LOGGED = 100  # number of log entries, about
 SETTINGS = """\
 integrator              = {integrator}
 dt                      = {dt!r}
@@ -88,7 +88,7 @@ SOL {molecules}
 
 
 def version() -> str | None:
-    """Of the one on PATH; None if there is none."""
+    """Return the version on PATH; None if there is none."""
     if not shutil.which(GMX):
         return None
     said = subprocess.run([GMX, "--version"], capture_output=True, text=True).stdout
@@ -97,7 +97,7 @@ def version() -> str | None:
 
 
 def settings(course: EngineRun) -> str:
-    """The text of an mdp file."""
+    """Return the text of an mdp file."""
     sd = course.thermostat == "sd"
     return SETTINGS.format(
         integrator="sd" if sd else "md",
@@ -119,7 +119,7 @@ def settings(course: EngineRun) -> str:
 
 
 def topology(water: Water) -> str:
-    """The text of a top file."""
+    """Return the text of a top file."""
     return TOPOLOGY.format(
         oxygen=engine.MASS[0],
         hydrogen=engine.MASS[1],
@@ -134,7 +134,8 @@ def topology(water: Water) -> str:
 
 
 def start(water: Water) -> str:
-    """The text of a gro file; it takes the number of digits from the first line of atoms."""
+    """Return the text of a gro file; GROMACS reads the number of digits from the first line of
+    atoms."""
     lines = ["water", f"{len(water.x)}"]
     for i, place in enumerate(water.x * NM):
         number, name = i // 3 + 1, ("OW", "HW1", "HW2")[i % 3]
@@ -170,17 +171,17 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
 
 
 def read(text: str, dt: float) -> Iterator[Sample]:
-    """From the text of an xvg file without a head: ps, kJ/mol, bar."""
+    """Yield samples from the text of an xvg file without header: ps, kJ/mol, bar."""
     for time, potential, pressure in np.loadtxt(text.splitlines(), ndmin=2):
         yield Sample(round(time * 1e3 / dt), potential / KJ, pressure * BAR)
 
 
 def _gmx(folder: Path, *words: str, typed: str = "") -> None:
-    """Do a command of GROMACS, which ends with this process, too.
+    """Run a command of GROMACS, which also ends with this process.
 
     Raises:
         Failed: it ended without success.
-        ChildProcessError: somebody has ended it.
+        ChildProcessError: it was killed.
     """
     tied = sys.executable, "-IS", str(run.END_WITH_PARENT), str(os.getpid())
     how: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}

@@ -23,11 +23,11 @@ from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
 from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import Scheme
 
-# independent samples that each of two states needs, and how many samples are taken for an
-# independent one, because physical_validation fills bins
+# number of independent samples that each of two states needs, and of samples used per independent
+# one, because physical_validation bins them
 LEAST_SAMPLES, DENSER = 50, 4
-LAMMPS = "LAMMPS"  # whose limit is that of the scene's own forces
-# of a row: numbers of each observable
+LAMMPS = "LAMMPS"  # its limit is that of the scene's own forces
+# keys of a row with numbers of each observable
 NESTED = "means", "biases", "remembers", "noise", "faster", "seconds"
 KNOWN = Point("known", 0.0)  # the key of a limit from another command
 
@@ -38,8 +38,8 @@ class Numbers:
 
     Attributes:
         means: of observables.
-        remembers: of each, ps per independent sample; of a square only with all starts.
-        variances: of each, of a sample.
+        remembers: by observable, ps per independent sample; of a square only with all starts.
+        variances: by observable, of a sample.
         vectors: of squares, the autocovariances of the components, (components, lags).
         apart: ps between samples.
         state: samples to compare with those of another state, at constant pressure.
@@ -58,7 +58,7 @@ class Numbers:
     loop: float = 0.0
 
     def noise(self, key: str) -> Estimate:
-        """Variance of a mean times the length of the run, ps."""
+        """Return the variance of a mean times the length of the run, ps."""
         return self.remembers[key].times(self.variances[key])
 
 
@@ -138,7 +138,7 @@ def known_limits(folder: Path, scene: str) -> dict:
 
 
 def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
-    """Add the averages of a completed run, or why it failed."""
+    """Store the averages of a completed run, or why it failed."""
     result, samples = table(job)
     if result.error:
         found.errors.setdefault(point, result.error)
@@ -150,7 +150,7 @@ def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job)
 
 
 def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
-    """Add the cost of each point; whether Ctrl-C was pressed.
+    """Store the cost of each point; return whether Ctrl-C was pressed.
 
     Args:
         time: whether to time points without a stored cost.
@@ -170,7 +170,7 @@ def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
 
 
 def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
-    """The averages of a run."""
+    """Return the averages of a run."""
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
@@ -195,13 +195,13 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
 
 
 def thin(*series: np.ndarray, times: int = 1) -> np.ndarray:
-    """Samples, (series, samples), of which one in ``times`` is independent in all series."""
+    """Return samples, (series, samples), of which one in ``times`` is independent in all series."""
     apart = max(map(measures.statistical_inefficiency, series))
     return np.stack(series)[:, :: int(np.ceil(apart / times))]
 
 
 def pool(starts: Sequence[Numbers]) -> Numbers:
-    """Means over starts; correlation times of vectors from the components of all starts."""
+    """Return means over starts; correlation times of vectors from the components of all starts."""
 
     def over(name: str) -> dict[str, Estimate]:
         some = [getattr(numbers, name) for numbers in starts]
@@ -254,7 +254,7 @@ def summarize(
 
 
 def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
-    """The limits of observables that each engine's points tell, LAMMPS's first."""
+    """Return the limits of observables that each engine's points determine, LAMMPS's first."""
     names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
     return {
         name: {
@@ -271,9 +271,9 @@ def _engine(scheme: Scheme) -> str:
 
 
 def _fit(means, key, plan, engine, known) -> limit.Fit | None:
-    """The common limit of an observable, of an engine's schemes that share it."""
+    """Return the limit of an observable that an engine's schemes share."""
     some = {point: numbers.means[key] for point, numbers in means.items() if key in numbers.means}
-    if engine == LAMMPS and key in known:  # as if it were a point by itself
+    if engine == LAMMPS and key in known:  # as if it were a separate point
         return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
     steps = {point: (point.scheme, point.dt) for point in some}
     reaches = {
@@ -285,7 +285,8 @@ def _fit(means, key, plan, engine, known) -> limit.Fit | None:
 
 
 def limit_as_dict(fit: limit.Fit) -> dict:
-    """A limit as plain data: the estimate, how well the points agree with it, and their weights."""
+    """Return a limit as plain data: the estimate, the agreement of the points, and their
+    weights."""
     told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
     return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
@@ -339,7 +340,7 @@ def _row(
 
 
 def _biases(point, plan, means, fits) -> dict[str, Estimate]:
-    """The bias of each observable, in its units."""
+    """Return the bias of each observable, in its units."""
     scheme, found = plan.schemes[point.scheme], {}
     same = scheme.engine is None or scheme.engine.same
     limits = fits[LAMMPS if same else _engine(scheme)]
@@ -353,20 +354,20 @@ def _biases(point, plan, means, fits) -> dict[str, Estimate]:
 
 
 def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
-    """Unit of an observable's biases over that of its mean."""
+    """Return the unit of an observable's biases over that of its mean."""
     return 100 / limits[key].limit.value if BY_KEY[key].relative else 1.0
 
 
 def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float]) -> dict:
-    """The cost of a point's averages.
+    """Return the cost of a point's averages.
 
     Args:
         units: of biases of observables, over those of their means.
 
     Returns:
         plain data: ``cost``, CPU time per ps, s, over rounds that were timed in turn; ``sample``,
-        CPU time per independent sample of the slowest observable; ``noise``, of each observable
-        the variance of its mean times CPU time, in the unit of biases squared.
+        CPU time per independent sample of the slowest observable; ``noise``, by observable the
+        variance of its mean times CPU time, in the unit of biases squared.
     """
     cost, spent = float(np.median(costs)), {}
     for key in (key for key in CONFIGURATIONS if key in units):
@@ -376,14 +377,14 @@ def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float])
 
 
 def slowest(numbers: Numbers) -> str:
-    """The observable of configurations with the longest correlation time."""
+    """Return the observable of configurations with the longest correlation time."""
     some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
     return max(some, key=lambda key: some[key].value)
 
 
 def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:
-    """Deviation of a point at another state and of the first state from the exact ratio of their
-    distributions, in standard deviations; None if it cannot be estimated."""
+    """Return the deviation of a point at another state and of the first state from the exact ratio
+    of their distributions, in standard deviations; None if it cannot be estimated."""
     first = means.get(Point(plan.schemes[point.scheme].first, point.dt))
     states = [one.state for one in (first, means[point]) if one and one.state]
     if len(states) < 2 or min(state.values.shape[1] for state in states) < LEAST_SAMPLES * DENSER:

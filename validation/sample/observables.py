@@ -1,6 +1,6 @@
 """The observables of `sample`: entries of `OBSERVABLES`.
 
-An observable is left out in scenes without the columns that it needs.
+An observable is omitted in scenes without the columns that it needs.
 """
 
 from collections.abc import Callable, Mapping
@@ -14,8 +14,8 @@ from ..statistics.estimate import Estimate
 from .plan import DIPOLE, KINETIC, MOTIONS, MOVES, SHADOW, TORQUE, Plan
 from .schemes import Scheme
 
-ATM = 68568.415  # atm Angstrom^3 in a kcal/mol, LAMMPS's
-FINE = 1e5  # compressibilities are in 1e-5/atm
+ATM = 68568.415  # atm Angstrom^3 per kcal/mol, as in LAMMPS
+FINE = 1e5  # unit of compressibilities: 1e-5/atm
 MOLECULE = "kcal/mol a molecule"
 # columns of a run's output after equilibration, each (samples,)
 Table = Mapping[str, np.ndarray]
@@ -53,7 +53,8 @@ class Observable:
     extensive: bool = True
 
     def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-        """The samples, (samples,); a refined series is a few samples shorter than the table."""
+        """Return the samples, (samples,); a refined series is a few samples shorter than the
+        table."""
         if not scheme.refined or self.refined is None:
             return self.series(table, plan, scheme)
         a = self.refined(table, plan, scheme)
@@ -66,7 +67,7 @@ class Observable:
 
 
 def _freedom(table: Table) -> int:
-    """Degrees of freedom of bodies and of atoms in no body."""
+    """Return the degrees of freedom of bodies and of atoms in no body."""
     found = [
         2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
     ]
@@ -74,7 +75,7 @@ def _freedom(table: Table) -> int:
 
 
 def _column(name: str, scale: Callable[[Plan], float] | None = None) -> Series:
-    """A column, divided by a number if there is one."""
+    """Return the series of a column, divided by a number if there is one."""
 
     def series(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
         column = table.get(name)
@@ -88,8 +89,8 @@ def _bodies(plan: Plan) -> float:
 
 
 def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Series with the mean var(U) / (kT)^2 per body: the configurational heat capacity at constant
-    volume."""
+    """Return a series with the mean var(U) / (kT)^2 per body: the configurational heat capacity at
+    constant volume."""
     if scheme.pressure is not None:
         return None
     return (
@@ -98,7 +99,7 @@ def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _compressibility(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Series with the mean var(V) / (kT <V>)."""
+    """Return a series with the mean var(V) / (kT <V>)."""
     if scheme.pressure is None:
         return None
     volume = table["Volume"]
@@ -111,20 +112,21 @@ def _density(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray:
-    """The pressure, corrected for a total momentum that is kept at zero."""
+    """Return the pressure, corrected for a total momentum that is kept at zero."""
     if scheme.pressure is not None:
         return table["Press"]
     return table["Press"] + of_momentum(scheme.held, scheme.temperature, table["Volume"])
 
 
 def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> float | np.ndarray:
-    """The pressure, atm, of ``held`` degrees of freedom of the total momentum, which schemes lack
-    that keep it at zero; ``volume`` in Angstrom^3."""
+    """Return the pressure, atm, of ``held`` degrees of freedom of the total momentum, which is
+    missing in schemes that keep it at zero; ``volume`` in Angstrom^3."""
     return held * BOLTZMANN * temperature / (3 * volume) * ATM
 
 
 def _refined_pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """The pressure with the mean kinetic energy of the centres instead of its fluctuations."""
+    """Return the pressure with the mean kinetic energy of the centres instead of its
+    fluctuations."""
     moves = table[MOTIONS[0][0]]
     kinetic = 2 * (moves - moves.mean()) / (3 * table["Volume"]) * ATM
     return _pressure(table, plan, scheme) - kinetic
@@ -194,14 +196,14 @@ CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable
 
 
 def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Estimate | None:
-    """The bias of U/N divided by the configurational heat capacity: the change of temperature
-    that would shift U/N as much, K.
+    """Return the bias of U/N divided by the configurational heat capacity: the change of
+    temperature, K, that would shift U/N by the same amount.
 
     Args:
         biases, limits: by the observable's key, as plain data.
 
     Returns:
-        None without both: at constant pressure, and where there is no limit.
+        None without both: at constant pressure, and if there is no limit.
     """
     if "potential" not in biases or "capacity" not in limits:
         return None

@@ -12,12 +12,12 @@ from . import engine
 from .engine import BAR, KJ, NM, Engine, EngineRun, Failed, Sample, Shift, Water
 from .schemes import Scheme
 
-TOLERANCE = 1e-6  # relative, of constraints; SETTLE, which water has, needs none
+TOLERANCE = 1e-6  # relative, of constraints; not used by SETTLE, which holds water
 PARAMETERS = "charge", "site"
 
 
 def version() -> str | None:
-    """Of the package that this Python has; None if it has none."""
+    """Return the version of the package in this Python; None if there is none."""
     try:
         return metadata.version("openmm")
     except metadata.PackageNotFoundError:
@@ -25,7 +25,7 @@ def version() -> str | None:
 
 
 def energy() -> str:
-    """The energy of a pair, in OpenMM's words; nm and kJ/mol."""
+    """Return the energy of a pair as an OpenMM expression; nm and kJ/mol."""
     size, depth = engine.SIZE * NM, engine.DEPTH * KJ
     coulomb = f"{COULOMB * KJ * NM!r}*charge1*charge2*({_ended(engine.COULOMB)})"
     repulsion, dispersion = _ended(engine.REPULSION), _ended(engine.DISPERSION)
@@ -34,7 +34,7 @@ def energy() -> str:
 
 
 def _ended(shift: Shift) -> str:
-    """1 / r^power, as it ends smoothly."""
+    """Return the modified 1 / r^power as an expression."""
     inner, outer = shift.inner * NM, shift.outer * NM
     a, b, c = Shift(shift.power, inner, outer).coefficients
     past = f"max(0, r-{inner!r})" if inner else "r"
@@ -69,7 +69,7 @@ def words(given: dict) -> list[str]:
 
 def samples(given: dict, folder: Path) -> Iterator[Sample]:
     """See `Engine`."""
-    import openmm  # an engine that need not be here
+    import openmm  # optional
 
     try:
         context, barostat = begun(given)
@@ -84,9 +84,9 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
 
 
 def begun(given: dict) -> tuple[Any, Any]:
-    """OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the start, with
-    velocities of the temperature; and a barostat that only tells the pressure: it never changes the
-    box."""
+    """Return OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the
+    start, with velocities of the temperature; and a barostat that only measures the pressure and
+    never changes the box."""
     import openmm
 
     system, force = openmm.System(), openmm.CustomNonbondedForce(given["energy"])

@@ -15,15 +15,15 @@ from ..scenes import FS_PER_PS, Scene, steps
 from .engine import EngineRun, of_scene
 from .schemes import FIRST_SEED, RAW, Scheme
 
-SAMPLED = 24.0  # fs between samples, or as near to it as a step allows
+SAMPLED = 24.0  # fs between samples, or the nearest multiple of the step
 SETTLES, SETTLE = 0.1, 10.0  # equilibration: part of a point's time, and ps at most
 BEGIN = 20.0  # ps at most of a run that creates a start
-LEAST = 20.0  # ps of a point: in shorter ones blocks are as short as the correlation time
-TOO_LONG = 5  # longest default steps: beyond, atoms are lost at once
+LEAST = 20.0  # ps of a point: in shorter runs, blocks are as short as the correlation time
+TOO_LONG = 5  # in units of the longest default step: beyond, atoms are lost at once
 BEGIN_STEP = 2.0  # fs at most, in a run that creates a start
-SPARSE = 2  # samples of other engines are so many times rarer: OpenMM's pressure takes two steps
+SPARSE = 2  # ratio of other engines' sampling intervals: OpenMM's pressure costs two steps
 ROUNDS, SECONDS = 3, 0.5  # of timed runs; s of each of their segments
-TIMED = "timed"  # folder of these runs, and what is kept of them
+TIMED = "timed"  # folder of these runs, and name of their records
 TIMES = {False: 300.0, True: 20.0}  # ps of a point, by whether it is --short
 SHORT = {  # points of --short, where the scene has the scheme
     "langevin-20": (2.0, 4.0, 8.0),
@@ -74,25 +74,26 @@ class Lengths:
 
     @property
     def folder(self) -> str:
-        """Folder of the runs; those of other lengths stay beside it."""
+        """Folder of the runs; runs of other lengths have other folders."""
         return f"{self.time:.12g}-ps"
 
     @property
     def settle(self) -> float:
-        """ps of equilibration."""
+        """Length of the equilibration, ps."""
         return min(SETTLE, SETTLES * self.time)
 
     @property
     def begin(self) -> float:
-        """ps of a run that creates a start."""
+        """Length of a run that creates a start, ps."""
         return min(BEGIN, self.time)
 
     def runs(self, dt: float, stride: int = 1) -> list[int]:
-        """Steps of equilibration, and steps that are sampled: multiples of ``stride``."""
+        """Return the steps of equilibration, and of sampling: multiples of ``stride``."""
         return [at_least_one(ps, stride * dt) * stride for ps in (self.settle, self.time)]
 
     def every(self, dt: float, scheme: Scheme) -> int:
-        """Steps between samples: at least eight samples a run; one step for refined averages."""
+        """Return the steps between samples: at least eight samples a run; one step for refined
+        averages."""
         if scheme.refined:
             return 1
         stride = scheme.stride
@@ -101,7 +102,7 @@ class Lengths:
 
 
 def at_least_one(time: float, dt: float) -> int:
-    """The number of steps of dt (fs) in a time (ps), at least one."""
+    """Return the number of steps of dt (fs) in a time (ps), at least one."""
     return max(1, steps(time, dt))
 
 
@@ -142,7 +143,7 @@ class Plan:
             )
 
     def label(self, point: Point) -> str:
-        """A point, for tables and the terminal."""
+        """Return the label of a point, for tables and the terminal."""
         return f"{self.schemes[point.scheme].label}, {point.dt:g} fs"
 
     def points(
@@ -151,8 +152,8 @@ class Plan:
         dt: Collection[float] | None = None,
         short: bool = False,
     ) -> list[Point]:
-        """The points to measure, in the order in which they run; a point at another state comes
-        after that at the first one.
+        """Return the points to measure, in the order in which they run; a point at another state
+        comes after that at the first one.
 
         Args:
             only: names of schemes; None is all of LAMMPS, or with ``short`` those of `SHORT`.
@@ -176,12 +177,12 @@ class Plan:
         return list(dict.fromkeys(found))
 
     def ordered(self, points: Collection[Point]) -> list[Point]:
-        """Points, once each, by scheme and step."""
+        """Return the points, once each, by scheme and step."""
         places = {name: place for place, name in enumerate(self.schemes)}
         return sorted(set(points), key=lambda point: (places[point.scheme], point.dt))
 
     def prints(self, scheme: Scheme) -> list[str]:
-        """LAMMPS commands of a run, for the columns that are looked at."""
+        """Return the LAMMPS commands of a run for the columns that are measured."""
         lines, columns = [], ["vol", "density", *self.scene.columns]
         if self.turning:
             forces = FORCES[RAW in scheme.lines]
@@ -197,7 +198,7 @@ class Plan:
 
 
 def _filled(line: str, group: str, forces: Collection[str]) -> str:
-    """A command with its words in braces; LAMMPS's own braces stay."""
+    """Return a command with its words in braces replaced; LAMMPS's own braces stay."""
     for name, word in {"group": group, **dict(zip("123", forces))}.items():
         line = line.replace(f"{{{name}}}", word)
     return line
@@ -225,16 +226,16 @@ class Runs:
 
     @property
     def starts(self) -> range:
-        """Numbers of the starts."""
+        """The numbers of the starts."""
         return range(1, self.lengths.starts + 1)
 
     def starts_of(self, point: Point, points: Collection[Point]) -> range:
-        """Numbers of the starts from which one of these points runs."""
+        """Return the numbers of the starts from which one of these points runs."""
         longer = point.dt > min(one.dt for one in points)
         return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
 
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
-        """The runs that create starts, then all points from each start in turn."""
+        """Return the runs that create starts, then all points from each start in turn."""
         made = [
             Trajectory(start_name(n), f"start {n}", partial(self.start, n)) for n in self.starts
         ]
@@ -250,7 +251,7 @@ class Runs:
         return perform(self.trajectories(points), self.store, meter, ladders=False)
 
     def steps(self, points: Collection[Point]) -> int:
-        """All steps of all runs together."""
+        """Return the number of steps of all runs together."""
         total = len(self.starts) * self._begin
         for point in points:
             stride = self.plan.schemes[point.scheme].stride
@@ -259,7 +260,7 @@ class Runs:
         return total
 
     def left(self) -> list[Point]:
-        """Points with runs in the folder."""
+        """Return the points with runs in the folder."""
         names = {run.folder_name(name): name for name in self.plan.schemes}
         found = []
         for path in self.folder.glob("start-*/*-fs/job.json"):
@@ -269,7 +270,7 @@ class Runs:
         return found
 
     def start(self, number: int) -> run.Job:
-        """The run that creates a start."""
+        """Return the run that creates a start."""
         seeded, runs = self.plan.starter.seeded(number), [self._begin]
         more = to_dump(self._dump(number), self._begin)
         how: dict = {"dt": self._step, "every": max(1, self._begin // 100), "keeps": "nothing"}
@@ -279,7 +280,7 @@ class Runs:
         return run.job(self._of(seeded, self.plan.scene), seeded, directory, runs, **how)
 
     def job(self, point: Point, start: int) -> run.Job:
-        """The run of a point from a start."""
+        """Return the run of a point from a start."""
         scheme, folder = self.plan.schemes[point.scheme], self.folder / _name(start, point)
         runs = self.lengths.runs(point.dt, scheme.stride)
         every = self.lengths.every(point.dt, scheme)
@@ -290,7 +291,7 @@ class Runs:
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
-        """Input of a point, for the page."""
+        """Return the input of a point, for the page."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
             return scheme.engine.words(self.job(point, 1).given)
@@ -299,11 +300,11 @@ class Runs:
     def costs(
         self, loops: Mapping[Point, tuple[int, float]], meter: run.Meter, time: bool
     ) -> dict[Point, list[float]]:
-        """CPU time per ps, s, in each round: points are timed in turn, without samples, except for
-        those of refined averages.  A point that fails has none.
+        """Return the CPU time per ps, s, in each round.  Points are timed in turn, without samples
+        except for those of refined averages.  A point that fails has none.
 
         Args:
-            loops: of each point the start from which it is timed, and roughly the s per step.
+            loops: for each point the start from which it is timed, and roughly the s per step.
             time: whether to time points without a stored cost.
 
         Raises:
@@ -342,7 +343,8 @@ class Runs:
     def _job(
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
     ) -> run.Job:
-        """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
+        """Return a run of LAMMPS; it begins with zero momentum, because some schemes conserve
+        it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
         barostat = self.plan.starter.pressure is not None
         begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
@@ -354,12 +356,13 @@ class Runs:
 
     @property
     def _step(self) -> float:
-        """fs, of starts: not above the scene's own step, which a user's script may need."""
+        """The time step of starts, fs: not above the scene's own, which a user's script may
+        need."""
         return min(BEGIN_STEP, self.plan.scene.dt)
 
     @property
     def _begin(self) -> int:
-        """Steps of a start."""
+        """The number of steps of a start."""
         return at_least_one(self.lengths.begin, self._step)
 
     def _dump(self, start: int) -> Path:
@@ -371,17 +374,18 @@ class Runs:
 
 
 def start_name(number: int) -> str:
-    """The folder of a start."""
+    """Return the folder of a start."""
     return f"start-{number}/start"
 
 
 def _name(start: int, point: Point) -> str:
-    """The folder of a point's run from a start."""
+    """Return the folder of a point's run from a start."""
     return f"start-{start}/{run.folder_name(point.scheme)}-{point.dt:g}-fs"
 
 
 def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
-    """The result of a run, and its samples after equilibration by column; none after an error."""
+    """Return the result of a run, and its samples after equilibration by column; none after an
+    error."""
     result = run.collect(job.directory)
     kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
     found = {name: values[kept] for name, values in result.thermo.items()}
@@ -391,7 +395,7 @@ def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
 
 
 def cost(loop: float, cpu: float | None, dt: float) -> float:
-    """CPU time per ps, s.
+    """Return the CPU time per ps, s.
 
     Args:
         loop: wall time per step, us.  cpu: CPU use, percent.  dt: fs.

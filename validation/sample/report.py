@@ -1,4 +1,4 @@
-"""What `sample` says of its summary."""
+"""The report of `sample`."""
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
@@ -52,7 +52,7 @@ GOALS = (
     Column("seconds", "its time", "s", "interval"),
 )
 TO_ERROR = "How many times less time than the best rival"
-# of the kinetic energy; wall time of another engine
+# these are of the kinetic energy, and of the wall time of another engine
 FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
 ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")
 NOTES = {
@@ -100,7 +100,7 @@ NOTES = {
 
 
 def said(summary: dict) -> Said:
-    """Averages of one scene, and what they cost."""
+    """Return the report on the averages of one scene, and on their cost."""
     rows = [_flat(row) | _as_temperature(row, summary["limits"]) for row in summary["rows"]]
     settings = summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
@@ -132,7 +132,7 @@ def _caption(figure: Callable) -> str:
 
 
 def _flat(row: dict) -> dict:
-    """A row whose numbers of each observable stand beside the others."""
+    """Return a row with the numbers of each observable at its top level."""
     more = {f"{name} {key}": one for name in NESTED for key, one in row.get(name, {}).items()}
     return row | more | {"status": row["error"] or "ok"}
 
@@ -143,7 +143,8 @@ def _as_temperature(row: dict, limits: Mapping) -> dict:
 
 
 def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
-    """Those of the page, and the file's, each with the columns that any row has a number in."""
+    """Yield the tables of the page and of the file, with the columns that have a number in any
+    row."""
     costs = Column("cost", "cost", "s/ps"), *REMEMBERS, SAMPLE, CLOCK
     parts = {
         "Bias, from the limit of small steps": (*BIASES, FAR),
@@ -171,7 +172,7 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
 
 
 def _verdicts(summary: Mapping) -> str:
-    """How many numbers are within their bounds."""
+    """Say how many numbers are within their bounds."""
     if summary["settings"]["time"] < LEAST:
         return (
             f"Nothing is compared with bounds, because the errors of runs shorter than {LEAST:g} "
@@ -186,7 +187,7 @@ def _verdicts(summary: Mapping) -> str:
 
 
 def _limits(summary: Mapping) -> list[str]:
-    """The limits of small steps, and whether the points agree with a common one."""
+    """Describe the limits of small steps, and whether the points agree with a common one."""
     some = {"": summary["limits"]} | {f"{name}, ": own for name, own in summary["others"].items()}
     told = [
         _limit(f"{name}{BY_KEY[key].title}", limit)
@@ -200,7 +201,7 @@ def _limits(summary: Mapping) -> list[str]:
 
 
 def _limit(name: str, limit: Mapping) -> str:
-    """A limit, of `measure.told_limit`, in a sentence."""
+    """Describe a limit, of `measure.limit_as_dict`, in a sentence."""
     text = f"{name}: the limit of small steps is {Estimate.of(limit).text()}"
     schemes = len({scheme for scheme, *_ in limit["points"]})
     text += f", of {len(limit['points'])} points of {schemes} schemes"
@@ -212,7 +213,7 @@ def _limit(name: str, limit: Mapping) -> str:
 
 
 def _lost(summary: Mapping) -> list[str]:
-    """Why starts are left out of the averages; a former summary does not tell."""
+    """Explain which starts are left out of the averages; older summaries do not store this."""
     failed = summary.get("lost", {}).items()
     return [
         f"Start {number} failed and is left out of all averages: {why}." for number, why in failed

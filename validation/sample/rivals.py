@@ -20,13 +20,13 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
     """Add to each row the times that its averages take.
 
     Args:
-        rows: of `measure.told`, plain data.
+        rows: of `measure.summarize`, plain data.
         bounds: of the biases of observables, in their units.
 
     Returns:
         by observable ``error``, E in the unit of biases, and the best rival's ``label``, ``dt``,
-        ``seconds``.  Rows get ``seconds``, s of one core to E, and ``faster``, how many times less
-        that is than the best rival's; 0 where a point fails.
+        ``seconds``.  Rows get ``seconds``, s of one core to E, and ``faster``, the best rival's
+        time over this; 0 where a point fails.
     """
     goals = {}
     for row in rows:
@@ -40,17 +40,17 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
 
 
 def best(rows: Sequence[Mapping]) -> Mapping | None:
-    """Our point with the largest smallest gain, then the largest second smallest, and so on; None
-    without one.
+    """Return our point with the largest smallest gain, then the largest second smallest, and so on;
+    None if there is none.
 
-    Because the gains select it, they are slightly too large, by less than their intervals.
+    The gains select it, so they are slightly too large, by less than their intervals.
     """
     ours = [row for row in rows if row["ours"] and row["faster"]]
     return max(ours, key=gains, default=None)
 
 
 def gains(row: Mapping) -> list[float]:
-    """The gains of a point, from the smallest."""
+    """Return the gains of a point, from the smallest."""
     return sorted(map(_value, row["faster"].values()))  # infinite: the rival never does
 
 
@@ -59,7 +59,7 @@ def _value(interval: Mapping) -> float:
 
 
 def estimate(gain: Mapping, bound: float) -> Estimate:
-    """A gain with its margin towards a bound; None if the interval has no end there."""
+    """Return a gain with its margin towards a bound; None if the interval is open there."""
     value, low, high = (gain[name] for name in ("value", "low", "high"))
     if value is None or (value < bound and high is None):
         return Estimate(None)
@@ -86,7 +86,7 @@ def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: floa
 
 
 def _reach(bias: Mapping) -> float:
-    """The largest |bias| that is not excluded."""
+    """Return the largest |bias| that is not excluded."""
     return abs(bias["value"]) + Estimate.of(bias).margin
 
 

@@ -32,16 +32,16 @@ from .schemes import (
 
 TITLE = "512 TIP3P molecules at 298 K and 0.997 g/cm³, smooth cutoff at 8.5 Å"
 HEAVY = 3.0, 4.0  # amu, of water's hydrogens
-# degrees of freedom of the rotation of the peptide's bodies: two of those of two atoms, three of
+# degrees of freedom of the rotation of the peptide's bodies: two for bodies of two atoms, three for
 # others
 PEPTIDE_TURNS = 4439
-OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # of a script's step
-# of the frequency of the stiffest motion that forces tell times the longest step: that of water, by
-# its libration, is 8 fs, some two thirds of the step at which it fails
+OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # in units of a script's step
+# longest step times the frequency of the stiffest motion, from the forces: for water, with its
+# libration, this is 8 fs, about two thirds of the step at which it fails
 REACH = 0.95
-# what stands before a seed in a script's lines: the keyword, or a temperature with its damping
+# the words before a seed in a script's lines: the keyword, or a temperature with its damping
 SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
-# what users have today, for molecules that shake can hold, for others, and at constant pressure
+# what users have today: for molecules that shake can constrain, for others, at constant pressure
 RIGID = Point("rigid+langevin", 2.0), Point("rigid/nvt/small", 2.0)
 CONSTRAINED = Point("shake+langevin", 2.0), RIGID[1]
 BAROSTATS = Point("shake+npt", 2.0), Point("rigid/npt/small", 2.0)
@@ -57,7 +57,7 @@ def _water(_: Path) -> Plan:
 
 
 def _pressure(folder: Path) -> Plan:
-    """The same water at constant pressure, from the starts of constant volume."""
+    """Return the same water at constant pressure, from the starts of constant volume."""
     water = _water(folder)
     scene = replace(water.scene, name="pressure")
     schemes = at_pressure(water.temperature)
@@ -71,7 +71,7 @@ def _peptide(_: Path) -> Plan:
         rest="rest",
         everywhere="all",
         shake=True,
-        alike=False,  # of four atoms it holds three bonds: the averages have their angles' energy
+        alike=False,  # of four atoms it holds three bonds: averages include the angles' energy
         longest=6.0,
     )
     schemes, scene = constant_volume(bodies), peptide.scene()
@@ -81,7 +81,7 @@ def _peptide(_: Path) -> Plan:
 
 def _liquid(liquid: Liquid, folder: Path) -> Plan:
     schemes = constant_volume(Bodies(liquid.temperature))
-    # it melts the crystal, and cools it
+    # melts the crystal, and cools the melt
     ramp = f" temp {liquid.melt:g} {liquid.temperature:g} {STRONG:g}"
     words = f"{ramp} thermostat langevin seed {SEED}"
     starter = ours("melt", "melt", words, "NVT")
@@ -90,7 +90,7 @@ def _liquid(liquid: Liquid, folder: Path) -> Plan:
     return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning)
 
 
-SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into a folder
+SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes its files into a folder
     "water": _water,
     "pressure": _pressure,
     "peptide": _peptide,
@@ -100,10 +100,11 @@ SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes what it needs into 
 
 
 def of_script(script: UserScript) -> Plan:
-    """A user's script, at its constant temperature, and its pressure where it keeps one.
+    """Return the plan of a user's script, at its constant temperature, and at its pressure if it
+    has one.
 
     Raises:
-        SystemExit: it is no script that averages of can be held against a limit.
+        SystemExit: the script has no averages that can be compared with a limit.
     """
     found, scene = script.rigid.state, script.scene
     pressures = {float(start) for _, start, *_ in found.press}
@@ -135,15 +136,16 @@ def of_script(script: UserScript) -> Plan:
 
 
 def _lines(integrator: Integrator) -> tuple[str, ...]:
-    """An integrator's lines, with a place for the seed, and forces without a thermostat's noise."""
+    """Return an integrator's lines, with a place for the seed, and forces without a thermostat's
+    noise."""
     lines = tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines)
     return (RAW, *lines) if any(split_words(line)[3:4] == ["langevin"] for line in lines) else lines
 
 
 def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
-    """Degrees of freedom of all rotation; 0 where `plan.BODIES` cannot tell the bodies' torques: in
-    two dimensions, of bodies that no molecule's number tells, where there are atoms in none or
-    something else acts on them, and in a script that has such names itself."""
+    """Return the degrees of freedom of all rotation; 0 if `plan.BODIES` cannot compute the torques:
+    in two dimensions, for bodies without molecule numbers, if atoms in no body exist or something
+    else acts on them, and in a script that uses such names itself."""
     made = {split_words(line)[1] for line in BODIES}
     if (
         script.rigid.bodies != "molecule"
@@ -157,8 +159,8 @@ def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
 
 
 def _held(script: UserScript, integrator: Integrator) -> int:
-    """Degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it has
-    random forces, or something else acts on the atoms."""
+    """Return the degrees of freedom of the total momentum that an integrator keeps at zero: all,
+    unless it has random forces, or something else acts on the atoms."""
     words = " ".join(integrator.lines)
     random = "langevin" in words or (integrator.kind == "ours" and " thermostat " not in words)
     alone = (

@@ -1,6 +1,6 @@
 """The schemes of `sample`: each is an entry of a list in one of the functions below.
 
-`Scheme` says what an entry may have.  `constant_volume` makes those of a scene from what its
+`Scheme` lists the fields of an entry.  `constant_volume` creates those of a scene from what its
 `Bodies` allow, `at_pressure` those with barostats.  Those of other engines are in the engines'
 files.
 """
@@ -14,21 +14,21 @@ from ..scenes.integrators import Integrator, constrained, nosquish, rigid
 from .engine import Engine
 
 FIRST_SEED = 7100
-SEED = "SEED"  # in a scheme's lines
+SEED = "SEED"  # placeholder in a scheme's lines
 DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and 20/ps
 PRESSURE_DAMPING = 500.0  # fs
 HYBRID = 10  # steps of a trajectory of hybrid Monte Carlo
 PRESSURE = 1.0  # atm
-# states at constant pressure: ends of a scheme's name and label, K above the first state's
-# temperature, and atm.  From the first to the others it is as far as physical_validation advises:
-# the tips of the distributions are some two standard deviations apart, which are 35 kcal/mol of an
-# enthalpy, 1.1 % of a volume
+# states at constant pressure: ends of a scheme's name and label, temperature above the first
+# state's, K, and pressure, atm.  The distance from the first to the others is what
+# physical_validation advises: the maxima of the distributions are about two standard deviations
+# apart, which are 35 kcal/mol of an enthalpy, 1.1 % of a volume
 STATES = (
     ("", "", 0.0, PRESSURE),
     ("-308K", ", 308 K", 10.0, PRESSURE),
     ("-400atm", ", 400 atm", 0.0, 400.0),
 )
-# the bodies' torques are of forces without those of a thermostat, which fix store/force has before
+# the bodies' torques must not include a thermostat's forces, so fix store/force comes before it
 RAW = "fix raw {group} store/force"
 
 
@@ -41,11 +41,11 @@ class Moments(NamedTuple):
 
 
 class Thermostat(NamedTuple):
-    """One of ours.
+    """A thermostat of this package.
 
     Attributes:
         damping: fs.
-        words: behind ``thermostat`` of the fix line.
+        words: after ``thermostat`` on the fix line.
         reach: see `Scheme`, with the molecules' own moments.
         held, refined: see `Scheme`.
     """
@@ -60,8 +60,8 @@ class Thermostat(NamedTuple):
 
 
 OWN, OF_STEP = Moments(), Moments("-step", ", moments of the step", " moments step")
-EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; times others' own
-# schemes of ours that run if none is named
+EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; factors
+# our schemes that run by default
 USUAL = (
     *("langevin-5", "langevin-20", "csvr", "nh"),
     *("langevin-5-equal-6", "langevin-20-equal-6", "langevin-2-equal-9", "langevin-20-step"),
@@ -70,8 +70,8 @@ USUAL = (
 
 
 def _thermostats() -> Iterator[Thermostat]:
-    """Langevin's by their friction in 1/ps, and those of the whole's kinetic energy by the inverse
-    of their damping time."""
+    """Yield Langevin thermostats by their friction in 1/ps, and those of the total kinetic energy
+    by their inverse damping time."""
     for rate in (0.5, 1.0, 2.0, 5.0, 20.0):
         words, reach = f"langevin seed {SEED}", 8.0 if rate == 20.0 else 6.0
         name = f"langevin-{rate:g}"
@@ -79,7 +79,7 @@ def _thermostats() -> Iterator[Thermostat]:
     noise = f"csvr seed {SEED}"
     yield Thermostat("csvr", "csvr", DAMPING, noise)
     yield Thermostat("nh", "nh", DAMPING, "nh")
-    # a refined average has no error of the second order, so what small steps lead to is its own
+    # a refined average has no error of second order, so its limit of small steps is another
     more: dict = {"reach": None, "refined": True}
     yield Thermostat("csvr-refined", "csvr 50/ps, refined", 20.0, noise, **more)
     yield Thermostat("nh-refined", "nh 10/ps, refined", 100.0, "nh", **more)
@@ -92,24 +92,24 @@ THERMOSTATS = [*_thermostats()]
 class Scheme(Integrator):
     """An integrator with its thermostat, with or without a barostat, at one state.
 
-    Its lines have `SEED` where a start's own number goes.
+    Its lines have `SEED` in place of a start's seed.
 
     Attributes:
-        steps: fs, of the points that are run if no other steps are asked for.
-        usual: whether it is run if no scheme is named.
-        reach: fs, of the longest step whose error the terms of the limit's fit can have; infinite
-            for a scheme that has no error of the step, None if its limit is another than that of
-            the scene's other schemes.
-        held: degrees of freedom of the total momentum, where the scheme keeps it at zero.
+        steps: fs, of the points that run by default.
+        usual: whether it runs if no scheme is named.
+        reach: fs, the longest step whose error the terms of the limit's fit can describe; infinite
+            for a scheme without error of the step, None if its limit differs from that of the
+            scene's other schemes.
+        held: degrees of freedom of the total momentum, if the scheme keeps it at zero.
         temperature: K.
         pressure: atm; None at constant volume.
         first: name of the same scheme at the first state, if this is at another one.
         refined: whether averages are refined ones, see `statistics.refined`.
-        whole: whether it moves all atoms, those in no body, too.
-        stride: steps between two that have configurations of the right distribution.
+        whole: whether it moves all atoms, including those in no body.
+        stride: steps between two configurations of the correct distribution.
         engine: that runs it; None for LAMMPS.
-        friction: 1/ps, of another engine's thermostat, which is its line; of one that scales
-            velocities the inverse of its time.
+        friction: 1/ps, of another engine's thermostat, which is its line; for one that scales
+            velocities, its inverse time constant.
     """
 
     steps: tuple[float, ...] = ()
@@ -127,11 +127,11 @@ class Scheme(Integrator):
 
     @classmethod
     def of(cls, integrator: Integrator, before: tuple[str, ...] = (), **more: Any) -> "Scheme":
-        """An integrator as a scheme.
+        """Return an integrator as a scheme.
 
         Args:
             before: lines before its own.
-            more: attributes, those of the integrator, too.
+            more: attributes, also those of the integrator.
         """
         return cls(**vars(integrator) | {"lines": (*before, *integrator.lines)} | more)
 
@@ -141,18 +141,18 @@ class Scheme(Integrator):
         return self.kind == "ours"
 
     def seeded(self, start: int) -> "Scheme":
-        """With the random numbers of a start, from 1."""
+        """Return the scheme with the random numbers of a start, from 1."""
         seed = str(FIRST_SEED + start)
         return replace(self, lines=tuple(line.replace(SEED, seed) for line in self.lines))
 
 
 def by_name(schemes: Iterable[Scheme]) -> dict[str, Scheme]:
-    """As scenes have them."""
+    """Return the schemes by name, as scenes have them."""
     return {scheme.name: scheme for scheme in schemes}
 
 
 def state(temperature: float, damping: float, pressure: float | None = None) -> str:
-    """A state in the words of a fix: this package's and LAMMPS's are the same."""
+    """Return a state as words of a fix, which are the same for this package and LAMMPS."""
     words = f" temp {temperature:g} {temperature:g} {damping:g}"
     if pressure is None:
         return words
@@ -160,24 +160,24 @@ def state(temperature: float, damping: float, pressure: float | None = None) -> 
 
 
 def ours(name: str, label: str, words: str, style: str, **more: Any) -> Scheme:
-    """One of this package's."""
+    """Return a scheme of this package."""
     return Scheme.of(nosquish(name, label, words, style), **more)
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """What a scene's bodies allow at constant volume.
+    """Properties of a scene's bodies that decide its schemes at constant volume.
 
     Attributes:
         temperature: K.
         flexible: keyword of ours for atoms that are in no body.
         rest: group of these; empty for none.
         everywhere: group of all atoms that move.
-        shake: whether fix shake can hold the molecules, and ``alike`` whether it then holds all
-            that bodies do: else its averages are others in the limit, too.
-        equal: whether moments that are equal about all axes are of use, else those of the molecules
+        shake: whether fix shake can constrain the molecules, and ``alike`` whether it then makes
+            them as rigid as bodies: else its averages differ, even in the limit.
+        equal: whether moments that are equal about all axes are useful, else those of the molecules
             are scaled.
-        heavy: of hydrogens' masses the LAMMPS commands that set all masses.
+        heavy: by mass of hydrogens, the LAMMPS commands that set all masses.
         longest: fs.
     """
 
@@ -193,7 +193,7 @@ class Bodies:
 
     @property
     def moments(self) -> list[Moments]:
-        """Choices of moments of inertia, larger ones behind smaller ones."""
+        """Return the choices of moments of inertia, larger ones after smaller ones."""
         if self.equal:
             return [
                 Moments(
@@ -210,7 +210,7 @@ class Bodies:
 
 
 def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
-    """All schemes of LAMMPS at constant volume."""
+    """Return all schemes of LAMMPS at constant volume."""
     return by_name(
         replace(
             scheme,
@@ -222,16 +222,16 @@ def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
 
 
 def _nosquish(bodies: Bodies) -> list[Scheme]:
-    """Ours: each thermostat in the middle of the step with each choice of moments of inertia, and
-    hybrid Monte Carlo."""
-    # the step chooses larger moments of such molecules only
+    """Return ours: each thermostat in the middle of the step with each choice of moments of
+    inertia, and hybrid Monte Carlo."""
+    # larger moments that depend on the step are only for such molecules
     choices = (OWN, *bodies.moments, *[OF_STEP] * bodies.equal)
     made = [
         _middle(bodies, thermostat, moments) for thermostat in THERMOSTATS for moments in choices
     ]
     chance = f" temp {bodies.temperature:g} steps {HYBRID} seed {SEED}"
     exact: dict = {"style": "HMC", "stride": HYBRID, "reach": math.inf}
-    # of many bodies no long step is accepted without larger moments
+    # with many bodies no long step is accepted without larger moments
     for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
         label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
         made.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
@@ -241,10 +241,10 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
 
 
 def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
-    """A thermostat in the middle of the step, with a choice of moments."""
+    """Return a scheme with a thermostat in the middle of the step, and a choice of moments."""
     long = moments is not OWN
     steps = (4.0, 8.0, 10.0, 12.0, 14.0) if long else (1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
-    # where the moments are others at each step, so is what small steps lead to
+    # if the moments depend on the step, so does the limit of small steps
     reach = thermostat.reach and thermostat.reach + 4.0 * long
     if moments is OF_STEP:
         reach = None
@@ -264,27 +264,28 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
 
 
 def _rigid(bodies: Bodies) -> list[Scheme]:
-    """LAMMPS's rigid fixes."""
+    """Return LAMMPS's rigid fixes."""
     usual = state(bodies.temperature, DAMPING)
     chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
     lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
     steps, whole = (0.5, 1.0, 2.0, 3.0, 4.0), bool(bodies.rest)
     name, label = "rigid+langevin", "rigid/nve/small + langevin"
     return [
-        # it counts three degrees of freedom more than a whole without momentum has
+        # it counts three degrees of freedom more than a system without momentum has
         Scheme.of(chains, lines=lines, held=3, steps=steps, whole=whole),
         Scheme.of(small, _kicks(bodies), name=name, label=label, steps=steps, reach=4.0),
     ]
 
 
 def _kicks(bodies: Bodies) -> tuple[str, str]:
-    """The forces of LAMMPS's thermostat, and the energy that they give, for any integrator."""
+    """Return the forces of LAMMPS's thermostat, and the energy that they add, for any
+    integrator."""
     words = f"{bodies.temperature:g} {bodies.temperature:g} {DAMPING:g} {SEED} tally yes"
     return RAW, f"fix bath {bodies.everywhere} langevin {words}"
 
 
 def _constrained(bodies: Bodies) -> list[Scheme]:
-    """What shake holds: atoms as points, with LAMMPS's thermostats."""
+    """Return schemes with shake: atoms as points, with LAMMPS's thermostats."""
     if not bodies.shake:
         return []
     shake, usual, kicks = (
@@ -315,14 +316,14 @@ def _constrained(bodies: Bodies) -> list[Scheme]:
 
 
 def _shake(group: str) -> Integrator:
-    """fix nve and fix shake of a group of atoms."""
+    """Return fix nve and fix shake of a group of atoms."""
     shake = constrained("shake", "1e-6")
     return replace(shake, lines=tuple(line.replace("{group}", group) for line in shake.lines))
 
 
 def at_pressure(temperature: float) -> dict[str, Scheme]:
-    """This package's barostats, at all `STATES`, and LAMMPS's at short steps: these have to agree
-    in the limit of small steps only."""
+    """Return this package's barostats, at all `STATES`, and LAMMPS's at short steps: these need to
+    agree only in the limit of small steps."""
     at, shake, chains = (
         state(temperature, DAMPING, PRESSURE),
         _shake("{group}"),
@@ -330,7 +331,7 @@ def at_pressure(temperature: float) -> dict[str, Scheme]:
     )
     short: dict = {"held": 3, "temperature": temperature, "pressure": PRESSURE}
     short |= {"steps": (1.0, 2.0), "reach": 2.0}
-    lines = shake.lines[1], f"fix 1 {{group}} npt{at}"  # LAMMPS wants shake first here
+    lines = shake.lines[1], f"fix 1 {{group}} npt{at}"  # LAMMPS requires shake first here
     return by_name(
         [
             *_barostats(temperature),
@@ -341,7 +342,7 @@ def at_pressure(temperature: float) -> dict[str, Scheme]:
 
 
 def _barostats(temperature: float) -> Iterator[Scheme]:
-    """This package's."""
+    """Yield this package's barostats."""
     for name, label, words, held in (
         ("npt-langevin", "NPT langevin 5/ps", f"langevin seed {SEED}", 0),
         ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", 3),

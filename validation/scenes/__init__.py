@@ -1,4 +1,4 @@
-"""What is simulated: each scene is a folder of inputs/ and LAMMPS's words for it.
+"""The simulated systems: each scene is a folder of inputs/ and its LAMMPS commands.
 
 Scenes in LAMMPS units ``real`` are in Angstrom, fs, kcal/mol, K and atm, those in ``lj`` in reduced
 units.
@@ -11,7 +11,7 @@ from pathlib import Path
 from .. import INPUTS
 
 FS_PER_PS = 1000.0
-# K, of the captions of the paper's figures; so they are here
+# K, of the captions of the paper's figures
 TEMPERATURE = {"dimer": 155.0, "water": 295.0, "peptide": 300.0}
 
 
@@ -20,14 +20,14 @@ class Scene:
     """A start configuration with its force field.
 
     Attributes:
-        name: the word on the command line.
+        name: on the command line.
         title: one line for tables and figures.
         folder: where LAMMPS runs, so that file names in ``setup`` are relative.
         setup: LAMMPS commands from ``units`` to the last ``group``; no fix, no run.
         group: LAMMPS group of the atoms in rigid bodies.
         bodies: body style as fix rigid's command has it.
-        constraints: the same bodies in the words of fix shake; None if it cannot hold them.
-        body_property: per-atom integer that tells the bodies apart, as
+        constraints: the same bodies as arguments of fix shake; None if it cannot constrain them.
+        body_property: per-atom integer that identifies the bodies, as
             ``gather_atoms`` names it, or a file (.npy) that has it and the type of each atom, as
             rows, in order of ID; 0 is no body.
         others: LAMMPS commands that move the atoms in no body.
@@ -36,14 +36,14 @@ class Scene:
         unit: bodies in ``setup``; larger sizes are copies of it.
         sizes: numbers of bodies that the benchmark measures.
         cutter: script in the folder, ``python SCRIPT BODIES FILE``, that writes a data file with
-            any number of bodies; None if there are whole copies only.
+            any number of bodies; None if there are only whole copies.
         subject: the title without a size, if there are several.
-        ghost_cutoff: how far ghost atoms must reach for a fix that needs the whole of each body.
-        then: LAMMPS commands behind the fix that moves the bodies.
-        columns: of the thermodynamic output, beside the usual ones.
-        output: LAMMPS commands behind those of the output.
+        ghost_cutoff: distance of ghost atoms for a fix that needs the whole of each body.
+        then: LAMMPS commands after the fix that moves the bodies.
+        columns: of the thermodynamic output, in addition to the usual ones.
+        output: LAMMPS commands after those of the output.
         dimension: of space, 2 or 3.
-        origin: hash of its files; empty where these are all in the folder.
+        origin: hash of its files; empty if all are in the folder.
         overlay: of a user's script, see ``running.recorder``; empty for the harness's own scenes.
     """
 
@@ -71,17 +71,17 @@ class Scene:
     overlay: str = ""
 
     def on_mesh(self, accuracy: str) -> "Scene":
-        """The scene with another accuracy of its PPPM; without effect on one that has none."""
-        # of two definitions LAMMPS keeps the first
+        """Return the scene with another accuracy of its PPPM; no effect without PPPM."""
+        # LAMMPS keeps the first of two definitions
         return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))
 
     def is_whole_copies(self, bodies: int) -> bool:
-        """Whether so many bodies are ``unit`` copied to a block that is at most twice as long as
+        """Return whether so many bodies are ``unit`` copied to a block at most twice as long as
         wide."""
         return bodies % self.unit == 0 and _block(bodies // self.unit) is not None
 
     def of_size(self, bodies: int, data: Path | None = None) -> "Scene":
-        """The scene with so many bodies.
+        """Return the scene with so many bodies.
 
         Args:
             bodies: their number.
@@ -102,8 +102,8 @@ class Scene:
 
 
 def _block(copies):
-    """Three factors of ``copies``, from the smallest, nearest to a cube; None if no block is at
-    most twice as long as wide."""
+    """Return three factors of ``copies``, from the smallest, nearest to a cube; None if no block is
+    at most twice as long as wide."""
     factors = [n for n in range(1, copies + 1) if copies % n == 0]
     blocks = [
         (a, b, copies // (a * b))
@@ -147,7 +147,7 @@ _SCENES = (
         ),
         group="rigid",
         bodies="molecule",
-        constraints=None,  # shake has no CH3 or NH3 that is rigid as a whole
+        constraints=None,  # shake cannot hold CH3 or NH3 completely rigid
         others=("fix others rest nve",),
         dt=3.0,
         unit=1493,
@@ -211,7 +211,7 @@ SCENES = {scene.name: scene for scene in _SCENES}
 
 
 def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int) -> Scene:
-    """Water whose forces end smoothly: nothing but the time step makes its energy fluctuate.
+    """Return water whose forces end smoothly: only the time step makes its energy fluctuate.
 
     Args:
         name, title: of the scene.
@@ -232,5 +232,5 @@ def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int
 
 
 def steps(time: float, dt: float) -> int:
-    """How many steps of dt (fs) a time (ps) has."""
+    """Return the number of steps of dt (fs) in a time (ps)."""
     return round(time * FS_PER_PS / dt)

@@ -11,20 +11,20 @@ from scipy.spatial.transform import Rotation
 from . import Scene
 from .data_file import data_file
 
-# a bent triatomic, which fix shake can hold too; lengths in sigma
+# a bent triatomic, which fix shake can constrain too; lengths in sigma
 BOND, ANGLE = 0.7, 104.0
 _HALF = np.radians(ANGLE) / 2
 BENT = BOND * np.array(
     [[0, 0, 0], [np.sin(_HALF), np.cos(_HALF), 0], [-np.sin(_HALF), np.cos(_HALF), 0]]
 )
 MASSES = np.array([2.0, 1.0, 0.5])  # all different: an asymmetric top
-SHAKEN = "b 1 a 1"  # BENT in fix shake's words
+SHAKEN = "b 1 a 1"  # BENT as arguments of fix shake
 FREE = "pair_style zero 1.0", "pair_coeff * *"
 
 
 class Body(NamedTuple):
-    """Atoms that are rigid together: positions (n, 3), masses (n,), velocities (n, 3), charges (n,)
-    or None."""
+    """Atoms of a rigid body: positions (n, 3), masses (n,), velocities (n, 3), charges (n,) or
+    None."""
 
     x: np.ndarray
     mass: np.ndarray
@@ -42,11 +42,11 @@ def body(
     spin: ArrayLike = (0, 0, 0),
     charge: np.ndarray | None = None,
 ) -> Body:
-    """A `Body` in rigid motion.
+    """Return a `Body` in rigid motion.
 
     Args:
         x: (n, 3) shape.  mass: (n,).
-        place: of the centre of mass.  turn: of the shape about it.
+        place: of the centre of mass.  turn: rotation of the shape about it.
         velocity: of the centre.  spin: angular velocity, space frame.
     """
     r, mass = np.array(x, float), np.array(mass, float)
@@ -57,7 +57,7 @@ def body(
 
 
 def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments, from the largest, and their axes as columns."""
+    """Return the principal moments, from the largest, and their axes as columns."""
     r = x - mass @ x / mass.sum()
     inertia = np.einsum("i,ij,ik->jk", mass, r, r)
     inertia = np.trace(inertia) * np.eye(3) - inertia
@@ -66,21 +66,21 @@ def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shape and masses of six atoms on three axes with these principal moments, about x, y, z; no
-    one above the sum of the others."""
-    # two atoms of unit mass on each axis: 2 d_k^2 is what this axis adds to the others
+    """Return positions and masses of six atoms on three axes with these principal moments, about x,
+    y, z; none above the sum of the others."""
+    # two atoms of unit mass on each axis add 2 d_k^2 to the moments of the other axes
     square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
 def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: float) -> Rotation:
-    """Where a free top with two equal moments is turned to after some time, exactly: its axis
-    circles about the angular momentum, and it turns about its axis, both at constant rates (Landau
-    and Lifshitz, Mechanics, section 33).
+    """Return the exact orientation of a free top with two equal moments after some time: its axis
+    precesses about the angular momentum, and it rotates about its axis, both at constant rates
+    (Landau and Lifshitz, Mechanics, section 33).
 
     Args:
-        turn: from the top's frame to space at time 0.
-        spin: (3,) angular velocity then, in the top's frame.
+        turn: rotation from the top's frame to space at time 0.
+        spin: (3,) angular velocity at that time, in the top's frame.
         moment: (3,) principal moments, the first two equal.
     """
     circle = Rotation.from_rotvec(time * turn.apply(moment * spin) / moment[0])
@@ -100,17 +100,17 @@ def scene(
     name: str = "bodies",
     **more,
 ) -> Scene:
-    """Write a data file and give the ``Scene`` of it.
+    """Write a data file and return its ``Scene``.
 
     Args:
-        folder: where to: into a folder called ``name`` there.
+        folder: parent of a folder ``name``.
         setup: LAMMPS commands after read_data.
         box: (3,) lengths.  corner: the lowest one.
-        bonded: whether the bodies are `BENT`, with bonds and angle so that fix shake takes them;
-            single atoms may follow.
-        more: as ``Scene`` has it.
+        bonded: whether the bodies are `BENT`, with bonds and angle for fix shake; single atoms may
+            follow.
+        more: fields of ``Scene``.
     """
-    # of its own: what else comes there would change the hash of what its runs follow from
+    # a separate folder: other files in it would change the hash of the inputs of its runs
     folder = Path(folder) / name
     folder.mkdir(parents=True, exist_ok=True)
     sizes = [len(one.mass) for one in bodies]
@@ -151,5 +151,5 @@ def scene(
 
 
 def turned(seed: int) -> Rotation:
-    """A random ``Rotation``."""
+    """Return a random ``Rotation``."""
     return Rotation.random(random_state=np.random.default_rng(seed))

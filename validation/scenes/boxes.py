@@ -1,4 +1,4 @@
-"""Small boxes of rigid Lennard-Jones bodies of many shapes, and what a run of one leaves: for
+"""Small boxes of rigid Lennard-Jones bodies of many shapes, and the results of their runs: for
 `stress`, and for tests."""
 
 import itertools
@@ -13,20 +13,20 @@ from .data_file import data_file
 
 
 class System(NamedTuple):
-    """The first part of an input script, its files, and what is known of the atoms."""
+    """The first part of an input script, its files, and properties of the atoms."""
 
     setup: str
     files: dict
     h: np.ndarray
     dt: float
-    group: str = "bodies"  # all that LAMMPS's fix rigid takes
-    singles: bool = False  # whether it does not take all
+    group: str = "bodies"  # all bodies that LAMMPS's fix rigid accepts
+    singles: bool = False  # whether there are others
     mass: np.ndarray | None = None
     molecule: np.ndarray | None = None
 
 
 class Units(NamedTuple):
-    """A Lennard-Jones system's length, mass and energy in LAMMPS's units, and mass v^2 / energy
+    """Length, mass and energy of a Lennard-Jones system in LAMMPS's units, and mass v^2 / energy
     there."""
 
     length: float = 1.0
@@ -91,12 +91,12 @@ def assemble(
     seed: int = 1,
     setup: str = "",
 ) -> System:
-    """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
+    """Return a System of Lennard-Jones atoms with random velocities, which are not rigid motion.
 
     Args:
         bodies: A list of (kind, positions, types).
         h: The box, columns are its vectors; positions may be outside.
-        flags: Whether the data file has the image flags, or says 0 0 0.
+        flags: Whether the data file has the image flags, or 0 0 0.
     """
     u, rng = UNITS[units], np.random.default_rng(seed)
     molecule = np.concatenate([[k + 1] * len(x) for k, (_, x, _) in enumerate(bodies)])
@@ -150,8 +150,8 @@ def assemble(
 def turned(
     kind: str, place: np.ndarray, others: list, h: np.ndarray, rng: np.random.Generator
 ) -> tuple[str, np.ndarray, np.ndarray]:
-    """A body (kind, positions, types) of a shape at a place, turned at random so that it overlaps
-    with no other."""
+    """Return a body (kind, positions, types) of a shape at a place, with a random rotation so that
+    it overlaps with no other."""
     shape, types = SHAPES[kind]
     for _ in range(1000):
         if h[2, 2] == 1:  # two dimensions
@@ -175,9 +175,11 @@ def mixture(
     seed: int = 1,
     **more,
 ) -> System:
-    """Bodies of these kinds in turn, each turned at random, on a lattice that the box's faces cut.
+    """Return bodies of these kinds in turn with random rotations, on a lattice across the box's
+    faces.
 
-    No distance in the lattice is the cutoff, at which the potential energy jumps."""
+    No distance in the lattice is the cutoff, where the potential energy is discontinuous.
+    """
     rng = np.random.default_rng(seed)
     count = np.array([side, side, side if dimension == 3 else 1])
     h = spacing * side * np.array([[1, tilt, -tilt / 2], [0, 1, tilt / 3], [0, 0, 1.0]])
@@ -203,10 +205,10 @@ class Result(NamedTuple):
 
 
 def nearest(delta: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Displacements (..., 3) folded to the nearest image."""
+    """Return displacements (..., 3) folded to the nearest image."""
     return delta - np.rint(delta @ np.linalg.inv(h).T) @ h.T
 
 
 def apart(a: Result, b: Result, h: np.ndarray) -> float:
-    """The largest distance between atoms of two Results, nearest images."""
+    """Return the largest distance between atoms of two Results, nearest images."""
     return np.linalg.norm(nearest(a.x - b.x, h), axis=1).max()

@@ -1,4 +1,4 @@
-"""LAMMPS data files: the one place that writes them."""
+"""LAMMPS data files, which only this module writes."""
 
 from collections.abc import Mapping, Sequence
 from itertools import count
@@ -19,12 +19,12 @@ def data_file(
     coefficients: Mapping[str, Sequence] | None = None,
     types: int = 1,
 ) -> str:
-    """The text of a data file. Whole numbers are written as such, others to the last bit.
+    """Return the text of a data file. Integers are written as such, others to the last bit.
 
     Args:
         style: LAMMPS's atom style.
         atoms: the columns of that style after the ID, each (n,) or (n, k), in order of ID.
-        box: (3, 2), lowest and highest of x, y, z; a (2,) holds for all.
+        box: (3, 2), lowest and highest of x, y, z; a (2,) applies to all.
         tilt: xy, xz, yz.
         mass: of each type; without any there are ``types``.
         velocities: columns of (n,) or (n, k).
@@ -59,7 +59,7 @@ def data_file(
 
 
 def _numbered(*columns):
-    """A row of words for each atom or type."""
+    """Return a row of words for each atom or type."""
     blocks = map(np.asarray, columns)
     flat = [block.reshape(len(block), -1).T for block in blocks if block.size]
     return (" ".join(map(_word, row)) for row in zip(*(line for block in flat for line in block)))

@@ -1,4 +1,4 @@
-"""Who moves the atoms: each integrator is the LAMMPS lines that set it up."""
+"""Integrators: the LAMMPS lines that define each."""
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -16,18 +16,18 @@ OLDER = {
 
 @dataclass(frozen=True)
 class Integrator:
-    """LAMMPS commands with the scene's words left open.
+    """LAMMPS commands with placeholders for the scene's words.
 
     Attributes:
-        name: the word on the command line and in files.
-        label: how tables and figures call it, tolerance included.
+        name: on the command line and in files.
+        label: name in tables and figures, with the tolerance.
         lines: LAMMPS commands; ``{group}``, ``{bodies}`` and ``{constraints}``
-            are filled from the scene.
+            are replaced by those of the scene.
         whole_bodies: whether a rank's atoms and ghost atoms must hold the whole of each body.
         kind: ``ours``, ``rigid`` (LAMMPS's rigid fixes), ``constraints`` (shake and its kin) or
             ``free`` (no body is rigid).
         tolerance: of constraints, relative; None for others.
-        then: LAMMPS commands behind the scene's own, that ask for this integrator.
+        then: LAMMPS commands after the scene's own that this integrator needs.
     """
 
     name: str
@@ -39,17 +39,17 @@ class Integrator:
     then: tuple[str, ...] = ()
 
     def can_run(self, scene: Scene) -> bool:
-        """Whether this integrator knows how to hold the scene's bodies."""
+        """Return whether this integrator can hold the scene's bodies rigid."""
         return self.kind != "constraints" or scene.constraints is not None
 
     def commands(self, scene: Scene) -> list[str]:
-        """LAMMPS commands of this integrator for a scene."""
+        """Return the LAMMPS commands of this integrator for a scene."""
         words = {"group": scene.group, "bodies": scene.bodies, "constraints": scene.constraints}
         return [line.format(**words) for line in self.lines]
 
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
-    """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
+    """Return NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
     ``scheme`` of `OLDER`."""
     line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
     if scheme in OLDER:
@@ -58,18 +58,18 @@ def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Int
 
 
 def target(scheme: str) -> str:
-    """The class of an integrator as a fix line names it in quotes."""
+    """Return the class of an integrator as a quoted fix line names it."""
     return f"{OLDER.get(scheme, 'fix_nosquish')}.{scheme}"
 
 
 def rigid(style: str) -> Integrator:
-    """One of LAMMPS's rigid fixes."""
+    """Return one of LAMMPS's rigid fixes."""
     line = f"fix 1 {{group}} {style} {{bodies}}"
     return Integrator(style, style, (line,), whole_bodies="small" in style, kind="rigid")
 
 
 def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
-    """Velocity Verlet with one of `CONSTRAINING`, to a relative tolerance.
+    """Return velocity Verlet with one of `CONSTRAINING`, to a relative tolerance.
 
     fix nve comes first: rattle corrects the velocities that nve has set.
     """
@@ -79,7 +79,7 @@ def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator
 
 
 def _constraining() -> tuple[str, ...]:
-    """The fixes of the installed LAMMPS that constrain bonds and angles."""
+    """Return the fixes of the installed LAMMPS that constrain bonds and angles."""
     with suppress(metadata.PackageNotFoundError):
         if int(metadata.version("lammps").split(".")[0]) >= 2026:
             return "shake", "rattle", "ilves"
@@ -99,7 +99,7 @@ INTEGRATORS = _by_name(
     *(constrained(style, "1e-4") for style in CONSTRAINING),
 )
 
-# what the paper compares, and beside it LAMMPS's own
+# what the paper compares, and LAMMPS's own
 PAPER = _by_name(
     nosquish(OURS, "NO_SQUISH"),
     nosquish("matubayasi-nakahara", "reference 12", scheme="MatubayasiNakahara"),
@@ -117,8 +117,7 @@ BENCHMARKED = _by_name(
     *(INTEGRATORS[name] for name in CONSTRAINING),
 )
 
-# what is drawn as error against run time: every scheme with every parameter of its own that trades
-# one for the other
+# error against run time: every scheme with every parameter that trades one for the other
 SWEPT = _by_name(
     nosquish(OURS, "NO_SQUISH"),
     nosquish("nosquish-2", "NO_SQUISH mrot 2", " mrot 2"),
@@ -133,5 +132,5 @@ SWEPT = _by_name(
     ),
 )
 
-# atoms that move freely at constant velocity: a run's cost without anything that keeps bodies rigid
+# atoms that move freely at constant velocity: the cost of a run without rigid bodies
 FREE = Integrator("nve/noforce", "nve/noforce", ("fix 1 {group} nve/noforce",), kind="free")

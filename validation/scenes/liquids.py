@@ -1,7 +1,7 @@
 """Small liquids of rigid molecules: benzene, and linear carbon dioxide.
 
 Models, densities and temperatures are from the literature.  A start is the molecules' crystal,
-stretched to the liquid's density: it is to be melted.
+expanded to the liquid's density; it must be melted.
 """
 
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from . import Scene
 from .data_file import data_file
 from .units import BOLTZMANN
 
-AVOGADRO = 0.602214076  # molecules a cubic Angstrom have this times g/cm^3 over g/mol
+AVOGADRO = 0.602214076  # molecules per cubic Angstrom = this * (g/cm^3) / (g/mol)
 SIXTH = np.arange(6) * np.pi / 3
 RING = np.stack([np.cos(SIXTH), np.sin(SIXTH), 0 * SIXTH], axis=1)
-FACES = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])  # sites of a cell
+FACES = np.array([[0, 0, 0], [0.5, 0.5, 0], [0.5, 0, 0.5], [0, 0.5, 0.5]])  # molecules in a cell
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class Liquid:
     """A liquid of one kind of molecule.
 
     Attributes:
-        mass, charge, depth, size: of each type of atom: g/mol, e, kcal/mol and Angstrom of
-            Lennard-Jones; others than the same types mix by ``mix``.
+        mass, charge, depth, size: of each atom type: g/mol, e, and Lennard-Jones kcal/mol and
+            Angstrom; unlike types mix by ``mix``.
         types: of the molecule's atoms, from 0.  shape: (atoms, 3) Angstrom.
         density: g/cm^3.  temperature: K.
         cell: (3,) lengths of the crystal's cell of four molecules, in any unit.
-        copies: of it, along each.
-        turns: of the four molecules.
-        reach: Angstrom, where forces end.
+        copies: of the cell, along each axis.
+        turns: rotations of the four molecules.
+        reach: cutoff, Angstrom.
         melt: K, at which the start is melted.
     """
 
@@ -56,18 +56,18 @@ class Liquid:
 
     @property
     def molecules(self) -> int:
-        """Their number."""
+        """The number of molecules."""
         return 4 * int(np.prod(self.copies))
 
     def scene(self, folder: Path) -> Scene:
-        """The scene; its data file is written into a folder of its own in ``folder``."""
+        """Return the scene; its data file is written into a new folder in ``folder``."""
         folder = (folder / self.name).resolve()
         folder.mkdir(parents=True, exist_ok=True)
         data, text = folder / f"data.{self.name}", self.data()
         if not data.exists() or data.read_text() != text:
             data.write_text(text)
         pairs = enumerate(zip(self.depth, self.size), 1)
-        # forces and their slopes end at the cutoff: nothing but the time step changes the energy
+        # forces and their slopes vanish at the cutoff: only the time step changes the energy
         style = f"{self.reach - 1.5:g} {self.reach:g} 0.0 {self.reach:g}"
         setup = (
             *("units real", "atom_style full", f"read_data {data.name}"),
@@ -112,7 +112,7 @@ class Liquid:
 
 
 def _herringbone() -> Rotation:
-    """Of the ring in the crystal's cell: Pbca.
+    """Return the rotation of the ring in the crystal's cell: Pbca.
 
     The normal is that of Bacon, Curry and Wilson, Proc. R. Soc. A 279, 98 (1964).
     """
@@ -128,7 +128,7 @@ def _herringbone() -> Rotation:
 
 
 def _diagonals() -> Rotation:
-    """Of the axis x in the crystal's cell: Pa3, as in dry ice."""
+    """Return the rotations of the axis x in the crystal's cell: Pa3, as in dry ice."""
     axes = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]) / np.sqrt(3)
     return Rotation.concatenate([Rotation.align_vectors([a], [[1, 0, 0]])[0] for a in axes])
 

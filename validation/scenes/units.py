@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 BOLTZMANN = 0.0019872067  # kcal/mol/K, LAMMPS's
 COULOMB = 332.06371  # kcal/mol Angstrom of two unit charges, LAMMPS's: 1 / (4 pi epsilon_0)
-# reduced units are read as argon's, of which one of time is 2.156 ps: sqrt(39.948 amu (3.405 Å)² /
+# reduced units are those of argon, whose unit of time is 2.156 ps: sqrt(39.948 amu (3.405 Å)² /
 # (k 119.8 K)); so many of them are 1 ns
 NS_OF_REDUCED = 464.0
 
@@ -14,8 +14,8 @@ class Units:
     """Names of units.
 
     Attributes:
-        energy, time, pressure, length, temperature: as LAMMPS has them.
-        long: a longer time, and ``many``, how many of the shorter one it has.
+        energy, time, pressure, length, temperature: as in LAMMPS.
+        long: a longer time, and ``many``, the number of the shorter ones in it.
     """
 
     energy: str

@@ -12,12 +12,12 @@ A step predicts all of them by Taylor series, has the force computed once, there
 derivative the error of the one that the equation of motion gives, times a coefficient of Gear.  The
 coefficients, for derivatives times dt^n / n!, are those for six values in the tables of Allen and
 Tildesley, Computer Simulation of Liquids (1987), appendix E.  Their program F.5 is this scheme with
-a derivative less, and with the predicted omega in the equation of q.  Here that is the corrected
-one: with six values a libration of angular frequency w is stable up to w dt = 0.41 then, and
+one derivative less, and with the predicted omega in the equation of q.  Here it is the corrected
+one: with six values a libration of angular frequency w is then stable up to w dt = 0.41, and
 otherwise up to 0.11, less than water has at 1 fs.
 
-As was the custom the quaternion is made a unit one again, after the corrector and, so that the
-forces see rigid bodies, after the predictor.  Nothing else is conserved by construction: the scheme
+As was usual, the quaternion is normalized after the corrector and, so that the
+forces are those of rigid bodies, after the predictor.  Nothing else is conserved: the scheme
 is neither reversible nor symplectic.
 
 The first step has derivatives that follow from the equations of motion as if the force and the
@@ -65,7 +65,7 @@ SECOND = (
     1 / 60,
 )  # of second order, without velocities in them
 
-# A body's own rows are derivatives 1 to 5 of x, omega and q, in this order (those of x begin with
+# A body's extra rows are derivatives 1 to 5 of x, omega and q, in this order (those of x begin with
 # v). To work with: TERM + WIDTH n + k is derivative n of quantity k, times dt^n / n!.
 OMEGA, QUATERNION, WIDTH = 3, 6, 10
 DERIVATIVE = BLOCK_ROWS
@@ -95,7 +95,7 @@ def take_terms(block, dt):
 
 @inlined
 def put_derivatives(block, dt):
-    """Take the scale from the derivatives."""
+    """Undo the scaling of the derivatives."""
     scale = 1.0
     for n in range(ORDER):
         scale *= dt / (n + 1)
@@ -107,7 +107,7 @@ def put_derivatives(block, dt):
 
 @inlined
 def put_bodies(block, dt):
-    """Set x, v, q (made a unit quaternion) and p = 2 S(q) (0, I omega)."""
+    """Set x, v, q (normalized) and p = 2 S(q) (0, I omega)."""
     for b in range(LANES):
         vx, vy, vz = three(block, TERM + WIDTH, b)
         i1, i2, i3 = three(block, MOMENT, b)
@@ -122,10 +122,10 @@ def put_bodies(block, dt):
 
 @inlined
 def omega_term(block, n, b, dt, ftm2v):
-    """Term n + 1 of omega, by Euler's equations from the terms up to n.
+    """Compute term n + 1 of omega, by Euler's equations from the terms up to n.
 
-    Of a product: the sum over j of its factors' terms j and n - j.  The torque stays as it is in
-    the principal frame; there is none about an axis without moment.
+    Term n of a product is the sum over j of its factors' terms j and n - j.  The torque is constant
+    in the principal frame; there is none about an axis without moment.
     """
     i1, i2, i3 = three(block, MOMENT, b)
     a1 = a2 = a3 = 0.0
@@ -147,7 +147,7 @@ def omega_term(block, n, b, dt, ftm2v):
 
 @inlined
 def q_term(block, n, b, dt):
-    """Term n + 1 of q, by its equation of motion from the terms up to n."""
+    """Compute term n + 1 of q, by its equation of motion from the terms up to n."""
     q0 = q1 = q2 = q3 = 0.0
     for j in range(n + 1):
         w1, w2, w3 = three(block, TERM_OMEGA + WIDTH * (n - j), b)
@@ -159,14 +159,14 @@ def q_term(block, n, b, dt):
 
 @inlined
 def second_term(block, b, dt, ftm2v):
-    """Term 2 of x, from the force."""
+    """Compute term 2 of x, from the force."""
     half, (fx, fy, fz) = 0.5 * dt * dt * ftm2v / block[MASS, b], three(block, FORCE, b)
     return half * fx, half * fy, half * fz
 
 
 @inlined
 def predict_block(block):
-    """All Taylor series dt later: of scaled derivatives, Pascal's triangle."""
+    """Advance all Taylor series by dt: for scaled derivatives, Pascal's triangle."""
     for i in range(ORDER):
         for n in range(ORDER - 1, i - 1, -1):
             for k in range(WIDTH):
@@ -178,7 +178,7 @@ def predict_block(block):
 def add_error(block, k, known, b, coefficients):
     """Add to each term of quantity k the error of the term `known`, times a coefficient.
 
-    The equation of motion gave this term.
+    The term `known` follows from the equation of motion.
     """
     error = block[RIGHT + k, b] - block[TERM + WIDTH * known + k, b]
     block[TERM + k, b] += coefficients[0] * error
@@ -191,7 +191,7 @@ def add_error(block, k, known, b, coefficients):
 
 @inlined
 def correct_block(block, dt, ftm2v):
-    """Correct what was predicted: x and omega, then q."""
+    """Correct the prediction: x and omega, then q."""
     for b in range(LANES):
         x, y, z = second_term(block, b, dt, ftm2v)
         write(block, RIGHT, b, (x, y, z))
@@ -208,7 +208,7 @@ def correct_block(block, dt, ftm2v):
 
 @inlined
 def predict(block, kind, dt, parameters):
-    """All Taylor series dt later."""
+    """Advance all Taylor series by dt."""
     take_terms(block, dt)
     predict_block(block)
     put_derivatives(block, dt)
@@ -217,7 +217,7 @@ def predict(block, kind, dt, parameters):
 
 @inlined
 def correct(block, kind, dt, parameters):
-    """Correct what was predicted, with force and torque there."""
+    """Correct the prediction with its force and torque."""
     rotation_matrices(block)
     take_terms(block, dt)
     correct_block(block, dt, parameters.ftm2v)
@@ -227,7 +227,7 @@ def correct(block, kind, dt, parameters):
 
 @inlined
 def start(block, kind, dt, parameters):
-    """Find the derivatives of bodies that have none yet, from force and torque."""
+    """Compute the derivatives of bodies that have none yet, from force and torque."""
     rotation_matrices(block)
     take_terms(block, dt)
     ftm2v = parameters.ftm2v

@@ -47,7 +47,7 @@ from fix_nosquish.motion.step import Operation
 
 @inlined
 def along_ellipse(a, b, moment_a, moment_b, rate, dt):
-    """Two components of omega after dt.
+    """Return two components of omega after dt.
 
     da/dt = rate / moment_a b and db/dt = -rate / moment_b a.
     """
@@ -58,7 +58,7 @@ def along_ellipse(a, b, moment_a, moment_b, rate, dt):
 
 @inlined
 def turned(q, wx, wy, wz, dt):
-    """q after dt with this omega."""
+    """Return q after dt with this omega."""
     w = sqrt(wx * wx + wy * wy + wz * wz)
     if w == 0.0:
         return q
@@ -68,7 +68,7 @@ def turned(q, wx, wy, wz, dt):
 
 @inlined
 def rotate(block, dt, mrot):
-    """The free rotation of a block of rotors."""
+    """Rotate a block of free rotors."""
     h = dt / mrot
     for b in range(LANES):
         ix, iy, iz = three(block, MOMENT, b)
@@ -80,7 +80,7 @@ def rotate(block, dt, mrot):
             q = turned(q, wx, wy, wz, h)  # iL_1
             wx, wy = along_ellipse(wx, wy, ix, iy, (iy - iz) * wz, 0.5 * h)  # iL_2
             wz, wy = along_ellipse(wz, wy, iz, iy, (ix - iy) * wx, 0.5 * h)  # iL_3
-        # else rounding errors of |q| would go on into omega, step by step
+        # otherwise rounding errors of |q| would accumulate in omega
         q = mix(1.0 / sqrt(dot(q, q)), 0.0, q, q)
         write(block, Q, b, q)
         write(block, P, b, quaternion_momentum(q, ix * wx, iy * wy, iz * wz))
