@@ -1,1 +1,1 @@
-"""The integrators that a fix line names: thermostats and barostats."""
+"""The integrators of the fix styles, with their thermostats and barostats."""

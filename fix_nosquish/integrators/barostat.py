@@ -1,7 +1,4 @@
-"""Barostats: what an ensemble has for its pressure, the words for it, and what they refuse.
-
-`crescale` and `mtk` say how the box follows the pressure.
-"""
+"""Barostats: keywords, parameters and checks that `crescale` and `mtk` have in common."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, ClassVar
@@ -19,13 +16,13 @@ from ..run.other_fixes import READERS, WITH_SWITCHES
 from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 
 AXES = "xyz"
-# parts of PDAMP that the time between two changes of the box is, and at most is without a warning:
-# a box that follows the fast fluctuations of a liquid's pressure in long jumps is too restless
+# changes of the box per PDAMP, by default and at least without a warning: with rare, large changes
+# the fast fluctuations of a liquid's pressure make the volume fluctuate too much
 PARTS, FEWEST_PARTS = 50, 20
-# fixes that change forces, but not the mean of what these do within bodies, or not along an axis
-# that can change
+# fixes that change forces, but not the mean virial within bodies, or not along an axis that can
+# change
 _HARMLESS = (*READERS, "langevin", "temp/", "viscous", "gravity", "enforce2d", "property/", "wall/")
-# fixes that hold atoms together by forces, and those that place the atoms of their group
+# fixes that constrain atoms by forces, and fixes that set the positions of their atoms
 _CLUSTERS = "shake", "rattle"
 _PLACES = "rigid", "poems", "move"
 _NOISE = "langevin", "qtb", "ttm", "gld"  # fixes whose forces are random
@@ -34,20 +31,20 @@ COUPLED = {"xyz": (0, 0, 0), "xy": (0, 0, 2), "yz": (0, 1, 1), "xz": (0, 1, 0), 
 
 
 class Barostat(EnsemblePart):
-    """What changes the box of an ensemble every so many steps.
+    """The barostat of an ensemble, which changes the box every `box_every` steps.
 
-    All atoms of the system are in its bodies, or flexible, or keyword dilate says which of the
-    others move with the box.
+    All atoms of the system must be in its bodies or flexible, or keyword dilate must say which of
+    the others are remapped with the box.
 
     Attributes:
-        of_numbers: the record of what it knows.
+        of_numbers: type of the record of parameters.
         numbers: that record; see `cell`.
-        has_others: whether there are atoms that are in no body.
-        dampings: (6,) PDAMP of the axes, and tilts, that change together.
+        has_others: whether there are atoms in no body.
+        dampings: (6,) PDAMP of each group of coupled axes and of each tilt.
 
     Raises:
-        RunError: for words that do not go together, for atoms that are left out, and where a face
-            of the box is not periodic.
+        RunError: for keywords that cannot be combined, for atoms that would not follow the box, and
+            for an axis that is not periodic.
     """
 
     modules = cell.__name__, free_atoms.__name__
@@ -64,7 +61,7 @@ class Barostat(EnsemblePart):
         return {}
 
     def start(self, run: Any) -> None:
-        """End the run for keyword dilate with a part of what shake holds; collective."""
+        """Raise an error if keyword dilate remaps only a part of a cluster of shake; collective."""
         if run.host.held:
             atom = run.host.cut_cluster()
             run.ranks.agree(
@@ -75,8 +72,8 @@ class Barostat(EnsemblePart):
             )
 
     def extra_warnings(self, run: Any) -> Iterator[str]:
-        """Lines on how often the box changes, and on fixes whose forces LAMMPS's virial lacks, of
-        which the pressure takes what all forces do within bodies."""
+        """Warnings of rare changes of the box, and of fixes whose forces are missing in LAMMPS's
+        virial, although the virial within bodies includes them."""
         if run.external.moves_centres and not run.external.words.virial:
             yield (
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
@@ -178,10 +175,10 @@ class Barostat(EnsemblePart):
                 )
 
     def _look_at_constraints(self, run: Any) -> None:
-        """Find out whether fixes hold atoms together that move with the box; collective.
+        """Find whether fixes constrain atoms that are remapped with the box; collective.
 
         Raises:
-            RunError: for a fix that would not let the box move them.
+            RunError: for a fix that sets the positions of such atoms.
         """
         placing = *_CLUSTERS, *_PLACES
         deciding = [
@@ -202,11 +199,11 @@ class Barostat(EnsemblePart):
         run.host.held = int(self._dilated(run.lammps)) if deciding else 0
 
     def _look_at_forces(self, run: Any) -> None:
-        """Find out whether fixes change forces that LAMMPS's virial does not count, on atoms whose
-        own virial is taken from it; collective.
+        """Find whether fixes apply forces that LAMMPS's virial does not include to atoms whose
+        contribution is subtracted from it; collective.
 
         Raises:
-            RunError: if other fixes change forces on these that it counts.
+            RunError: if other fixes apply forces to these atoms that it does include.
         """
         changing = [
             fix
@@ -236,12 +233,12 @@ class Barostat(EnsemblePart):
         run.host.counts = bool(others)
 
     def _dilated(self, lammps: Lammps) -> np.int32:
-        """The bit of keyword dilate's group, as LAMMPS has it in an int."""
+        """The bit of keyword dilate's group, as a C int."""
         bit = lammps.group_bit(self.command.dilate or "")
         return np.array([bit], np.uint32).view(np.int32)[0]
 
     def _hits(self, fix: OtherFix, run: Any, moving: bool) -> bool:
-        """Whether a fix acts on atoms in no body that move with the box, or on those that do not;
+        """Whether a fix acts on atoms in no body that are remapped (`moving`) or are not;
         collective."""
         if not self.has_others:
             return False
@@ -251,8 +248,8 @@ class Barostat(EnsemblePart):
         return run.ranks.any(fix.has(groups[some]).any())
 
     def loops_of_others(self, run: Any, cells: dict[str, Cell]) -> tuple[list, list]:
-        """Loops for atoms that are in no body: what they say of the pressure, and what moves them
-        with the box; two lists, empty where there are none."""
+        """Loops for atoms in no body: for their contribution to the pressure, and for remapping
+        them; two lists, empty if there are no such atoms."""
         if not self.has_others:
             return [], []
         cells = cells | {"dilated": Cell(I, self._dilated(run.lammps))}
@@ -263,12 +260,12 @@ class Barostat(EnsemblePart):
         return seen, [free_atoms.move_others.bind_to(cells)]
 
     def virial_of_bodies(self, cells: dict[str, Cell]) -> Callable[[], int]:
-        """The loop for what the forces do about the bodies' centres."""
+        """The loop for the virial of the forces about the bodies' centres of mass."""
         return cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
 
     @property
     def axes(self) -> np.ndarray:
-        """Which axes change together, and which tilts, (6,): see `cell.BarostatNumbers`."""
+        """The groups of coupled axes and tilts, (6,): see `cell.BarostatNumbers`."""
         command = self.command
         coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
         groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
@@ -288,13 +285,13 @@ class Barostat(EnsemblePart):
         return {"flip": [flip.bind_to(cells)]} if self.flips else {}
 
     def damping(self, lammps: Lammps) -> float:
-        """PDAMP, the shortest one of all axes."""
+        """PDAMP, the shortest of all axes."""
         damping = min(lammps.number(words[2]) for words in self.command.pressure.values())
         self.command.refuse_unless_positive("PDAMP", damping)
         return damping
 
     def new_numbers(self, run: Any) -> np.record:
-        """What the barostat knows as a run begins; collective."""
+        """The parameters of the barostat at the start of a run; collective."""
         lammps, numbers = run.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
         self.dampings = np.full(len(self.axes), self.damping(lammps))
@@ -313,7 +310,7 @@ class Barostat(EnsemblePart):
                 numbers.p_stop[k] = stop / lammps.nktv2p
         numbers.unit, numbers.box_every = lammps.mvv2e, self.box_every
         numbers.dimension, numbers.tilted = lammps.dimension, self.flips
-        # a change of an axis stretches a tilt along it, and narrows one that it is the second of
+        # stretching an axis stretches tilts along it, and reduces tilts of which it is the second
         changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
         for k, axis in enumerate(AXES):
             along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
@@ -332,5 +329,5 @@ class Barostat(EnsemblePart):
 
 
 def _counted(cells: dict[str, Cell], counts: bool) -> dict[str, Cell]:
-    """Cells whose forces are those that LAMMPS's virial counts, or all of them."""
+    """Cells with the forces that LAMMPS's virial includes, or with all forces."""
     return cells | {"atom_f": cells["counted_f" if counts else "atom_f"]}

@@ -5,15 +5,16 @@ together (Del Tatto et al., Appl. Sci. 12, 1139 (2022)).  With lambda = sqrt(V),
 
     d lambda = -(beta d lambda / 6 tau) (P_0 - P - k T / 2 V) dt + sqrt(beta k T d / 6 tau) dW
 
-Centres of mass are stretched with the box, velocities by the inverse; shapes stay.  So P is the
-molecular pressure: of the bodies' translation, and the virial of the forces on their centres.
+Centres of mass are scaled with the box, velocities by the inverse; shapes are unchanged.  P is
+therefore the molecular pressure, from the translational kinetic energy of the bodies and the virial
+of the forces on their centres of mass.
 
-It is done every so many steps, when the bodies have moved and before their forces are computed: no
-force of the old box acts in the new one.
+The box changes after the bodies have moved and before their forces are computed, so no force of the
+old box acts in the new one.
 
-The energy that a change of the box gives to the system is noted as heat is.  Of the kinetic energy
-it is known.  Of the potential energy it is what the mean of the forces before and behind does,
-which is right to the second order in the change.
+The energy that a change of the box adds to the system is counted like heat.  The change of the
+kinetic energy is exact.  The change of the potential energy is the work of the mean of the forces
+before and after, which is correct to second order in the change.
 """
 
 from math import log, sqrt
@@ -47,7 +48,7 @@ from .barostat import Barostat
 from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
 
 COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
-# atm that the unit of pressure is
+# the unit of pressure in atm
 _PER_ATM = {
     "real": 1.0, "metal": 1 / 1.01325, "si": 1 / 101325.0, "cgs": 1 / 1013250.0,
     "electron": 1 / 101325.0,
@@ -56,7 +57,7 @@ _PER_ATM = {
 
 @inlined
 def find_stretch(parameters, cell, box, part, dt):
-    """The factors of the axes, and the shear, for dt, by kinetic energies and virials."""
+    """Set the factors of the axes, and the shear, for a time dt, from kinetic energy and virial."""
     kt, numbers = parameters.kt * cell.barostat.unit, cell.barostat
     motion, spread = motion_of(numbers.total), spread_of(numbers.total)
     volume = volume_of(box, numbers)
@@ -91,7 +92,7 @@ def find_stretch(parameters, cell, box, part, dt):
 
 @inlined
 def find_shear(parameters, cell, box, part, kt, strength):
-    """The shear, by what the motion and the forces do along one axis with the other."""
+    """Set the shear from the off-diagonal components of the pressure tensor."""
     numbers, volume = cell.barostat, volume_of(box, cell.barostat)
     motion, spread = motion_of(numbers.total), spread_of(numbers.total)
     for k in range(3):
@@ -107,7 +108,7 @@ def find_shear(parameters, cell, box, part, kt, strength):
 
 @inlined
 def measure_motion(state, rank, numbers):
-    """Twice the kinetic energy of this rank's bodies along each axis, and with each tilt."""
+    """Set `motion_of` to the sums of this rank's bodies: twice the kinetic energy tensor."""
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for b in range(state.shape[1]):
         if state[HOME, b] == rank:
@@ -119,13 +120,13 @@ def measure_motion(state, rank, numbers):
 
 @inlined
 def note_work(mpi, parameters, cell):
-    """Note half of the energy that the change of the box gives by way of the forces, this rank's
-    part: with the forces before it, and with those behind."""
+    """Add half of the work of the forces in a change of the box to this rank's heat: called once
+    with the forces before the change, and once with the forces after it."""
     numbers, tilted = cell.barostat, cell.barostat.tilted
     spread = spread_of(numbers.sums)
     x, y, z = (log(numbers.stretch[0]), log(numbers.stretch[1]), log(numbers.stretch[2]))
     xy, xz, yz = three_of(numbers.shear)
-    # the logarithm of shear times stretch, to the second order
+    # logarithm of shear times stretch, to second order
     tilts = (
         xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
     )  # fmt: skip
@@ -143,14 +144,14 @@ def note_work(mpi, parameters, cell):
 
 @inlined
 def note_motion(parameters, numbers, sign):
-    """Add this rank's kinetic energy to the noted one, with this sign."""
+    """Add this rank's translational kinetic energy, times sign, to its heat."""
     x, y, z = three_of(motion_of(numbers.sums))
     parameters.heat += 0.5 * sign * (x + y + z)
 
 
 @loop
 def end_change(mpi: Mpi, parameters: Bath, cell: ChangingBox):
-    """The forces in the new box are known."""
+    """Complete the work of a change of the box, when the forces in the new box are known."""
     if cell.barostat.open:
         note_work(mpi, parameters, cell)
         cell.barostat.open = 0
@@ -161,7 +162,7 @@ def rescale_cell(
     mpi: Mpi, layout: Layout, images: Images, atom_x: F2, parameters: Bath, dt: F,
     steps: Steps, cell: ChangingBox, box: PeriodicBox,
 ) -> I:  # fmt: skip
-    """Change the box, stretch the centres of mass with it, and place the atoms anew.
+    """Change the box, scale the centres of mass and velocities, and set the positions of atoms.
 
     Returns:
         as `stretch_box`.

@@ -13,16 +13,16 @@ from .thermostat import OF_THERMOSTATS, thermalise_piston, words_of_all
 
 @inlined
 def normal_and_uniform(parameters, attempt):
-    """A normal number, and minus the logarithm of a uniform one."""
+    """A standard normal deviate, and minus the logarithm of a uniform one."""
     w0, w1, w2, _ = words_of_all(parameters, attempt)
     return normal_pair(w0, w1)[0], minus_log(w2)
 
 
 @inlined
 def sum_of_squares(parameters, n, attempt):
-    """The sum of the squares of n independent normal numbers: of one of them, if n is odd, and
-    twice a number of the gamma distribution (Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363,
-    2000)."""
+    """The sum of the squares of n independent standard normal deviates: twice a gamma deviate of
+    shape n // 2 (Marsaglia and Tsang, ACM Trans. Math. Softw. 26, 363, 2000), plus the square of
+    one normal deviate if n is odd."""
     result, pairs = 0.0, n // 2
     if n % 2:
         x, _ = normal_and_uniform(parameters, attempt)
@@ -41,7 +41,7 @@ def sum_of_squares(parameters, n, attempt):
 
 @inlined
 def draw_factor(parameters, state, k, dt):
-    """Bussi, Donadio and Parrinello, J. Chem. Phys. 126, 014101 (2007), eq. A7."""
+    """The factor of velocities: Bussi, Donadio and Parrinello (2007), eq. A7; and 0."""
     first, keep = OF_THERMOSTATS[k], exp(-parameters.rate * dt)
     ratio = (1.0 - keep) * parameters.kt / parameters.energies[k]
     x, _ = normal_and_uniform(parameters, first)

@@ -1,10 +1,11 @@
 """Ensembles: a splitting with a thermostat and a barostat inserted.
 
-The step is B A O A B: half a kick, drift and free rotation for half a step, the thermostat, the
-same again; see `thermostat`.  A piston is another letter, see `mtk`.
+The step is B A O A B: half kick, drift and free rotation for half a step, the thermostat, and the
+same in reverse order; see `thermostat`.  A piston adds a letter, see `mtk`.
 
-At the end of a step velocities are too cold, by the square of the step.  So atoms have those of its
-middle then, which are right, and temperature and pressure follow from these.
+The temperature of the velocities at the end of a step has an error of second order in the step.
+Atoms therefore get the velocities of the middle of the step, which have the correct distribution,
+and temperature and pressure are computed from these.
 """
 
 from collections.abc import Mapping
@@ -25,9 +26,9 @@ from .thermostat import EnsemblePart, Thermostat, key_of
 
 Kept = record(
     "Kept",
-    kind=F,  # what the rest is
-    energy=F,  # that the bodies have given to the thermostat
-    times_back=F,  # how often the step counter has gone back, and where it was
+    kind=F,  # hash of the kind of thermostat and barostat
+    energy=F,  # transferred from the bodies to the thermostat
+    times_back=F,  # how often the step counter was set back, and its last value
     was_at=F,
     pending=F,  # `Run.pending_half_kick`, nan for None
 )  # in a restart file, followed by the states of barostat and thermostat
@@ -38,21 +39,20 @@ TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # w
 class Ensemble(Integrator):
     """An integrator with a thermostat, a barostat, or both.
 
-    A derived class maps the words of a keyword to these: each is a class, or, of this package, its
-    module and name.  With only one entry no keyword is needed.
+    A derived class maps the values of a keyword to thermostats and barostats: classes, or, for this
+    package, "module.Class".  With only one entry no keyword is needed.
 
     Attributes:
         thermostats, barostats: see above.
-        thermostat, barostat: those of the fix line; None for no thermostat, and an `EnsemblePart`
-            that does nothing for no barostat.
+        thermostat, barostat: those of the fix line; without a thermostat None, without a barostat
+            an `EnsemblePart` that does nothing.
         momentum: the `Momentum`.
-        restart_state: (n,) what goes to a restart file and comes from there; its energy is nan if
-            nothing has come.  kept_state: the record at its begin; then come the states of the
-            piston and of the thermostat.
+        restart_state: (n,) contents of a restart file; its energy is nan if none was read.
+        kept_state: the record at its beginning; the states of piston and thermostat follow.
 
     Raises:
-        RunError: for words that do not go together, and if no motion is left to keep at a
-            temperature.
+        RunError: for keywords that cannot be combined, and if the thermostat has no degrees of
+            freedom.
     """
 
     thermostats: Mapping[str, Any] = {}
@@ -79,11 +79,11 @@ class Ensemble(Integrator):
         self.kept_state, rest = Kept.of(self.restart_state), self.restart_state[OWN:]
         for part in of_ensemble:
             part.state, rest = rest[: part.state_size], rest[part.state_size :]
-        self._energy = 0.0  # given before this run, in all
+        self._energy = 0.0  # transferred before this run, summed over ranks
         self._targets = 0.0, 0.0, 0.0
 
     def _made(self, choices: Mapping[str, Any], keyword: str) -> Any:
-        """The object of a keyword's word; None where there is nothing to choose."""
+        """The thermostat or barostat that a keyword selects; None if there are no choices."""
         if not choices:
             return None
         word = getattr(self.command, keyword)
@@ -104,7 +104,7 @@ class Ensemble(Integrator):
 
     @property
     def _kind(self) -> float:
-        """A number that says what its state is of."""
+        """A hash of the kind of thermostat and barostat, to which the state belongs."""
         command = self.command
         length = command.tchain if command.thermostat == "nh" else 0
         thermostat = type(self.thermostat)
@@ -116,8 +116,7 @@ class Ensemble(Integrator):
         return "".join(part.failure(found, run) for part in self.parts)
 
     def temperature(self) -> tuple[float, float, float]:
-        """The temperature at the begin and at the end of the run, and the rate of damping, as the
-        run began."""
+        """TSTART, TSTOP and 1 / TDAMP at the start of the run."""
         return self._targets
 
     def _find_targets(self, lammps: Lammps) -> tuple[float, float, float]:
@@ -153,7 +152,7 @@ class Ensemble(Integrator):
         }  # fmt: skip
 
     def _take_kept_state(self, run: Any) -> None:
-        """Go on with what a restart file, or the last run, has left."""
+        """Continue with the state of a restart file, or of the last run."""
         kept = self.kept_state
         if kept.kind != self._kind:
             run.host.log(
@@ -161,9 +160,9 @@ class Ensemble(Integrator):
                 "this one begins anew\n"
             )
             kept.kind = self._kind
-        elif run.parameters is not None:  # what a restart file got meanwhile is of an earlier step
+        elif run.parameters is not None:  # the state in a restart file may be of an earlier step
             self._energy = self._energy_given(run)
-            if run.parameters.step >= 0:  # else there was no step since this was last asked
+            if run.parameters.step >= 0:  # otherwise there was no step since the last call
                 kept.was_at = run.parameters.step
         elif np.isfinite(kept.energy):
             self._energy = kept.energy
@@ -173,17 +172,16 @@ class Ensemble(Integrator):
             kept.was_at = run.lammps.step
 
     def _energy_given(self, run: Any) -> float:
-        """The energy that the bodies have given to the thermostat, in mass times velocity squared;
+        """The energy transferred from the bodies to the thermostat, in mass times velocity squared;
         collective."""
         return self._energy - run.ranks.total(np.array([run.parameters.heat]))[0]
 
     def scalar(self, run: Any) -> float:
-        """What has to be added to the potential energy and the kinetic energy of the atoms'
-        velocities to make the energy that a correct step conserves; collective.
+        """The energy to add to the potential and kinetic energy of the atoms to obtain the
+        conserved energy; collective.
 
-        It is the energy that went to the thermostat, and the difference of the bodies' kinetic
-        energy between the end of the step and its middle; with a piston, its energy and its work,
-        too.
+        It is the energy transferred to the thermostat plus the bodies' kinetic energy at the end of
+        the step minus that in the middle; with a piston, also its energy and its work.
         """
         end, middle = run.kinetic_at_end()
         scalar = run.lammps.mvv2e * self._energy_given(run) + end - middle
@@ -199,7 +197,7 @@ class Ensemble(Integrator):
 
 
 def _refuse_parts_of_rotations(mask: np.ndarray, ranks: Alone) -> None:
-    """End the run if some but not all components of a torque act; collective.
+    """Raise an error if some but not all components of a torque are active; collective.
 
     Args:
         mask: see `switches.mask`.

@@ -1,18 +1,19 @@
 """HMC: hybrid Monte Carlo, whose trajectories are steps of `NVE`.
 
-Duane, Kennedy, Pendleton and Roweth, Phys. Lett. B 195, 216 (1987); with momenta that are drawn
-anew in part, Horowitz, Phys. Lett. B 268, 247 (1991).  A trajectory
+Duane, Kennedy, Pendleton and Roweth, Phys. Lett. B 195, 216 (1987); with partial refreshment of the
+momenta, Horowitz, Phys. Lett. B 268, 247 (1991).  A trajectory
 
-    draws momenta        p <- sqrt(1 - mix) p + sqrt(mix) noise, and keeps where the bodies are
-    does so many steps   of NVE, which are reversible and keep volumes in phase space
-    is accepted          with probability min(1, exp(-dH / kT)), else the bodies go back to where
-                         they were, with their momenta reversed
+    draws momenta        p <- sqrt(1 - mix) p + sqrt(mix) noise, and stores the bodies' state
+    is a number of steps of NVE, which are reversible and preserve phase-space volume
+    is accepted          with probability min(1, exp(-dH / kT)); otherwise the bodies return to the
+                         stored state, with reversed momenta
 
-So configurations have the right distribution at any step, and a long step costs acceptance only.
+Configurations therefore have the correct distribution for any time step; a long time step only
+lowers the acceptance.
 
-What a body goes back to is a part of its state, and so goes with it to other ranks.  Its atoms'
-places follow from it.  LAMMPS then brings atoms to their ranks, makes new lists of neighbors and
-computes the forces once more, in the same step: all that it prints is of the state that stays.
+The stored state is part of a body's state, so it migrates with the body to other ranks.  After a
+rejection the atoms' positions are set from it; LAMMPS then migrates atoms, rebuilds neighbor lists
+and recomputes the forces within the same step, so all its output is of the state that is kept.
 """
 
 import weakref
@@ -43,24 +44,24 @@ from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
 
-# rows of the state: where a body was, X to P, and its image flags
+# rows of the state: stored X to P of a body, and stored image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
 Kept = record(
     "Kept",
-    kind=F,  # what the rest is
-    tried=F,  # trajectories
+    kind=F,  # identifies the record
+    tried=F,  # number of trajectories
     accepted=F,
-    change=F,  # of the energy by the last one
-    last=F,  # whether that was accepted
-    times_back=F,  # how often the step counter has gone back, and where it was
+    change=F,  # energy change of the last trajectory
+    last=F,  # whether it was accepted
+    times_back=F,  # how often the step counter was set back, and its last value
     was_at=F,
 )  # in a restart file
 
 
 @inlined
 def copy_rows(state, row, until, to):
-    """Copy rows of the state to those from `to` on."""
+    """Copy rows [row, until) of the state to rows from `to` on."""
     for r in range(until - row):
         for b in range(state.shape[1]):
             state[to + r, b] = state[row + r, b]
@@ -71,17 +72,17 @@ draw_momenta = make_pass("draw_momenta", thermalise, P + 4, (__name__, ""), Bath
 
 @loop
 def keep_bodies(layout: Layout):
-    """Keep the bodies as they are when a trajectory begins."""
+    """Store the state of the bodies at the start of a trajectory."""
     copy_rows(layout.state, X, P + 4, WAS)
     copy_rows(layout.state, IMAGE, IMAGE + 3, WAS_IMAGE)
 
 
 @loop
 def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
-    """Have the bodies where they were, with their momenta reversed.
+    """Return the bodies to the stored state, with reversed momenta.
 
-    Their image flags stay: they are those of LAMMPS's atoms, which do not move here.  How far these
-    are from their places is in place of their velocities.
+    Image flags are unchanged, because they match those of LAMMPS's atoms, which do not move here.
+    The displacements of the atoms are written to atom_v.
     """
     state = layout.state
     copy_rows(state, WAS, WAS_IMAGE, X)
@@ -99,7 +100,7 @@ def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
 
 
 class Trajectory(Part):
-    """What begins and tests trajectories.
+    """Begins and tests trajectories.
 
     Args:
         integrator: the `HMC`.
@@ -142,7 +143,7 @@ class Trajectory(Part):
         )
 
     def _plan(self, run: Any, step: int) -> None:
-        """Have the next trajectory begin after this step."""
+        """Plan the next trajectory to begin after this step."""
         run.host.begins, run.host.energy_step = step + 1, (step // self._steps + 1) * self._steps
 
     def begin_trajectory(self, run: Any) -> None:
@@ -154,7 +155,7 @@ class Trajectory(Part):
         self._before = _total_energy(run)
 
     def _warn_of_output(self, run: Any) -> None:
-        """Warn once of output within a trajectory, whose configurations no test has passed."""
+        """Warn once of output within a trajectory, where configurations are not yet tested."""
         if self._has_warned:
             return
         steps, output = self._steps, run.host.next_output
@@ -174,7 +175,7 @@ class Trajectory(Part):
             )
 
     def end_trajectory(self, run: Any) -> None:
-        """Test the trajectory, and go back if it is not accepted."""
+        """Test the trajectory, and restore the stored state if it is rejected."""
         parameters, kept = run.parameters, self._integrator.kept_state
         change = run.ranks.share(_total_energy(run) - self._before)
         key_1 = parameters.key_1 | ALL_BODIES
@@ -193,7 +194,7 @@ class Trajectory(Part):
             run.cache.clear()
 
     def end(self, run: Any) -> None:
-        """Warn of a run that something else has ended within a trajectory."""
+        """Warn if something else has ended the run within a trajectory."""
         if run.steps_made and run.lammps.step >= run.host.begins:
             run.host.log(
                 f"WARNING: the run has ended in step {run.lammps.step}, within a trajectory: its "
@@ -202,12 +203,12 @@ class Trajectory(Part):
 
 
 def _total_energy(run: Any) -> float:
-    """Of the bodies, and LAMMPS's potential energy; collective."""
+    """Kinetic energy of the bodies plus LAMMPS's potential energy; collective."""
     return run.thermo.energies().kinetic + run.host.energy
 
 
 def _refuse(run: Any) -> None:
-    """Raise an error for a LAMMPS, for forces and for fixes with which no test is right."""
+    """Raise an error if LAMMPS, the forces or other fixes do not permit a correct test."""
     run.host.need("trajectories")
     refuse(
         run.command.force or run.command.torque,
@@ -251,11 +252,11 @@ class HMC(NVE):
     A trajectory ends in each step that is a multiple of N.
 
     Attributes:
-        restart_state, kept_state: what a restart file keeps, as an array and as a record.
+        restart_state, kept_state: contents of a restart file, as an array and as a record.
 
     Raises:
-        RunError: for a temperature or a share of noise that cannot be, for a run that ends within a
-            trajectory, and for other fixes that change what the test must know.
+        RunError: for an invalid temperature or mix, for a run that ends within a trajectory, and
+            for other fixes that change positions, momenta or forces without an energy.
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
@@ -282,13 +283,13 @@ class HMC(NVE):
             raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
         kept.times_back += lammps.step < kept.was_at
         kt = lammps.boltz / lammps.mvv2e * temperature
-        rate = -0.5 * log1p(-mix) if mix < 1 else inf  # of friction for a time of 1
+        rate = -0.5 * log1p(-mix) if mix < 1 else inf  # friction, for dt = 1
         key_0, key_1 = key_of(command, kept.times_back, run.host.world)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
     def extra_values(self, run: Any) -> tuple[float, ...]:
-        """The part of trajectories that were accepted, and of the last one the change of the energy
-        and whether it was accepted."""
+        """The acceptance rate; the energy change of the last trajectory, and whether it was
+        accepted."""
         kept = self.kept_state
         accepted = kept.accepted / kept.tried if kept.tried else 0.0
         return accepted, kept.change, kept.last

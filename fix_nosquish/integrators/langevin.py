@@ -1,11 +1,11 @@
-"""Langevin's thermostat: friction and noise on each body by itself, exact for any time step.
+"""Langevin thermostat: friction and noise on each body separately, exact for any time step.
 
     v   <- c v   + sqrt((1 - c^2) k T / M)   xi
     L_k <- c L_k + sqrt((1 - c^2) k T I_k)   xi_k       c = exp(-dt / TDAMP)
 
-with independent standard normal numbers xi, and the angular momentum L in the principal frame.
-The three numbers xi_k are drawn in the space frame: so they do not depend on the choice of axes
-that moments leave open, nor on their signs, which may be others after a restart.
+with independent standard normal deviates xi, and the angular momentum L in the principal frame.
+The vector xi_k is drawn in the space frame.  It therefore does not depend on the axes of equal
+moments, nor on the signs of axes, which may change in a restart.
 """
 
 from math import exp, sqrt
@@ -33,12 +33,12 @@ from ..motion.philox import normal_pair, words
 from ..motion.step import Operation
 from .thermostat import BODY, Thermostat, thermalise_piston
 
-NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six numbers; energy given
+NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six deviates; heat
 
 
 @inlined
 def draw(block, parameters, second):
-    """Draw normal numbers for each body: four in rows NOISE, two behind them if `second`."""
+    """Draw normal deviates for each body: four in rows NOISE, or the next two if `second`."""
     number, key_1 = 2 * parameters.draw + second, parameters.key_1 | BODY
     for b in range(LANES):
         w0, w1, w2, w3 = words(block[NUMBER, b], parameters.step, number, parameters.key_0, key_1)
@@ -49,7 +49,7 @@ def draw(block, parameters, second):
 
 @inlined
 def thermalise(block, kind, dt, parameters):
-    """Friction and noise for dt, on translation and rotation."""
+    """Apply friction and noise for a time dt to translation and rotation."""
     keep = exp(-parameters.rate * dt)
     lost, noise = 1.0 - keep, sqrt((1.0 - keep * keep) * parameters.kt)
     draw(block, parameters, 0)

@@ -1,4 +1,4 @@
-"""The total momentum of an ensemble's bodies, which has no part in their temperature."""
+"""The total momentum of an ensemble's bodies, which does not contribute to their temperature."""
 
 import weakref
 from collections.abc import Iterator
@@ -13,25 +13,25 @@ from ..run import thermo
 from ..run.other_fixes import acts_on_bodies, pushing_pair_style
 from ..run.part import Part
 
-_UNIFORM = "efield", "efield/tip4p"  # fixes of a field that is the same everywhere, or varies
-NEUTRAL = 1e-6  # the charge that a neutral whole has, of rounding
-CHANGED = 0.1  # of its part of the heat, by which the total momentum has surely changed in a run
-DRIFT = 1e-3  # of the kinetic energy, what that of the total momentum is without a warning
+_UNIFORM = "efield", "efield/tip4p"  # fixes whose field is uniform unless it varies
+NEUTRAL = 1e-6  # largest total charge, from rounding, of a neutral system
+CHANGED = 0.1  # change of the total momentum's energy, relative to its thermal value, to warn of
+DRIFT = 1e-3  # largest fraction of the kinetic energy in the total momentum without a warning
 
 
 class Momentum(Part):
-    """What is known of the total momentum of an ensemble's bodies.
+    """The total momentum of an ensemble's bodies.
 
     Args:
-        kept: whether the ensemble leaves it as it is.
-        thermostat: gets a note on the degrees of freedom that it acts on; None for no thermostat.
+        kept: whether the ensemble conserves it.
+        thermostat: gets a note on its degrees of freedom; None for no thermostat.
 
     Attributes:
-        held: degrees of freedom that it has, if it is taken as zero; else 0.
+        held: degrees of freedom of the total momentum if it is conserved, taken as zero; else 0.
     """
 
     held = 0
-    _part = 0.0  # of the kinetic energy that is of the total momentum as a run begins
+    _part = 0.0  # fraction of the kinetic energy in the total momentum at the start of a run
     _run: Any = None
 
     def __init__(self, kept: bool, thermostat: Any) -> None:
@@ -41,8 +41,10 @@ class Momentum(Part):
         self._run = weakref.proxy(run)
 
     def degrees(self) -> np.ndarray:
-        """Degrees of freedom of translation and of rotation that are free to change, without those
-        of the momentum if nothing changes it: all atoms are in bodies that are free; collective."""
+        """Active degrees of freedom of translation and rotation, (2,); collective.
+
+        Those of the total momentum are subtracted if nothing changes it.  This requires that all
+        atoms are in bodies without inactive components."""
         run, bodies, owned = self._run, self._run.bodies, self._run.bodies.sharers.owned
         dimension, mask = run.lammps.dimension, np.ones((6, len(bodies)))
         mask *= 1.0 if run.mask is None else run.mask
@@ -67,7 +69,7 @@ class Momentum(Part):
         return np.array([max(free[0] - held, 0.0), free[1]])
 
     def extra_warnings(self, run: Any) -> Iterator[str]:
-        """A line on a total momentum that is taken as zero and is not."""
+        """A warning if the total momentum is taken as zero but is not zero."""
         self._part = run.thermo.momentum_part() if self.held else 0.0
         if self._part > DRIFT:
             yield (
@@ -77,7 +79,7 @@ class Momentum(Part):
             )
 
     def end(self, run: Any) -> None:
-        """Warn if the momentum was taken as constant and has changed in the run."""
+        """Warn if the total momentum was taken as conserved but has changed in the run."""
         if not self._thermostat or not self.held or self._part > DRIFT:
             return
         part, of_heat = run.thermo.momentum_part(), self.held / (self.held + self._left)
@@ -91,7 +93,7 @@ class Momentum(Part):
 
 
 def _pushed_by(run: Any) -> str | None:
-    """What may change the bodies' total momentum, None if nothing does; collective."""
+    """The name of an interaction that may change the total momentum, or None; collective."""
     if run.gravity is not None:
         return "keyword gravity"
     if run.external.moves_centres:

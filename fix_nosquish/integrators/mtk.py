@@ -1,27 +1,28 @@
-"""A piston: the box, and with it the centres of mass, move as the pressure drives them.
+"""A piston: the pressure drives the box, and with it the centres of mass.
 
 Martyna, Tobias and Klein, J. Chem. Phys. 101, 4177 (1994), for the bodies' translation.  With the
-rate of strain e of axis k, which several axes may share, S their sum over the axes, N degrees of
-freedom of translation, and the inertia W,
+strain rate e of axis k, which coupled axes share, the sum S of the strain rates over the axes, N
+translational degrees of freedom, and the inertia W,
 
     dR_k/dt = V_k + e R_k          M dV_k/dt = F_k - (e + S / N) M V_k
     W de/dt = sum over its axes of  virial_k - P_k volume + sum M V_k^2 + sum M V^2 / N
 
-A tilt has a rate of strain, too: for xy, of x with y.  Its force is the one along x times the place
-along y, and there is no drag but the shear's own.  Where tilts change, S weights the axes.
+A tilt also has a strain rate: for xy, of x with y.  Its virial is the force along x times the
+position along y, and only the shear itself changes velocities.  If tilts change, S is a weighted
+sum over the axes.
 
-Each term depends on positions or on velocities, so the step can be symmetric in time, B A D A B:
+Each term depends on positions or on velocities, so the step can be time-symmetric, B A D A B:
 
     B   F_k acts on the bodies, virial_k - P_k volume on e
-    D   half of the strain, sum M V_k^2 + sum M V^2 / N acts on e, half of the strain; a half of the
-        strain is one of the axes, and one of the tilts on the inner side of it
+    D   half of the strain, sum M V_k^2 + sum M V^2 / N acts on e, half of the strain; each half is
+        a strain of the axes and, on the inner side, a strain of the tilts
 
-The piston's thermostat acts in the middle of D: so the box has the right distribution even where
-its own oscillation, which is fast at a given arrangement of the bodies, is badly resolved.  Chains
-and velocity rescaling act there on the bodies, too; Langevin's thermostat acts on these behind D.
+The piston's thermostat acts in the middle of D.  The box therefore has the correct distribution
+even if its fast oscillation is badly resolved.  Nose-Hoover chains and velocity rescaling also act
+on the bodies there; the Langevin thermostat acts on the bodies after D.
 
-The kinetic energy that drives the piston is that of the step's middle, as the temperature is.
-Every so many steps the piston moves, for all of their time at once.
+The kinetic energy that drives the piston is that in the middle of the step, like the temperature.
+The piston moves every `box_every` steps, by the time of all these steps at once.
 """
 
 from collections.abc import Callable
@@ -66,24 +67,24 @@ from .thermostat import Steps, Thermostat, part_of_run, prepare
 PistonNumbers = record(
     "PistonNumbers",
     BarostatNumbers,
-    inertia=(F, 6),  # of each rate of strain, 0 where there is none
-    freedom=F,  # degrees of freedom of translation
-    virial=(F, 6),  # the molecular one
-    heavier=F,  # the first thermostat of its chain, as a multiple of the others' mass
+    inertia=(F, 6),  # of each strain rate, 0 for unused ones
+    freedom=F,  # translational degrees of freedom
+    virial=(F, 6),  # molecular virial
+    heavier=F,  # mass of the first thermostat of its chain / mass of the others
 )
 Piston = record(
     "Piston",
-    rates=(F, 6),  # of strain
+    rates=(F, 6),  # strain rates
     work=F,  # done against the pressure
-    inertia_kt=F,  # the k T that the inertia is of
+    inertia_kt=F,  # k T from which the inertia was computed
 )
-# of each tilt: the axis along which it moves what is further along the second one
+# for each tilt: axis of the displacement, and axis of the position to which it is proportional
 FIRST, SECOND = (0, 0, 1), (1, 2, 2)
 STRAINS = {
-    "along": (F, 6),  # twice this rank's kinetic energy along each axis, and with each tilt
-    "slow": (F, 3),  # factors of velocities, and what shears them then
+    "along": (F, 6),  # twice this rank's translational kinetic energy tensor
+    "slow": (F, 3),  # factors of velocities, and the shear after them
     "slow_shear": (F, 3),
-    "strain": (F, 3),  # the same of positions, and the points from which these count
+    "strain": (F, 3),  # the same for positions, and the centre of the strain
     "strain_shear": (F, 3),
     "centres": (F, 3),
     "shears": I,  # whether tilts change
@@ -91,7 +92,7 @@ STRAINS = {
 
 
 class PistonBox(NamedTuple):
-    """What changes the box: see `cell.ChangingBox`."""
+    """The box of a piston: see `cell.ChangingBox`."""
 
     barostat: PistonNumbers
     forces_virial: F1
@@ -103,7 +104,7 @@ class PistonBox(NamedTuple):
 
 @inlined
 def measure_along(block, kind, dt, parameters):
-    """Add twice the kinetic energies of translation along each axis, and with each tilt."""
+    """Add twice the translational kinetic energy tensor (xx yy zz xy xz yz) to `along`."""
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for b in range(LANES):
         x, y, z = three(block, V, b)
@@ -114,7 +115,7 @@ def measure_along(block, kind, dt, parameters):
 
 @inlined
 def dilate(block, kind, dt, parameters):
-    """Strain the centres of mass, and slow their velocities down."""
+    """Apply the strain to the centres of mass, and the factors and shear to their velocities."""
     for k in range(3):
         longer, centre = parameters.strain[k] - 1.0, parameters.centres[k]
         slow = parameters.slow[k]
@@ -129,7 +130,7 @@ def dilate(block, kind, dt, parameters):
 
 @inlined
 def push(cell, box, part, dt):
-    """The forces act on the rates of strain for dt."""
+    """Change the strain rates by the virial and the target pressure for a time dt."""
     numbers, volume = cell.barostat, volume_of(box, cell.barostat)
     axes, rates = numbers.axes, cell.piston.rates
     for k in range(COMPONENTS):
@@ -140,7 +141,7 @@ def push(cell, box, part, dt):
 
 @inlined
 def strain(parameters, cell, box, part, dt):
-    """Change the factors, and the kinetic energies with them, by what the axes' rates do."""
+    """Update the factors, and the kinetic energies, by the strain rates of the axes."""
     numbers, total, against, volume = cell.barostat, 0.0, 0.0, volume_of(box, cell.barostat)
     axes, rates, weighted = numbers.axes, cell.piston.rates, 0.0
     along = motion_of(numbers.total)
@@ -156,7 +157,7 @@ def strain(parameters, cell, box, part, dt):
         parameters.slow[k] *= factor
         along[k] *= factor * factor
         numbers.stretch[k] *= longer
-        if numbers.tilted:  # what acts after a shear makes it another one
+        if numbers.tilted:  # a stretch after a shear is a different shear after the stretch
             stretch_shear(numbers.shear, k, longer)
             stretch_shear(parameters.slow_shear, k, factor)
             for n in range(3):
@@ -168,7 +169,7 @@ def strain(parameters, cell, box, part, dt):
 
 @inlined
 def stretch_shear(shear, axis, factor):
-    """What a shear is when it acts after an axis is stretched, not before."""
+    """Convert a shear before the stretch of an axis to the equivalent shear after it."""
     for n in range(3):
         if FIRST[n] == axis:
             shear[n] *= factor
@@ -178,7 +179,7 @@ def stretch_shear(shear, axis, factor):
 
 @inlined
 def tilt(parameters, cell, box, part, dt):
-    """Change the shears, and the kinetic energies with them, by what the tilts' rates do."""
+    """Update the shears, and the kinetic energies, by the strain rates of the tilts."""
     numbers, rates = cell.barostat, cell.piston.rates
     axes, along = numbers.axes, motion_of(numbers.total)
     xy = dt * rates[axes[XY]] if axes[XY] >= 0 else 0.0
@@ -189,7 +190,7 @@ def tilt(parameters, cell, box, part, dt):
         volume *= numbers.stretch[k]
     against = xy * pressure_now(numbers, XY, part) + xz * pressure_now(numbers, XZ, part)
     cell.piston.work += (against + yz * pressure_now(numbers, YZ, part)) * volume
-    both = 0.5 * xy * yz  # of the exponential
+    both = 0.5 * xy * yz  # second-order term of the matrix exponential
     add_shear(numbers.shear, xy, xz + both, yz)
     xy, xz, yz = -xy, both - xz, -yz
     add_shear(parameters.slow_shear, xy, xz, yz)
@@ -204,7 +205,7 @@ def tilt(parameters, cell, box, part, dt):
 
 @inlined
 def add_shear(shear, xy, xz, yz):
-    """Have another shear, 1 and these above the diagonal, act after the first one."""
+    """Compose a shear with another one, of these off-diagonal elements, that acts after it."""
     shear[1] += xz + xy * shear[2]
     shear[0] += xy
     shear[2] += yz
@@ -212,7 +213,7 @@ def add_shear(shear, xy, xz, yz):
 
 @inlined
 def push_by_motion(cell, dt):
-    """The kinetic energies act on the rates of strain for dt."""
+    """Change the strain rates by the kinetic energies for a time dt."""
     numbers, rates = cell.barostat, cell.piston.rates
     axes, along = numbers.axes, motion_of(numbers.total)
     shared = (along[0] + along[1] + along[2]) / numbers.freedom
@@ -224,10 +225,10 @@ def push_by_motion(cell, dt):
 
 @inlined
 def begin_move(mpi, parameters, due, cell, box, part, dt):
-    """The first half of letter D, if the box changes in this step: if that is due.
+    """The first half of letter D, if a change of the box is due in this step.
 
     Returns:
-        by how much twice the kinetic energy changes.
+        the change of twice the kinetic energy.
     """
     numbers, gained = cell.barostat, 0.0
     along = motion_of(numbers.total)
@@ -254,7 +255,7 @@ def begin_move(mpi, parameters, due, cell, box, part, dt):
 
 @inlined
 def end_move(parameters, due, cell, box, shift, part, dt):
-    """The second half of letter D, if the box changes in this step, and the box itself.
+    """The second half of letter D, and the change of the box, if it is due in this step.
 
     Returns:
         as `stretch_box`.
@@ -279,7 +280,7 @@ def end_move(parameters, due, cell, box, shift, part, dt):
 
 @loop
 def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox):
-    """The molecular virial of the new forces; these act on a piston that has just moved."""
+    """Compute the molecular virial of the new forces; if the box has just changed, complete B."""
     numbers = cell.barostat
     spread = spread_of(numbers.total)
     add_up(mpi, spread_of(numbers.sums), spread)
@@ -293,17 +294,17 @@ def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox)
 
 # ---------------------------------------------------------------- with a thermostat
 
-# of each step at constant volume, the one with a piston, and of each thermostat the loop before it
+# the step with a piston for each step at constant volume; the loop before D for each thermostat
 _SCHEMES: dict[Scheme | None, Scheme] = {}
 _PREPARES: dict[type[Thermostat], Loop] = {}
 
 
 def put_in(thermostat: type[Thermostat], module: str) -> None:
-    """Make the loops of the step B A D O A B with a thermostat, or of B A D A B with none.
+    """Make the loops of the step B A D O A B with a thermostat, or of B A D A B without one.
 
     Args:
-        thermostat: what is derived from `Thermostat`, or this itself for none.
-        module: the name of the one that the loops belong to.
+        thermostat: a class derived from `Thermostat`, or `Thermostat` for none.
+        module: name of the module that the loops belong to.
     """
     owner = module, f"{thermostat.__qualname__}Piston"
     letters, operations, measures = "B A D A B", NVE.operations, measure_along
@@ -326,7 +327,7 @@ def put_in(thermostat: type[Thermostat], module: str) -> None:
 
 
 def _both(measures: Callable) -> Callable:
-    """What measures for a thermostat, and for the piston."""
+    """The `measures` of a thermostat combined with that of the piston."""
 
     @inlined
     def both(block, kind, dt, parameters):
@@ -344,7 +345,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
         box: PeriodicBox, own_state: F1,
     ) -> I:  # fmt: skip
-        """Move the piston, if the box changes, and find what letters D and O take.
+        """Move the piston, if the box changes, and set the parameters of letters D and O.
 
         Returns:
             as `stretch_box`, and as the thermostat's `acts`.
@@ -356,7 +357,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
             on_piston(mpi, parameters, cell, own_state, dt)
         wrong = acts(mpi, parameters, own_state, dt, gained)
         moved = end_move(parameters, due, cell, box, images.shift, part, dt)
-        return moved if bursts else min(wrong, moved)  # a box that bursts upsets chains, too
+        return moved if bursts else min(wrong, moved)  # report the box: it also breaks chains
 
     return loop(prepares, owner)
 
@@ -391,15 +392,15 @@ class Mtk(Barostat):
         return super().extra_parameters(run) | {"shears": self.flips}
 
     def _heat(self, run: Any) -> float:
-        """The k T that the piston's inertia is of: of the highest temperature of the run; without a
-        thermostat, of the bodies as their first run begins, or LAMMPS's choice if they are at
-        rest; collective."""
+        """The k T of the piston's inertia: of the highest temperature of the run; without a
+        thermostat, of the bodies at the start of their first run, or LAMMPS's default if they are
+        at rest; collective."""
         lammps = run.lammps
         if self.ensemble.thermostat:
             return lammps.boltz * max(self.ensemble.temperature()[:2])
         if not self.piston.inertia_kt:
             kelvin = run.thermo.energies().temperature
-            if not lammps.running:  # but a file is written, perhaps before they move
+            if not lammps.running:  # write_restart, perhaps before velocities are set
                 return lammps.boltz * kelvin
             usual = 1.0 if lammps.units == "lj" else 300.0
             if not kelvin > REST * usual:
@@ -428,9 +429,9 @@ class Mtk(Barostat):
         numbers.rate, numbers.freedom = 1.0 / damping, freedom
         numbers.heavier = np.count_nonzero(numbers.inertia)
         if replaces and self.command.thermostat == "nh":
-            # The chain of fix rigid has masses d^2 and 1, times k T PDAMP^2, half of its friction
-            # acts, and it takes the mean energy of the axes as that of the piston.  These masses
-            # slow a fast piston down alike, and keep its energy at k T.
+            # The chain of fix rigid has masses d^2 and 1, times k T PDAMP^2; only half of its
+            # friction acts, and it uses the mean energy of the axes as that of the piston.  These
+            # masses damp a fast piston equally, and keep its energy at k T.
             numbers.rate = 1.0 / (shortest * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
             numbers.heavier = 2 * d * d
         return numbers
@@ -439,20 +440,20 @@ class Mtk(Barostat):
         return super().extra_cells(run) | {"piston": Cell(Piston, self.piston)}
 
     def with_energy(self, scalar: float) -> float:
-        """With the work against the pressure and the energy of the piston."""
+        """The scalar plus the work against the pressure and the energy of the piston."""
         moving = 0.5 * (self.numbers.inertia * self.piston.rates**2).sum()
         return scalar + self.piston.work + moving
 
 
 def _slower(freedom: float, thermo: Thermo) -> float:
-    """How much longer the period of the box is with LAMMPS's fix rigid, for the same PDAMP;
+    """The period of the box with LAMMPS's fix rigid divided by that here, for the same PDAMP;
     collective.
 
-    Its inertia counts the rotation, each axis has all of it, and it is pushed for half of each
-    step.
+    There the inertia includes the rotational degrees of freedom, each axis has the whole inertia,
+    and the pressure acts for half of each step.
 
     Args:
-        freedom: the degrees of freedom that the inertia counts here.
+        freedom: the degrees of freedom in the inertia here.
     """
     bodies, d = thermo.bodies, thermo.lammps.dimension
     of_bodies = degrees_of_freedom(bodies, d)[bodies.sharers.owned].sum()

@@ -8,22 +8,22 @@ from .rescaling import Rescaling, scaling_by
 from .thermostat import instability, note_heat
 
 _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
-SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # parts of a step of the chain
-# what a loop returns for a factor of a chain, or its inverse, that is larger than this
+SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # fractions of a step of the chain
+# return value if the factor of a chain, or its inverse, exceeds MOST
 UNSTABLE, MOST = -4, 1000.0
-STEPS = 20  # in TDAMP, with which chains are stable
+STEPS = 20  # time steps per TDAMP with which chains are stable
 
 
 @inlined
 def move_chain(chain, n, twice, degrees, heavier, kt, rate, dt):
-    """Advance a chain of n thermostats by dt, symmetrically.
+    """Advance a chain of n thermostats by dt, with a symmetric splitting.
 
     Args:
         chain: (2 n,) positions, then velocities.
         twice: twice the kinetic energy.
-        heavier: the mass of the first thermostat, divided by that of each other one.
+        heavier: mass of the first thermostat divided by that of each other one.
     Returns:
-        the factor for velocities.
+        the factor of the velocities.
     """
     factor, second = 1.0, kt / (rate * rate)  # the mass of all but the first
     for part in SUZUKI_YOSHIDA:
@@ -62,7 +62,7 @@ def factor_of_chain(parameters, state, k, dt):
 
 @inlined
 def move_chain_of_piston(mpi, parameters, cell, state, dt):
-    """The chain on the rates of strain, for all the time of a change of the box."""
+    """Apply the chain to the strain rates, for the whole time of a change of the box."""
     numbers, rates, twice, degrees = cell.barostat, cell.piston.rates, 0.0, 0.0
     for group in range(rates.size):
         twice += numbers.inertia[group] * rates[group] * rates[group] / numbers.unit
@@ -80,8 +80,8 @@ def move_chain_of_piston(mpi, parameters, cell, state, dt):
 class NoseHoover(Rescaling):
     """Keyword thermostat nh.
 
-    Its state is (chains, 2, tchain): of translation and of rotation, or of both and of none, and
-    of a piston.  Each has positions and velocities.
+    Its state is (chains, 2, tchain), positions and velocities of each chain: of translation and of
+    rotation, or of both and an unused one, and of a piston.
     """
 
     acts, on_piston = scaling_by(factor_of_chain), move_chain_of_piston

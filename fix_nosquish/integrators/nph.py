@@ -1,4 +1,4 @@
-"""NPH: rigid bodies at constant pressure and enthalpy, in a box that a piston moves; see `mtk`."""
+"""NPH: rigid bodies at constant pressure and enthalpy, with a piston; see `mtk`."""
 
 from collections.abc import Mapping
 from typing import Any

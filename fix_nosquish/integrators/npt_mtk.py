@@ -1,4 +1,4 @@
-"""The steps of the thermostats of this package with a piston."""
+"""The steps with a piston, for the thermostats of this package."""
 
 from . import mtk
 from .csvr import Csvr

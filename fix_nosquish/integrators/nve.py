@@ -1,7 +1,7 @@
 """NVE: rigid bodies at constant energy, one step of eq. 2.53 of Miller et al. (2002).
 
-Velocity Verlet for the centres of mass, and for the rotation half a kick, the free rotation, exact
-or split into rotations about one axis at a time, and half a kick.
+Velocity Verlet for the centres of mass.  For the rotation: a half kick of the quaternion momentum,
+free rotation, exact or split into rotations about one axis at a time, and another half kick.
 """
 
 from collections.abc import Mapping

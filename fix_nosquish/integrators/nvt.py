@@ -7,7 +7,7 @@ import numpy as np
 
 from .ensemble import TEMPERATURE, Ensemble
 
-# by the words of keyword thermostat: modules of this package, and their classes
+# module and class in this package, by the value of keyword thermostat
 THERMOSTATS = {"langevin": "langevin.Langevin", "csvr": "csvr.Csvr", "nh": "nose_hoover.NoseHoover"}
 
 
@@ -20,7 +20,7 @@ class NVT(Ensemble):
 
     def extra_values(self, run: Any) -> tuple[float, ...]:
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
-        of the shadow Hamiltonian's second order the part of the configuration; collective."""
+        the configurational part of the shadow Hamiltonian's second-order term; collective."""
         bodies, lammps = run.completed_bodies(), run.lammps
         torque = bodies.principal_torque()
         turns = np.divide(

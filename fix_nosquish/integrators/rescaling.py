@@ -1,8 +1,8 @@
-"""Thermostats that scale the velocities of all bodies; `csvr` and `nose_hoover` say by what.
+"""Thermostats that scale all velocities; `csvr` and `nose_hoover` compute the factors.
 
-Both know the kinetic energy of all bodies in the middle of the step, which is one sum over the
-ranks, and find one factor for all velocities and angular momenta, or one for each.  Free motion
-keeps this energy, if it is exact: so it is known before, and A O A is one motion.
+Both use the kinetic energy of all bodies in the middle of the step, by one sum over the ranks.
+They find one factor for velocities and angular momenta, or one for each.  Exact free motion
+conserves this energy, so it is known in advance, and A O A is done as one motion.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,15 +34,15 @@ from .thermostat import Bath, Thermostat
 Scales = record(
     "Scales",
     Bath,
-    degrees=(F, 2),  # of freedom, of translation and of rotation, or of both and of none
-    twice=(F, 2),  # the kinetic energies of this rank's bodies, and of all
+    degrees=(F, 2),  # degrees of freedom of translation and rotation, or of both and 0
+    twice=(F, 2),  # twice the kinetic energies, of this rank's bodies and of all bodies
     energies=(F, 2),
     separate=I,  # whether there are two factors, or one
-    chain=I,  # numbers of each Nose-Hoover chain
+    chain=I,  # size of the state of each Nose-Hoover chain
 )
 MOVES, TURNS, WORK = BLOCK_ROWS, BLOCK_ROWS + 1, 2  # rows of a block: twice a body's energies
-LEAST = 1e-100  # in place of a mean that is zero
-REST = 1e-20  # of kT for each degree of freedom, up to which a kinetic energy is of rounding
+LEAST = 1e-100  # replaces a mean of zero
+REST = 1e-20  # kinetic energy / kT per degree of freedom up to which a body is at rest
 move = NVE.operations["A"].does
 
 
@@ -69,7 +69,7 @@ def measure(block, kind, dt, parameters):
 
 @inlined
 def scale_by(block, kind, moves, turns):
-    """Multiply velocities and angular momenta by these factors."""
+    """Multiply active velocities and angular momenta by these factors."""
     for k in range(3):
         for b in range(LANES):
             block[V + k, b] *= 1.0 + block[FREE + k, b] * (moves - 1.0)
@@ -81,7 +81,7 @@ def scale_by(block, kind, moves, turns):
 
 @inlined
 def scale(block, kind, dt, parameters):
-    """Multiply velocities and angular momenta by their factors."""
+    """Multiply velocities and angular momenta by the factors of the step."""
     scale_by(block, kind, parameters.factor[0], parameters.factor[1])
 
 
@@ -89,8 +89,8 @@ def scale(block, kind, dt, parameters):
 def move_and_scale(block, kind, dt, parameters):
     """Free motion for half of the time, `scale`, and free motion for the other half.
 
-    Free motion with f times the momenta is that with the momenta in f times the time.  So both
-    halves are one, with the mean of the momenta before and behind.
+    Free motion with momenta scaled by f equals free motion for f times the time.  Both halves are
+    therefore one free motion, with the mean of the momenta before and after the scaling.
     """
     factor = parameters.factor
     moves, turns = mean_with_one(factor[0]), mean_with_one(factor[1])
@@ -101,18 +101,18 @@ def move_and_scale(block, kind, dt, parameters):
 
 @inlined
 def mean_with_one(factor):
-    """The mean of this and 1; not zero, so that it can be divided by."""
+    """The mean of a factor and 1, nonzero so that it can be a divisor."""
     mean = 0.5 * (1.0 + factor)
     return mean if mean != 0.0 else LEAST
 
 
 def scaling_by(factor_of: Callable) -> Callable:
-    """What comes before the scale: see `Thermostat.acts`.
+    """A `Thermostat.acts` that sets the factors of the step.
 
     Args:
-        factor_of: an inlined function (parameters, state, k, dt) of the factor of motion k and 0,
-            or of anything and what ends the run.  It finds twice the kinetic energy in
-            parameters.energies[k], which is not 0, and its freedom in parameters.degrees[k].
+        factor_of: an inlined function (parameters, state, k, dt) that returns the factor of motion
+            k, and 0 or the value that ends the run.  parameters.energies[k] is twice the kinetic
+            energy, not 0, and parameters.degrees[k] the degrees of freedom.
     """
 
     @inlined
@@ -126,7 +126,7 @@ def scaling_by(factor_of: Callable) -> Callable:
         for k in range(2):
             factor[k] = 1.0
             degrees = parameters.degrees[k]
-            # what is at rest has nothing to scale: the thermostat waits
+            # a motion at rest cannot be scaled: the thermostat waits
             if degrees > 0.0 and energies[k] > REST * degrees * parameters.kt:
                 factor[k], wrong = factor_of(parameters, state, k, dt)
                 if wrong:
@@ -142,8 +142,7 @@ def scaling_by(factor_of: Callable) -> Callable:
 
 
 class Rescaling(Thermostat):
-    """A thermostat that scales velocities; in a derived class, `acts` is what `scaling_by` makes of
-    the factor."""
+    """A thermostat that scales velocities; a derived class sets `acts` by `scaling_by`."""
 
     operation = Operation(scale, prepared=True, measures=measure)
     merged: ClassVar[Operation | None] = Operation(
@@ -155,8 +154,8 @@ class Rescaling(Thermostat):
         return {"degrees": self._degrees(), "separate": self.command.separate}
 
     def extra_warnings(self, run: Any) -> Iterator[str]:
-        """Also a line on motions that are at rest as a run begins, and would wait forever in a
-        gas."""
+        """Also a warning of motions at rest at the start of a run: in an ideal gas they would stay
+        at rest."""
         yield from super().extra_warnings(run)
         parameters, moving = run.parameters, run.thermo.energies()
         energies, names = (moving.translation, moving.rotation), ("translation", "rotation")
@@ -172,7 +171,7 @@ class Rescaling(Thermostat):
                 )
 
     def _degrees(self) -> np.ndarray:
-        """Degrees of freedom of each of the two thermostats; collective."""
+        """Degrees of freedom of the two thermostats, (2,); collective."""
         degrees = self.ensemble.momentum.degrees()
         return degrees if self.command.separate else np.array([degrees.sum(), 0.0])
 

@@ -1,12 +1,12 @@
-"""Thermostats: what an ensemble has in the middle of a step, for its temperature.
+"""Thermostats, which act in the middle of a step.
 
-A thermostat is letter O of the splitting B A O A B.  Where it stands decides how long a step may
-be: configurations have the right distribution there up to steps that are three to four times those
-of a thermostat at the ends (Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 142, 144114, 2015;
+A thermostat is letter O of the splitting B A O A B.  Its position limits the time step: in the
+middle, configurations have the correct distribution up to steps three to four times as long as with
+a thermostat at the ends (Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 142, 144114, 2015;
 Leimkuhler and Matthews, Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. Phys. Chem. A 123,
 6056, 2019).
 
-`langevin`, `csvr` and `nose_hoover` have one each.
+`langevin`, `csvr` and `nose_hoover` implement one each.
 """
 
 import weakref
@@ -31,27 +31,27 @@ from .nve import NVE
 Bath = record(
     "Bath",
     Parameters,
-    rate=F,  # of damping
-    start=F,  # temperature at the begin of the run, at its end and now, as energies in mass times
-    stop=F,  # velocity squared
+    rate=F,  # 1 / damping time
+    start=F,  # k T at the start of the run, at its end and at present, in mass times velocity
+    stop=F,  # squared
     kt=F,
-    step=I,  # of the last random numbers, and which of its draws the next one is
+    step=I,  # step of the last random numbers, and index of its next draw
     draw=I,
-    key_0=I,  # of random numbers
+    key_0=I,  # key of random numbers
     key_1=I,
-    heat=F,  # the energy that this rank has given to the bodies
-    factor=(F, 2),  # by which a thermostat has multiplied velocities, and angular momenta
+    heat=F,  # energy that this rank has added to the bodies
+    factor=(F, 2),  # last factors of velocities and of angular momenta
 )
-BODY, ALL_BODIES = 0, 1  # purposes of random numbers: of one body, of the system
-# the system's draws: of translation and of rotation, or both; of the barostat
+BODY, ALL_BODIES = 0, 1  # purpose of random numbers: for one body, for the system
+# random numbers for the system: first number of translation (or all) and rotation; of the barostat
 OF_THERMOSTATS, OF_BAROSTAT = (0, 1024 * 1024), 3 * 1024 * 1024
 
 
-MOST_STEPS = 5e4  # in TDAMP without a warning
+MOST_STEPS = 5e4  # largest number of steps per TDAMP without a warning
 
 
 class Steps(NamedTuple):
-    """The step, and those at which the run begins and ends, (1,) each."""
+    """The present step, and the first and last step of the run, (1,) each."""
 
     step: L1
     begin_step: L1
@@ -60,14 +60,14 @@ class Steps(NamedTuple):
 
 @inlined
 def part_of_run(steps):
-    """Which part of the run is over."""
+    """The fraction of the run that is over."""
     length = steps.end_step[0] - steps.begin_step[0]
     return (steps.step[0] - steps.begin_step[0]) / length if length > 0 else 0.0
 
 
 @inlined
 def prepare(parameters, steps):
-    """Set the temperature of this step, and which draw of the step comes next.
+    """Set the temperature of this step, and the index of its next draw.
 
     Returns:
         as `part_of_run`.
@@ -80,9 +80,10 @@ def prepare(parameters, steps):
 
 
 def key_of(command: Command, times_back: float, world: int) -> tuple[int, int]:
-    """The key of a fix's random numbers: bodies of two fixes, or of two worlds of a partition, may
-    have the same IDs, and a step counter that has gone back, so many times, counts steps that there
-    were."""
+    """The key of a fix's random numbers.
+
+    It is different for fixes and for worlds of a partition, because their bodies may have the same
+    IDs, and each time the step counter is set back, because steps then repeat."""
     whose = " ".join((command.group, command.style, *command.arguments))
     if world:
         whose += f", world {world}"
@@ -93,28 +94,28 @@ def key_of(command: Command, times_back: float, world: int) -> tuple[int, int]:
 
 @inlined
 def words_of_all(parameters, number):
-    """Four random words for the system: the draw of this number in this step."""
+    """Four random words for the system, of this number in this step and draw."""
     key_1 = parameters.key_1 | ALL_BODIES
     return words(float(number), parameters.step, parameters.draw, parameters.key_0, key_1)
 
 
-# ---------------------------------------------------------------- what a thermostat does
+# ---------------------------------------------------------------- parts of a thermostat
 
 
 @inlined
 def nothing(mpi, parameters, state, dt, gained):
-    """What `Thermostat.acts` does by default: nothing of all bodies must be known."""
+    """The default of `Thermostat.acts`: nothing depends on sums over all bodies."""
     return 0
 
 
 @inlined
 def not_on_piston(mpi, parameters, cell, state, dt):
-    """What `Thermostat.on_piston` does by default."""
+    """The default of `Thermostat.on_piston`."""
 
 
 @inlined
 def thermalise_piston(mpi, parameters, cell, state, dt):
-    """Friction and noise on the rates of strain, for all the time of a change of the box."""
+    """Apply friction and noise to the strain rates, for the whole time of a change of the box."""
     numbers, rates = cell.barostat, cell.piston.rates
     keep = exp(-numbers.rate * dt * numbers.box_every)
     for group in range(rates.size):
@@ -130,14 +131,14 @@ def thermalise_piston(mpi, parameters, cell, state, dt):
 
 @inlined
 def note_heat(mpi, parameters, numbers, group, before, after):
-    """Note, on rank 0, the energy that a thermostat gives to a rate of strain."""
+    """Add the energy that a thermostat adds to a strain rate to the heat of rank 0."""
     if mpi.rank == 0:
         given = 0.5 * numbers.inertia[group] * (after * after - before * before)
         parameters.heat += given / numbers.unit
 
 
 def far_off(name: str, time: float, lammps: Any, most: float) -> Iterable[str]:
-    """A line on a damping time that is less than a time step, or more than so many: it may be in
+    """A warning of a damping time below one time step or above `most` time steps, which may be in
     another unit of time than LAMMPS's."""
     steps = time / abs(lammps.dt) if lammps.dt else 1.0
     if not 1.0 <= steps <= most:
@@ -151,11 +152,11 @@ class EnsemblePart(Part):
     """A thermostat or a barostat of an ensemble; this class does nothing.
 
     Args:
-        ensemble: the `ensemble.Ensemble` that it is put into.
+        ensemble: the `ensemble.Ensemble` that it belongs to.
 
     Attributes:
-        state_size: how many numbers it must know to go on.
-        state: these, in the memory of the ensemble.
+        state_size: number of values that a restart needs.
+        state: these values, a view of `Ensemble.restart_state`.
     """
 
     state: np.ndarray
@@ -177,17 +178,17 @@ class EnsemblePart(Part):
         return thermostat.scheme, thermostat.prepares
 
     def kind_of_state(self) -> list:
-        """Words that say what its state is of."""
+        """Words that identify the kind of its state."""
         return []
 
     def with_energy(self, scalar: float) -> float:
-        """A scalar that counts energies, with its own; collective."""
+        """The scalar plus the energy of this part; collective."""
         return scalar
 
 
 def instability(run: Any, what: str, advice: str) -> str:
-    """What became unstable in this step, and the advice, or that for the start if atoms overlap
-    there."""
+    """A message on an instability in this step, with the advice, or with the diagnosis of the start
+    of the run if atoms overlapped there."""
     start, step = run.bodies.start, run.lammps.step
     if start.explains(step):
         advice = f"{start.diagnosis}: {start.advice}"
@@ -195,25 +196,23 @@ def instability(run: Any, what: str, advice: str) -> str:
 
 
 class Thermostat(EnsemblePart):
-    """What a derived class declares.
+    """The base class of thermostats, with the declarations of a derived class.
 
     Attributes:
         operation: letter O, an `Operation` that is `prepared`.
-        merged: None, or an operation that does A O A as one.
-        numbers: the record of what they take; `Bath` or one that extends it.
-        work: how many more rows of a block they need to work with.
-        acts: what comes before O once a step, an inlined function (mpi, parameters, state, dt,
-            gained).  `state` is the thermostat's own, and `gained` what twice the kinetic energy
-            has become more since O's `measures`.  It returns 0, or less to end the run
-            with `failure`.
-        on_piston: what it does to a piston, an inlined function (mpi, parameters, cell, state, dt);
+        merged: an operation that does A O A as one, or None.
+        numbers: the record of their parameters; `Bath` or one that extends it.
+        work: number of scratch rows of a block that they need.
+        acts: inlined function (mpi, parameters, state, dt, gained), called once a step before O.
+            `state` is the thermostat's state, and `gained` the increase of twice the kinetic energy
+            since O's `measures`.  It returns 0, or a negative value to end the run with `failure`.
+        on_piston: inlined function (mpi, parameters, cell, state, dt) that thermostats a piston;
             see `mtk.PistonBox`.
-        scheme, prepares: the step at constant volume, and the loop before O; they follow from
-            these.
+        scheme, prepares: the step at constant volume and the loop before O, derived from these.
 
-        keeps_momentum: whether it leaves the total momentum at zero.
-        freedom_note: what the log adds on the degrees of freedom that it acts on.
-        takes_zero: whether it can keep a temperature of zero.
+        keeps_momentum: whether it keeps a total momentum of zero.
+        freedom_note: text for the log on its degrees of freedom.
+        takes_zero: whether a temperature of zero is possible.
     """
 
     operation: ClassVar[Operation | None] = None
@@ -238,13 +237,13 @@ class Thermostat(EnsemblePart):
                 owner, letters, {**NVE.operations, **operations}, cls.numbers,
                 work=cls.work, ends=(NVE.scheme.lead, NVE.scheme.tail),
             )  # fmt: skip
-        # where bodies are measured, what follows from it may be left to a derived class
+        # a class that measures bodies may leave `acts` to a derived class
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
 
     def extra_warnings(self, run: Any) -> Iterable[str]:
-        """A line on a TDAMP that is far off."""
+        """A warning of an unusual TDAMP."""
         damping = run.lammps.number(self.command.temp[2])
         return far_off("TDAMP", damping, run.lammps, MOST_STEPS)
 
@@ -271,7 +270,7 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
     def prepares(
         mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, own_state: F1
     ) -> I:  # fmt: skip
-        """Set the temperature of the step, and what letter O takes."""
+        """Set the temperature of the step, and the parameters of letter O."""
         prepare(parameters, steps)
         return acts(mpi, parameters, own_state, dt, 0.0)
 
