@@ -11,7 +11,7 @@ from ..user_script import thermostat
 from . import choice, figures, lists
 from .choice import Choice, Measured, bound, cost, meets, near_failure, nearest
 
-FOUR_OF_FIVE = 0.84  # quantile of the normal distribution, in standard errors, at 80 %
+FOUR_OF_FIVE = 0.84  # standard errors from the mean to the 80 % quantile of a normal distribution
 LEAST_ROOM = 0.25  # least distance between error and target, relative, when a budget is estimated
 FAR = 100  # times a budget: estimates of larger ones, from few samples, are chance
 MORE = 10  # times a budget, that is tried then instead

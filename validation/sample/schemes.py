@@ -60,7 +60,7 @@ class Thermostat(NamedTuple):
 
 
 OWN, OF_STEP = Moments(), Moments("-step", ", moments of the step", " moments step")
-EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; factors
+EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; factors of others
 # our schemes that run by default
 USUAL = (
     *("langevin-5", "langevin-20", "csvr", "nh"),

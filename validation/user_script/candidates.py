@@ -31,14 +31,14 @@ NO_LINE = Line("", "", ())
 
 
 def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, list[str]]:
-    """All integrators for the script's bodies.
+    """Return all integrators for the script's bodies.
 
     Args:
         units: the script's, by LAMMPS's name.
 
     Returns:
-        the integrators, the script's own first unless nothing was rigid there; the name of the one
-        that the others are compared with; and notes on those that are left out.
+        the integrators, the script's own first unless it has no rigid bodies; the name of the
+        reference; and notes on those that are left out.
     """
     others = [*_ours(rigid, units), *_rigid(rigid), *_constrained(rigid)]
     notes = []
@@ -61,11 +61,11 @@ def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, l
 
 
 def _effect(integrator: Integrator, rigid: RigidAtoms) -> list:
-    """The meaning of an integrator's commands, however they are written."""
+    """Return the meaning of an integrator's commands, however they are written."""
     lines = [line.format(group=rigid.group, bodies=rigid.bodies) for line in integrator.lines]
     meanings = [_meaning(line) for line in (*lines, *integrator.then)]
-    # rattle corrects velocities that another fix has set, and a box that changes comes after shake:
-    # there the order counts
+    # rattle corrects velocities that another fix has set, and a changing box comes after shake:
+    # there the order matters
     ordered = rigid.state.press or any(style_of(line) == "rattle" for line in _fixes(lines))
     return meanings if ordered else sorted(meanings, key=str)
 
@@ -75,8 +75,8 @@ def _fixes(lines: Iterable[str]) -> list[str]:
 
 
 def _meaning(line: str):
-    """What commands with the same effect have in common: of a fix all but its ID; of ours what the
-    class reads, without the seed, and without the group of a fix python/move."""
+    """Return what commands with the same effect have in common: of a fix all but its ID; of ours
+    what the class reads, without the seed, and without the group of a fix python/move."""
     if not _fixes([line]):
         return split_words(line)
     _, _, group, _, *words = split_words(line)
@@ -101,7 +101,7 @@ def _literal(line: str) -> str:
 
 
 def script_integrator(rigid: RigidAtoms) -> Integrator:
-    """The fixes that move the script's bodies, as they are."""
+    """Return the fixes that move the script's bodies, unchanged."""
     styles = " + ".join(dict.fromkeys(map(short_name, rigid.lines)))
     whole_bodies = rigid.kind == "rigid" and "small" in rigid.style
     lines = tuple(map(_literal, rigid.lines))
@@ -111,7 +111,7 @@ def script_integrator(rigid: RigidAtoms) -> Integrator:
 
 
 def state_words(state: State) -> str:
-    """Temperature and pressure in the words of a fix."""
+    """Return temperature and pressure as words of a fix."""
     words = ["temp", *state.temp] if state.temp else []
     words += itertools.chain(*state.press)
     words += ["couple", state.couple] if state.couple else []
@@ -119,7 +119,8 @@ def state_words(state: State) -> str:
 
 
 def _rest(rigid: RigidAtoms) -> tuple[list[str], list[str]]:
-    """Commands that define the group of the atoms in no body, and those that move them."""
+    """Return the commands that define the group of the atoms in no body, and those that move
+    them."""
     if not rigid.rest:
         return [], []
     state, group, groups = rigid.state, rigid.flexible, []
@@ -137,7 +138,7 @@ def _rest(rigid: RigidAtoms) -> tuple[list[str], list[str]]:
 
 
 def _copy(line: str, fix_id: str) -> str:
-    """The same fix with another ID, for the atoms in no body."""
+    """Return the same fix with another ID, for the atoms in no body."""
     return _literal(join_words(("fix", fix_id, REST, *split_words(line)[3:])))
 
 
@@ -146,12 +147,12 @@ def _id(rigid: RigidAtoms) -> str:
 
 
 def _ours(rigid: RigidAtoms, units: str) -> Iterator[Integrator]:
-    """Ours: with each thermostat, and a barostat that fits."""
+    """Yield ours: with each thermostat, and a barostat that fits."""
     state, (groups, fixes), others = rigid.state, _rest(rigid), ""
     before = [*groups, *fixes]
     if rigid.rest and (state.press or rigid.flexible):
         before, others = groups, f" flexible {rigid.flexible or REST}"
-        if rigid.holder:  # constrained atoms have their own fix, and are scaled with the box
+        if rigid.holder:  # constrained atoms have a separate fix, and are scaled with the box
             before, others = [*groups, *fixes], f" dilate {REST}"
     keywords = "".join(f" {words}" for words in rigid.keywords)
     scales_all = rigid.kind == "rigid" and not rigid.flexible
@@ -166,7 +167,8 @@ def _ours(rigid: RigidAtoms, units: str) -> Iterator[Integrator]:
 
 
 def _thermostats(state: State, units: str) -> list[tuple[str, str]]:
-    """Our thermostats with a barostat that fits, as labels and keywords; the default first."""
+    """Return our thermostats with a barostat that fits, as labels and keywords; the default
+    first."""
     if not state.temp:
         return [("", "")]
     reduced = units in ("lj", "micro", "nano")  # crescale needs a compressibility
@@ -180,7 +182,7 @@ def _thermostats(state: State, units: str) -> list[tuple[str, str]]:
 
 
 def _rigid(rigid: RigidAtoms) -> Iterator[Integrator]:
-    """LAMMPS's rigid fixes."""
+    """Yield LAMMPS's rigid fixes."""
     state, rest = rigid.state, [*itertools.chain(*_rest(rigid))]
     if state.tilts or (state.press and rigid.rest and rigid.holder):
         return
@@ -199,7 +201,8 @@ def _rigid(rigid: RigidAtoms) -> Iterator[Integrator]:
 
 
 def _missing_keywords(rigid: RigidAtoms, family: str) -> list[str]:
-    """Which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not have."""
+    """Return which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not
+    have."""
     names = dict.fromkeys(words.split()[0] for words in rigid.keywords)
     shared = rigid_atoms.SHARED_KEYWORDS
     return [name for name in names if name != "reinit" and family not in shared[name]]
@@ -208,7 +211,7 @@ def _missing_keywords(rigid: RigidAtoms, family: str) -> list[str]:
 def _of_style(
     rigid: RigidAtoms, style: str, words: str, before: Sequence[str]
 ) -> Iterator[Integrator]:
-    """One of LAMMPS's rigid fixes, unless it lacks a keyword or the body style."""
+    """Yield one of LAMMPS's rigid fixes, unless it lacks a keyword or the body style."""
     small = style.endswith("small")
     if small and rigid.bodies.split()[0] not in ("molecule", "custom"):
         return
@@ -220,7 +223,7 @@ def _of_style(
 
 
 def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
-    """Points with constraints of shake or rattle."""
+    """Yield integrators of points with constraints of shake or rattle."""
     if not rigid.constraints:
         return
     state = rigid.state
@@ -231,16 +234,17 @@ def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
     move = f"fix {_id(rigid)} {_literal(group)} {state.ensemble}" + state_words(state)
     for style in ("shake", "rattle"):
         if style == "rattle" and state.press:
-            continue  # LAMMPS wants it last, and a changing box first
+            continue  # LAMMPS requires it last, and a changing box first
         hold = f"fix own_held {held} {style} {TOLERANCE} 100 0 {rigid.constraints}"
-        # rattle corrects velocities that the other fix has set; a changing box wants shake first
+        # rattle corrects velocities that the other fix has set; a changing box requires shake first
         lines = (*groups, hold, move) if state.press else (*groups, move, hold)
         label = f"{style} {TOLERANCE} + {state.ensemble}"
         yield Integrator(style, label, lines, kind="constraints", tolerance=float(TOLERANCE))
 
 
 def commands_naming(ids: Collection[str], commands: Sequence[str]) -> list[str]:
-    """Commands that refer to a fix with one of these IDs, or to a compute that it defines."""
+    """Return commands that refer to a fix with one of these IDs, or to a compute that it
+    defines."""
     return [
         line
         for line in commands
@@ -262,7 +266,7 @@ def _names_fix(line: str, ids: Collection[str], computes: Collection[str]) -> bo
 
 
 def replacement_notice(replaced: Mapping[str, str]) -> str:
-    """What lines replace, and where they belong; ``replaced``: fixes by ID."""
+    """Say what the lines replace, and where they belong; ``replaced``: fixes by ID."""
     fixes = [f"fix {fix_id} ({style_of(line)})" for fix_id, line in replaced.items()]
     if len(fixes) < 2:
         return f"These lines replace {(fixes or ['what moves its atoms'])[0]}"
@@ -272,11 +276,11 @@ def replacement_notice(replaced: Mapping[str, str]) -> str:
 def removal_notice(
     replaced: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]
 ) -> list[str]:
-    """A sentence on commands that must go with the replaced fixes, because they name them or their
-    computes; none if there are no such commands.
+    """Return a sentence on commands that must be removed with the replaced fixes, because they name
+    them or their computes; none if there are no such commands.
 
     Args:
-        replaced: fixes by ID.  lines: those in their place.
+        replaced: fixes by ID.  lines: those that replace them.
     """
     kept = {split_words(line)[1]: style_of(line) for line in _fixes(lines)}
     removed = {fix_id for fix_id, line in replaced.items() if kept.get(fix_id) != style_of(line)}
@@ -295,7 +299,7 @@ def removal_notice(
 
 
 def _ensemble(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray]) -> str:
-    """A sentence on the ensemble, and on another fix that controls the temperature."""
+    """Return a sentence on the ensemble, and on another fix that controls the temperature."""
     name = rigid.state.ensemble.upper()
     baths = rigid_atoms.other_thermostats(reading, atoms, rigid)
     if rigid.state.temp:
@@ -311,7 +315,7 @@ def _ensemble(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarra
 
 
 def describe(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray]) -> Iterator[str]:
-    """Sentences on what was found in a script."""
+    """Yield sentences on what was found in a script."""
     inside, commands = rigid.body > 0, reading["commands"]
     fixes = " and ".join(
         f"fix {fix_id} ({short_name(line)})" for fix_id, line in zip(rigid.ids, rigid.lines)
@@ -353,7 +357,7 @@ def describe(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray
 
 
 def _describe_reading(reading: Mapping) -> Iterator[str]:
-    """Sentences on what was done to get to the run, and what comes after it."""
+    """Yield sentences on how the run was reached, and on what follows it."""
     if reading["skipped"]:
         yield f"{reading['skipped']} runs or minimizations before it were executed as they are."
     if later := reading["later"]:

@@ -1,10 +1,10 @@
-"""LAMMPS's commands as text: their words, and what they do.  Without LAMMPS."""
+"""LAMMPS's commands as text: their words, and their effects.  Without LAMMPS."""
 
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import pairwise
 
-# commands that begin a run, or do something step by step
+# commands that begin a run, or act step by step
 RUNS = frozenset(
     (
         *("run", "minimize", "rerun", "temper", "temper/grem", "temper/npt", "neb", "neb/spin"),
@@ -15,19 +15,19 @@ WITHOUT_TIME = frozenset(("minimize", "rerun", "neb", "neb/spin"))  # of these
 OUTPUT = "thermo_style", "thermo_modify"  # the harness has its own output
 # keywords of thermo_modify, each with one argument, that change what is computed
 THERMO_COMPUTES = "temp", "press", "lost", "lost/bond"
-SUFFIX = "/nosquish"  # end of a style that the suffix nosquish has put in place of LAMMPS's own
+SUFFIX = "/nosquish"  # end of a style that the suffix nosquish has substituted for LAMMPS's own
 RIGID_COMPUTES = "ke/rigid", "erotate/rigid", "rigid/local"  # they read a rigid fix
 REPORTING_FIXES = "ave/", "print", "vector"  # beginnings of styles that change no atom
 _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.S)
 
 
 def split_words(line: str) -> list[str]:
-    """The words of a command, without quotes."""
+    """Return the words of a command, without quotes."""
     return ["".join(match.groups("")) for match in _WORD.finditer(line)]
 
 
 def join_words(words: Iterable[str]) -> str:
-    """The command with these words, quoted where LAMMPS needs it."""
+    """Return the command with these words, quoted where LAMMPS needs it."""
     return " ".join(map(_quoted, words))
 
 
@@ -40,7 +40,7 @@ def _quoted(word: str) -> str:
 
 
 def with_actual_style(line: str, styles: Mapping[str, str]) -> str:
-    """The command, with the style that the suffix nosquish has given its fix.
+    """Return the command with the style that the suffix nosquish has given its fix.
 
     Args:
         styles: of all fixes by ID, as LAMMPS reports them.
@@ -51,7 +51,7 @@ def with_actual_style(line: str, styles: Mapping[str, str]) -> str:
 
 
 def thermo_settings(commands: Iterable[str]) -> dict[str, str]:
-    """The settings of `THERMO_COMPUTES`, in order; a ``thermo_style`` resets them."""
+    """Return the settings of `THERMO_COMPUTES`, in order; a ``thermo_style`` resets them."""
     settings: dict[str, str] = {}
     for word, *rest in map(split_words, commands):
         if word == "thermo_style":
@@ -65,7 +65,7 @@ def thermo_settings(commands: Iterable[str]) -> dict[str, str]:
 
 
 def advances_time(words: Sequence[str], step: int) -> bool:
-    """Whether a command of `RUNS` at this step advances the time: ``run 0`` does not."""
+    """Return whether a command of `RUNS` at this step advances the time: ``run 0`` does not."""
     word, *rest = words
     if word != "run":
         return word not in WITHOUT_TIME
@@ -73,21 +73,21 @@ def advances_time(words: Sequence[str], step: int) -> bool:
 
 
 def commands_between(line: str) -> list[str]:
-    """The commands that ``run N every M`` executes between the parts of the run."""
+    """Return the commands that ``run N every M`` executes between the parts of the run."""
     word, *rest = split_words(line)
     first = rest.index("every") + 2 if word == "run" and "every" in rest else len(rest)
     return [] if rest[first:] == ["NULL"] else rest[first:]
 
 
 def rigid_reports(commands: Iterable[str], ids: Collection[str]) -> list[str]:
-    """The computes of rigid bodies that read fixes with these IDs, and the commands that use them
-    for output: computes, variables, and fixes that average or print.
+    """Return the computes of rigid bodies that read fixes with these IDs, and the commands that use
+    them for output: computes, variables, and fixes that average or print.
 
-    Empty if a command that acts on atoms uses one of them, because it cannot go without.
+    Empty if a command that acts on atoms uses one of them, because it cannot be removed.
     """
     lines = [line for line in commands if split_words(line)[0] not in OUTPUT]
-    reports: dict[str, str] = {}  # and how others refer to what they define: c_ID, v_NAME, f_ID
-    while True:  # a variable may stand before what it reads
+    reports: dict[str, str] = {}  # how others refer to them by command: c_ID, v_NAME, f_ID
+    while True:  # a variable may come before what it reads
         more = {line: name for line in lines if line not in reports
                 and (name := _reads_rigid(line, ids, reports.values())) is not None}  # fmt: skip
         if "" in more.values():
@@ -98,8 +98,9 @@ def rigid_reports(commands: Iterable[str], ids: Collection[str]) -> list[str]:
 
 
 def _reads_rigid(line: str, ids: Collection[str], names: Collection[str]) -> str | None:
-    """How other commands refer to what this one defines, if it reads rigid fixes with these IDs or
-    what has these names; empty if it does more than report; None if it reads nothing of them."""
+    """Return how other commands refer to what this one defines, if it reads rigid fixes with these
+    IDs or anything with these names; empty if it does more than report; None if it reads none of
+    them."""
     words = split_words(line)
     kind = words[0].removesuffix("_modify")
     style = words[3] if len(words) > 3 else ""

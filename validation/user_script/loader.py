@@ -2,8 +2,8 @@
 
 `load` has LAMMPS execute the script up to the requested run (see ``reader``), finds what moves the
 rigid atoms (``rigid_atoms``), and makes a `Scene` like the built-in ones from the commands that
-LAMMPS executed.  LAMMPS works in the script's folder; what it writes goes into the output folder
-(see ``recorder``).
+LAMMPS executed.  LAMMPS runs in the script's folder; what it writes is redirected to the output
+folder (see ``recorder``).
 """
 
 import glob
@@ -33,8 +33,8 @@ from .rigid_atoms import AmbiguousScript, RigidAtoms
 READER = Path(__file__).with_name("reader.py")
 STATE = f"read_restart {ALIAS}/script/state.restart"
 BOXES = "read_data", "read_restart", "create_box"
-STEERING = "dt/reset", "halt"  # fixes that change the step, or end a run before its time
-SAME = 1e-6  # of the potential and the thermal energy: more is another system
+STEERING = "dt/reset", "halt"  # fixes that change the step, or end a run early
+SAME = 1e-6  # relative difference of energies; above it the system is not the same
 
 
 @dataclass(frozen=True)
@@ -59,13 +59,14 @@ class ScriptOptions:
 
     @classmethod
     def of(cls, arguments: Namespace, script: str) -> "ScriptOptions":
-        """Of a script, with the options that `command_line.add_script_options` adds."""
+        """Return the options for a script, from those that `command_line.add_script_options`
+        adds."""
         given = tuple(map(tuple, arguments.variables or ()))
         for words in given:
             if len(words) < 2:
                 arguments.parser.error(f"-var {words[0]}: a value is missing after the name")
         return cls(
-            os.path.abspath(script),  # a link's own folder, as LAMMPS takes it
+            os.path.abspath(script),  # the folder of a link, not of its target, as in LAMMPS
             os.getcwd(),
             given,
             tuple(arguments.fix or ()),
@@ -89,7 +90,7 @@ class UserScript:
         integrators: that can move it, by name; the script's own first.
         reference: name of the integrator that others are compared with.
         rigid: its rigid atoms, and the fixes that move them.
-        reading, atoms: what ``reader`` has left: read.json and atoms.npz.
+        reading, atoms: output of ``reader``: read.json and atoms.npz.
         notes: sentences for the user.
     """
 
@@ -121,7 +122,7 @@ class UserScript:
 def parse_options(
     arguments: Namespace, script: str, short: bool = False
 ) -> tuple[ScriptOptions, Path]:
-    """The options for a script, and the output folder, which is created.
+    """Return the options for a script, and the output folder, which is created.
 
     Args:
         short: see `command_line.output_folder`.
@@ -171,7 +172,8 @@ def load(
 
 
 def refuse_ramps(script: UserScript) -> None:
-    """Refuse a script whose temperature or pressure changes in its run: its means tell nothing.
+    """Refuse a script whose temperature or pressure changes in its run, because its means would be
+    meaningless.
 
     Raises:
         SystemExit: it changes; the message says what to do.
@@ -187,13 +189,13 @@ def refuse_ramps(script: UserScript) -> None:
 def read(
     options: ScriptOptions, out: Path, ranks: int, silence: float
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
-    """What ``reader`` has left of a script: read.json, atoms.npz, and their folder."""
+    """Return the output of ``reader``: read.json, atoms.npz, and their folder."""
     with _locked(out):
         return _reading(options, out, ranks, silence)
 
 
 def _locked(out: Path):
-    """Context in which no other process reads a script in this output folder."""
+    """Return a context in which no other process reads a script in this output folder."""
     return store.Store(out).locked("script")
 
 
@@ -209,19 +211,19 @@ def _reading(options, out, ranks, silence):
 
 
 def overlay_folder(folder: Path) -> Path:
-    """The folder that replaces the root of the file system for what the script writes."""
+    """Return the folder that replaces the root of the file system for the script's output."""
     return folder / "overlay"
 
 
 def _known(options: ScriptOptions, folder: Path, ranks: int) -> dict | None:
-    """What was read before, if nothing has changed since; else None."""
+    """Return an earlier reading, if nothing has changed since; else None."""
     reading, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
     same = reading and kept and kept["origin"] == _origin(options, ranks, reading)
     return reading if same else None
 
 
 def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
-    """Hash of all that a reading depends on."""
+    """Return a hash of everything that a reading depends on."""
     patterns, environment = reading["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
     code = store.code(), machine.versions()
@@ -229,14 +231,14 @@ def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
 
 
 def _contents(files: Sequence[str]) -> str:
-    """Hash of the contents of the user's files that LAMMPS has looked for."""
+    """Return a hash of the contents of the user's files that LAMMPS has looked for."""
     there = (machine.contents(Path(file)) if os.path.isfile(file) else "" for file in files)
     return store.digest(files, [*there])
 
 
 def _files_of(reading: Mapping, folder: Path) -> str:
-    """Hash of the files that a script's runs depend on: the user's, those that the script has
-    written, the state and the bodies."""
+    """Return a hash of the files that a script's runs depend on: the user's, those that the script
+    has written, the state and the bodies."""
     made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
     known = [machine.contents(file) for file in made if file.exists()]
     return store.digest(_contents(reading["files"]), known)
@@ -267,13 +269,13 @@ def _read(options: ScriptOptions, folder: Path, ranks: int, silence: float) -> d
                 "one of the folder in which it is started: start this command in the script's "
                 "folder, or rename one of them"
             )
-    # the last file: it tells that the others are whole
+    # the last file: its presence means that the others are complete
     json_files.write(folder / "known.json", {"origin": _origin(options, ranks, reading)})
     return reading
 
 
 def _read_in(workplace, options, folder, ranks, silence) -> str:
-    """Have a script read in a folder; the message if that failed, else empty."""
+    """Have a script read in a folder; return the message if that failed, else empty."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
     plain = {
@@ -286,7 +288,7 @@ def _read_in(workplace, options, folder, ranks, silence) -> str:
         "at": options.at,
     }
     (folder / "ask.json").write_text(json.dumps(plain))
-    beside = str(Path(options.script).parent)  # modules of its own
+    beside = str(Path(options.script).parent)  # the script's own modules
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
     words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
@@ -309,10 +311,10 @@ def _read_in(workplace, options, folder, ranks, silence) -> str:
 
 
 def setup_commands(reading: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
-    """The script's commands that each run begins with, and their numbers in the script.
+    """Return the script's commands that each run begins with, and their numbers in the script.
 
-    The restart file replaces the command that creates the box; commands that act at once are left
-    out, because the restart file has their effect.
+    The restart file replaces the command that creates the box.  Commands that act once are omitted,
+    because the restart file contains their effect.
 
     Args:
         gone: IDs of fixes that are left out.
@@ -321,14 +323,14 @@ def setup_commands(reading: Mapping, gone: Collection[str] = ()) -> list[tuple[i
     left = {*rigid_atoms.modify_commands(commands, gone)}
     box = next(i for i, line in enumerate(commands) if split_words(line)[0] in BOXES)
     before: list[tuple[int, str]] = []
-    behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid it
+    behind = [(box, STATE), (box, run.RESET)]  # before fixes that forbid this
     for number, (line, once) in enumerate(zip(commands, reading["at_once"])):
         word, *rest = split_words(line)
         if once or word in OUTPUT or line in left or (word == "fix" and rest[0] in gone):
             continue
-        if word == "group" and rest[1:2] != ["dynamic"]:  # the state has it
+        if word == "group" and rest[1:2] != ["dynamic"]:  # it is in the state
             continue
-        # a fix that begins before the box, as cmap does, finds its values of atoms in the state
+        # a fix defined before the box, such as cmap, reads its per-atom values from the state
         early = number < box and word not in ("fix", "fix_modify")
         (before if early else behind).append((number, line))
     return before + behind
@@ -341,7 +343,7 @@ def _scene(
     atoms: Mapping[str, np.ndarray],
     rigid: RigidAtoms,
 ) -> tuple[Scene, list[str]]:
-    """The script's commands without the fixes that are replaced; and notes on them."""
+    """Return the script's commands without the fixes that are replaced; and notes on them."""
     stray = {fix_id: line for fix_id, line in reading["fixes"].items()
              if rigid_atoms.style_of(line) in STEERING}  # fmt: skip
     commands, first = reading["commands"], len(reading["commands"])
@@ -403,7 +405,7 @@ def _scene(
 
 
 def _keep(array: np.ndarray, path: Path) -> None:
-    """Write an array atomically: runs of another process may read it."""
+    """Write an array atomically, because runs of another process may read it."""
     part = path.with_suffix(".part")
     with open(part, "wb") as file:
         np.save(file, array)
@@ -411,8 +413,8 @@ def _keep(array: np.ndarray, path: Path) -> None:
 
 
 def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
-    """The result of ``run 0`` with the first of these integrators that can start, and why those
-    before it cannot."""
+    """Return the result of ``run 0`` with the first of these integrators that can start, and why
+    those before it cannot."""
     why: list[str] = []
     for integrator in those:
         job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
@@ -426,7 +428,8 @@ def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]
 
 
 def _at_rest(scene, those, folder, how) -> Scene:
-    """The scene with the velocities that rigid integrators make of the script's.
+    """Return the scene with the script's velocities, projected to rigid motion by a rigid
+    integrator.
 
     Raises:
         SystemExit: none of them can start.
@@ -445,7 +448,7 @@ def _at_rest(scene, those, folder, how) -> Scene:
 
 
 def _otherwise(scene, those, reading, atoms, folder, how) -> list[str]:
-    """A note if the start differs from the script's state after earlier runs: these may have
+    """Return a note if the start differs from the script's state after earlier runs, which may have
     changed coefficients that the script's commands set.
 
     Args:

@@ -13,7 +13,7 @@ from . import conserved_energy, rigid_atoms
 from .commands import split_words
 from .loader import UserScript
 
-# styles of fixes that accept moves by the energy, or whose forces follow from it: another energy
+# styles of fixes that accept moves by the energy, or whose forces depend on it: another energy
 # gives another ensemble
 DEPENDENT = frozenset(
     (
@@ -32,8 +32,8 @@ WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
 def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """The script with shifted pair energies; unchanged if they are shifted, or if this would change
-    the ensemble or be of no use.
+    """Return the script with shifted pair energies.  It is unchanged if they are shifted already,
+    or if the shift would change the ensemble or be useless.
 
     Args:
         tell: is called with a note if the script is changed.
@@ -48,7 +48,7 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
     if settings["tail"] and (
         script.rigid.state.press or any(other in BAROSTATS for other in others)
     ):
-        return script  # the tail is a part of the pressure that the barostat controls
+        return script  # the tail is part of the pressure that the barostat controls
     note = NOTE + WITHOUT_TAIL * settings["tail"]
     tell(note)
     scene = replace(script.scene, then=(*script.scene.then, LINE))
@@ -56,7 +56,8 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
 
 
 def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:
-    """Whether pair energies are shifted, and whether they may have tails; None without pair style.
+    """Return whether pair energies are shifted, and whether they may have tails; None without pair
+    style.
 
     LAMMPS keeps both settings for a style that is set again, and a restart file has them.
     """

@@ -25,11 +25,11 @@ Commands that write during a run, or execute other programs, are left out.
 
 import sys
 
-# the harness's own folder in the place of this file's: the harness puts it behind all else
+# the harness's folder instead of this file's: the harness puts it after everything else
 sys.path[0], harness, room, _ = __file__.rsplit("/", 3)
-__package__ = f"{harness}.{room}"  # of a file that is no module: what it imports is beside it
+__package__ = f"{harness}.{room}"  # this file is run as a script: its imports are beside it
 
-# before lammps: its plugins import fix_nosquish, which is to be the one that is installed
+# before lammps: its plugins import fix_nosquish, which must be the installed one
 from . import rigid_atoms, commands  # noqa: E402  isort: skip
 from ..running.recorder import ALIAS  # noqa: E402  isort: skip
 
@@ -60,26 +60,26 @@ ANSWER = ctypes.CFUNCTYPE(
     *(ctypes.c_int, ctypes.c_char_p, ctypes.c_int, ctypes.POINTER(ctypes.c_char_p), ctypes.c_int)
 )
 DO, LEAVE_OUT, STOP = range(3)
-MOST = 300_000  # commands: more are a loop without an end
-# of bonds and angles, whose type has a minus where shake holds them
+MOST = 300_000  # commands: more mean an infinite loop
+# of bonds and angles, whose type is negative if shake constrains them
 TOPOLOGY = {
     "bonds": ("bond", "btype batom1 batom2"),
     "angles": ("angle", "atype aatom1 aatom2 aatom3"),
 }
 STATE = f"{ALIAS}/script/state.restart"
-NOISY = "langevin", "ttm"  # fixes whose forces are no springs'
-# they write as a run goes on, end it, or execute what is not LAMMPS's
+NOISY = "langevin", "ttm"  # fixes whose forces are not harmonic
+# they write during a run, end it, or execute other programs
 LEFT_OUT = frozenset(("dump", "dump_modify", "undump", "restart", "log", "timer", "python"))
-# of a ``shell`` what LAMMPS does itself, in folders of the harness's own
+# subcommands of ``shell`` that LAMMPS executes itself, in folders of the harness
 SHELL = "cd", "mkdir", "putenv"
-# they lead the reading, or tell: nothing of them is to be repeated
+# they control the reading, or print: they are not repeated
 PASSING = frozenset(
     (
         *("if", "include", "jump", "label", "partition", "print", "echo", "info"),
         *("thermo", "timestep", "reset_timestep"),
     )
 )
-OUTLIVE = "variable", "next", "shell"  # commands whose work outlives a ``clear``
+OUTLIVE = "variable", "next", "shell"  # commands whose effect outlives a ``clear``
 
 
 class Failure(Exception):
@@ -96,15 +96,15 @@ class Script:
 
     def __init__(self, ask: dict, doing: bool) -> None:
         self.ask, self.doing, self.skip = ask, doing, ask["at"] - 1
-        self.commands: list[tuple[str, bool]] = []  # and whether they act at once
+        self.commands: list[tuple[str, bool]] = []  # with whether they act once
         self.fixes: dict[str, str] = {}
-        self.seen: list[str] = []  # runs, and the fixes that there were
+        self.seen: list[str] = []  # runs, with the fixes defined then
         self.left_out: list[str] = []
         self.patterns: list[str] = []  # of files
-        self.environment: list[str] = []  # names of variables that were asked for
+        self.environment: list[str] = []  # names of variables that LAMMPS looked for
         self.skipped = self.done = self.count = 0
         self.run, self.where = "", ""
-        self.ended = False  # by quit, or by the run that is asked for
+        self.ended = False  # by quit, or by the requested run
         self.failure: BaseException | None = None
         options = ["-log", f"{ALIAS}/script/log.lammps", "-screen", "none", "-nocite"]
         for words in ask["variables"]:
@@ -112,7 +112,7 @@ class Script:
         self.lmp = lammps(cmdargs=options)
         self._kept = ANSWER(self._asked)
         RECORDER.recorder_see(self._kept)
-        self.lmp.command("label harness")  # which does nothing
+        self.lmp.command("label harness")  # without effect
         if not self.count:
             raise Failure(
                 "the harness cannot follow this LAMMPS, because its functions were bound when it "
@@ -129,7 +129,7 @@ class Script:
             return STOP
 
     def answer(self, words: Sequence[str], at_once: bool) -> int:
-        """Whether to execute a command: `DO`, `LEAVE_OUT` or `STOP`."""
+        """Return whether to execute a command: `DO`, `LEAVE_OUT` or `STOP`."""
         word, *rest = words
         line = self.where = commands.join_words(words)
         self.count += 1
@@ -178,7 +178,7 @@ class Script:
         try:
             takes_time = commands.advances_time(words, self.lmp.extract_global("ntimestep"))
         except (ValueError, IndexError):
-            return DO  # LAMMPS says what is wrong
+            return DO  # LAMMPS reports the error
         if takes_time:
             self.run = line
             self.seen.append(f"{line}: {rigid_atoms.describe_fixes(self.fixes)}")
@@ -199,7 +199,7 @@ class Script:
         """
         try:
             self.lmp.file(str(path))
-            self.run = ""  # none of those that are asked for
+            self.run = ""  # none of the requested runs
         except Exception as failure:
             if self.failure:
                 raise self.failure from None
@@ -209,8 +209,8 @@ class Script:
             RECORDER.recorder_see(None)
 
     def _message(self, failure: Exception) -> str:
-        """LAMMPS's message, with the command that failed."""
-        if isinstance(failure, UnicodeError):  # LAMMPS puts others in their place, also there
+        """Return LAMMPS's message, with the command that failed."""
+        if isinstance(failure, UnicodeError):  # LAMMPS replaces other characters, also there
             return (
                 f"the script failed at '{self.where}': LAMMPS accepts only ASCII characters in "
                 "commands. Rename what has others"
@@ -225,7 +225,7 @@ class Script:
 
 
 def _undone(line: str, made: str, name: str) -> bool:
-    """Whether a command ends with the fix or compute of this name."""
+    """Return whether a command deletes the fix or compute of this name."""
     if made == "fix" and rigid_atoms.modify_commands([line], [name]):
         return True
     kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
@@ -235,17 +235,17 @@ def _undone(line: str, made: str, name: str) -> bool:
 
 
 def _script(ask: dict) -> Script:
-    """The script, read with the earlier runs executed if there are any."""
+    """Return the script, read with the earlier runs executed if there are any."""
     for doing in False, True:
         os.chdir(ask["workplace"])
-        if WORLD.rank == 0:  # nothing of what was written without earlier runs
+        if WORLD.rank == 0:  # discard what was written without earlier runs
             shutil.rmtree(ask["overlay"], ignore_errors=True)
             Path(ask["overlay"]).mkdir()
         WORLD.Barrier()
         session, failure = Script(ask, doing), None
         try:
             session.read(Path(ask["script"]))
-        except Failure as why:  # a command may need what the runs before it give
+        except Failure as why:  # a command may need the results of earlier runs
             failure = why
             if isinstance(why.__cause__, (MPIAbortException, OSError)):
                 raise
@@ -300,7 +300,7 @@ def read(ask: dict, out: Path) -> None:
 
 
 def _styles(lmp: lammps, out: Path) -> dict[str, str]:
-    """The style of each fix by ID, with suffixes; collective."""
+    """Return the style of each fix by ID, with suffixes; collective."""
     lmp.command("info fixes out log")
     lmp.flush_buffers()
     WORLD.Barrier()  # rank 0 has written
@@ -309,9 +309,9 @@ def _styles(lmp: lammps, out: Path) -> dict[str, str]:
 
 
 def _system(lmp: lammps) -> dict:
-    """Facts about the system."""
+    """Return facts about the system."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
-    sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of their own
+    sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of inertia
     return {
         "units": lmp.extract_global("units"),
         "step": lmp.extract_global("ntimestep"),
@@ -337,8 +337,8 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
 
 
 def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
-    """Temperature and potential energy of all atoms, or 0 and None if LAMMPS cannot compute them;
-    collective."""
+    """Return temperature and potential energy of all atoms, or 0 and None if LAMMPS cannot compute
+    them; collective."""
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
@@ -356,7 +356,7 @@ def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
 
 
 def _ids(lmp: lammps) -> np.ndarray:
-    """IDs of this rank's atoms."""
+    """Return the IDs of this rank's atoms."""
     local = lmp.extract_global("nlocal")
     return np.array(lmp.numpy.extract_atom("id")[:local] if local else (), int)
 
@@ -378,7 +378,8 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
 
 
 def _with_numbers(lmp: lammps, line: str) -> str:
-    """A fix of ours with the values of equal-style variables, which it reads when a run begins."""
+    """Return a fix of ours with the values of equal-style variables, which it reads when a run
+    begins."""
     if rigid_atoms.kind_of(line) != "ours":
         return line
 
@@ -393,7 +394,8 @@ def _with_numbers(lmp: lammps, line: str) -> str:
 
 
 def _variable(lmp: lammps, name: str) -> np.ndarray | None:
-    """An atom-style variable's values, in order of atom ID; None if it is of another style."""
+    """Return an atom-style variable's values, in order of atom ID; None if it is of another
+    style."""
     if lmp.lib.lammps_extract_variable_datatype(lmp.lmp, name.encode()) != LMP_VAR_ATOM:
         return None
     mine = _ids(lmp), np.array(lmp.extract_variable(name))
@@ -402,7 +404,7 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
 
 
 def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
-    """Arrays of all atoms, in order of ID, and of bonds and angles; collective."""
+    """Return arrays of all atoms, in order of ID, and of bonds and angles; collective."""
 
     def gather(name, kind, count):
         get = lmp.gather if name.startswith("i_") else lmp.gather_atoms
@@ -441,7 +443,7 @@ def main() -> None:
             traceback.print_exc()
         text = f"{failure}" or type(failure).__name__
         error = path.parent / "error.txt"
-        if not error.exists():  # the first one is kept, and whole if another rank ends this one
+        if not error.exists():  # keep the first one, whole even if another rank ends this one
             part = error.with_suffix(f".{WORLD.rank}")
             part.write_text(text)
             part.replace(error)

@@ -1,5 +1,6 @@
-"""The thermostat is part of what a user asks for: it decides the dynamics.  So integrators with the
-script's kind of thermostat and its damping time answer; others are for averages only."""
+"""The thermostat is part of the user's request, because it determines the dynamics.  Therefore only
+integrators with the script's kind of thermostat and its damping time can be the answer; others are
+for averages only."""
 
 from collections.abc import Iterable, Mapping
 
@@ -18,7 +19,7 @@ EFFECTS = {  # on dynamics
     "csvr": "one random factor scales all velocities, which changes dynamics very little",
     "nh": "one factor scales all velocities, which changes dynamics very little",
 }
-CHAINS = "nvt", "npt"  # of styles whose thermostats are chains
+CHAINS = "nvt", "npt"  # styles whose thermostats are chains
 DYNAMICS = {  # commands whose results depend on dynamics: of each the styles
     "compute": ("msd", "vacf", "msd/chunk", "vacf/chunk", "msd/nongauss"),
     "fix": ("ave/correlate", "ave/correlate/long"),
@@ -26,7 +27,8 @@ DYNAMICS = {  # commands whose results depend on dynamics: of each the styles
 
 
 def kind_of(lines: Iterable[str]) -> str | None:
-    """The kind of thermostat that fix lines give the bodies, one of `NAMES`; None for none."""
+    """Return the kind of thermostat that fix lines give the bodies, one of `NAMES`; None for
+    none."""
     fixes = [line for line in lines if split_words(line)[:1] == ["fix"]]
     for line in fixes:
         ours = rigid_atoms.parse_fix(line)
@@ -41,8 +43,8 @@ def kind_of(lines: Iterable[str]) -> str | None:
 
 
 def asked(script: UserScript) -> dict | None:
-    """The script's thermostat, as plain data: ``kind``, ``damp`` with its unit, and the commands
-    that read ``dynamics``; None if the bodies' fixes have none."""
+    """Return the script's thermostat, as plain data: ``kind``, ``damp`` with its unit, and the
+    commands that read ``dynamics``; None if the bodies' fixes have none."""
     kind = kind_of(script.rigid.lines)
     if kind is None or not script.rigid.state.temp:
         return None
@@ -56,7 +58,7 @@ def asked(script: UserScript) -> dict | None:
 
 
 def said(thermostat: Mapping) -> str:
-    """What the answer keeps, and why."""
+    """Say what the answer keeps, and why."""
     kind, read = thermostat["kind"], thermostat["dynamics"]
     kept = f"{NAMES[kind]} with a damping time of {thermostat['damp']}"
     if read:
@@ -66,5 +68,5 @@ def said(thermostat: Mapping) -> str:
 
 
 def of_averages(kind: str | None) -> str:
-    """What a thermostat of this kind does to dynamics."""
+    """Describe the effect of a thermostat of this kind on dynamics."""
     return f"{NAMES[kind]}: {EFFECTS[kind]}" if kind else "it has no thermostat"

@@ -1,5 +1,5 @@
-"""What the forces at the start tell of a time step: where it is unstable, and how far averages are
-off below that."""
+"""Estimates from the forces at the start: at which time step a run is unstable, and the error of
+averages at shorter ones."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
@@ -11,7 +11,7 @@ from .loader import UserScript
 from .shapes import BodyGroup
 
 # frequency x step above which runs fail: less than Verlet's 2, because the frequency is a root mean
-# square and some bodies move faster.  Rigid water ran at 1.2 (10 fs) and failed at 1.4 (12 fs), the
+# square and some bodies move faster.  Rigid water ran at 1.2 (10 fs) and failed at 1.4 (12 fs); the
 # peptide ran at 1.4 (5 fs) and failed at 1.7 (6 fs)
 UNSTABLE = 1.4
 # relative error of the temperatures of translation and rotation, over the mean square of frequency
@@ -25,14 +25,14 @@ LISTS = "neigh_modify every 1 delay 0 check yes"
 
 
 def stiffest(script: UserScript, groups: Sequence[BodyGroup] | None = None) -> float:
-    """The largest angular frequency (1/time) that the forces at the start tell; 0 without any."""
+    """Return the largest angular frequency (1/time) from the forces at the start; 0 without any."""
     some = shapes.body_groups(script)[0] if groups is None else groups
     return max(shapes.fastest_motions(script, some).values(), default=0.0)
 
 
 def error_coefficient(script: UserScript, groups: Sequence[BodyGroup]) -> float:
-    """The estimated relative error of temperatures over the square of the step, with the script's
-    thermostat."""
+    """Return the estimated relative error of temperatures over the square of the step, with the
+    script's thermostat."""
     friction, state = 0.0, script.rigid.state
     if thermostat.kind_of(script.rigid.lines) == "langevin" and state.temp:
         ps = PICOSECONDS.get(script.scene.units)
@@ -41,8 +41,8 @@ def error_coefficient(script: UserScript, groups: Sequence[BodyGroup]) -> float:
 
 
 def lists_in_time(commands: Iterable[str]) -> list[str]:
-    """The command with which LAMMPS looks at neighbour lists in every step, if the script's own
-    settings are others: they were often enough for its step, and are not for a longer one."""
+    """Return the command with which LAMMPS checks neighbour lists in every step, if the script's
+    settings differ: these were sufficient for its step, but not for a longer one."""
     settings = {"every": "1", "delay": "0", "check": "yes"}
     for words in map(split_words, commands):
         if words[0] == "neigh_modify":
@@ -52,7 +52,7 @@ def lists_in_time(commands: Iterable[str]) -> list[str]:
 
 
 def with_lists_in_time(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """The script with `LISTS`, if its own settings are others.
+    """Return the script with `LISTS`, if its own settings differ.
 
     Args:
         tell: is called with a note if the script is changed.
