@@ -44,7 +44,8 @@ class Momentum(Part):
         """Active degrees of freedom of translation and rotation, (2,); collective.
 
         Those of the total momentum are subtracted if nothing changes it.  This requires that all
-        atoms are in bodies without inactive components."""
+        atoms are in bodies without inactive components.
+        """
         run, bodies, owned = self._run, self._run.bodies, self._run.bodies.sharers.owned
         dimension, mask = run.lammps.dimension, np.ones((6, len(bodies)))
         mask *= 1.0 if run.mask is None else run.mask

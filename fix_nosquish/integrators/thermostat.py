@@ -83,7 +83,8 @@ def key_of(command: Command, times_back: float, world: int) -> tuple[int, int]:
     """The key of a fix's random numbers.
 
     It is different for fixes and for worlds of a partition, because their bodies may have the same
-    IDs, and each time the step counter is set back, because steps then repeat."""
+    IDs, and each time the step counter is set back, because steps then repeat.
+    """
     whose = " ".join((command.group, command.style, *command.arguments))
     if world:
         whose += f", world {world}"

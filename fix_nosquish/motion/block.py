@@ -31,7 +31,7 @@ MATRIX, ATOM, OWN = 24, 33, 36
 COUNTED, NUMBER, FREE, BLOCK_ROWS = 45, 46, 47, 51
 LINE = 8  # doubles in a cache line
 
-# kinds of bodies: single atoms, linear bodies, bodies that rotate about z only, asymmetric rotors
+# kinds of bodies: points, linear bodies, bodies that rotate about z only, rotors with three moments
 POINT, LINEAR, PLANAR, ROTOR = range(4)
 ALL, WHOLE, DIVIDED = range(3)  # bodies: all, those with all atoms on this rank, the shared ones
 
