@@ -57,7 +57,7 @@ class Line(NamedTuple):
         return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
 
     def wrong(self, what: str, word: int | None = None) -> RunError:
-        """Return an error that shows the line.
+        """An error that shows the line.
 
         Args:
             what: the message.  word: index of the wrong one of `words`, None for none of them.
@@ -109,7 +109,7 @@ class Moments(NamedTuple):
 
 
 def is_number(word: str) -> bool:
-    """Return whether a word is a finite number."""
+    """Whether a word is a finite number."""
     try:
         return isfinite(float(word))
     except ValueError:
@@ -127,7 +127,7 @@ class _Words:
         self.line, self.left = line, list(line.words)
 
     def wrong(self, what: str) -> RunError:
-        """Return an error about the last word that was read."""
+        """An error about the last word that was read."""
         return self.line.wrong(what, len(self.line.words) - len(self.left) - 1)
 
     def take(
@@ -220,7 +220,7 @@ _integer = partial(_Words.whole, most=_INTEGER)
 
 
 def _one_of(allowed: tuple[str, ...]) -> Keyword:
-    """Return a keyword that must be followed by one of these words."""
+    """A keyword that must be followed by one of these words."""
     return Keyword(f"one of {', '.join(allowed)}", partial(_Words.one_of, allowed=allowed))
 
 
@@ -426,8 +426,8 @@ class Command:
         return self.line.text
 
     def pressure_of(self, part: str) -> tuple[str, ...] | None:
-        """Return (PSTART, PSTOP, PDAMP), as words, for an axis or a tilt (x, y, z, xy, xz or yz);
-        None if it does not change."""
+        """(PSTART, PSTOP, PDAMP), as words, for an axis or a tilt (x, y, z, xy, xz or yz); None if
+        it does not change."""
         given = self.pressure
         if part not in TILTS:
             return next(
@@ -442,7 +442,7 @@ class Command:
             raise self.wrong(f"{name} is {value:g}, and must be above zero")
 
     def wrong(self, what: str) -> RunError:
-        """Return an error about arguments that these bodies or this integrator cannot have."""
+        """An error about arguments that these bodies or this integrator cannot have."""
         return self.line.wrong(what)
 
     @classmethod
@@ -495,7 +495,7 @@ class Command:
 
 
 def _body_style(words: _Words) -> tuple[str, tuple[str, ...]]:
-    """Return the body style and its arguments.
+    """The body style and its arguments.
 
     Raises:
         RunError: naming the word.

@@ -98,7 +98,7 @@ class Host:
         """Raise an error if this host lacks a feature, a key of `own_fix.MISSING`."""
 
     def previous(self, bodies: Any, lammps: Any) -> Any:
-        """Return each atom's role in the bodies of the last run: see `Bodies.as_previous`."""
+        """Each atom's role in the bodies of the last run: see `Bodies.as_previous`."""
         return bodies.as_previous(lammps)
 
     def refuse_changes(self, membership: Any) -> None:
@@ -124,10 +124,10 @@ class Host:
         """Print lines on LAMMPS's screen and in its log; collective."""
 
     def fixes(self) -> list[OtherFix] | None:
-        """Return all other fixes, in the order in which LAMMPS calls them; None if not known."""
+        """All other fixes, in the order in which LAMMPS calls them; None if not known."""
 
     def shapes(self, natoms: int) -> np.ndarray | None:
-        """Return shape and orientation of each of LAMMPS's atoms on this rank.
+        """Shape and orientation of each of LAMMPS's atoms on this rank.
 
         Returns:
             (natoms, 7) three numbers and a quaternion: principal moments of an ellipsoid or a
@@ -135,7 +135,7 @@ class Host:
         """
 
     def inserted(self) -> np.ndarray:
-        """Return the molecules that other fixes have inserted as rigid bodies since the last call.
+        """The molecules that other fixes have inserted as rigid bodies since the last call.
 
         Returns:
             (k, 10) for each: highest atom ID before it, number of its atoms on this rank, index of
@@ -152,30 +152,29 @@ class Host:
         """Write these rows of rank 0, as of `kept_bodies`, to the restart file."""
 
     def molecule(self, number: int) -> np.ndarray | None:
-        """Return properties of a molecule of the template, (13,): geometric centre, mass, centre of
-        mass and inertia tensor (xx yy zz yz xz xy), NaN where not known; None if nothing is known.
-        """
+        """Properties of a molecule of the template, (13,): geometric centre, mass, centre of mass
+        and inertia tensor (xx yy zz yz xz xy), NaN where not known; None if nothing is known."""
 
     def removed_freedom(self, fix_id: str, group: str) -> int:
         """Degrees of freedom that another fix removes from a group of atoms; collective."""
         return 0
 
     def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
-        """Return which atoms another fix would move at the start of a step if all of them were
-        elsewhere, (n,) bool; collective.  It is tried on x, LAMMPS's positions (n, 3), which are
-        then restored."""
+        """Which atoms another fix would move at the start of a step if all of them were elsewhere,
+        (n,) bool; collective.  It is tried on x, LAMMPS's positions (n, 3), which are then
+        restored."""
         return np.zeros(len(x), bool)
 
     def pair_style(self, first: str) -> bool:
-        """Return whether a pair style whose name begins with this is used, also in a hybrid."""
+        """Whether a pair style whose name begins with this is used, also in a hybrid."""
         return False
 
     def gravity(self, fix_id: str) -> np.ndarray | None:
-        """Return the current acceleration by another fix, (3,); None if it gives none."""
+        """The current acceleration by another fix, (3,); None if it gives none."""
 
     def definition(self, word: str) -> str:
-        """Return the definition of v_NAME, as LAMMPS's command info prints it, or the style of the
-        compute of c_ID; empty if there is none, or if its group is dynamic."""
+        """The definition of v_NAME, as LAMMPS's command info prints it, or the style of the compute
+        of c_ID; empty if there is none, or if its group is dynamic."""
         return ""
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
@@ -183,16 +182,16 @@ class Host:
         it include the energy and the virial of external forces."""
 
     def values(self) -> list[np.ndarray]:
-        """Return the current values of the words of `ask_for`, in this order: arrays (n,) or ()."""
+        """The current values of the words of `ask_for`, in this order: arrays (n,) or ()."""
         return []
 
     def advice(self, removed: int) -> Sequence[str]:
-        """Return lines for the log: what to add to the input so that temp and press are right."""
+        """Lines for the log: what to add to the input so that temp and press are right."""
         return ()
 
     def cut_cluster(self) -> int:
-        """Return the ID of an atom of `held` on this rank that is constrained together with atoms
-        outside that group, 0 if there is none; collective."""
+        """The ID of an atom of `held` on this rank that is constrained together with atoms outside
+        that group, 0 if there is none; collective."""
         return 0
 
     def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
@@ -214,7 +213,7 @@ class Host:
         """Note that the cell of origins is up to date with the present atoms."""
 
     def now(self) -> int:
-        """Return the facts about this step, bits of `When`."""
+        """The facts about this step, bits of `When`."""
         raise NotImplementedError
 
     def follow_schedule(

@@ -142,8 +142,7 @@ class Box:
         self.farthest = max(np.abs(lo).max(), np.abs(lo + self.h.sum(axis=1)).max())
 
     def lattice(self, vectors: np.ndarray) -> np.ndarray:
-        """Return the integer coordinates, (n, 3), of the nearest lattice vectors (0 if not
-        periodic)."""
+        """The integer coordinates, (n, 3), of the nearest lattice vectors (0 if not periodic)."""
         return np.rint(vectors @ self.inverse.T) * self.periodic
 
 
@@ -203,12 +202,11 @@ class Lammps:
         return ctype.from_address(self._global(name))
 
     def setting(self, name: str) -> int:
-        """Return an integer of lammps_extract_setting()."""
+        """An integer of lammps_extract_setting()."""
         return self.lib.lammps_extract_setting(self.handle, name.encode())
 
     def has_precision(self, package: str, word: str) -> bool:
-        """Return whether an accelerator package was built in this precision: single, mixed or
-        double."""
+        """Whether an accelerator package was built in this precision: single, mixed or double."""
         return bool(
             self.lib.lammps_config_accelerator(package.encode(), b"precision", word.encode())
         )
@@ -276,8 +274,8 @@ class Lammps:
         return self._box
 
     def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
-        """Return a view of a per-atom array of this rank, (natoms,) or (natoms, columns); None if
-        the atom style does not have it."""
+        """A view of a per-atom array of this rank, (natoms,) or (natoms, columns); None if the atom
+        style does not have it."""
         n = self._natoms.value
         shape = (n, columns) if columns else (n,)
         if n == 0:
@@ -333,7 +331,7 @@ class Lammps:
         return self._each_has("mask", np.uint32)
 
     def images(self, atoms: np.ndarray) -> np.ndarray:
-        """Return the image flags of these atoms, (m, 3)."""
+        """The image flags of these atoms, (m, 3)."""
         packed = self._each_has("image", self._imageint)[atoms].astype(np.int64)
         mask, half = (1 << self._image_bits) - 1, 1 << (self._image_bits - 1)
         return np.stack(
@@ -341,7 +339,7 @@ class Lammps:
         )
 
     def image_difference(self, difference: np.ndarray) -> np.ndarray:
-        """Return a difference of image flags, corrected for the overflow of their counters."""
+        """A difference of image flags, corrected for the overflow of their counters."""
         half = 1 << (self._image_bits - 1)
         return (difference + half) % (2 * half) - half
 
@@ -359,7 +357,7 @@ class Lammps:
         return any(self.lib.lammps_extract_atom(self.handle, name) for name in names)
 
     def unknown(self, shapes: np.ndarray | None) -> np.ndarray | None:
-        """Return which atoms this fix cannot move correctly.
+        """Which atoms this fix cannot move correctly.
 
         Args:
             shapes: see `hosts.Host.shapes`.
@@ -382,11 +380,11 @@ class Lammps:
         return np.select(which, list(found), "") if found else None
 
     def has(self, category: str, name: str) -> bool:
-        """Return whether a group, variable, fix … of this ID is defined."""
+        """Whether a group, variable, fix … of this ID is defined."""
         return bool(self.lib.lammps_has_id(self.handle, category.encode(), name.encode()))
 
     def group_bit(self, name: str) -> int:
-        """Return the bit of a group in the mask of atoms.
+        """The bit of a group in the mask of atoms.
 
         Raises:
             RunError: on all ranks, if there is no such group, or if it is dynamic.
@@ -404,14 +402,14 @@ class Lammps:
         raise RunError(f"there is no group {name}", everywhere=True)
 
     def variable(self, name: str, group: str) -> np.ndarray:
-        """Return the values of an atom-style variable, (natoms,); collective."""
+        """The values of an atom-style variable, (natoms,); collective."""
         address = self._evaluate(name, group, _ATOM_STYLE)
         values = array(address, (self._natoms.value,), float).copy()
         self.lib.lammps_free(address)
         return values
 
     def text(self, word: str) -> str:
-        """Return a word of the fix line, or for v_NAME the value of the variable; collective.
+        """A word of the fix line, or for v_NAME the value of the variable; collective.
 
         Raises:
             RunError: if there is no string-style variable of this name.
@@ -431,8 +429,7 @@ class Lammps:
             ) from None
 
     def number(self, word: str) -> float:
-        """Return a word of the fix line as a number, or for v_NAME the value of the variable;
-        collective.
+        """A word of the fix line as a number, or for v_NAME the value of the variable; collective.
 
         Raises:
             RunError: if there is no equal-style variable of this name.
@@ -442,18 +439,18 @@ class Lammps:
         return self._taken(self._evaluate(self._named(word), None, _EQUAL))
 
     def scalar_of_fix(self, fix_id: str) -> float:
-        """Return the current value f_ID of a fix; collective."""
+        """The current value f_ID of a fix; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
         return self._taken(place)
 
     def _taken(self, place: int) -> float:
-        """Return a number that LAMMPS has allocated, and free it."""
+        """A number that LAMMPS has allocated, and free it."""
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)
         return value
 
     def _named(self, word: str) -> str:
-        """Return the name in v_NAME, if there is such a variable."""
+        """The name in v_NAME, if there is such a variable."""
         name = word[2:]
         refuse(
             not self.has("variable", name),
@@ -462,7 +459,7 @@ class Lammps:
         return name
 
     def _evaluate(self, name: str, group: str | None, style: int) -> int:
-        """Return the address of a variable's value; collective."""
+        """The address of a variable's value; collective."""
         style_of = getattr(
             self.lib, "lammps_extract_variable_datatype", None
         )  # in LAMMPS since 2022

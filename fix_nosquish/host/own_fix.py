@@ -156,7 +156,7 @@ class OwnFix(Host):
         self.lammps.cells["arrived"].set(came[known].view(float))
 
     def atoms_moved(self) -> bool:
-        """Return whether LAMMPS has re-neighbored since the last call."""
+        """Whether LAMMPS has re-neighbored since the last call."""
         if self._problem:
             raise self._problem
         before, self._builds = self._builds, self.lammps.neighbor_builds
@@ -206,7 +206,7 @@ _drivers: "weakref.WeakSet[Driver]" = weakref.WeakSet()
 
 
 def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone) -> Any:
-    """Return the object that LAMMPS calls: the fix itself with the plugin, else its `Driver`.
+    """The object that LAMMPS calls: the fix itself with the plugin, else its `Driver`.
 
     Args:
         make: creates the `fix.Fix`.

@@ -21,7 +21,7 @@ from ..errors import RunError
 def line_lookup(
     module: str, names: Collection[str], find: Callable[[str], type]
 ) -> Callable[[str], Any]:
-    """Return the `__getattr__` of a module with integrators.
+    """The `__getattr__` of a module with integrators.
 
     Args:
         module: name of the module.
@@ -30,7 +30,7 @@ def line_lookup(
     """
 
     def getattr_of_module(text: str) -> Any:
-        """Return a function from LAMMPS's pointer to the integrator of a line."""
+        """A function from LAMMPS's pointer to the integrator of a line."""
         if text.startswith("__"):
             raise AttributeError(text)
         made = find(_class_name(text, names, module))
@@ -42,7 +42,7 @@ def line_lookup(
 
 
 def _class_name(text: str, known: Collection[str], module: str) -> str:
-    """Return the first word of a line, if it is a known class.
+    """The first word of a line, if it is a known class.
 
     Raises:
         RunError: if it is not, or if the line contains a variable.

@@ -31,7 +31,7 @@ def plain(style: str) -> str | None:
 
 
 def integrator(name: str, words: Collection[str]) -> str:
-    """Return the name of the class that replaces a fix: NVE, NVT, NPT or NPH.
+    """The name of the class that replaces a fix: NVE, NVT, NPT or NPH.
 
     Args:
         name: name of the fix, as returned by `plain`.

@@ -43,7 +43,7 @@ def check(
     meter: run.Meter,
     tolerance: float = time_step.TOLERANCE,
 ) -> dict:
-    """Return all checks, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances.
+    """All checks, as plain data: ``kinds``, ``checks``, ``integrators`` and circumstances.
 
     Args:
         tolerance: largest relative error of temperatures, as an average.
@@ -77,8 +77,7 @@ def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, *
 def _starts(
     script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter
 ) -> tuple[list[dict], bool]:
-    """Return a row for each integrator, on the start and some steps; and whether a Ctrl-C ended
-    it."""
+    """A row for each integrator, on the start and some steps; and whether a Ctrl-C ended it."""
     integrators, runs = script.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
     every = [
@@ -307,7 +306,7 @@ def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterat
 
 
 def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence: float) -> str:
-    """Return how ``lmp -sf nosquish`` replaces the script's fix, as LAMMPS reports it."""
+    """How ``lmp -sf nosquish`` replaces the script's fix, as LAMMPS reports it."""
     found, line = script.rigid, script.rigid.lines[0]
     words = split_words(line)
     ours = join_words((*words[:3], rigid_atoms.style_of(line) + SUFFIX, *words[4:]))
@@ -326,7 +325,7 @@ def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence
 
 
 def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict:
-    """Return the row of an integrator: its start, and some steps."""
+    """The row of an integrator: its start, and some steps."""
     thermo = result.thermo
     error = result.error or _no_number(thermo)
     row: dict = {
@@ -351,8 +350,8 @@ def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict
 
 
 def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
-    """Return the first step at which a quantity is NaN, in words; None if there is none.  LAMMPS
-    goes on."""
+    """The first step at which a quantity is NaN, in words; None if there is none.  LAMMPS goes
+    on."""
     bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
     first = min((int(one.argmax()) for one in bad.values() if one.any()), default=None)
     if first is None:

@@ -21,7 +21,7 @@ Atoms = Mapping[str, np.ndarray]
 
 
 def _elements(mass: np.ndarray) -> np.ndarray:
-    """Return the element of each atom, by its mass; empty if unknown."""
+    """The element of each atom, by its mass; empty if unknown."""
     found = np.full(len(mass), "", dtype="<U2")
     for name, known in ELEMENTS.items():
         found[np.abs(mass - known) < NEAR] = name
@@ -29,7 +29,7 @@ def _elements(mass: np.ndarray) -> np.ndarray:
 
 
 def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
-    """Return the bonded neighbours of each atom, from 0; ``bonds`` has rows (type, ID, ID)."""
+    """The bonded neighbours of each atom, from 0; ``bonds`` has rows (type, ID, ID)."""
     found: list[list[int]] = [[] for _ in range(atoms)]
     for _, i, j in bonds:
         found[i - 1].append(j - 1)
@@ -40,9 +40,8 @@ def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
 def rigid(
     atoms: Atoms, cell: np.ndarray, periodic: Sequence[bool], wanted: Collection[str] = PARTS[:-1]
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return the rigid part of each atom, numbered from 1 in order of their first atoms, 0 for
-    none; and the number of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other
-    part.
+    """The rigid part of each atom, numbered from 1 in order of their first atoms, 0 for none; and
+    the number of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other part.
 
     Args:
         atoms: ``mass``, ``x`` and ``bonds``, as of ``own``.
@@ -91,7 +90,7 @@ def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
 
 
 def _whole(x: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
-    """Return the atoms of bodies, (..., atoms, 3), unwrapped by nearest images."""
+    """The atoms of bodies, (..., atoms, 3), unwrapped by nearest images."""
     return x[..., :1, :] + measures.nearest_image(x - x[..., :1, :], cell, periodic)
 
 
@@ -110,7 +109,7 @@ def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
 
 
 def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
-    """Return the rotation of a body onto the shape; of a linear one, any about its axis."""
+    """The rotation of a body onto the shape; of a linear one, any about its axis."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "Optimal rotation is not uniquely")
         return Rotation.align_vectors(shape, other)[0]
@@ -119,9 +118,9 @@ def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
 def alike(
     atoms: Atoms, body: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]
 ) -> tuple[np.ndarray, float]:
-    """Return the positions of all atoms if each body has the mean shape of its kind; and the
-    largest displacement of an atom.  Bodies with the same types are a kind; atoms of a type
-    correspond in order of ID."""
+    """The positions of all atoms if each body has the mean shape of its kind; and the largest
+    displacement of an atom.  Bodies with the same types are a kind; atoms of a type correspond in
+    order of ID."""
     moved = np.zeros_like(atoms["x"], dtype=float)
     order = np.lexsort((atoms["type"], body))  # stable
     kinds: dict[tuple, list[np.ndarray]] = {}

@@ -7,7 +7,7 @@ from .measure import STEPS, TITLES
 
 
 def said(summary: dict) -> Said:
-    """Return the report on whether a script is sound."""
+    """The report on whether a script is sound."""
     checks = summary["checks"]
     lost = [one for one in checks if one["verdict"] == "does not hold"]
     answer = "All numbers that have bounds are within them."
@@ -37,7 +37,7 @@ def _subject(one: dict) -> str:
 
 
 def _kinds(summary: dict) -> Table:
-    """Return a table of the kinds of bodies."""
+    """A table of the kinds of bodies."""
     rows = [
         [
             *(kind["name"], f"{kind['number']:,}", kind["atoms"], kind["shape"], kind["freedom"]),
@@ -55,7 +55,7 @@ def _kinds(summary: dict) -> Table:
 
 
 def _starts(summary: dict) -> Table:
-    """Return a table of the start with each integrator."""
+    """A table of the start with each integrator."""
     units = UNITS[summary["units"]]
     columns = [
         Column("label", "integrator", kind="text"),

@@ -94,7 +94,7 @@ def written(
 
 
 def _named(file: Path, folder: Path) -> str:
-    """Return the name of a file for a script in the folder: the whole path if LAMMPS accepts it."""
+    """The name of a file for a script in the folder: the whole path if LAMMPS accepts it."""
     text = str(file.resolve())
     if not text.isascii() or '"' in text:
         text = os.path.relpath(text, folder)
@@ -102,14 +102,13 @@ def _named(file: Path, folder: Path) -> str:
 
 
 def _bodies(body: np.ndarray) -> str:
-    """Return the text of a file for a variable of style atomfile: the body of each atom in a
-    body."""
+    """The text of a file for a variable of style atomfile: the body of each atom in a body."""
     inside = np.flatnonzero(body)
     return f"{len(inside)}\n" + "".join(f"{atom + 1} {body[atom]}\n" for atom in inside)
 
 
 def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
-    """Return a dump of the positions of all atoms; LAMMPS does not read its box."""
+    """A dump of the positions of all atoms; LAMMPS does not read its box."""
     head = ("TIMESTEP\n0", f"NUMBER OF ATOMS\n{len(x)}", "BOX BOUNDS pp pp pp" + "\n0 1" * 3)
     rows = zip(count(1), x, atoms["image"])
     text = (f"{atom} {' '.join(f'{value:.17g}' for value in (*at, *image))}\n"
@@ -118,8 +117,7 @@ def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
 
 
 def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
-    """Return the lines that move the bodies, and those for other atoms that the script's fixes
-    moved."""
+    """The lines that move the bodies, and those for other atoms that the script's fixes moved."""
     ours = {
         one.name: one
         for one in candidates.integrators(found, said["units"])[0]

@@ -9,7 +9,7 @@ from .plan import Bench, Claims, Simulation, failure, series
 
 
 def total(claims: Claims, bench: Bench) -> int:
-    """Return the number of steps of all runs together."""
+    """The number of steps of all runs together."""
     return sum(simulation.steps for simulation in _chosen(claims, bench))
 
 
@@ -40,14 +40,14 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
 
 
 def _chosen(claims: Claims, bench: Bench) -> Sequence[Simulation]:
-    """Return the requested simulations, and those that create their starts."""
+    """The requested simulations, and those that create their starts."""
     every = claims.plan(bench)
     starts = {one.start[0] for one in every if one.start and one.name in bench.names}
     return [one for one in every if one.name in starts.union(bench.names)]
 
 
 def wrong(claims: Claims, summary: dict) -> bool:
-    """Return whether something has failed, or a claim of ours does not hold or was not measured."""
+    """Whether something has failed, or a claim of ours does not hold or was not measured."""
     lost = [check for check in summary["checks"] if check["verdict"] == "does not hold"]
     missing = [check for check in summary["checks"] if check["value"] is None]
     return bool(summary["failed"] or (claims.ours and (lost or missing)))

@@ -97,8 +97,8 @@ def _lengths(bench: Bench) -> Lengths:
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """Return all trajectories, in the order in which they run: those of figures 2a and 3, then
-    those of figure 2b."""
+    """All trajectories, in the order in which they run: those of figures 2a and 3, then those of
+    figure 2b."""
     lengths, peptide, liquid = _lengths(bench), paper_peptide.scene(), SCENES["water"]
     make = partial(_simulation, bench, lengths)
     made = [*_dimers(make, lengths)]
@@ -112,8 +112,7 @@ def plan(bench: Bench) -> list[Simulation]:
 def _simulation(
     bench: Bench, lengths: Lengths, scene: Scene, integrator: str, time: float, **more
 ) -> Simulation:
-    """Return a simulation of so many ps with an integrator; ``more`` overrides the usual
-    settings."""
+    """A simulation of so many ps with an integrator; ``more`` overrides the usual settings."""
     who = (INTEGRATORS | PAPER)[integrator]
     usual: dict = {
         "name": f"{scene.name}-{integrator}",
@@ -146,11 +145,11 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
             yield make(scene, name, lengths.dimer, **named, **how)
 
 
-# ---- what is said of it
+# ---- checks of the statements
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """Return the numbers of all trajectories, complete or not, as plain data: ``rows``, ``checks``,
+    """The numbers of all trajectories, complete or not, as plain data: ``rows``, ``checks``,
     ``lengths``."""
     whole = {name: one for name, one in found.items() if not one.error and len(one.total) >= FEW}
     checks = [
@@ -167,7 +166,7 @@ def judge(found: Found, bench: Bench) -> dict:
 
 
 def row(one: Series) -> dict:
-    """Return the numbers of one trajectory; those that could not be measured are absent."""
+    """The numbers of one trajectory; those that could not be measured are absent."""
     made = one.simulation
     found = {
         "name": made.name,
@@ -192,7 +191,7 @@ def row(one: Series) -> dict:
 
 
 def measure(total: np.ndarray) -> np.ndarray:
-    """Return |Delta E| of each sample."""
+    """|Delta E| of each sample."""
     return np.abs(total - total.mean()) / abs(total.mean())
 
 
@@ -200,7 +199,7 @@ def measure(total: np.ndarray) -> np.ndarray:
 
 
 def _length(*series: Series) -> str:
-    """Return the length of the shortest one, in words."""
+    """The length of the shortest one, in words."""
     return f"{min(one.time[-1] for one in series):.4g} ps"
 
 
@@ -209,15 +208,15 @@ def _shortest(pair: Sequence[Series]) -> int:
 
 
 def _dimer_pairs(whole: Found, second: str) -> Pairs:
-    """Return dimers of NO_SQUISH and of another integrator from the same starts."""
+    """Dimers of NO_SQUISH and of another integrator from the same starts."""
     numbers = range(1, 1 + len(whole))
     names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in numbers]
     return [(whole[one], whole[other]) for one, other in names if {one, other} <= whole.keys()]
 
 
 def _ratio(pairs: Pairs, of: Callable[[Series], float]) -> Estimate:
-    """Return a number of the second trajectory over that of the first one: mean of all pairs, with
-    the error from their scatter."""
+    """A number of the second trajectory over that of the first one: mean of all pairs, with the
+    error from their scatter."""
     return measures.ratio(*([of(one) for one in series] for series in zip(*pairs)))
 
 
@@ -226,8 +225,7 @@ def _average(one: Series) -> float:
 
 
 def _drift(series: Sequence[Series]) -> Estimate:
-    """Return the mean drift of trajectories; with several starts its error is from their
-    scatter."""
+    """The mean drift of trajectories; with several starts its error is from their scatter."""
     fits = [measures.drift(one.time, one.total) for one in series]
     return fits[0] if len(fits) == 1 else measures.mean_of_few([fit.value for fit in fits])
 
@@ -278,7 +276,7 @@ def _liquid(whole: Found) -> Iterator[Check]:
 
 
 def _in_parts(total: np.ndarray) -> np.ndarray:
-    """Return the energy in equal parts of a trajectory: (parts, samples)."""
+    """The energy in equal parts of a trajectory: (parts, samples)."""
     size = len(total) // SIDE
     return total[: SIDE * size].reshape(SIDE, size)
 
@@ -336,14 +334,14 @@ def _equal(check: Callable, ours: Series, shake: Series) -> Check:
 
 
 def _begun(one: Series) -> Series:
-    """Return a trajectory without its first `BEGINNING` steps."""
+    """A trajectory without its first `BEGINNING` steps."""
     kept = one.time > BEGINNING * one.simulation.dt / FS_PER_PS
     return replace(one, time=one.time[kept], total=one.total[kept])
 
 
 def _gear_pairs(whole: Found) -> Pairs:
-    """Return complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`,
-    if there are several."""
+    """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`, if
+    there are several."""
     pairs = [tuple(map(_begun, pair)) for pair in _dimer_pairs(whole, "gear")]
     pairs = [pair for pair in pairs if _shortest(pair) >= FEW]
     return pairs if len(pairs) > 1 else []
@@ -379,7 +377,7 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
 
 
 def tables(summary: dict) -> list[Table]:
-    """Return a table of all trajectories."""
+    """A table of all trajectories."""
     lengths = [{**row, "status": row["error"] or "ok"} for row in summary["rows"]]
     return [Table("All trajectories", COLUMNS, lengths, file="table", long=True)]
 

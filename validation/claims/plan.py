@@ -30,7 +30,7 @@ class Bench:
         ranks: MPI ranks of large systems.
         silence: s without a line in the log after which a run is given up.
         names: of the requested simulations.
-        meter: shows the progress.
+        meter: shows progress.
     """
 
     out: Path
@@ -84,7 +84,7 @@ class Simulation:
         )
 
     def job(self, bench: Bench) -> run.Job:
-        """Return its job; the file of its start exists."""
+        """Its job; the file of its start exists."""
         folder, scene, files = _folder(bench, self.name), self.scene, []
         if self.start:
             name, step = self.start
@@ -169,13 +169,13 @@ class Claims(NamedTuple):
 
 
 def failure(result: run.Result) -> str | None:
-    """Return why a result is not usable, or None."""
+    """Why a result is not usable, or None."""
     finite = np.isfinite(result.thermo.get("TotEng", np.zeros(1))).all()
     return result.error or (None if finite else "energy is not finite")
 
 
 def series(simulation: Simulation, job: run.Job) -> Series:
-    """Return the output of a job's run, complete or not."""
+    """The output of a job's run, complete or not."""
     result = run.collect(job.directory)
     columns = "Step", "TotEng", "KinEng", "Temp"
     values = [result.thermo.get(column, np.empty(0)) for column in columns]

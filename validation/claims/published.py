@@ -56,7 +56,7 @@ SAMPLED = 12.0  # fs between samples of the energy
 
 
 def scene() -> Scene:
-    """Return their water."""
+    """Their water."""
     return smooth_water(
         "water-smooth",
         "903 TIP3P molecules at 0.97 g/cm³, smooth cutoff",
@@ -71,8 +71,7 @@ def _time(bench: Bench) -> float:
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """Return one trajectory that creates the start, and one with each time step, the longest
-    first."""
+    """One trajectory that creates the start, and one with each time step, the longest first."""
     water, rest = scene(), steps(REST, BATH_DT)
     how: dict = {"scene": water, "ranks": bench.ranks}
     more = _to_the_mean(water.group)
@@ -96,7 +95,7 @@ def plan(bench: Bench) -> list[Simulation]:
 
 
 def _to_the_mean(group):
-    """Return LAMMPS commands that bring water to its mean energy at `TEMPERATURE`."""
+    """LAMMPS commands that bring water to its mean energy at `TEMPERATURE`."""
     return (
         f"fix bath {group} langevin {TEMPERATURE} {TEMPERATURE} 100.0 7123",
         f"run {steps(BATH, BATH_DT)}",
@@ -112,7 +111,7 @@ def _to_the_mean(group):
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """Return ``checks`` against the published numbers, and ``time``."""
+    """``checks`` against the published numbers, and ``time``."""
     return {"checks": [check.plain() for check in checks(found)], "time": _time(bench)}
 
 
@@ -138,7 +137,7 @@ def checks(found: Found) -> Iterator[Check]:
 
 
 def _over(time, energy, theirs):
-    """Return a standard deviation over theirs, and how it was obtained, in words."""
+    """A standard deviation over theirs, and how it was obtained, in words."""
     spread, slope = measures.standard_deviation(energy), measures.drift(time, energy)
     other = Estimate(theirs, theirs * THEIR_ERROR)
     line = measures.about_line(time, energy).text()

@@ -8,12 +8,12 @@ from .plan import Claims
 
 
 def claims_of(name: str) -> Claims:
-    """Return the list of claims of this name."""
+    """The list of claims of this name."""
     return import_module(f".{name}", __package__).CLAIMS
 
 
 def said(summary: dict) -> Said:
-    """Return the report: the answer, all checks, and the list's further tables."""
+    """The report: the answer, all checks, and the list's further tables."""
     claims = claims_of(summary["claims"])
     return Said(
         claims.title,

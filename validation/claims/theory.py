@@ -92,8 +92,8 @@ def reversal(found: Found) -> tuple[list[Check], dict]:
 
 
 def _reversed(one: Series) -> dict:
-    """Return the result of a run forward and back, plain data: for each of `STEPS` the distance of
-    the atom that is furthest from its start, Angstrom."""
+    """The result of a run forward and back, plain data: for each of `STEPS` the distance of the
+    atom that is furthest from its start, Angstrom."""
     integrator, distance = one.simulation.integrator, []
     for n in () if one.error else STEPS:
         left = _positions(one, f"back-{n}") - _positions(one, "start")
@@ -189,8 +189,8 @@ def symplectic(found: Found) -> tuple[list[Check], dict]:
 
 
 def _derivative(one: Series, file: str) -> tuple[np.ndarray, float]:
-    """Return momenta, then positions, of a pair's atoms, differentiated in all directions, (36,
-    24), and a bound of the error."""
+    """Momenta, then positions, of a pair's atoms, differentiated in all directions, (36, 24), and a
+    bound of the error."""
     mass = np.tile(bodies.MASSES, 2)[:, None]
     atoms = motion.read(one.folder / file)[1][0, :, 1:].reshape(len(SIDES), 2, 24, 6, 6)
     number = np.arange(atoms[..., 0, 0].size).reshape(*atoms.shape[:3], 1)
@@ -205,7 +205,7 @@ def _derivative(one: Series, file: str) -> tuple[np.ndarray, float]:
 def form(
     before: tuple[np.ndarray, float], after: tuple[np.ndarray, float]
 ) -> tuple[float, float, float]:
-    """Return the change of (2.42) on a constrained phase space.
+    """The change of (2.42) on a constrained phase space.
 
     There the form of two directions u, v is u^T g v, and a step is symplectic if it conserves it.
 
@@ -270,12 +270,12 @@ MEASURES = {
 
 
 def plan(bench: Bench) -> list[Simulation]:
-    """Return all runs of LAMMPS."""
+    """All runs of LAMMPS."""
     return [*_there_and_back(), *_neighbours(bench), *_energies()]
 
 
 def judge(found: Found, bench: Bench) -> dict:
-    """Return ``checks``, and ``data``: the underlying numbers of each part."""
+    """``checks``, and ``data``: the underlying numbers of each part."""
     checks: list[Check] = []
     data = {}
     for part, measure in MEASURES.items():

@@ -150,8 +150,8 @@ class Case:
         return "ns" if self.scene.units in NS else f"1,000 {self.time}"
 
     def written(self, integrator: Integrator) -> tuple[list[str], str, list[str]]:
-        """Return lines of an input script for an integrator, where they belong, and a notice on
-        commands that cannot be used together with them."""
+        """Lines of an input script for an integrator, where they belong, and a notice on commands
+        that cannot be used together with them."""
         lines = integrator.commands(self.scene)
         if self.script is None:
             return lines, "These lines replace what moves the atoms", []
@@ -163,7 +163,7 @@ class Case:
 
 
 def of_scene(name: str, folder: Path) -> Case:
-    """Return the case of a built-in scene; ``folder`` is for data files of starts."""
+    """The case of a built-in scene; ``folder`` is for data files of starts."""
     scene = SCENES[name] if name == "dimer" else _on_mesh(name)
     scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
     if scene.subject:
@@ -189,14 +189,14 @@ def of_scene(name: str, folder: Path) -> Case:
 
 
 def _on_mesh(name: str) -> Scene:
-    """Return a scene with PPPM of the accuracy `MESH`."""
+    """A scene with PPPM of the accuracy `MESH`."""
     scene = peptide.scene() if name == "peptide" else SCENES[name]
     subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
     return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
 
 
 def of_script(script: UserScript) -> Case:
-    """Return the case of a user's script.
+    """The case of a user's script.
 
     Raises:
         LookupError: its atoms are at rest, so no error can be measured.
@@ -254,8 +254,8 @@ def _lost(script: UserScript) -> dict[str, str]:
 
 
 def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
-    """Return the largest errors allowed, by name; default targets that are meaningless for the case
-    are omitted.
+    """The largest errors allowed, by name; default targets that are meaningless for the case are
+    omitted.
 
     Raises:
         LookupError: a target does not exist (the message lists all), or is meaningless.

@@ -98,7 +98,7 @@ class Choice:
 
 
 def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> float:
-    """Return the upper bound of an error: value + margin; infinite if it is not known."""
+    """The upper bound of an error: value + margin; infinite if it is not known."""
     found = point["errors"].get(measure)
     if point["failed"] or found is None or found["error"] is None:
         return math.inf
@@ -107,18 +107,18 @@ def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> floa
 
 
 def is_zero(point: Measured, measure: str) -> bool:
-    """Return whether an error is known, and not significantly different from zero (95 %)."""
+    """Whether an error is known, and not significantly different from zero (95 %)."""
     return 2 * point["errors"][measure]["value"] < bound(point, measure) < math.inf
 
 
 def cost(point: Measured) -> float:
-    """Return the median CPU time, s per ns; infinite if it is not known."""
+    """The median CPU time, s per ns; infinite if it is not known."""
     return point["cpu"]["median"] if point["cpu"] else math.inf
 
 
 def meets(point: Measured, targets: Targets) -> bool | None:
-    """Return whether all errors of a point are within the targets: True if they are including their
-    95 % margins; False if one is above even less its margin, or if the point failed; else None."""
+    """Whether all errors of a point are within the targets: True if they are including their 95 %
+    margins; False if one is above even less its margin, or if the point failed; else None."""
     if point["failed"]:
         return False
     verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
@@ -132,13 +132,13 @@ def _within(found, target):
 
 
 def passes(point: Measured, targets: Targets, level: float = CONFIDENCE) -> bool:
-    """Return whether all errors are within the targets, with margins of this confidence."""
+    """Whether all errors are within the targets, with margins of this confidence."""
     return all(bound(point, name, level) <= most for name, most in targets.items())
 
 
 def level_of_each(integrators: Iterable[str], share: float = 1.0) -> float:
-    """Return the confidence for each step in a sequence of tests: at least the usual one, because
-    errors below zero are no mistake.
+    """The confidence for each step in a sequence of tests: at least the usual one, because errors
+    below zero are no mistake.
 
     Args:
         share: part of the 5 % that all sequences together may use.
@@ -147,7 +147,7 @@ def level_of_each(integrators: Iterable[str], share: float = 1.0) -> float:
 
 
 def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list[bool | None]:
-    """Return for each point whether it is met, by `RULE`; None where the runs cannot tell.
+    """For each point whether it is met, by `RULE`; None where the runs cannot tell.
 
     Args:
         level: see `level_of_each`.
@@ -175,7 +175,7 @@ def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list
 
 
 def near_failure(points: Iterable[Measured]) -> list[Measured]:
-    """Return the points whose step is more than 1 / `SAFE` of one at which their integrator fails.
+    """The points whose step is more than 1 / `SAFE` of one at which their integrator fails.
 
     Events that end a run, such as a broken bond, are rare at slightly shorter steps.  A run without
     one says nothing about a longer run.
@@ -192,8 +192,7 @@ def near_failure(points: Iterable[Measured]) -> list[Measured]:
 
 
 def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Measured]:
-    """Return the points with the script's kind of thermostat; all if it has none, or if no point
-    does.
+    """The points with the script's kind of thermostat; all if it has none, or if no point does.
 
     Args:
         thermostat: see `thermostat.asked`.
@@ -203,7 +202,7 @@ def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Mea
 
 
 def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice:
-    """Return the `Choice` among points.
+    """The `Choice` among points.
 
     Points whose runs measure all targets count.  If there are none, all points count, by the
     targets that they measure.
@@ -240,15 +239,15 @@ def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice
 
 
 def nearest(points: Iterable[Measured], targets: Targets) -> tuple[Measured, float] | None:
-    """Return the point that exceeds the targets least, and the ratio of its worst `bound` to the
-    target; None if no point has all these errors."""
+    """The point that exceeds the targets least, and the ratio of its worst `bound` to the target;
+    None if no point has all these errors."""
     excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
     factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
     return (point, factor) if point and factor < math.inf else None
 
 
 def size(found: Estimate) -> dict:
-    """Return an error without its sign, as plain data."""
+    """An error without its sign, as plain data."""
     return found._replace(value=abs(found.value)).plain()
 
 

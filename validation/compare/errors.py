@@ -56,7 +56,7 @@ Found = Mapping[Point, Mapping[int, Numbers]]  # by start number
 
 
 def failure(result: run.Result, temperature: float, boltzmann: float) -> str | None:
-    """Return why a run failed, in a line: it ended early, has NaN, or heats; None if it is good."""
+    """Why a run failed, in a line: it ended early, has NaN, or heats; None if it is good."""
     if result.error:
         return result.error
     kelvin, energy = result.thermo["Temp"], result.thermo["TotEng"]
@@ -70,7 +70,7 @@ def failure(result: run.Result, temperature: float, boltzmann: float) -> str | N
 
 
 def observables(case: Case) -> list[Observable]:
-    """Return the observables of a single run's `Series`, by the names of `case.TARGETS`."""
+    """The observables of a single run's `Series`, by the names of `case.TARGETS`."""
 
     def conserved(series):
         return series.thermo.get("Econserve", series.thermo["TotEng"])
@@ -109,7 +109,7 @@ def observables(case: Case) -> list[Observable]:
 
 
 def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Numbers:
-    """Return the results of a run without its first part, the fraction ``settles``."""
+    """The results of a run without its first part, the fraction ``settles``."""
     assert result.positions
     frames = len(result.positions.x) - 1
     first = math.ceil(settles * frames * (1 - 1e-9))
@@ -123,8 +123,8 @@ def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Number
 
 
 def temperatures(case: Case, series: Series) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return temperatures of the bodies' centres and of their rotation, (frames,); the latter is
-    None if no body rotates."""
+    """Temperatures of the bodies' centres and of their rotation, (frames,); the latter is None if
+    no body rotates."""
     motion, axes = series.motion, case.scene.dimension
     mass, v = motion.mass, motion.v[list(series.frames)]
     v = v - np.average(v, axis=1, weights=mass)[:, None]
@@ -173,7 +173,7 @@ class Noise(NamedTuple):
 
     @classmethod
     def of(cls, starts: Starts, chance: Mapping[int, float]) -> "Noise":
-        """Return the noise of points that run from several starts; ``chance`` is subtracted."""
+        """The noise of points that run from several starts; ``chance`` is subtracted."""
         square, freedom = 0.0, 0
         for found in starts.values():
             own = {n: one.value - chance.get(n, 0.0) for n, one in found.items()}
@@ -201,7 +201,7 @@ class Pooled(NamedTuple):
 
     @classmethod
     def of(cls, starts: Starts, shared: bool, like: Starts | None = None) -> "Pooled":
-        """Return the means over the points' starts.
+        """The means over the points' starts.
 
         Args:
             shared: whether they are compared with another run.
@@ -219,7 +219,7 @@ class Pooled(NamedTuple):
         return cls(made, 0.0 if shared else _settling(told, known))
 
     def with_settling(self, found: Estimate | None) -> Estimate | None:
-        """Return an error of these means with that of starts that are not in equilibrium added."""
+        """An error of these means with that of starts that are not in equilibrium added."""
         return found and found._replace(error=math.hypot(found.error, self.settles))
 
 
@@ -238,8 +238,8 @@ def _values(starts: Starts) -> dict[Point, dict[int, float]]:
 
 
 def _chance(found: Mapping[Point, Mapping[int, Any]]) -> dict[int, Any]:
-    """Return the deviation that all runs from a start share, by start, from the points that have
-    all starts."""
+    """The deviation that all runs from a start share, by start, from the points that have all
+    starts."""
     number = max(map(len, found.values()), default=0)
     complete = [starts for starts in found.values() if len(starts) == number]
     means = {n: np.mean([one[n] for one in complete], axis=0) for n in (complete or [{}])[0]}
@@ -262,8 +262,7 @@ class Structure(NamedTuple):
 
     @classmethod
     def of(cls, found: Found, like: Found, times: float = 1.0) -> "Structure | None":
-        """Return g(r) from the runs of points; None if they have none. For the arguments see
-        `errors`."""
+        """g(r) from the runs of points; None if they have none. For the arguments see `errors`."""
         own, told = (_starts(some, lambda one: one.rdf) for some in (found, like))
         every = [g for some in (own, told) for starts in some.values() for g in starts.values()]
         bins = min(map(len, every), default=0)
@@ -280,7 +279,7 @@ class Structure(NamedTuple):
         return cls(means, runs, noise)
 
     def error(self, point: Point, held: Point) -> Estimate | None:
-        """Return the rms error without the part due to noise; None if the noise is not known.
+        """The rms error without the part due to noise; None if the noise is not known.
 
         The scatter of runs of a point contains no error of the step.  The noise is thus correct
         for any correlation time, which it would not be if blocks of a run counted as independent.
@@ -304,8 +303,8 @@ class Structure(NamedTuple):
 
 
 def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:
-    """Return the starts of each point as rows, without the deviation that all runs from a start
-    share, in the bins that all runs have."""
+    """The starts of each point as rows, without the deviation that all runs from a start share, in
+    the bins that all runs have."""
     cut = {point: {n: g[:bins] for n, g in starts.items()} for point, starts in found.items()}
     chance = _chance(cut)
     return {
@@ -322,8 +321,8 @@ def errors(
     like: Found | None = None,
     times: float = 1.0,
 ) -> dict[Point, dict[str, Estimate]]:
-    """Return the error of each point, with sign, by the names of `case.TARGETS`; errors that cannot
-    be estimated are omitted.
+    """The error of each point, with sign, by the names of `case.TARGETS`; errors that cannot be
+    estimated are omitted.
 
     Args:
         held: the reference of means.
@@ -360,7 +359,7 @@ def errors(
 
 
 def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:
-    """Return a value of each start's numbers, where it exists."""
+    """A value of each start's numbers, where it exists."""
     every = {
         point: {n: of(one) for n, one in starts.items() if of(one) is not None}
         for point, starts in found.items()
@@ -369,7 +368,7 @@ def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int,
 
 
 def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> dict[float, Estimate]:
-    """Return the means from which the point's error is estimated, by step of its integrator."""
+    """The means from which the point's error is estimated, by step of its integrator."""
     return {
         one.dt: mean
         for one, mean in means.items()
@@ -378,7 +377,7 @@ def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> di
 
 
 def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
-    """Return the temperature difference with the largest possible error."""
+    """The temperature difference with the largest possible error."""
     known = filter(None, kinds)
     return max(known, key=lambda one: abs(one.value) + one.margin, default=None)
 

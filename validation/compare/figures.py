@@ -29,7 +29,7 @@ READ = (
 
 
 def _drawn(summary: Mapping) -> list[Measured]:
-    """Return the points to draw, from the shortest step."""
+    """The points to draw, from the shortest step."""
     points = [one for one in summary["points"] if one["asked"]]
     some = [one for one in points if one["integrator"] in SHOWN]
     few = len({one["integrator"] for one in points}) <= len(SHOWN)
@@ -37,7 +37,7 @@ def _drawn(summary: Mapping) -> list[Measured]:
 
 
 def _styles(points: Iterable[Measured]) -> dict[str, dict]:
-    """Return matplotlib keywords for each integrator, by name."""
+    """Matplotlib keywords for each integrator, by name."""
     spare, found = iter(MORE * 9), {}
     for point in points:
         name = point["integrator"]

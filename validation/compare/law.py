@@ -62,26 +62,26 @@ def by_law(
 
 
 def _counted(errors: Iterable[Estimate]) -> Estimate:
-    """Return the whole error if one is significant, else only the step's part."""
+    """The whole error if one is significant, else only the step's part."""
     whole, of_step = errors
     return whole if abs(whole.value) > whole.margin else of_step
 
 
 def _with(error: Estimate, *more: float) -> Estimate:
-    """Return an error with further contributions to its standard error, and `LEAST`."""
+    """An error with further contributions to its standard error, and `LEAST`."""
     parts = (error.error, LEAST * error.value, *more)
     return error._replace(error=float(np.sqrt(sum(part**2 for part in parts))))
 
 
 def _of_square(dt: float, other: float, finer: float) -> float:
-    """Return the error at a step over the difference between another step and ``finer``, by the
-    square law."""
+    """The error at a step over the difference between another step and ``finer``, by the square
+    law."""
     return dt**2 / (other**2 - finer**2)
 
 
 def _free(finer: float) -> int:
-    """Return the number of parameters of a series: the square, and an error that is the same at all
-    steps, see `by_law`."""
+    """The number of parameters of a series: the square, and an error that is the same at all steps,
+    see `by_law`."""
     return 1 if finer else 2
 
 
@@ -144,5 +144,5 @@ def _fits(
 
 
 def _normal(one: Estimate) -> float:
-    """Return the standard error of a normal variable with the same margin."""
+    """The standard error of a normal variable with the same margin."""
     return one.margin / margin(1.0)

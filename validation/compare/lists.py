@@ -72,8 +72,8 @@ def measure(
 
 
 def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
-    """Return a wider skin, smaller bins, and both, where LAMMPS bins atoms and the script does not
-    set the bin size."""
+    """A wider skin, smaller bins, and both, where LAMMPS bins atoms and the script does not set the
+    bin size."""
     if lists is None or lists.style != "bin" or lists.sized:
         return {}
     wider = f"neighbor {WIDER * lists.skin:g} bin"

@@ -53,7 +53,7 @@ class Runs:
     failed: dict[Point, list[str]] = field(default_factory=dict)
 
     def fails(self, point: Point) -> str | None:
-        """Return why a point failed, at its step or at a shorter one of its integrator."""
+        """Why a point failed, at its step or at a shorter one of its integrator."""
         shorter = [one for one in self.failed if one.scheme == point.scheme and one.dt <= point.dt]
         first = min(shorter, key=lambda one: one.dt, default=None)
         return f"{first.dt:g}: {self.failed[first][0]}" if first else None
@@ -150,13 +150,13 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
 
 
 def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
-    """Return the `Choice` among the requested points, with the script's thermostat."""
+    """The `Choice` among the requested points, with the script's thermostat."""
     asked = [one for one in rows if one["asked"]]
     return choose(kept(asked, prepared.case.thermostat), prepared.targets, prepared.level)
 
 
 def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
-    """Return `lists.measure` of the advised point."""
+    """`lists.measure` of the advised point."""
     best = _choice(prepared, summary["points"]).best
     if best is None:
         return []
@@ -213,7 +213,7 @@ def _store(settings: Settings) -> Store:
 def collected(
     prepared: Prepared, done: Outcome, folder: str = SHORT, settles: float = SETTLES
 ) -> Runs:
-    """Return the outcome of the points' runs in a folder, from each start.
+    """The outcome of the points' runs in a folder, from each start.
 
     Args:
         settles: fraction of each run that is left out.
@@ -235,7 +235,7 @@ def collected(
 
 
 def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]:
-    """Return the costs of successive parts of a run."""
+    """The costs of successive parts of a run."""
     each, found = max(1, len(job.runs) // PARTS), []
     for first in range(0, len(job.runs) - each + 1, each):
         some = slice(first, first + each)
@@ -252,7 +252,7 @@ def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]
 
 
 def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
-    """Return a row for each point that has run, or whose integrator fails at the same or a shorter
+    """A row for each point that has run, or whose integrator fails at the same or a shorter
     step."""
     good = {point: one for point, one in runs.found.items() if not runs.fails(point)}
     signed = errors.errors(prepared.case, good, prepared.held)
@@ -273,7 +273,7 @@ def row(
     signed: Mapping[str, Estimate],
     by_itself: Mapping[str, Estimate],
 ) -> Measured:
-    """Return the row of a point, whose runs have this time."""
+    """The row of a point, whose runs have this time."""
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
     costs = [] if fails else runs.costs.get(point, [])
@@ -308,7 +308,7 @@ def row(
 
 
 def _command(prepared: Prepared, point: Point) -> str:
-    """Return the command that repeats a point and its reference elsewhere."""
+    """The command that repeats a point and its reference elsewhere."""
     steps = f"{prepared.held.dt:g},{point.dt:g}"
     minutes, ranks = f"{prepared.settings.minutes:g}", str(prepared.settings.ranks)
     words = [
@@ -343,9 +343,9 @@ class Plan(NamedTuple):
 
 
 def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
-    """Return the long run to do: of the point with the largest probability that the run confirms
-    it, times its gain in speed.  None if no point may be good and is faster than the fastest one
-    known to be good."""
+    """The long run to do: of the point with the largest probability that the run confirms it, times
+    its gain in speed.  None if no point may be good and is faster than the fastest one known to be
+    good."""
     choice = _choice(prepared, rows)
     known = cost(choice.fastest) if choice.fastest else math.inf
     plans = [
@@ -370,8 +370,8 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
 
 
 def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
-    """Return the probability that the run confirms the point, times its speed-up; and for points
-    without one the distance between error bars and a target, relative to it.
+    """The probability that the run confirms the point, times its speed-up; and for points without
+    one the distance between error bars and a target, relative to it.
 
     Args:
         known: cost of the fastest point that is known to be good.

@@ -81,7 +81,7 @@ class Lengths:
         return max(1, round(self.sample / dt))
 
     def runs(self, dt: float) -> list[int]:
-        """Return the numbers of steps between frames."""
+        """The numbers of steps between frames."""
         samples = math.ceil(self.time / self.frames / self.sample * (1 - 1e-9))
         frames = max(FEW, round(self.time / (samples * self.sample)))
         return [samples * self.every(dt)] * frames
@@ -90,8 +90,8 @@ class Lengths:
 def points(
     case: Case, only: Collection[str], steps: Sequence[float] | None
 ) -> tuple[list[Point], Point]:
-    """Return the points of integrators with these names, from the shortest steps; and the reference
-    of means: the reference integrator with the shortest step, or with half of it if it is the only
+    """The points of integrators with these names, from the shortest steps; and the reference of
+    means: the reference integrator with the shortest step, or with half of it if it is the only
     one."""
     names = [name for name in case.integrators if name in only]
     dts = sorted(steps or case.steps)
@@ -100,7 +100,7 @@ def points(
 
 
 def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) -> Machine:
-    """Return the current cost of a run on this machine.
+    """The current cost of a run on this machine.
 
     Raises:
         SystemExit: the reference cannot begin.
@@ -125,16 +125,15 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
 
 
 def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:
-    """Return the length of each of these runs, in the scene's units, if together they take so many
-    s."""
+    """The length of each of these runs, in the scene's units, if together they take so many s."""
     each = [1 / point.dt for point in points]
     left = max(LEAST_PART * seconds, seconds - len(each) * machine.startup)
     return left / (machine.step * sum(each))
 
 
 def lengths(case: Case, points: Collection[Point], machine: Machine, time: float) -> Lengths:
-    """Return the lengths of the runs of points, with as many frames as the longest step and the
-    memory allow."""
+    """The lengths of the runs of points, with as many frames as the longest step and the memory
+    allow."""
     longest = max(point.dt for point in points)
     time = max(time, LEAST * longest / 4, LEAST * case.scene.dt)
     most = max(FEW, ATOMS // machine.atoms)
@@ -150,7 +149,7 @@ def trajectories(
     numbers: Iterable[int] = range(1, 1 + STARTS),
     longer: Lengths | None = None,
 ) -> list[Trajectory]:
-    """Return the run that creates the second start, and the runs of points from each start in turn.
+    """The run that creates the second start, and the runs of points from each start in turn.
 
     Args:
         short: lengths of the short runs, which separate the starts.
@@ -167,12 +166,12 @@ def trajectories(
 
 
 def name_of(folder: str, point: Point, number: int) -> str:
-    """Return the name of the trajectory of a point from a start."""
+    """The name of the trajectory of a point from a start."""
     return f"{folder}/{run.folder_name(point.scheme)}/{point.dt:g}/{number}"
 
 
 def _state(settings: Settings) -> Path:
-    """Return the path of the dump that is the second start."""
+    """The path of the dump that is the second start."""
     return (settings.out / "runs" / "start" / "state.dump").resolve()
 
 
@@ -197,7 +196,7 @@ def _makes_start(case: Case, lengths: Lengths, settings: Settings) -> Trajectory
 
 
 def _trajectory(case, point, folder, lengths, settings, number, last) -> Trajectory:
-    """Return the run of a point from a start; ``last``: step of the dump that is the second one."""
+    """The run of a point from a start; ``last``: step of the dump that is the second one."""
     integrator, state = case.integrators[point.scheme], _state(settings)
     name = name_of(folder, point, number)
 

@@ -52,11 +52,11 @@ class Answer:
         self.unit = UNITS[summary["units"]].time
 
     def among(self, points: Sequence[Measured]) -> Choice:
-        """Return the `Choice` among some of the points."""
+        """The `Choice` among some of the points."""
         return choice.choose(points, self.wanted, self.summary["level"])
 
     def verdict(self, point: Measured) -> str:
-        """Return the verdict of a row, by the rule that gives the answer."""
+        """The verdict of a row, by the rule that gives the answer."""
         if point["failed"]:
             return "fail"
         if not self.targets:
@@ -66,14 +66,14 @@ class Answer:
         return VERDICTS[met[points.index(point)]]
 
     def named(self, points: Sequence[Measured]) -> str:
-        """Return points with their steps, as text; if there are many, the first ones."""
+        """Points with their steps, as text; if there are many, the first ones."""
         more = f" and {len(points) - FEW} more" if len(points) > FEW else ""
         return (
             "; ".join(f"{one['label']}, {one['dt']:g} {self.unit}" for one in points[:FEW]) + more
         )
 
     def within(self, point: Measured) -> str:
-        """Return a point's errors with their targets, as text."""
+        """A point's errors with their targets, as text."""
         return ", ".join(
             f"{name} {_text(point, name)} (at most {most:g})" for name, most in self.targets.items()
         )
@@ -111,8 +111,8 @@ def _text(point: Measured, name: str) -> str:
 
 
 def _above(point: Measured, name: str, most: float, confidence: float) -> float:
-    """Return how many times longer a run must be so that in four of five cases its error bar does
-    not reach across the target.
+    """How many times longer a run must be so that in four of five cases its error bar does not
+    reach across the target.
 
     The bar of a mean is proportional to length^(-1/2), that of a slope without a random walk to
     length^(-3/2).  The noise is subtracted from the error.  An error as large as the target or
@@ -128,7 +128,7 @@ def _above(point: Measured, name: str, most: float, confidence: float) -> float:
 
 
 def answered(summary: Mapping) -> dict:
-    """Return the conclusions, for the summary's file."""
+    """The conclusions, for the summary's file."""
     answer = Answer(summary)
     best, minutes = answer.choice.best, answer.minutes
     told = minutes if minutes and minutes <= FAR * summary["minutes"] else None
@@ -138,7 +138,7 @@ def answered(summary: Mapping) -> dict:
 
 
 def said(summary: Mapping) -> Said:
-    """Return the report: the answer, the points, and a figure of the error against the run time."""
+    """The report: the answer, the points, and a figure of the error against the run time."""
     answer = Answer(summary)
     wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
                        for name, most in answer.wanted.items())  # fmt: skip
@@ -173,7 +173,7 @@ def _defeats(answer: Answer) -> Iterator[str]:
 
 
 def _kept(answer: Answer) -> dict[str, str]:
-    """Return the numbers for the table of releases."""
+    """The numbers for the table of releases."""
     best = answer.choice.best
     told = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
     return {"fastest within the targets": told}
@@ -226,8 +226,7 @@ def _answer(answer: Answer) -> str:
 
 
 def _speed_up(answer: Answer, best: Measured) -> str:
-    """Return the time saved relative to the script's own line at its own step, if that was
-    measured."""
+    """The time saved relative to the script's own line at its own step, if that was measured."""
     usual = answer.summary.get("usual") or {}
     own = [one for one in answer.every if one["cpu"]
            and usual == {"integrator": one["integrator"], "dt": one["dt"]}]  # fmt: skip
@@ -312,7 +311,7 @@ def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
 
 
 def _input(best: Measured) -> list[str]:
-    """Return the lines for the input script."""
+    """The lines for the input script."""
     return [*best["lines"], f"timestep {best['dt']:g}"]
 
 
@@ -372,7 +371,7 @@ def _cost(point: Measured) -> str:
 
 
 def _tables(answer: Answer) -> list[Table]:
-    """Return tables of each integrator's fastest step within the targets, and of all points."""
+    """Tables of each integrator's fastest step within the targets, and of all points."""
     summary, nearest_of = answer.summary, []
     for name in dict.fromkeys(one["integrator"] for one in answer.points):
         mine = [one for one in answer.points if one["integrator"] == name]
@@ -423,7 +422,7 @@ def _further(summary: Mapping) -> list[Column]:
 
 
 def _shown(answer: Answer, point: Measured) -> dict:
-    """Return a row of a table."""
+    """A row of a table."""
     found = {f"of {name}": one for name, one in point["errors"].items()}
     status = point["failed"] or "ok"
     return {

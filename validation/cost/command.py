@@ -104,7 +104,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
-    """Return the points of the built-in scenes, in so many rounds of segments of so many s."""
+    """The points of the built-in scenes, in so many rounds of segments of so many s."""
     short, parts = arguments.short, arguments.parts or plan.PARTS
     wanted = arguments.only or (SHORT if short else None)
     names = tuple(command_line.in_order(BENCHMARKED, wanted))

@@ -159,7 +159,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
 
 
 def _calibrated(integrators, job, record):
-    """Return s per step of the first integrator that runs: ours, unless it fails."""
+    """s per step of the first integrator that runs: ours, unless it fails."""
     for one in integrators:
         step = rounds.calibrate(partial(job, one))
         if isinstance(step, float):
@@ -170,7 +170,7 @@ def _calibrated(integrators, job, record):
 
 
 def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
-    """Return an integrator's numbers, spreads over its rounds; None for those not measured."""
+    """An integrator's numbers, spreads over its rounds; None for those not measured."""
     rivals = [] if own is ours else ours
     return {
         "modify": rounds.spread(own, "modify"),

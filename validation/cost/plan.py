@@ -64,7 +64,7 @@ def points(
     rounds: int,
     seconds: float,
 ) -> list[Point]:
-    """Return the points of these parts; ``sizes`` are those of the water, other scenes have one."""
+    """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
     found, few = [], ranks or (1, 2)
     for part in parts:
         if part == "start":

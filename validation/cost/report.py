@@ -63,7 +63,7 @@ NOTES = {
 
 
 def said(summary: dict) -> Said:
-    """Return the report: times relative to LAMMPS's fixes, memory, messages, start-up."""
+    """The report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
     answer, lines = _whole(points)
     lines += _busy(points)
@@ -89,8 +89,8 @@ def said(summary: dict) -> Said:
 
 
 def interval(ratios: dict | None) -> dict | None:
-    """Return the geometric mean of ratios, one from each round, with its 95 % confidence interval:
-    plain data for a `Column` of this kind; None for fewer than two rounds."""
+    """The geometric mean of ratios, one from each round, with its 95 % confidence interval: plain
+    data for a `Column` of this kind; None for fewer than two rounds."""
     if not ratios or len(ratios["values"]) < 2:
         return None
     mean = measures.mean_of_few(np.log(ratios["values"]))
@@ -100,15 +100,15 @@ def interval(ratios: dict | None) -> dict | None:
 
 
 def fastest(point: dict) -> dict | None:
-    """Return the ratio of a whole step's time with ours to that with the fastest of LAMMPS's rigid
-    fixes, as an interval: of CPU times, or of wall times if results have no CPU times."""
+    """The ratio of a whole step's time with ours to that with the fastest of LAMMPS's rigid fixes,
+    as an interval: of CPU times, or of wall times if results have no CPU times."""
     rows = [row for row in point["integrators"] if row["kind"] == "rigid"]
     found = (interval(row.get("spent_ratio") or row.get("loop_ratio")) for row in rows)
     return max(filter(None, found), key=lambda one: one["value"], default=None)
 
 
 def place(point: dict) -> str:
-    """Return scene, bodies and ranks of a point, in words."""
+    """Scene, bodies and ranks of a point, in words."""
     return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
 
 
@@ -144,7 +144,7 @@ def _defeats(points):
 
 
 def _kept(points):
-    """Return the numbers for the table of releases."""
+    """The numbers for the table of releases."""
     kept = {}
     for point in points:
         own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
@@ -194,7 +194,7 @@ def _best(points):
 
 
 def _every(points):
-    """Return all numbers of all integrators."""
+    """All numbers of all integrators."""
     keys = [column.key for column in WHERE]
     rows = [
         {**row, **{key: point[key] for key in keys}, "status": row["error"] or "ok"}
@@ -233,7 +233,7 @@ def _seconds(spread):
 
 
 def _messages(summary):
-    """Return a table of what the fixes pass to MPI."""
+    """A table of what the fixes pass to MPI."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
     return Table("Handed to MPI by the fixes, per rank and step", COUNTS, counts, "counts")
 
@@ -252,7 +252,7 @@ def _handed(summary):
 
 
 def _failures(summary):
-    """Return what ended with an error."""
+    """What ended with an error."""
     failed = [
         (f"{place(point)}, {row['label']}", row["error"])
         for point in summary.get("points", [])

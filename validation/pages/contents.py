@@ -77,7 +77,7 @@ class Column:
         return f"{self.title} ({self.unit})" if self.unit else self.title
 
     def cell(self, row: Mapping, short: bool = False) -> Cell:
-        """Return a row's entry; ``short`` leaves out the range of a spread."""
+        """A row's entry; ``short`` leaves out the range of a spread."""
         value = row.get(self.key)
         if value is None or isinstance(value, Cell):
             return Cell(NOTHING) if value is None else value
@@ -96,7 +96,7 @@ class Column:
         return Cell(text, verdict=text if self.kind == "verdict" else "")
 
     def entries(self, row: Mapping) -> dict[str, Any]:
-        """Return a row's cells of a CSV file, by heading; None is empty."""
+        """A row's cells of a CSV file, by heading; None is empty."""
         value, unit = row.get(self.key), f" ({self.unit})" if self.unit else ""
         if self.kind == "estimate":
             known = Estimate.of(value) if value else None
@@ -146,8 +146,7 @@ class Table:
     def of(
         cls, title: str, headings: str | Iterable[str], rows: Iterable[Iterable], **more
     ) -> "Table":
-        """Return a table of text, numbers and `Cell`; ``headings`` in one text are split at
-        commas."""
+        """A table of text, numbers and `Cell`; ``headings`` in one text are split at commas."""
         heads = headings.split(", ") if isinstance(headings, str) else headings
         columns = [Column(str(place), head, kind="text") for place, head in enumerate(heads)]
         cells = [{str(place): cell for place, cell in enumerate(row)} for row in rows]
@@ -206,7 +205,7 @@ class Said:
 
     @property
     def all_tables(self) -> list[Table]:
-        """Return its tables, and those of its checks: one for each part, and that of the file."""
+        """Its tables, and those of its checks: one for each part, and that of the file."""
         heads = ("subject", "of"), ("what", "number"), ("value", "measured"), ("bound", "bound")
         columns = [Column(*head, kind="text") for head in heads]
         columns += [
@@ -225,7 +224,7 @@ class Said:
 
     @property
     def open_checks(self) -> dict[str, list[str]]:
-        """Return checks that do not hold, and open ones, each with its numbers."""
+        """Checks that do not hold, and open ones, each with its numbers."""
         return {
             verdict: [
                 f"{one['subject']}: {one['what']}: {measured(one)}, bound {bound(one)}"
@@ -238,7 +237,7 @@ class Said:
 
 
 def _of_check(one: Mapping) -> dict:
-    """Return a row of a table of checks."""
+    """A row of a table of checks."""
     number = Cell(measured(one), one["value"])
     why = "; ".join(text for text in (one["source"], one["note"]) if text)
     words = {key: one[key] for key in ("subject", "what", "verdict")}
@@ -246,5 +245,5 @@ def _of_check(one: Mapping) -> dict:
 
 
 def ranks_of(number: int) -> str:
-    """Return '1 rank', '2 ranks'."""
+    """'1 rank', '2 ranks'."""
     return f"{number} rank" + "s" * (number != 1)

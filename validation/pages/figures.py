@@ -82,7 +82,7 @@ def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> Non
 def panels(
     count: int, columns: int, width: float, height: float, more: float, **shared
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure with so many panels in columns, and their axes; width and height of each in
+    """A figure with so many panels in columns, and their axes; width and height of each in
     inches."""
     columns = min(columns, count)
     lines = -(-count // columns)

@@ -54,8 +54,7 @@ def write_tables(said: Said, out: Path) -> None:
 
 
 def frame(table: Table) -> pd.DataFrame:
-    """Return all columns of a table; None is an empty cell, and does not change the format of
-    numbers."""
+    """All columns of a table; None is an empty cell, and does not change the format of numbers."""
     headings = [heading for column in table.columns for heading in column.entries({})]
     rows = [
         {
@@ -86,7 +85,7 @@ def draw(said: Said, out: Path) -> None:
 
 
 def style_of(verdict: str) -> str:
-    """Return the style of a verdict; empty if it has none."""
+    """The style of a verdict; empty if it has none."""
     return next((style for style, words in STYLES.items() if verdict in words), "")
 
 
@@ -121,7 +120,7 @@ def page(
 
 
 def _picture(section: Section, name: str) -> str | None:
-    """Return the data of a figure; None if it does not exist."""
+    """The data of a figure; None if it does not exist."""
     path = section.folder / f"{name}.png"
     return base64.b64encode(path.read_bytes()).decode() if path.exists() else None
 

@@ -54,7 +54,7 @@ AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and its usual integrator
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
-    """Return a row for each system in these results."""
+    """A row for each system in these results."""
     known = list(summaries)
     return Table(TITLE, COLUMNS, [*_samples(known), *_costs(known)], note=NOTE)
 
@@ -84,7 +84,7 @@ def _sampled(system, usual, ours, summary):
 
 
 def _pressure(biases):
-    """Return the error of the pressure, or of the density at constant pressure."""
+    """The error of the pressure, or of the density at constant pressure."""
     if "density" in biases:
         return f"{Estimate.of(biases['density']).text()} %"
     return Estimate.of(biases["pressure"]).text() if "pressure" in biases else None

@@ -25,7 +25,7 @@ BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  #
 
 
 def gather(results: Path) -> tuple[list[Section], list[str]]:
-    """Return the reports of all verbs, and what could not be read.
+    """The reports of all verbs, and what could not be read.
 
     Args:
         results: folder of results; missing ones are read from `RESULTS`.
@@ -49,13 +49,13 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
 
 
 def said_of(summary: Mapping) -> tuple[str, Said]:
-    """Return the verb of a summary, and its report."""
+    """The verb of a summary, and its report."""
     verb = summary["command"].split()[1]  # of "nosquish VERB ..."
     return verb, import_module(f"{NAME}.{verb}.report").said(summary)
 
 
 def _place(path: Path) -> str:
-    """Return a path as text, relative to the checkout if it is in it."""
+    """A path as text, relative to the checkout if it is in it."""
     whole = path.resolve()
     return str(whole.relative_to(CHECKOUT) if whole.is_relative_to(CHECKOUT) else path)
 
@@ -96,7 +96,7 @@ def _brief(section: Section) -> Section:
 
 
 def releases() -> Table:
-    """Return the committed table of all releases."""
+    """The committed table of all releases."""
     rows: list[dict] = []
     if RELEASES.exists():
         with open(RELEASES, newline="") as file:

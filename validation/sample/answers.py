@@ -34,18 +34,18 @@ NOTE = (
 
 
 def is_sample(summary: Mapping) -> bool:
-    """Return whether a summary has points that are timed together with a rival's."""
+    """Whether a summary has points that are timed together with a rival's."""
     return bool(summary.get("goals")) and rivals.best(summary["rows"]) is not None
 
 
 def table(summaries: Iterable[Mapping]) -> Table:
-    """Return a row for each average of each scene."""
+    """A row for each average of each scene."""
     rows = [row for summary in _ordered(summaries) for row in _answers(summary)]
     return Table("Speed-up at the same error", COLUMNS, rows, note=NOTE)
 
 
 def _ordered(summaries):
-    """Return the summary with the best point of each scene, in the order of `SCENES`."""
+    """The summary with the best point of each scene, in the order of `SCENES`."""
     ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.gains(_best(found)))
     known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
@@ -62,7 +62,7 @@ def _name(summary):
 
 
 def _answers(summary):
-    """Return the rows of a scene."""
+    """The rows of a scene."""
     best = _best(summary)
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
@@ -82,7 +82,7 @@ def _answers(summary):
 
 
 def sentences(rows: Sequence[Mapping]) -> list[str]:
-    """Return a sentence for each scene."""
+    """A sentence for each scene."""
     told: dict[tuple, list[str]] = {}
     for row in rows:
         gain = f"{row['average']} {speed_up(row['gain'])}"
@@ -111,7 +111,7 @@ def defeats(rows: Sequence[Mapping]) -> list[str]:
 
 
 def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
-    """Return the numbers for the table of releases: {(scene, number): text}."""
+    """The numbers for the table of releases: {(scene, number): text}."""
     found = {}
     for row in table(summaries).rows:
         scene, average = row["scene"], row["average"]
@@ -123,7 +123,7 @@ def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
 
 
 def figure(summaries: Iterable[Mapping]) -> dict:
-    """Return the data of the interactive figure: the points of each scene and observable.
+    """The data of the interactive figure: the points of each scene and observable.
 
     ``x`` is the CPU time per ps in s, ``y`` the bias over its bound and ``m`` the margin of that.
     """

@@ -52,7 +52,7 @@ def add(verbs: command_line.Verbs) -> None:
 
 
 def scenes() -> Collection[str]:
-    """Return the names of the scenes."""
+    """The names of the scenes."""
     from .scenes import SCENES  # heavy: not for --help
 
     return SCENES

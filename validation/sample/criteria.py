@@ -54,8 +54,8 @@ TITLES = {
 
 
 def checks(summary: Mapping) -> list[Check]:
-    """Return the checks of runs that are long enough to estimate their errors: of ours at longer
-    steps than those in use today, and of other engines."""
+    """The checks of runs that are long enough to estimate their errors: of ours at longer steps
+    than those in use today, and of other engines."""
     if summary["settings"]["time"] < LEAST:
         return []
     today = summary["known"][0]["dt"]
@@ -86,7 +86,7 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
 
 
 def _named(key: str) -> tuple[str, str]:
-    """Return the description of a number with bounds, and its unit."""
+    """The description of a number with bounds, and its unit."""
     if key not in BY_KEY:
         return DEVIATION
     one = BY_KEY[key]

@@ -76,7 +76,7 @@ class Water:
 
 
 def of_scene(scene: Scene) -> Water:
-    """Return the water of the scene, whose data file has the atoms in order of ID."""
+    """The water of the scene, whose data file has the atoms in order of ID."""
     (file,) = (line.split()[1] for line in scene.setup if line.startswith("read_data"))
     lines = [line.split() for line in (scene.folder / file).read_text().splitlines()]
     ends = np.array([words[:2] for words in lines if words[-1:] in (["xhi"], ["yhi"], ["zhi"])])
@@ -147,7 +147,7 @@ class Engine:
     same: bool = False
 
     def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:
-        """Return a run; its files are written to ``folder``."""
+        """A run; its files are written to ``folder``."""
         path = Path(str(sys.modules[self.samples.__module__].__file__))
         told = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}
         told |= {"volume": float(water.box.prod())}
@@ -172,7 +172,7 @@ class Failed(Exception):
 
 
 def versions(engines: Iterable[Engine | None]) -> dict[str, str]:
-    """Return the versions of engines other than LAMMPS, by name.
+    """The versions of engines other than LAMMPS, by name.
 
     Raises:
         SystemExit: one is not installed.

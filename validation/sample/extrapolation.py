@@ -39,8 +39,8 @@ NOTES = {
 
 
 def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | None) -> list[Point]:
-    """Return the points to run: one scheme, by default the first of this package's (the script's
-    own if it is one), at ``steps`` (fs) or the default ones.
+    """The points to run: one scheme, by default the first of this package's (the script's own if it
+    is one), at ``steps`` (fs) or the default ones.
 
     Raises:
         SystemExit: there is not exactly one scheme, or its averages are no series in the step.
@@ -68,13 +68,13 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 
 def default_steps(longest: float) -> tuple[float, ...]:
-    """Return the default steps, fs: rounded down, unless they are very short."""
+    """The default steps, fs: rounded down, unless they are very short."""
     parts = (longest * part / 3 for part in (1, 2, 3))
     return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
 
 
 def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
-    """Return averages at step zero, by observable, except for a pressure that a barostat controls.
+    """Averages at step zero, by observable, except for a pressure that a barostat controls.
 
     Args:
         rows: of `measure.summarize`, of one scheme.
@@ -107,7 +107,7 @@ def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
 
 
 def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
-    """Return the part of `extrapolate` from a fit, with ps of each step."""
+    """The part of `extrapolate` from a fit, with ps of each step."""
     line = limit.extrapolate({dt: fit.points[dt] for dt in times}, powers=1)
     assert line is not None
     parts = {key: weight * _normal(fit.points[key]) for key, weight in fit.weights.items()}
@@ -127,15 +127,15 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
 
 
 def _normal(one: Estimate) -> float:
-    """Return the standard error of a normal variable with the same margin."""
+    """The standard error of a normal variable with the same margin."""
     return one.margin / margin(1.0)
 
 
-# ---- what is said
+# ---- report
 
 
 def said(summary: Mapping) -> Said:
-    """Return the report on averages at step zero."""
+    """The report on averages at step zero."""
     zero, rows = summary["zero"], summary["rows"]
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
@@ -159,7 +159,7 @@ def said(summary: Mapping) -> Said:
 
 
 def unit(key: str) -> str:
-    """Return the unit of a mean."""
+    """The unit of a mean."""
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
 

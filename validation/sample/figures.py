@@ -104,13 +104,13 @@ def _bars(
 def _panels(
     summary: Mapping, part: str, what: str, said: str, draw: Callable, scale: Callable
 ) -> Figure | None:
-    """A panel for each observable with a bound, and a line for each of `_lines`.
+    """Draw a panel for each observable with a bound, and a line for each of `_lines`.
 
     Args:
-        part: of a row, that is drawn.
-        what: it is, and what is ``said`` of it at the step that the answer names.
-        draw: draws a line, and gives its end.
-        scale: sets an axis's scales.
+        part: key of the numbers in a row.
+        what: their name; ``said``: the message on their value at the answer's step.
+        draw: draws a line, and returns its end.
+        scale: sets the scales of an axis.
     """
     lines = _lines([row for row in summary["rows"] if row[part]], summary["known"])
     keys = [key for key in BOUNDS if any(key in row[part] for rows in lines for row in rows)]

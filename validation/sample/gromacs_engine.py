@@ -88,7 +88,7 @@ SOL {molecules}
 
 
 def version() -> str | None:
-    """Return the version on PATH; None if there is none."""
+    """The version on PATH; None if there is none."""
     if not shutil.which(GMX):
         return None
     said = subprocess.run([GMX, "--version"], capture_output=True, text=True).stdout
@@ -97,7 +97,7 @@ def version() -> str | None:
 
 
 def settings(course: EngineRun) -> str:
-    """Return the text of an mdp file."""
+    """The text of an mdp file."""
     sd = course.thermostat == "sd"
     return SETTINGS.format(
         integrator="sd" if sd else "md",
@@ -119,7 +119,7 @@ def settings(course: EngineRun) -> str:
 
 
 def topology(water: Water) -> str:
-    """Return the text of a top file."""
+    """The text of a top file."""
     return TOPOLOGY.format(
         oxygen=engine.MASS[0],
         hydrogen=engine.MASS[1],
@@ -134,8 +134,7 @@ def topology(water: Water) -> str:
 
 
 def start(water: Water) -> str:
-    """Return the text of a gro file; GROMACS reads the number of digits from the first line of
-    atoms."""
+    """The text of a gro file; GROMACS reads the number of digits from the first line of atoms."""
     lines = ["water", f"{len(water.x)}"]
     for i, place in enumerate(water.x * NM):
         number, name = i // 3 + 1, ("OW", "HW1", "HW2")[i % 3]

@@ -58,7 +58,7 @@ class Numbers:
     loop: float = 0.0
 
     def noise(self, key: str) -> Estimate:
-        """Return the variance of a mean times the length of the run, ps."""
+        """The variance of a mean times the length of the run, ps."""
         return self.remembers[key].times(self.variances[key])
 
 
@@ -170,7 +170,7 @@ def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
 
 
 def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
-    """Return the averages of a run."""
+    """The averages of a run."""
     apart = float(np.median(np.diff(samples["Time"]))) / 1e3
     numbers = Numbers({}, {}, {}, apart=apart)
     for observable in OBSERVABLES:
@@ -195,13 +195,13 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
 
 
 def thin(*series: np.ndarray, times: int = 1) -> np.ndarray:
-    """Return samples, (series, samples), of which one in ``times`` is independent in all series."""
+    """Samples, (series, samples), of which one in ``times`` is independent in all series."""
     apart = max(map(measures.statistical_inefficiency, series))
     return np.stack(series)[:, :: int(np.ceil(apart / times))]
 
 
 def pool(starts: Sequence[Numbers]) -> Numbers:
-    """Return means over starts; correlation times of vectors from the components of all starts."""
+    """Means over starts; correlation times of vectors from the components of all starts."""
 
     def over(name: str) -> dict[str, Estimate]:
         some = [getattr(numbers, name) for numbers in starts]
@@ -254,7 +254,7 @@ def summarize(
 
 
 def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
-    """Return the limits of observables that each engine's points determine, LAMMPS's first."""
+    """The limits of observables that each engine's points determine, LAMMPS's first."""
     names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
     return {
         name: {
@@ -271,7 +271,7 @@ def _engine(scheme: Scheme) -> str:
 
 
 def _fit(means, key, plan, engine, known) -> limit.Fit | None:
-    """Return the limit of an observable that an engine's schemes share."""
+    """The limit of an observable that an engine's schemes share."""
     some = {point: numbers.means[key] for point, numbers in means.items() if key in numbers.means}
     if engine == LAMMPS and key in known:  # as if it were a separate point
         return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
@@ -285,8 +285,7 @@ def _fit(means, key, plan, engine, known) -> limit.Fit | None:
 
 
 def limit_as_dict(fit: limit.Fit) -> dict:
-    """Return a limit as plain data: the estimate, the agreement of the points, and their
-    weights."""
+    """A limit as plain data: the estimate, the agreement of the points, and their weights."""
     told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
     return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
@@ -340,7 +339,7 @@ def _row(
 
 
 def _biases(point, plan, means, fits) -> dict[str, Estimate]:
-    """Return the bias of each observable, in its units."""
+    """The bias of each observable, in its units."""
     scheme, found = plan.schemes[point.scheme], {}
     same = scheme.engine is None or scheme.engine.same
     limits = fits[LAMMPS if same else _engine(scheme)]
@@ -354,12 +353,12 @@ def _biases(point, plan, means, fits) -> dict[str, Estimate]:
 
 
 def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
-    """Return the unit of an observable's biases over that of its mean."""
+    """The unit of an observable's biases over that of its mean."""
     return 100 / limits[key].limit.value if BY_KEY[key].relative else 1.0
 
 
 def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float]) -> dict:
-    """Return the cost of a point's averages.
+    """The cost of a point's averages.
 
     Args:
         units: of biases of observables, over those of their means.
@@ -377,14 +376,14 @@ def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float])
 
 
 def slowest(numbers: Numbers) -> str:
-    """Return the observable of configurations with the longest correlation time."""
+    """The observable of configurations with the longest correlation time."""
     some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
     return max(some, key=lambda key: some[key].value)
 
 
 def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:
-    """Return the deviation of a point at another state and of the first state from the exact ratio
-    of their distributions, in standard deviations; None if it cannot be estimated."""
+    """The deviation of a point at another state and of the first state from the exact ratio of
+    their distributions, in standard deviations; None if it cannot be estimated."""
     first = means.get(Point(plan.schemes[point.scheme].first, point.dt))
     states = [one.state for one in (first, means[point]) if one and one.state]
     if len(states) < 2 or min(state.values.shape[1] for state in states) < LEAST_SAMPLES * DENSER:

@@ -53,8 +53,7 @@ class Observable:
     extensive: bool = True
 
     def of(self, table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-        """Return the samples, (samples,); a refined series is a few samples shorter than the
-        table."""
+        """The samples, (samples,); a refined series is a few samples shorter than the table."""
         if not scheme.refined or self.refined is None:
             return self.series(table, plan, scheme)
         a = self.refined(table, plan, scheme)
@@ -67,7 +66,7 @@ class Observable:
 
 
 def _freedom(table: Table) -> int:
-    """Return the degrees of freedom of bodies and of atoms in no body."""
+    """The degrees of freedom of bodies and of atoms in no body."""
     found = [
         2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
     ]
@@ -75,7 +74,7 @@ def _freedom(table: Table) -> int:
 
 
 def _column(name: str, scale: Callable[[Plan], float] | None = None) -> Series:
-    """Return the series of a column, divided by a number if there is one."""
+    """The series of a column, divided by a number if there is one."""
 
     def series(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
         column = table.get(name)
@@ -89,7 +88,7 @@ def _bodies(plan: Plan) -> float:
 
 
 def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Return a series with the mean var(U) / (kT)^2 per body: the configurational heat capacity at
+    """A series with the mean var(U) / (kT)^2 per body: the configurational heat capacity at
     constant volume."""
     if scheme.pressure is not None:
         return None
@@ -99,7 +98,7 @@ def _capacity(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _compressibility(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Return a series with the mean var(V) / (kT <V>)."""
+    """A series with the mean var(V) / (kT <V>)."""
     if scheme.pressure is None:
         return None
     volume = table["Volume"]
@@ -112,21 +111,20 @@ def _density(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
 
 
 def _pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray:
-    """Return the pressure, corrected for a total momentum that is kept at zero."""
+    """The pressure, corrected for a total momentum that is kept at zero."""
     if scheme.pressure is not None:
         return table["Press"]
     return table["Press"] + of_momentum(scheme.held, scheme.temperature, table["Volume"])
 
 
 def of_momentum(held: int, temperature: float, volume: float | np.ndarray) -> float | np.ndarray:
-    """Return the pressure, atm, of ``held`` degrees of freedom of the total momentum, which is
-    missing in schemes that keep it at zero; ``volume`` in Angstrom^3."""
+    """The pressure, atm, of ``held`` degrees of freedom of the total momentum, which is missing in
+    schemes that keep it at zero; ``volume`` in Angstrom^3."""
     return held * BOLTZMANN * temperature / (3 * volume) * ATM
 
 
 def _refined_pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    """Return the pressure with the mean kinetic energy of the centres instead of its
-    fluctuations."""
+    """The pressure with the mean kinetic energy of the centres instead of its fluctuations."""
     moves = table[MOTIONS[0][0]]
     kinetic = 2 * (moves - moves.mean()) / (3 * table["Volume"]) * ATM
     return _pressure(table, plan, scheme) - kinetic
@@ -196,8 +194,8 @@ CONFIGURATIONS = [observable.key for observable in OBSERVABLES if not observable
 
 
 def warmer(biases: Mapping[str, Mapping], limits: Mapping[str, Mapping]) -> Estimate | None:
-    """Return the bias of U/N divided by the configurational heat capacity: the change of
-    temperature, K, that would shift U/N by the same amount.
+    """The bias of U/N divided by the configurational heat capacity: the change of temperature, K,
+    that would shift U/N by the same amount.
 
     Args:
         biases, limits: by the observable's key, as plain data.

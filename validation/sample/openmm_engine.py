@@ -17,7 +17,7 @@ PARAMETERS = "charge", "site"
 
 
 def version() -> str | None:
-    """Return the version of the package in this Python; None if there is none."""
+    """The version of the package in this Python; None if there is none."""
     try:
         return metadata.version("openmm")
     except metadata.PackageNotFoundError:
@@ -25,7 +25,7 @@ def version() -> str | None:
 
 
 def energy() -> str:
-    """Return the energy of a pair as an OpenMM expression; nm and kJ/mol."""
+    """The energy of a pair as an OpenMM expression; nm and kJ/mol."""
     size, depth = engine.SIZE * NM, engine.DEPTH * KJ
     coulomb = f"{COULOMB * KJ * NM!r}*charge1*charge2*({_ended(engine.COULOMB)})"
     repulsion, dispersion = _ended(engine.REPULSION), _ended(engine.DISPERSION)
@@ -34,7 +34,7 @@ def energy() -> str:
 
 
 def _ended(shift: Shift) -> str:
-    """Return the modified 1 / r^power as an expression."""
+    """The modified 1 / r^power as an expression."""
     inner, outer = shift.inner * NM, shift.outer * NM
     a, b, c = Shift(shift.power, inner, outer).coefficients
     past = f"max(0, r-{inner!r})" if inner else "r"
@@ -84,9 +84,9 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
 
 
 def begun(given: dict) -> tuple[Any, Any]:
-    """Return OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the
-    start, with velocities of the temperature; and a barostat that only measures the pressure and
-    never changes the box."""
+    """OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the start, with
+    velocities of the temperature; and a barostat that only measures the pressure and never changes
+    the box."""
     import openmm
 
     system, force = openmm.System(), openmm.CustomNonbondedForce(given["energy"])

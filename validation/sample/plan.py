@@ -88,11 +88,11 @@ class Lengths:
         return min(BEGIN, self.time)
 
     def runs(self, dt: float, stride: int = 1) -> list[int]:
-        """Return the steps of equilibration, and of sampling: multiples of ``stride``."""
+        """The steps of equilibration, and of sampling: multiples of ``stride``."""
         return [at_least_one(ps, stride * dt) * stride for ps in (self.settle, self.time)]
 
     def every(self, dt: float, scheme: Scheme) -> int:
-        """Return the steps between samples: at least eight samples a run; one step for refined
+        """The steps between samples: at least eight samples a run; one step for refined
         averages."""
         if scheme.refined:
             return 1
@@ -102,7 +102,7 @@ class Lengths:
 
 
 def at_least_one(time: float, dt: float) -> int:
-    """Return the number of steps of dt (fs) in a time (ps), at least one."""
+    """The number of steps of dt (fs) in a time (ps), at least one."""
     return max(1, steps(time, dt))
 
 
@@ -143,7 +143,7 @@ class Plan:
             )
 
     def label(self, point: Point) -> str:
-        """Return the label of a point, for tables and the terminal."""
+        """The label of a point, for tables and the terminal."""
         return f"{self.schemes[point.scheme].label}, {point.dt:g} fs"
 
     def points(
@@ -152,8 +152,8 @@ class Plan:
         dt: Collection[float] | None = None,
         short: bool = False,
     ) -> list[Point]:
-        """Return the points to measure, in the order in which they run; a point at another state
-        comes after that at the first one.
+        """The points to measure, in the order in which they run; a point at another state comes
+        after that at the first one.
 
         Args:
             only: names of schemes; None is all of LAMMPS, or with ``short`` those of `SHORT`.
@@ -177,12 +177,12 @@ class Plan:
         return list(dict.fromkeys(found))
 
     def ordered(self, points: Collection[Point]) -> list[Point]:
-        """Return the points, once each, by scheme and step."""
+        """The points, once each, by scheme and step."""
         places = {name: place for place, name in enumerate(self.schemes)}
         return sorted(set(points), key=lambda point: (places[point.scheme], point.dt))
 
     def prints(self, scheme: Scheme) -> list[str]:
-        """Return the LAMMPS commands of a run for the columns that are measured."""
+        """The LAMMPS commands of a run for the columns that are measured."""
         lines, columns = [], ["vol", "density", *self.scene.columns]
         if self.turning:
             forces = FORCES[RAW in scheme.lines]
@@ -198,7 +198,7 @@ class Plan:
 
 
 def _filled(line: str, group: str, forces: Collection[str]) -> str:
-    """Return a command with its words in braces replaced; LAMMPS's own braces stay."""
+    """A command with its words in braces replaced; LAMMPS's own braces stay."""
     for name, word in {"group": group, **dict(zip("123", forces))}.items():
         line = line.replace(f"{{{name}}}", word)
     return line
@@ -230,12 +230,12 @@ class Runs:
         return range(1, self.lengths.starts + 1)
 
     def starts_of(self, point: Point, points: Collection[Point]) -> range:
-        """Return the numbers of the starts from which one of these points runs."""
+        """The numbers of the starts from which one of these points runs."""
         longer = point.dt > min(one.dt for one in points)
         return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
 
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
-        """Return the runs that create starts, then all points from each start in turn."""
+        """The runs that create starts, then all points from each start in turn."""
         made = [
             Trajectory(start_name(n), f"start {n}", partial(self.start, n)) for n in self.starts
         ]
@@ -251,7 +251,7 @@ class Runs:
         return perform(self.trajectories(points), self.store, meter, ladders=False)
 
     def steps(self, points: Collection[Point]) -> int:
-        """Return the number of steps of all runs together."""
+        """The number of steps of all runs together."""
         total = len(self.starts) * self._begin
         for point in points:
             stride = self.plan.schemes[point.scheme].stride
@@ -260,7 +260,7 @@ class Runs:
         return total
 
     def left(self) -> list[Point]:
-        """Return the points with runs in the folder."""
+        """The points with runs in the folder."""
         names = {run.folder_name(name): name for name in self.plan.schemes}
         found = []
         for path in self.folder.glob("start-*/*-fs/job.json"):
@@ -270,7 +270,7 @@ class Runs:
         return found
 
     def start(self, number: int) -> run.Job:
-        """Return the run that creates a start."""
+        """The run that creates a start."""
         seeded, runs = self.plan.starter.seeded(number), [self._begin]
         more = to_dump(self._dump(number), self._begin)
         how: dict = {"dt": self._step, "every": max(1, self._begin // 100), "keeps": "nothing"}
@@ -280,7 +280,7 @@ class Runs:
         return run.job(self._of(seeded, self.plan.scene), seeded, directory, runs, **how)
 
     def job(self, point: Point, start: int) -> run.Job:
-        """Return the run of a point from a start."""
+        """The run of a point from a start."""
         scheme, folder = self.plan.schemes[point.scheme], self.folder / _name(start, point)
         runs = self.lengths.runs(point.dt, scheme.stride)
         every = self.lengths.every(point.dt, scheme)
@@ -291,7 +291,7 @@ class Runs:
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
-        """Return the input of a point, for the page."""
+        """The input of a point, for the page."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
             return scheme.engine.words(self.job(point, 1).given)
@@ -300,8 +300,8 @@ class Runs:
     def costs(
         self, loops: Mapping[Point, tuple[int, float]], meter: run.Meter, time: bool
     ) -> dict[Point, list[float]]:
-        """Return the CPU time per ps, s, in each round.  Points are timed in turn, without samples
-        except for those of refined averages.  A point that fails has none.
+        """The CPU time per ps, s, in each round.  Points are timed in turn, without samples except
+        for those of refined averages.  A point that fails has none.
 
         Args:
             loops: for each point the start from which it is timed, and roughly the s per step.
@@ -343,8 +343,7 @@ class Runs:
     def _job(
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
     ) -> run.Job:
-        """Return a run of LAMMPS; it begins with zero momentum, because some schemes conserve
-        it."""
+        """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
         barostat = self.plan.starter.pressure is not None
         begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
@@ -374,18 +373,17 @@ class Runs:
 
 
 def start_name(number: int) -> str:
-    """Return the folder of a start."""
+    """The folder of a start."""
     return f"start-{number}/start"
 
 
 def _name(start: int, point: Point) -> str:
-    """Return the folder of a point's run from a start."""
+    """The folder of a point's run from a start."""
     return f"start-{start}/{run.folder_name(point.scheme)}-{point.dt:g}-fs"
 
 
 def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
-    """Return the result of a run, and its samples after equilibration by column; none after an
-    error."""
+    """The result of a run, and its samples after equilibration by column; none after an error."""
     result = run.collect(job.directory)
     kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
     found = {name: values[kept] for name, values in result.thermo.items()}
@@ -395,7 +393,7 @@ def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
 
 
 def cost(loop: float, cpu: float | None, dt: float) -> float:
-    """Return the CPU time per ps, s.
+    """The CPU time per ps, s.
 
     Args:
         loop: wall time per step, us.  cpu: CPU use, percent.  dt: fs.

@@ -100,7 +100,7 @@ NOTES = {
 
 
 def said(summary: dict) -> Said:
-    """Return the report on the averages of one scene, and on their cost."""
+    """The report on the averages of one scene, and on their cost."""
     rows = [_flat(row) | _as_temperature(row, summary["limits"]) for row in summary["rows"]]
     settings = summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
@@ -132,7 +132,7 @@ def _caption(figure: Callable) -> str:
 
 
 def _flat(row: dict) -> dict:
-    """Return a row with the numbers of each observable at its top level."""
+    """A row with the numbers of each observable at its top level."""
     more = {f"{name} {key}": one for name in NESTED for key, one in row.get(name, {}).items()}
     return row | more | {"status": row["error"] or "ok"}
 

@@ -40,8 +40,8 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
 
 
 def best(rows: Sequence[Mapping]) -> Mapping | None:
-    """Return our point with the largest smallest gain, then the largest second smallest, and so on;
-    None if there is none.
+    """Our point with the largest smallest gain, then the largest second smallest, and so on; None
+    if there is none.
 
     The gains select it, so they are slightly too large, by less than their intervals.
     """
@@ -50,7 +50,7 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
 
 
 def gains(row: Mapping) -> list[float]:
-    """Return the gains of a point, from the smallest."""
+    """The gains of a point, from the smallest."""
     return sorted(map(_value, row["faster"].values()))  # infinite: the rival never does
 
 
@@ -59,7 +59,7 @@ def _value(interval: Mapping) -> float:
 
 
 def estimate(gain: Mapping, bound: float) -> Estimate:
-    """Return a gain with its margin towards a bound; None if the interval is open there."""
+    """A gain with its margin towards a bound; None if the interval is open there."""
     value, low, high = (gain[name] for name in ("value", "low", "high"))
     if value is None or (value < bound and high is None):
         return Estimate(None)
@@ -86,7 +86,7 @@ def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: floa
 
 
 def _reach(bias: Mapping) -> float:
-    """Return the largest |bias| that is not excluded."""
+    """The largest |bias| that is not excluded."""
     return abs(bias["value"]) + Estimate.of(bias).margin
 
 

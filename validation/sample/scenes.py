@@ -57,7 +57,7 @@ def _water(_: Path) -> Plan:
 
 
 def _pressure(folder: Path) -> Plan:
-    """Return the same water at constant pressure, from the starts of constant volume."""
+    """The same water at constant pressure, from the starts of constant volume."""
     water = _water(folder)
     scene = replace(water.scene, name="pressure")
     schemes = at_pressure(water.temperature)
@@ -100,8 +100,7 @@ SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes its files into a fo
 
 
 def of_script(script: UserScript) -> Plan:
-    """Return the plan of a user's script, at its constant temperature, and at its pressure if it
-    has one.
+    """The plan of a user's script, at its constant temperature, and at its pressure if it has one.
 
     Raises:
         SystemExit: the script has no averages that can be compared with a limit.
@@ -136,16 +135,15 @@ def of_script(script: UserScript) -> Plan:
 
 
 def _lines(integrator: Integrator) -> tuple[str, ...]:
-    """Return an integrator's lines, with a place for the seed, and forces without a thermostat's
-    noise."""
+    """An integrator's lines, with a place for the seed, and forces without a thermostat's noise."""
     lines = tuple(SEEDS.sub(rf"\1{SEED}", line) for line in integrator.lines)
     return (RAW, *lines) if any(split_words(line)[3:4] == ["langevin"] for line in lines) else lines
 
 
 def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
-    """Return the degrees of freedom of all rotation; 0 if `plan.BODIES` cannot compute the torques:
-    in two dimensions, for bodies without molecule numbers, if atoms in no body exist or something
-    else acts on them, and in a script that uses such names itself."""
+    """The degrees of freedom of all rotation; 0 if `plan.BODIES` cannot compute the torques: in two
+    dimensions, for bodies without molecule numbers, if atoms in no body exist or something else
+    acts on them, and in a script that uses such names itself."""
     made = {split_words(line)[1] for line in BODIES}
     if (
         script.rigid.bodies != "molecule"
@@ -159,8 +157,8 @@ def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
 
 
 def _held(script: UserScript, integrator: Integrator) -> int:
-    """Return the degrees of freedom of the total momentum that an integrator keeps at zero: all,
-    unless it has random forces, or something else acts on the atoms."""
+    """The degrees of freedom of the total momentum that an integrator keeps at zero: all, unless it
+    has random forces, or something else acts on the atoms."""
     words = " ".join(integrator.lines)
     random = "langevin" in words or (integrator.kind == "ours" and " thermostat " not in words)
     alone = (

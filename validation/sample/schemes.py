@@ -127,7 +127,7 @@ class Scheme(Integrator):
 
     @classmethod
     def of(cls, integrator: Integrator, before: tuple[str, ...] = (), **more: Any) -> "Scheme":
-        """Return an integrator as a scheme.
+        """An integrator as a scheme.
 
         Args:
             before: lines before its own.
@@ -141,18 +141,18 @@ class Scheme(Integrator):
         return self.kind == "ours"
 
     def seeded(self, start: int) -> "Scheme":
-        """Return the scheme with the random numbers of a start, from 1."""
+        """The scheme with the random numbers of a start, from 1."""
         seed = str(FIRST_SEED + start)
         return replace(self, lines=tuple(line.replace(SEED, seed) for line in self.lines))
 
 
 def by_name(schemes: Iterable[Scheme]) -> dict[str, Scheme]:
-    """Return the schemes by name, as scenes have them."""
+    """The schemes by name, as scenes have them."""
     return {scheme.name: scheme for scheme in schemes}
 
 
 def state(temperature: float, damping: float, pressure: float | None = None) -> str:
-    """Return a state as words of a fix, which are the same for this package and LAMMPS."""
+    """A state as words of a fix, which are the same for this package and LAMMPS."""
     words = f" temp {temperature:g} {temperature:g} {damping:g}"
     if pressure is None:
         return words
@@ -160,7 +160,7 @@ def state(temperature: float, damping: float, pressure: float | None = None) -> 
 
 
 def ours(name: str, label: str, words: str, style: str, **more: Any) -> Scheme:
-    """Return a scheme of this package."""
+    """A scheme of this package."""
     return Scheme.of(nosquish(name, label, words, style), **more)
 
 
@@ -193,7 +193,7 @@ class Bodies:
 
     @property
     def moments(self) -> list[Moments]:
-        """Return the choices of moments of inertia, larger ones after smaller ones."""
+        """The choices of moments of inertia, larger ones after smaller ones."""
         if self.equal:
             return [
                 Moments(
@@ -210,7 +210,7 @@ class Bodies:
 
 
 def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
-    """Return all schemes of LAMMPS at constant volume."""
+    """All schemes of LAMMPS at constant volume."""
     return by_name(
         replace(
             scheme,
@@ -241,7 +241,7 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
 
 
 def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
-    """Return a scheme with a thermostat in the middle of the step, and a choice of moments."""
+    """A scheme with a thermostat in the middle of the step, and a choice of moments."""
     long = moments is not OWN
     steps = (4.0, 8.0, 10.0, 12.0, 14.0) if long else (1.0, 2.0, 4.0, 6.0, 8.0, 10.0)
     # if the moments depend on the step, so does the limit of small steps
@@ -264,7 +264,7 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
 
 
 def _rigid(bodies: Bodies) -> list[Scheme]:
-    """Return LAMMPS's rigid fixes."""
+    """LAMMPS's rigid fixes."""
     usual = state(bodies.temperature, DAMPING)
     chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
     lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
@@ -278,14 +278,13 @@ def _rigid(bodies: Bodies) -> list[Scheme]:
 
 
 def _kicks(bodies: Bodies) -> tuple[str, str]:
-    """Return the forces of LAMMPS's thermostat, and the energy that they add, for any
-    integrator."""
+    """The forces of LAMMPS's thermostat, and the energy that they add, for any integrator."""
     words = f"{bodies.temperature:g} {bodies.temperature:g} {DAMPING:g} {SEED} tally yes"
     return RAW, f"fix bath {bodies.everywhere} langevin {words}"
 
 
 def _constrained(bodies: Bodies) -> list[Scheme]:
-    """Return schemes with shake: atoms as points, with LAMMPS's thermostats."""
+    """Schemes with shake: atoms as points, with LAMMPS's thermostats."""
     if not bodies.shake:
         return []
     shake, usual, kicks = (
@@ -316,14 +315,14 @@ def _constrained(bodies: Bodies) -> list[Scheme]:
 
 
 def _shake(group: str) -> Integrator:
-    """Return fix nve and fix shake of a group of atoms."""
+    """Fix nve and fix shake of a group of atoms."""
     shake = constrained("shake", "1e-6")
     return replace(shake, lines=tuple(line.replace("{group}", group) for line in shake.lines))
 
 
 def at_pressure(temperature: float) -> dict[str, Scheme]:
-    """Return this package's barostats, at all `STATES`, and LAMMPS's at short steps: these need to
-    agree only in the limit of small steps."""
+    """This package's barostats, at all `STATES`, and LAMMPS's at short steps: these need to agree
+    only in the limit of small steps."""
     at, shake, chains = (
         state(temperature, DAMPING, PRESSURE),
         _shake("{group}"),

@@ -71,17 +71,16 @@ class Scene:
     overlay: str = ""
 
     def on_mesh(self, accuracy: str) -> "Scene":
-        """Return the scene with another accuracy of its PPPM; no effect without PPPM."""
+        """The scene with another accuracy of its PPPM; no effect without PPPM."""
         # LAMMPS keeps the first of two definitions
         return replace(self, setup=(f"variable kspace_accuracy index {accuracy}", *self.setup))
 
     def is_whole_copies(self, bodies: int) -> bool:
-        """Return whether so many bodies are ``unit`` copied to a block at most twice as long as
-        wide."""
+        """Whether so many bodies are ``unit`` copied to a block at most twice as long as wide."""
         return bodies % self.unit == 0 and _block(bodies // self.unit) is not None
 
     def of_size(self, bodies: int, data: Path | None = None) -> "Scene":
-        """Return the scene with so many bodies.
+        """The scene with so many bodies.
 
         Args:
             bodies: their number.
@@ -102,8 +101,8 @@ class Scene:
 
 
 def _block(copies):
-    """Return three factors of ``copies``, from the smallest, nearest to a cube; None if no block is
-    at most twice as long as wide."""
+    """Three factors of ``copies``, from the smallest, nearest to a cube; None if no block is at
+    most twice as long as wide."""
     factors = [n for n in range(1, copies + 1) if copies % n == 0]
     blocks = [
         (a, b, copies // (a * b))
@@ -211,7 +210,7 @@ SCENES = {scene.name: scene for scene in _SCENES}
 
 
 def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int) -> Scene:
-    """Return water whose forces end smoothly: only the time step makes its energy fluctuate.
+    """Water whose forces end smoothly: only the time step makes its energy fluctuate.
 
     Args:
         name, title: of the scene.
@@ -232,5 +231,5 @@ def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int
 
 
 def steps(time: float, dt: float) -> int:
-    """Return the number of steps of dt (fs) in a time (ps)."""
+    """The number of steps of dt (fs) in a time (ps)."""
     return round(time * FS_PER_PS / dt)

@@ -42,7 +42,7 @@ def body(
     spin: ArrayLike = (0, 0, 0),
     charge: np.ndarray | None = None,
 ) -> Body:
-    """Return a `Body` in rigid motion.
+    """A `Body` in rigid motion.
 
     Args:
         x: (n, 3) shape.  mass: (n,).
@@ -57,7 +57,7 @@ def body(
 
 
 def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the principal moments, from the largest, and their axes as columns."""
+    """The principal moments, from the largest, and their axes as columns."""
     r = x - mass @ x / mass.sum()
     inertia = np.einsum("i,ij,ik->jk", mass, r, r)
     inertia = np.trace(inertia) * np.eye(3) - inertia
@@ -66,15 +66,15 @@ def moments(x: np.ndarray, mass: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def three_rods(moment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions and masses of six atoms on three axes with these principal moments, about x,
-    y, z; none above the sum of the others."""
+    """Positions and masses of six atoms on three axes with these principal moments, about x, y, z;
+    none above the sum of the others."""
     # two atoms of unit mass on each axis add 2 d_k^2 to the moments of the other axes
     square = np.maximum(0.0, moment.sum() / 2 - moment) / 2
     return np.concatenate([np.diag(np.sqrt(square)), -np.diag(np.sqrt(square))]), np.ones(6)
 
 
 def symmetric_top(turn: Rotation, spin: np.ndarray, moment: np.ndarray, time: float) -> Rotation:
-    """Return the exact orientation of a free top with two equal moments after some time: its axis
+    """The exact orientation of a free top with two equal moments after some time: its axis
     precesses about the angular momentum, and it rotates about its axis, both at constant rates
     (Landau and Lifshitz, Mechanics, section 33).
 
@@ -151,5 +151,5 @@ def scene(
 
 
 def turned(seed: int) -> Rotation:
-    """Return a random ``Rotation``."""
+    """A random ``Rotation``."""
     return Rotation.random(random_state=np.random.default_rng(seed))

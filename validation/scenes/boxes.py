@@ -91,7 +91,7 @@ def assemble(
     seed: int = 1,
     setup: str = "",
 ) -> System:
-    """Return a System of Lennard-Jones atoms with random velocities, which are not rigid motion.
+    """A System of Lennard-Jones atoms with random velocities, which are not rigid motion.
 
     Args:
         bodies: A list of (kind, positions, types).
@@ -150,8 +150,8 @@ def assemble(
 def turned(
     kind: str, place: np.ndarray, others: list, h: np.ndarray, rng: np.random.Generator
 ) -> tuple[str, np.ndarray, np.ndarray]:
-    """Return a body (kind, positions, types) of a shape at a place, with a random rotation so that
-    it overlaps with no other."""
+    """A body (kind, positions, types) of a shape at a place, with a random rotation so that it
+    overlaps with no other."""
     shape, types = SHAPES[kind]
     for _ in range(1000):
         if h[2, 2] == 1:  # two dimensions
@@ -175,8 +175,7 @@ def mixture(
     seed: int = 1,
     **more,
 ) -> System:
-    """Return bodies of these kinds in turn with random rotations, on a lattice across the box's
-    faces.
+    """Bodies of these kinds in turn with random rotations, on a lattice across the box's faces.
 
     No distance in the lattice is the cutoff, where the potential energy is discontinuous.
     """
@@ -205,10 +204,10 @@ class Result(NamedTuple):
 
 
 def nearest(delta: np.ndarray, h: np.ndarray) -> np.ndarray:
-    """Return displacements (..., 3) folded to the nearest image."""
+    """Displacements (..., 3) folded to the nearest image."""
     return delta - np.rint(delta @ np.linalg.inv(h).T) @ h.T
 
 
 def apart(a: Result, b: Result, h: np.ndarray) -> float:
-    """Return the largest distance between atoms of two Results, nearest images."""
+    """The largest distance between atoms of two Results, nearest images."""
     return np.linalg.norm(nearest(a.x - b.x, h), axis=1).max()

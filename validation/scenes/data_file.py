@@ -19,7 +19,7 @@ def data_file(
     coefficients: Mapping[str, Sequence] | None = None,
     types: int = 1,
 ) -> str:
-    """Return the text of a data file. Integers are written as such, others to the last bit.
+    """The text of a data file. Integers are written as such, others to the last bit.
 
     Args:
         style: LAMMPS's atom style.
@@ -59,7 +59,7 @@ def data_file(
 
 
 def _numbered(*columns):
-    """Return a row of words for each atom or type."""
+    """A row of words for each atom or type."""
     blocks = map(np.asarray, columns)
     flat = [block.reshape(len(block), -1).T for block in blocks if block.size]
     return (" ".join(map(_word, row)) for row in zip(*(line for block in flat for line in block)))

@@ -39,17 +39,17 @@ class Integrator:
     then: tuple[str, ...] = ()
 
     def can_run(self, scene: Scene) -> bool:
-        """Return whether this integrator can hold the scene's bodies rigid."""
+        """Whether this integrator can hold the scene's bodies rigid."""
         return self.kind != "constraints" or scene.constraints is not None
 
     def commands(self, scene: Scene) -> list[str]:
-        """Return the LAMMPS commands of this integrator for a scene."""
+        """The LAMMPS commands of this integrator for a scene."""
         words = {"group": scene.group, "bodies": scene.bodies, "constraints": scene.constraints}
         return [line.format(**words) for line in self.lines]
 
 
 def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Integrator:
-    """Return NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
+    """NO_SQUISH, or another of this package's integrators, with the keywords ``words``; or a
     ``scheme`` of `OLDER`."""
     line = f"fix 1 {{group}} nosquish/{scheme.lower()} {{bodies}}{words}"
     if scheme in OLDER:
@@ -58,18 +58,18 @@ def nosquish(name: str, label: str, words: str = "", scheme: str = "NVE") -> Int
 
 
 def target(scheme: str) -> str:
-    """Return the class of an integrator as a quoted fix line names it."""
+    """The class of an integrator as a quoted fix line names it."""
     return f"{OLDER.get(scheme, 'fix_nosquish')}.{scheme}"
 
 
 def rigid(style: str) -> Integrator:
-    """Return one of LAMMPS's rigid fixes."""
+    """One of LAMMPS's rigid fixes."""
     line = f"fix 1 {{group}} {style} {{bodies}}"
     return Integrator(style, style, (line,), whole_bodies="small" in style, kind="rigid")
 
 
 def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator:
-    """Return velocity Verlet with one of `CONSTRAINING`, to a relative tolerance.
+    """Velocity Verlet with one of `CONSTRAINING`, to a relative tolerance.
 
     fix nve comes first: rattle corrects the velocities that nve has set.
     """
@@ -79,7 +79,7 @@ def constrained(style: str, tolerance: str, iterations: int = 100) -> Integrator
 
 
 def _constraining() -> tuple[str, ...]:
-    """Return the fixes of the installed LAMMPS that constrain bonds and angles."""
+    """The fixes of the installed LAMMPS that constrain bonds and angles."""
     with suppress(metadata.PackageNotFoundError):
         if int(metadata.version("lammps").split(".")[0]) >= 2026:
             return "shake", "rattle", "ilves"

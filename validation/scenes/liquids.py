@@ -60,7 +60,7 @@ class Liquid:
         return 4 * int(np.prod(self.copies))
 
     def scene(self, folder: Path) -> Scene:
-        """Return the scene; its data file is written into a new folder in ``folder``."""
+        """The scene; its data file is written into a new folder in ``folder``."""
         folder = (folder / self.name).resolve()
         folder.mkdir(parents=True, exist_ok=True)
         data, text = folder / f"data.{self.name}", self.data()
@@ -112,7 +112,7 @@ class Liquid:
 
 
 def _herringbone() -> Rotation:
-    """Return the rotation of the ring in the crystal's cell: Pbca.
+    """The rotation of the ring in the crystal's cell: Pbca.
 
     The normal is that of Bacon, Curry and Wilson, Proc. R. Soc. A 279, 98 (1964).
     """
@@ -128,7 +128,7 @@ def _herringbone() -> Rotation:
 
 
 def _diagonals() -> Rotation:
-    """Return the rotations of the axis x in the crystal's cell: Pa3, as in dry ice."""
+    """The rotations of the axis x in the crystal's cell: Pa3, as in dry ice."""
     axes = np.array([[1, 1, 1], [-1, 1, -1], [1, -1, -1], [-1, -1, 1]]) / np.sqrt(3)
     return Rotation.concatenate([Rotation.align_vectors([a], [[1, 0, 0]])[0] for a in axes])
 

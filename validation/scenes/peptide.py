@@ -11,5 +11,5 @@ HELD = "b 1 3 6 10 12 19 24 27 29 31 a 1 11 42 46 53 57"
 
 
 def scene() -> Scene:
-    """Return the scene with the constraints that fix shake supports, as its arguments."""
+    """The scene with the constraints that fix shake supports, as its arguments."""
     return replace(SCENES["peptide"], constraints=HELD)

@@ -248,7 +248,7 @@ class Gear(Integrator):
     with `NVE`; the derivatives follow within a few steps.
 
     Raises:
-        RunError: for the keywords mrot, order and rotor, which tell how bodies rotate, and with
+        RunError: for the keywords mrot, order and rotor, which define how bodies rotate, and with
             run_style respa.
     """
 

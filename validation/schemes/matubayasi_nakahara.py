@@ -28,8 +28,8 @@ angular momentum in space (with NO_SQUISH it is the other way round).
 
 (x, y, z) are the principal axes 1, 2, 3 with I_1 >= I_2 >= I_3 (with `order 123` in reverse).  Of a
 linear body's rotation and that in a plane only iL_1 is left, about an axis that stays: the exact
-rotation that NVE has.  iL_4 is NVE's kick, since p = 2 S(q) (0, I omega): omega stands in the
-bodies' state as this p.
+rotation that NVE has.  iL_4 is NVE's kick, since p = 2 S(q) (0, I omega): the bodies' state
+stores omega as this p.
 """
 
 from collections.abc import Mapping
@@ -47,7 +47,7 @@ from fix_nosquish.motion.step import Operation
 
 @inlined
 def along_ellipse(a, b, moment_a, moment_b, rate, dt):
-    """Return two components of omega after dt.
+    """Two components of omega after dt.
 
     da/dt = rate / moment_a b and db/dt = -rate / moment_b a.
     """
@@ -58,7 +58,7 @@ def along_ellipse(a, b, moment_a, moment_b, rate, dt):
 
 @inlined
 def turned(q, wx, wy, wz, dt):
-    """Return q after dt with this omega."""
+    """q after dt with this omega."""
     w = sqrt(wx * wx + wy * wy + wz * wz)
     if w == 0.0:
         return q

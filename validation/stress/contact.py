@@ -24,8 +24,7 @@ WHOLE = bodies.MASSES.sum()
 
 
 def _liquid(stand, name, corner):
-    """Return bent triatomics on a lattice of 4³ sites with random orientations, at temperature
-    1."""
+    """Bent triatomics on a lattice of 4³ sites with random orientations, at temperature 1."""
     rng, found = np.random.default_rng(4), []
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     for site in np.ndindex(4, 4, 4):

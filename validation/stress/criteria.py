@@ -152,7 +152,7 @@ EACH = Criterion("≤", 1.0, "", "", "the largest of all, each over its bound", 
 
 
 def rounding(steps: int) -> float:
-    """Return the relative effect of rounding on an exactly conserved number, in so many steps."""
+    """The relative effect of rounding on an exactly conserved number, in so many steps."""
     return CRITERIA["rounding"].bound * (steps + READING)
 
 

@@ -71,12 +71,12 @@ class Number:
 
     @classmethod
     def of(cls, estimate: Estimate, note: str = "") -> "Number":
-        """Return an estimate with a note."""
+        """An estimate with a note."""
         return cls(float(estimate.value), float(estimate.error), note, estimate.freedom)
 
 
 def of_parts(parts: Mapping[str, float], note: str) -> Number:
-    """Return the `Number` of a case with several criteria, each with an upper bound, by name."""
+    """The `Number` of a case with several criteria, each with an upper bound, by name."""
     parts = {name: float(value) for name, value in parts.items()}
     return Number(_largest(parts), note=note, parts=parts)
 
@@ -86,7 +86,7 @@ def _largest(parts: Mapping[str, float]) -> float:
 
 
 def of_starts(numbers: Sequence[Number]) -> Number:
-    """Return |mean| of rates of either sign; the errors are those of the line fits."""
+    """|mean| of rates of either sign; the errors are those of the line fits."""
     parts = ((number.error / len(numbers), number.freedom) for number in numbers)
     mean = abs(np.mean([number.value for number in numbers]))
     return Number.of(Estimate(mean, *combined(*parts)), _notes(numbers))
@@ -136,7 +136,7 @@ class Case:
 
     @classmethod
     def of(cls, name: str, physics: str, short: Any, full: Any, **more) -> Callable:
-        """Return a decorator that makes a case of its measure."""
+        """A decorator that makes a case of its measure."""
         return lambda measure: cls(name, physics, measure=measure, short=short, full=full, **more)
 
     @property
@@ -159,16 +159,15 @@ class Case:
         return found | {"rounding": criteria.rounding(1)}
 
     def length(self, full: bool) -> Any:
-        """Return the length of a full run or of a short one."""
+        """The length of a full run or of a short one."""
         return self.full if full else self.short
 
     def integrators(self, full: bool) -> list[str]:
-        """Return the names of the integrators to run."""
+        """The names of the integrators to run."""
         return [name for name in self.compared if full or name in FEW]
 
     def number(self, numbers: Sequence[Number]) -> Number:
-        """Return the row's `Number` from those of its starts; one with parts by the current
-        bounds."""
+        """The row's `Number` from those of its starts; one with parts by the current bounds."""
         if self.starts > 1:
             return of_starts(numbers)
         parts = numbers[0].parts
@@ -279,13 +278,13 @@ class Rows:
         self.scenes = [machine.contents(scene.folder) for scene in SCENES.values()]
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:
-        """Return a row's name in the store and its origin: code, length and inner bounds."""
+        """A row's name in the store and its origin: code, length and inner bounds."""
         found = self.cases[case]
         settings = found.length(self.full), found.inner, self.scenes
         return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
 
     def kept(self, case: str, integrator: str) -> dict | None:
-        """Return the row that was measured with this code, or None."""
+        """The row that was measured with this code, or None."""
         found = self.store.kept(*self.place(case, integrator))
         return found and found["record"]
 
@@ -295,9 +294,9 @@ class Rows:
         self.store.keep(*place, row, _enough(self.cases[case], row))
 
     def summary(self) -> dict:
-        """Return all rows of the folder, including those of other processes.  A row that was not
-        measured with this code is read from the folder's summary.json, if it has the same length
-        and inner bounds: each row states the code of its measurement."""
+        """All rows of the folder, including those of other processes.  A row that was not measured
+        with this code is read from the folder's summary.json, if it has the same length and inner
+        bounds: each row states the code of its measurement."""
         told = (json_files.read(self.out / "summary.json") or {}).get("cases", ())
         before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
         found = []
@@ -312,14 +311,14 @@ class Rows:
         return {"full": self.full, "cases": found, "command": command}
 
     def _is_of(self, case: Case, row: dict) -> bool:
-        """Return whether a row has a result of this length and these inner bounds."""
+        """Whether a row has a result of this length and these inner bounds."""
         same = row["length"], row["inner"]
         told = bool(row["ended"] or row["numbers"])
         return told and same == (case.length(self.full), case.inner)
 
 
 def _plain(case: Case, full: bool) -> dict:
-    """Return a case without its rows, as plain data."""
+    """A case without its rows, as plain data."""
     low, high = case.bound.within()
     sign, value = ("≥", low) if high is None else ("≤", high)
     words = {key: getattr(case, key) for key in ("name", "part", "physics", "criterion", "bars")}
@@ -369,7 +368,7 @@ def stress(
 def plan(
     cases: Mapping[str, Case], names: Iterable[str], full: bool, only: Collection[str] | None = None
 ) -> list[tuple[str, str]]:
-    """Return names (case, integrator), in the order in which they run."""
+    """Names (case, integrator), in the order in which they run."""
     planned = (
         (case, name) for case in names for name in cases[case].integrators(full or bool(only))
     )
@@ -405,7 +404,7 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
 
 
 def _enough(case: Case, row: dict) -> bool:
-    """Return whether a row needs no more starts: its verdict is significant at one of the looks."""
+    """Whether a row needs no more starts: its verdict is significant at one of the looks."""
     count = len(row["numbers"])
     if row["ended"] or count >= case.starts:
         return True
@@ -413,7 +412,7 @@ def _enough(case: Case, row: dict) -> bool:
 
 
 def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
-    """Return what one more start adds to a row."""
+    """What one more start adds to a row."""
     try:
         with np.errstate(all="ignore"):  # runs that fail overflow: the number shows it
             number = stand.case.measure(stand, length)
@@ -431,7 +430,7 @@ def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
 
 
 def judged(case: Case, row: dict) -> dict:
-    """Return a row with its number, verdict and note, by the current bounds."""
+    """A row with its number, verdict and note, by the current bounds."""
     if row["ended"]:
         verdict, note = row["ended"]
         found = {"value": None, "error": None, "freedom": None, "note": note}
@@ -443,7 +442,7 @@ def judged(case: Case, row: dict) -> dict:
 
 
 def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
-    """Return where ours is worse than LAMMPS's fixes: names of cases by kind of failure."""
+    """Where ours is worse than LAMMPS's fixes: names of cases by kind of failure."""
     found: dict[str, list[str]] = {
         "Ours breaks where a LAMMPS fix does not": [],
         "Ours does not pass what a LAMMPS fix passes": [],

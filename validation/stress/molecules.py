@@ -53,7 +53,7 @@ def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> N
     """
 
     def why(k: int) -> str:
-        """Return why a step is bad; empty if it is good."""
+        """Why a step is bad; empty if it is good."""
         off, error = change(stand, scene, dts[k], min(time, MOST * dts[k]), **how)
         told = error or f"energy off by {off:.2g} of the kinetic energy"
         return "" if off < ALLOWED else told
@@ -66,7 +66,7 @@ def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> N
 
 
 def _between(dts: np.ndarray, first: int, error: str) -> Number:
-    """Return the limit if ``dts[first]`` is the first bad step."""
+    """The limit if ``dts[first]`` is the first bad step."""
     if first == 0:
         return Number(0.0, note=f"not even at {dts[0]:.4g} fs, the shortest step tried: {error}")
     longest = dts[first - 1]
@@ -81,9 +81,9 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
 
 
 def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[float, str | None]:
-    """Return the change of the energy from the first to the last fifth of a run, relative to the
-    kinetic energy at the start, and why the run ended.  The run ends at `GIVEN_UP` times the
-    allowed change; a run that is not complete has an infinite change."""
+    """The change of the energy from the first to the last fifth of a run, relative to the kinetic
+    energy at the start, and why the run ended.  The run ends at `GIVEN_UP` times the allowed
+    change; a run that is not complete has an infinite change."""
     every = max(1, round(time / dt) // SAMPLES)
     lines = [
         "run 0",
@@ -105,8 +105,8 @@ def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[f
 def drift(
     stand: Stand, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
 ) -> Number:
-    """Return the slope of the energy over the mean kinetic energy, per ns, which is ``ns`` of the
-    scene's units of time; the note has places for the temperature at start and end."""
+    """The slope of the energy over the mean kinetic energy, per ns, which is ``ns`` of the scene's
+    units of time; the note has places for the temperature at start and end."""
     how = {"dt": scene.dt, **how}
     result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], every=every, **how)
     thermo = result.thermo
@@ -122,8 +122,8 @@ def later(
     more: Iterable[str],
     **how,
 ) -> tuple[Scene, Path]:
-    """Return the scene of the stand's start, and its file: so many steps later, as ours moves it,
-    and again so many for each further start; the same for all integrators."""
+    """The scene of the stand's start, and its file: so many steps later, as ours moves it, and
+    again so many for each further start; the same for all integrators."""
     outer = replace(stand, folder=stand.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
@@ -133,12 +133,12 @@ def later(
 
 
 def coarse(scene: Scene) -> Scene:
-    """Return the scene with a coarser mesh, which stability does not depend on."""
+    """The scene with a coarser mesh, which stability does not depend on."""
     return scene.on_mesh("1e-4")
 
 
 def water(stand: Stand) -> Scene:
-    """Return some water, the same for all integrators."""
+    """Some water, the same for all integrators."""
     folder = stand.folder.parent / "data"
     return coarse(scene_starts.of_size(SCENES["water"], BODIES, folder))
 
@@ -158,7 +158,7 @@ def water_dt(stand: Stand, length: list[float]) -> Number:
 
 
 def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
-    """Return the `drift` of water after Langevin dynamics.
+    """The `drift` of water after Langevin dynamics.
 
     The cutoff is smooth and there is no mesh: the energy change by a mesh of 1e-4 at 1 K, the same
     with all integrators, is a hundred times the bound.

@@ -24,7 +24,7 @@ KEYS = (
 
 
 def said(summary: dict) -> Said:
-    """Return the report on what fails and where."""
+    """The report on what fails and where."""
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
@@ -93,13 +93,13 @@ def _answer(cases: Iterable[dict]) -> str:
 
 
 def _labels(cases: Iterable[dict]) -> dict[str, str]:
-    """Return names and labels of the integrators that have rows, in order."""
+    """Names and labels of the integrators that have rows, in order."""
     found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
     return {name: found[name] for name in ALL if name in found}
 
 
 def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
-    """Return the lines of table.csv."""
+    """The lines of table.csv."""
     return [
         {**row, "case": case["name"], "margin": Estimate.of(row).margin or None}
         | {"error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
@@ -109,13 +109,13 @@ def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
 
 
 def _package(row: Mapping) -> str:
-    """Return the version of the package with which a row was measured."""
+    """The version of the package with which a row was measured."""
     found = row["versions"]
     return f"fix_nosquish {found['fix_nosquish']} ({found['package']}), LAMMPS {found['lammps']}"
 
 
 def _found(row: Mapping | None) -> Cell:
-    """Return a row's number, with its verdict."""
+    """A row's number, with its verdict."""
     if row is None:
         return Cell("not run")
     if row["value"] is None:
@@ -129,7 +129,7 @@ def _found(row: Mapping | None) -> Cell:
 
 
 def _table(title: str, cases: list[dict]) -> Table:
-    """Return a table of cases by integrators."""
+    """A table of cases by integrators."""
     labels, rows = _labels(cases), []
     for case in cases:
         found = {row["integrator"]: row for row in case["rows"]}
@@ -140,7 +140,7 @@ def _table(title: str, cases: list[dict]) -> Table:
 
 
 def _bounds() -> Table:
-    """Return a table of every bound, with its derivation."""
+    """A table of every bound, with its derivation."""
     head = "quantity, bound, derived from, whose need, cases"
     rows = [
         (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))

@@ -26,7 +26,7 @@ CASES: list[Case] = []
 
 
 def simulated(stand: Stand) -> Simulate:
-    """Return the way to run a box with a stand's integrator."""
+    """The way to run a box with a stand's integrator."""
 
     def simulate(
         system: System,
@@ -66,8 +66,8 @@ def simulated(stand: Stand) -> Simulate:
 
 
 def case(name: str, most: float, why: str = ROUNDING) -> Callable:
-    """Return a decorator that makes a function the measure of a `Case`.  Its docstring says what
-    happens and, after the last colon, what the number is."""
+    """A decorator that makes a function the measure of a `Case`.  Its docstring says what happens
+    and, after the last colon, what the number is."""
 
     def of(measure):
         MEASURES[name] = measure
@@ -97,12 +97,12 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
 
 
 def tops() -> System:
-    """Return a box with two or three bodies of each of the symmetric kinds."""
+    """A box with two or three bodies of each of the symmetric kinds."""
     return mixture(" ".join(boxes.TOPS), side=3, spacing=2.8, temperature=2.0, seed=8)
 
 
 def _worst(system, first, second):
-    """Return the largest distance between atoms, and the kind of body that has it."""
+    """The largest distance between atoms, and the kind of body that has it."""
     found = {}
     for kind, molecules in re.findall(r"^group (\w+) molecule (.*)$", system.setup, re.M):
         mine = np.isin(system.molecule, [int(number) for number in molecules.split()])

@@ -27,7 +27,7 @@ def _place(k):
 
 
 def _scene(stand, moments):
-    """Return tops with these moments side by side."""
+    """Tops with these moments side by side."""
     tops = [
         bodies.body(
             *bodies.three_rods(moment),

@@ -31,7 +31,7 @@ NO_LINE = Line("", "", ())
 
 
 def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, list[str]]:
-    """Return all integrators for the script's bodies.
+    """All integrators for the script's bodies.
 
     Args:
         units: the script's, by LAMMPS's name.
@@ -61,7 +61,7 @@ def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, l
 
 
 def _effect(integrator: Integrator, rigid: RigidAtoms) -> list:
-    """Return the meaning of an integrator's commands, however they are written."""
+    """The meaning of an integrator's commands, however they are written."""
     lines = [line.format(group=rigid.group, bodies=rigid.bodies) for line in integrator.lines]
     meanings = [_meaning(line) for line in (*lines, *integrator.then)]
     # rattle corrects velocities that another fix has set, and a changing box comes after shake:
@@ -75,8 +75,8 @@ def _fixes(lines: Iterable[str]) -> list[str]:
 
 
 def _meaning(line: str):
-    """Return what commands with the same effect have in common: of a fix all but its ID; of ours
-    what the class reads, without the seed, and without the group of a fix python/move."""
+    """What commands with the same effect have in common: of a fix all but its ID; of ours what the
+    class reads, without the seed, and without the group of a fix python/move."""
     if not _fixes([line]):
         return split_words(line)
     _, _, group, _, *words = split_words(line)
@@ -101,7 +101,7 @@ def _literal(line: str) -> str:
 
 
 def script_integrator(rigid: RigidAtoms) -> Integrator:
-    """Return the fixes that move the script's bodies, unchanged."""
+    """The fixes that move the script's bodies, unchanged."""
     styles = " + ".join(dict.fromkeys(map(short_name, rigid.lines)))
     whole_bodies = rigid.kind == "rigid" and "small" in rigid.style
     lines = tuple(map(_literal, rigid.lines))
@@ -111,7 +111,7 @@ def script_integrator(rigid: RigidAtoms) -> Integrator:
 
 
 def state_words(state: State) -> str:
-    """Return temperature and pressure as words of a fix."""
+    """Temperature and pressure as words of a fix."""
     words = ["temp", *state.temp] if state.temp else []
     words += itertools.chain(*state.press)
     words += ["couple", state.couple] if state.couple else []
@@ -119,8 +119,7 @@ def state_words(state: State) -> str:
 
 
 def _rest(rigid: RigidAtoms) -> tuple[list[str], list[str]]:
-    """Return the commands that define the group of the atoms in no body, and those that move
-    them."""
+    """The commands that define the group of the atoms in no body, and those that move them."""
     if not rigid.rest:
         return [], []
     state, group, groups = rigid.state, rigid.flexible, []
@@ -138,7 +137,7 @@ def _rest(rigid: RigidAtoms) -> tuple[list[str], list[str]]:
 
 
 def _copy(line: str, fix_id: str) -> str:
-    """Return the same fix with another ID, for the atoms in no body."""
+    """The same fix with another ID, for the atoms in no body."""
     return _literal(join_words(("fix", fix_id, REST, *split_words(line)[3:])))
 
 
@@ -167,8 +166,7 @@ def _ours(rigid: RigidAtoms, units: str) -> Iterator[Integrator]:
 
 
 def _thermostats(state: State, units: str) -> list[tuple[str, str]]:
-    """Return our thermostats with a barostat that fits, as labels and keywords; the default
-    first."""
+    """Our thermostats with a barostat that fits, as labels and keywords; the default first."""
     if not state.temp:
         return [("", "")]
     reduced = units in ("lj", "micro", "nano")  # crescale needs a compressibility
@@ -201,8 +199,7 @@ def _rigid(rigid: RigidAtoms) -> Iterator[Integrator]:
 
 
 def _missing_keywords(rigid: RigidAtoms, family: str) -> list[str]:
-    """Return which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not
-    have."""
+    """Which of the script's keywords a family of LAMMPS's fixes, rigid or small, does not have."""
     names = dict.fromkeys(words.split()[0] for words in rigid.keywords)
     shared = rigid_atoms.SHARED_KEYWORDS
     return [name for name in names if name != "reinit" and family not in shared[name]]
@@ -243,8 +240,7 @@ def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
 
 
 def commands_naming(ids: Collection[str], commands: Sequence[str]) -> list[str]:
-    """Return commands that refer to a fix with one of these IDs, or to a compute that it
-    defines."""
+    """Commands that refer to a fix with one of these IDs, or to a compute that it defines."""
     return [
         line
         for line in commands
@@ -276,8 +272,8 @@ def replacement_notice(replaced: Mapping[str, str]) -> str:
 def removal_notice(
     replaced: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]
 ) -> list[str]:
-    """Return a sentence on commands that must be removed with the replaced fixes, because they name
-    them or their computes; none if there are no such commands.
+    """A sentence on commands that must be removed with the replaced fixes, because they name them
+    or their computes; none if there are no such commands.
 
     Args:
         replaced: fixes by ID.  lines: those that replace them.
@@ -299,7 +295,7 @@ def removal_notice(
 
 
 def _ensemble(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray]) -> str:
-    """Return a sentence on the ensemble, and on another fix that controls the temperature."""
+    """A sentence on the ensemble, and on another fix that controls the temperature."""
     name = rigid.state.ensemble.upper()
     baths = rigid_atoms.other_thermostats(reading, atoms, rigid)
     if rigid.state.temp:

@@ -22,12 +22,12 @@ _WORD = re.compile(r'"""(.*?)"""|"([^"]*)"|\'([^\']*)\'|(\S+)', re.S)
 
 
 def split_words(line: str) -> list[str]:
-    """Return the words of a command, without quotes."""
+    """The words of a command, without quotes."""
     return ["".join(match.groups("")) for match in _WORD.finditer(line)]
 
 
 def join_words(words: Iterable[str]) -> str:
-    """Return the command with these words, quoted where LAMMPS needs it."""
+    """The command with these words, quoted where LAMMPS needs it."""
     return " ".join(map(_quoted, words))
 
 
@@ -40,7 +40,7 @@ def _quoted(word: str) -> str:
 
 
 def with_actual_style(line: str, styles: Mapping[str, str]) -> str:
-    """Return the command with the style that the suffix nosquish has given its fix.
+    """The command with the style that the suffix nosquish has given its fix.
 
     Args:
         styles: of all fixes by ID, as LAMMPS reports them.
@@ -51,7 +51,7 @@ def with_actual_style(line: str, styles: Mapping[str, str]) -> str:
 
 
 def thermo_settings(commands: Iterable[str]) -> dict[str, str]:
-    """Return the settings of `THERMO_COMPUTES`, in order; a ``thermo_style`` resets them."""
+    """The settings of `THERMO_COMPUTES`, in order; a ``thermo_style`` resets them."""
     settings: dict[str, str] = {}
     for word, *rest in map(split_words, commands):
         if word == "thermo_style":
@@ -65,7 +65,7 @@ def thermo_settings(commands: Iterable[str]) -> dict[str, str]:
 
 
 def advances_time(words: Sequence[str], step: int) -> bool:
-    """Return whether a command of `RUNS` at this step advances the time: ``run 0`` does not."""
+    """Whether a command of `RUNS` at this step advances the time: ``run 0`` does not."""
     word, *rest = words
     if word != "run":
         return word not in WITHOUT_TIME
@@ -73,15 +73,15 @@ def advances_time(words: Sequence[str], step: int) -> bool:
 
 
 def commands_between(line: str) -> list[str]:
-    """Return the commands that ``run N every M`` executes between the parts of the run."""
+    """The commands that ``run N every M`` executes between the parts of the run."""
     word, *rest = split_words(line)
     first = rest.index("every") + 2 if word == "run" and "every" in rest else len(rest)
     return [] if rest[first:] == ["NULL"] else rest[first:]
 
 
 def rigid_reports(commands: Iterable[str], ids: Collection[str]) -> list[str]:
-    """Return the computes of rigid bodies that read fixes with these IDs, and the commands that use
-    them for output: computes, variables, and fixes that average or print.
+    """The computes of rigid bodies that read fixes with these IDs, and the commands that use them
+    for output: computes, variables, and fixes that average or print.
 
     Empty if a command that acts on atoms uses one of them, because it cannot be removed.
     """
@@ -98,9 +98,8 @@ def rigid_reports(commands: Iterable[str], ids: Collection[str]) -> list[str]:
 
 
 def _reads_rigid(line: str, ids: Collection[str], names: Collection[str]) -> str | None:
-    """Return how other commands refer to what this one defines, if it reads rigid fixes with these
-    IDs or anything with these names; empty if it does more than report; None if it reads none of
-    them."""
+    """How other commands refer to what this one defines, if it reads rigid fixes with these IDs or
+    anything with these names; empty if it does more than report; None if it reads none of them."""
     words = split_words(line)
     kind = words[0].removesuffix("_modify")
     style = words[3] if len(words) > 3 else ""

@@ -31,8 +31,7 @@ WHY = (
 
 
 def other_fixes(script: UserScript) -> dict[str, str]:
-    """Return the first word of the style of each fix that stays, by ID: all but those that move
-    bodies."""
+    """The first word of the style of each fix that stays, by ID: all but those that move bodies."""
     return {
         fix_id: rigid_atoms.style_of(line).split("/")[0]
         for fix_id, line in script.reading["fixes"].items()
@@ -41,12 +40,12 @@ def other_fixes(script: UserScript) -> dict[str, str]:
 
 
 def acting_fixes(script: UserScript) -> list[str]:
-    """Return the IDs of `other_fixes` that act on atoms."""
+    """The IDs of `other_fixes` that act on atoms."""
     return [fix_id for fix_id, first in other_fixes(script).items() if first in ACTING]
 
 
 def uncounted_fixes(script: UserScript) -> list[str]:
-    """Return the IDs of `acting_fixes` whose work is not in econserve."""
+    """The IDs of `acting_fixes` whose work is not in econserve."""
     counted, first = _with_energy(script.reading["commands"]), other_fixes(script)
     return [
         fix_id for fix_id in acting_fixes(script) if fix_id not in counted or first[fix_id] in BATHS
@@ -54,7 +53,7 @@ def uncounted_fixes(script: UserScript) -> list[str]:
 
 
 def _with_energy(commands: Iterable[str]) -> set[str]:
-    """Return the IDs of fixes with ``fix_modify ID energy yes``; the setting ends with the fix."""
+    """The IDs of fixes with ``fix_modify ID energy yes``; the setting ends with the fix."""
     ids: set[str] = set()
     for words in map(split_words, commands):
         if words[0] in ("fix", "unfix"):
@@ -66,12 +65,12 @@ def _with_energy(commands: Iterable[str]) -> set[str]:
 
 
 def omission_notice(labels: Collection[str]) -> list[str]:
-    """Return a sentence on integrators with these labels whose energies are not shown, if any."""
+    """A sentence on integrators with these labels whose energies are not shown, if any."""
     return [f"Energies of {', '.join(labels)} are left out: {WHY}."] * bool(labels)
 
 
 def misses_own_error(integrator: Integrator) -> bool:
-    """Return whether econserve does not show an integrator's own error, see `WHY`."""
+    """Whether econserve does not show an integrator's own error, see `WHY`."""
     fixes = [line for line in integrator.lines if split_words(line)[0] == "fix"]
     styles = {line: rigid_atoms.style_of(line) for line in fixes}
     return any(

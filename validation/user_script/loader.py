@@ -59,8 +59,7 @@ class ScriptOptions:
 
     @classmethod
     def of(cls, arguments: Namespace, script: str) -> "ScriptOptions":
-        """Return the options for a script, from those that `command_line.add_script_options`
-        adds."""
+        """The options for a script, from those that `command_line.add_script_options` adds."""
         given = tuple(map(tuple, arguments.variables or ()))
         for words in given:
             if len(words) < 2:
@@ -122,7 +121,7 @@ class UserScript:
 def parse_options(
     arguments: Namespace, script: str, short: bool = False
 ) -> tuple[ScriptOptions, Path]:
-    """Return the options for a script, and the output folder, which is created.
+    """The options for a script, and the output folder, which is created.
 
     Args:
         short: see `command_line.output_folder`.
@@ -189,13 +188,13 @@ def refuse_ramps(script: UserScript) -> None:
 def read(
     options: ScriptOptions, out: Path, ranks: int, silence: float
 ) -> tuple[dict, dict[str, np.ndarray], Path]:
-    """Return the output of ``reader``: read.json, atoms.npz, and their folder."""
+    """The output of ``reader``: read.json, atoms.npz, and their folder."""
     with _locked(out):
         return _reading(options, out, ranks, silence)
 
 
 def _locked(out: Path):
-    """Return a context in which no other process reads a script in this output folder."""
+    """A context in which no other process reads a script in this output folder."""
     return store.Store(out).locked("script")
 
 
@@ -211,19 +210,19 @@ def _reading(options, out, ranks, silence):
 
 
 def overlay_folder(folder: Path) -> Path:
-    """Return the folder that replaces the root of the file system for the script's output."""
+    """The folder that replaces the root of the file system for the script's output."""
     return folder / "overlay"
 
 
 def _known(options: ScriptOptions, folder: Path, ranks: int) -> dict | None:
-    """Return an earlier reading, if nothing has changed since; else None."""
+    """An earlier reading, if nothing has changed since; else None."""
     reading, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
     same = reading and kept and kept["origin"] == _origin(options, ranks, reading)
     return reading if same else None
 
 
 def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
-    """Return a hash of everything that a reading depends on."""
+    """A hash of everything that a reading depends on."""
     patterns, environment = reading["asked"]
     found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
     code = store.code(), machine.versions()
@@ -231,14 +230,14 @@ def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
 
 
 def _contents(files: Sequence[str]) -> str:
-    """Return a hash of the contents of the user's files that LAMMPS has looked for."""
+    """A hash of the contents of the user's files that LAMMPS has looked for."""
     there = (machine.contents(Path(file)) if os.path.isfile(file) else "" for file in files)
     return store.digest(files, [*there])
 
 
 def _files_of(reading: Mapping, folder: Path) -> str:
-    """Return a hash of the files that a script's runs depend on: the user's, those that the script
-    has written, the state and the bodies."""
+    """A hash of the files that a script's runs depend on: the user's, those that the script has
+    written, the state and the bodies."""
     made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
     known = [machine.contents(file) for file in made if file.exists()]
     return store.digest(_contents(reading["files"]), known)
@@ -311,7 +310,7 @@ def _read_in(workplace, options, folder, ranks, silence) -> str:
 
 
 def setup_commands(reading: Mapping, gone: Collection[str] = ()) -> list[tuple[int, str]]:
-    """Return the script's commands that each run begins with, and their numbers in the script.
+    """The script's commands that each run begins with, and their numbers in the script.
 
     The restart file replaces the command that creates the box.  Commands that act once are omitted,
     because the restart file contains their effect.
@@ -343,7 +342,7 @@ def _scene(
     atoms: Mapping[str, np.ndarray],
     rigid: RigidAtoms,
 ) -> tuple[Scene, list[str]]:
-    """Return the script's commands without the fixes that are replaced; and notes on them."""
+    """The script's commands without the fixes that are replaced; and notes on them."""
     stray = {fix_id: line for fix_id, line in reading["fixes"].items()
              if rigid_atoms.style_of(line) in STEERING}  # fmt: skip
     commands, first = reading["commands"], len(reading["commands"])
@@ -413,8 +412,8 @@ def _keep(array: np.ndarray, path: Path) -> None:
 
 
 def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
-    """Return the result of ``run 0`` with the first of these integrators that can start, and why
-    those before it cannot."""
+    """The result of ``run 0`` with the first of these integrators that can start, and why those
+    before it cannot."""
     why: list[str] = []
     for integrator in those:
         job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
@@ -428,8 +427,7 @@ def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]
 
 
 def _at_rest(scene, those, folder, how) -> Scene:
-    """Return the scene with the script's velocities, projected to rigid motion by a rigid
-    integrator.
+    """The scene with the script's velocities, projected to rigid motion by a rigid integrator.
 
     Raises:
         SystemExit: none of them can start.
@@ -448,7 +446,7 @@ def _at_rest(scene, those, folder, how) -> Scene:
 
 
 def _otherwise(scene, those, reading, atoms, folder, how) -> list[str]:
-    """Return a note if the start differs from the script's state after earlier runs, which may have
+    """A note if the start differs from the script's state after earlier runs, which may have
     changed coefficients that the script's commands set.
 
     Args:

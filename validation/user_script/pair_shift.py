@@ -32,8 +32,8 @@ WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
 def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """Return the script with shifted pair energies.  It is unchanged if they are shifted already,
-    or if the shift would change the ensemble or be useless.
+    """The script with shifted pair energies.  It is unchanged if they are shifted already, or if
+    the shift would change the ensemble or be useless.
 
     Args:
         tell: is called with a note if the script is changed.
@@ -56,8 +56,7 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
 
 
 def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:
-    """Return whether pair energies are shifted, and whether they may have tails; None without pair
-    style.
+    """Whether pair energies are shifted, and whether they may have tails; None without pair style.
 
     LAMMPS keeps both settings for a style that is set again, and a restart file has them.
     """

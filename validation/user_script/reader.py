@@ -129,7 +129,7 @@ class Script:
             return STOP
 
     def answer(self, words: Sequence[str], at_once: bool) -> int:
-        """Return whether to execute a command: `DO`, `LEAVE_OUT` or `STOP`."""
+        """Whether to execute a command: `DO`, `LEAVE_OUT` or `STOP`."""
         word, *rest = words
         line = self.where = commands.join_words(words)
         self.count += 1
@@ -209,7 +209,7 @@ class Script:
             RECORDER.recorder_see(None)
 
     def _message(self, failure: Exception) -> str:
-        """Return LAMMPS's message, with the command that failed."""
+        """LAMMPS's message, with the command that failed."""
         if isinstance(failure, UnicodeError):  # LAMMPS replaces other characters, also there
             return (
                 f"the script failed at '{self.where}': LAMMPS accepts only ASCII characters in "
@@ -225,7 +225,7 @@ class Script:
 
 
 def _undone(line: str, made: str, name: str) -> bool:
-    """Return whether a command deletes the fix or compute of this name."""
+    """Whether a command deletes the fix or compute of this name."""
     if made == "fix" and rigid_atoms.modify_commands([line], [name]):
         return True
     kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
@@ -235,7 +235,7 @@ def _undone(line: str, made: str, name: str) -> bool:
 
 
 def _script(ask: dict) -> Script:
-    """Return the script, read with the earlier runs executed if there are any."""
+    """The script, read with the earlier runs executed if there are any."""
     for doing in False, True:
         os.chdir(ask["workplace"])
         if WORLD.rank == 0:  # discard what was written without earlier runs
@@ -300,7 +300,7 @@ def read(ask: dict, out: Path) -> None:
 
 
 def _styles(lmp: lammps, out: Path) -> dict[str, str]:
-    """Return the style of each fix by ID, with suffixes; collective."""
+    """The style of each fix by ID, with suffixes; collective."""
     lmp.command("info fixes out log")
     lmp.flush_buffers()
     WORLD.Barrier()  # rank 0 has written
@@ -309,7 +309,7 @@ def _styles(lmp: lammps, out: Path) -> dict[str, str]:
 
 
 def _system(lmp: lammps) -> dict:
-    """Return facts about the system."""
+    """Facts about the system."""
     low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
     sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of inertia
     return {
@@ -337,8 +337,8 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
 
 
 def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
-    """Return temperature and potential energy of all atoms, or 0 and None if LAMMPS cannot compute
-    them; collective."""
+    """Temperature and potential energy of all atoms, or 0 and None if LAMMPS cannot compute them;
+    collective."""
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
@@ -356,7 +356,7 @@ def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
 
 
 def _ids(lmp: lammps) -> np.ndarray:
-    """Return the IDs of this rank's atoms."""
+    """The IDs of this rank's atoms."""
     local = lmp.extract_global("nlocal")
     return np.array(lmp.numpy.extract_atom("id")[:local] if local else (), int)
 
@@ -378,8 +378,7 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
 
 
 def _with_numbers(lmp: lammps, line: str) -> str:
-    """Return a fix of ours with the values of equal-style variables, which it reads when a run
-    begins."""
+    """A fix of ours with the values of equal-style variables, which it reads when a run begins."""
     if rigid_atoms.kind_of(line) != "ours":
         return line
 
@@ -394,8 +393,7 @@ def _with_numbers(lmp: lammps, line: str) -> str:
 
 
 def _variable(lmp: lammps, name: str) -> np.ndarray | None:
-    """Return an atom-style variable's values, in order of atom ID; None if it is of another
-    style."""
+    """An atom-style variable's values, in order of atom ID; None if it is of another style."""
     if lmp.lib.lammps_extract_variable_datatype(lmp.lmp, name.encode()) != LMP_VAR_ATOM:
         return None
     mine = _ids(lmp), np.array(lmp.extract_variable(name))
@@ -404,7 +402,7 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
 
 
 def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
-    """Return arrays of all atoms, in order of ID, and of bonds and angles; collective."""
+    """Arrays of all atoms, in order of ID, and of bonds and angles; collective."""
 
     def gather(name, kind, count):
         get = lmp.gather if name.startswith("i_") else lmp.gather_atoms

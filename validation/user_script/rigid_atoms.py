@@ -154,16 +154,16 @@ class RigidAtoms:
 
 
 def style_of(line: str) -> str:
-    """Return the style of a fix without suffixes of accelerated variants: rigid/nvt/nosquish, also
-    for nosquish/rigid/nvt, and nosquish/nvt for nosquish/nvt/small."""
+    """The style of a fix without suffixes of accelerated variants: rigid/nvt/nosquish, also for
+    nosquish/rigid/nvt, and nosquish/nvt for nosquish/nvt/small."""
     plain = re.sub(r"/(omp|intel|kk|gpu|opt)$", "", split_words(line)[3])
     plain = re.sub(r"^nosquish/(rigid.*)", r"\1/nosquish", plain)
     return re.sub(r"^(nosquish/\w+)/small$", r"\1", plain)
 
 
 def parse_fix(line: str) -> FixCommand | None:
-    """Return the command of a fix of this package or of an older scheme; None for another command,
-    and for a fix that lacks arguments (LAMMPS reports it)."""
+    """The command of a fix of this package or of an older scheme; None for another command, and for
+    a fix that lacks arguments (LAMMPS reports it)."""
     word, *rest = split_words(line) or [""]
     if word != "fix" or len(rest) < 4:
         return None
@@ -180,7 +180,7 @@ def parse_fix(line: str) -> FixCommand | None:
 
 
 def short_name(line: str) -> str:
-    """Return a fix in one word: its style, or the class in quotes."""
+    """A fix in one word: its style, or the class in quotes."""
     style, words = style_of(line), split_words(line)
     if style.endswith(commands.SUFFIX):
         name = rigid_fixes.integrator(str(rigid_fixes.plain(style)), words)
@@ -189,12 +189,12 @@ def short_name(line: str) -> str:
 
 
 def moves_atoms(line: str) -> bool:
-    """Return whether a fix moves atoms, as far as is known."""
+    """Whether a fix moves atoms, as far as is known."""
     return bool(kind_of(line) or parse_fix(line)) or style_of(line) == "python/move"
 
 
 def kind_of(line: str) -> str | None:
-    """Return how a fix moves atoms, see `RigidAtoms`; None if ours cannot replace it."""
+    """How a fix moves atoms, see `RigidAtoms`; None if ours cannot replace it."""
     style, ours = style_of(line), parse_fix(line)
     if ours:
         return "ours" if ours.name in OURS else None
@@ -208,7 +208,7 @@ def kind_of(line: str) -> str | None:
 
 
 def rigid_fix_ids(fixes: Mapping[str, str], wanted: Collection[str] = ()) -> list[str]:
-    """Return the IDs of the fixes that keep atoms rigid; of the wanted ones, if any, once all are
+    """The IDs of the fixes that keep atoms rigid; of the wanted ones, if any, once all are
     defined."""
     if wanted:
         return list(wanted) if set(wanted) <= fixes.keys() else []
@@ -226,7 +226,7 @@ def describe_fixes(fixes: Mapping[str, str]) -> str:
 def no_rigid_run(
     seen: Sequence[str], wanted: Collection[str] = (), at: int = 1, had: int = 0
 ) -> str:
-    """Return the message for a script without a run in which a fix keeps atoms rigid.
+    """The message for a script without a run in which a fix keeps atoms rigid.
 
     Args:
         seen: the runs, with their fixes.
@@ -298,12 +298,12 @@ def find(
 
 
 def compute_ids(ids: Collection[str]) -> set[str]:
-    """Return the IDs of computes that fixes with these IDs define."""
+    """The IDs of computes that fixes with these IDs define."""
     return {f"{fix_id}_{kind}" for fix_id in ids for kind in ("temp", "press")}
 
 
 def modify_commands(commands: Sequence[str], ids: Collection[str]) -> list[str]:
-    """Return the commands ``fix_modify`` of fixes with these IDs, and ``compute_modify`` of their
+    """The commands ``fix_modify`` of fixes with these IDs, and ``compute_modify`` of their
     computes."""
     named = {"fix_modify": {*ids}, "compute_modify": compute_ids(ids)}
     split = ((line, split_words(line)) for line in commands)
@@ -311,7 +311,7 @@ def modify_commands(commands: Sequence[str], ids: Collection[str]) -> list[str]:
 
 
 def in_group(reading: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> np.ndarray:
-    """Return the mask of a group's atoms, (atoms,).
+    """The mask of a group's atoms, (atoms,).
 
     Raises:
         AmbiguousScript: there is no such group.
@@ -323,8 +323,8 @@ def in_group(reading: Mapping, atoms: Mapping[str, np.ndarray], group: str) -> n
 
 
 def atoms_of_fix(reading: Mapping, atoms: Mapping[str, np.ndarray], line: str) -> np.ndarray:
-    """Return the mask of the atoms that a fix acts on: those of its group; for ours those of the
-    class's group and its flexible atoms."""
+    """The mask of the atoms that a fix acts on: those of its group; for ours those of the class's
+    group and its flexible atoms."""
     ours = parse_fix(line)
     if not ours:
         return in_group(reading, atoms, split_words(line)[2])
@@ -336,8 +336,7 @@ def atoms_of_fix(reading: Mapping, atoms: Mapping[str, np.ndarray], line: str) -
 def other_thermostats(
     reading: Mapping, atoms: Mapping[str, np.ndarray], rigid: RigidAtoms
 ) -> dict[str, str]:
-    """Return the styles of the script's other fixes that control the temperature of bodies, by
-    ID."""
+    """The styles of the script's other fixes that control the temperature of bodies, by ID."""
     kept = ((fix_id, line) for fix_id, line in reading["fixes"].items() if fix_id not in rigid.ids)
     return {
         fix_id: style_of(line)
@@ -348,12 +347,12 @@ def other_thermostats(
 
 
 def _flexible(keywords: Sequence[str]) -> str:
-    """Return the argument of keyword flexible; empty without it."""
+    """The argument of keyword flexible; empty without it."""
     return next((part[1] for part in _split(keywords) if part[0] == "flexible"), "")
 
 
 def _movers(reading, atoms, fixes, mask) -> list[str]:
-    """Return the IDs of fixes that move some of these atoms as points."""
+    """The IDs of fixes that move some of these atoms as points."""
     points = [fix_id for fix_id, line in fixes.items() if kind_of(line) == "plain"]
     return [
         fix_id for fix_id in points if (atoms_of_fix(reading, atoms, fixes[fix_id]) & mask).any()
@@ -371,8 +370,7 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 
 
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
-    """Return a fix's temperature and pressure, the keywords that other integrators get, and the
-    others."""
+    """A fix's temperature and pressure, the keywords that other integrators get, and the others."""
     temp: tuple[str, ...] | None = None
     press, couple, kept, dropped = [], None, [], []
     for part in _split(words):
@@ -392,7 +390,7 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
 
 
 def body_words(words: Sequence[str]) -> int:
-    """Return the number of words of the body style that begins these."""
+    """The number of words of the body style that begins these."""
     if words[:1] == ["custom"]:
         return 2
     counted = words[:1] == ["group"] and words[1:2] and words[1].isdigit()
@@ -400,7 +398,7 @@ def body_words(words: Sequence[str]) -> int:
 
 
 def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
-    """Return the bodies of one of ours or of LAMMPS's rigid fixes, and of a barostat beside it."""
+    """The bodies of one of ours or of LAMMPS's rigid fixes, and of a barostat beside it."""
     words, ours = split_words(line), parse_fix(line)
     if ours:
         _, group, bodies, keywords = ours
@@ -439,8 +437,8 @@ def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
 
 
 def _barostat_beside(reading, atoms, body) -> str | None:
-    """Return the ID of the fix npt or nph that moves only atoms in no body, and the box with them:
-    a fix that moves bodies and controls the pressure has to move these atoms, too."""
+    """The ID of the fix npt or nph that moves only atoms in no body, and the box with them: a fix
+    that moves bodies and controls the pressure has to move these atoms, too."""
     for fix_id, line in reading["fixes"].items():
         if style_of(line) in ("npt", "nph"):
             mask = atoms_of_fix(reading, atoms, line)
@@ -450,7 +448,7 @@ def _barostat_beside(reading, atoms, body) -> str | None:
 
 
 def number_bodies(reading, atoms, group: str, bodies: Sequence[str]) -> np.ndarray:
-    """Return the number of each atom's body, (atoms,), from 1; 0 for none.
+    """The number of each atom's body, (atoms,), from 1; 0 for none.
 
     Atoms with molecule-ID 0 are one body, as in LAMMPS.
     """
@@ -476,7 +474,7 @@ def number_bodies(reading, atoms, group: str, bodies: Sequence[str]) -> np.ndarr
 
 
 def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[str | None, str]:
-    """Return the words of shake that keep the bodies rigid; or None, and why it cannot."""
+    """The words of shake that keep the bodies rigid; or None, and why it cannot."""
     sizes, words = np.bincount(body)[1:], []
     if len(sizes) == 0 or sizes.max() > LARGEST_CLUSTER:
         return None, f"it keeps at most 3 atoms rigid, and bodies have {sizes.max(initial=0)}"
@@ -501,20 +499,19 @@ def _held_by_shake(atoms: Mapping[str, np.ndarray], body: np.ndarray) -> tuple[s
 
 
 def _rows(atoms: Mapping[str, np.ndarray], name: str) -> np.ndarray:
-    """Return bonds or angles, as rows of a type and atom IDs."""
+    """Bonds or angles, as rows of a type and atom IDs."""
     return np.asarray(atoms.get(name, np.empty((0, {"bonds": 3, "angles": 4}[name]), int)))
 
 
 def connected_parts(bonds: np.ndarray, atoms: int) -> np.ndarray:
-    """Return the molecule of each atom, (atoms,), from 0, by bonds: rows of (type, atom ID, atom
-    ID)."""
+    """The molecule of each atom, (atoms,), from 0, by bonds: rows of (type, atom ID, atom ID)."""
     i, j = bonds[:, 1] - 1, bonds[:, 2] - 1
     graph = coo_array((np.ones(len(bonds)), (i, j)), shape=(atoms, atoms))
     return connected_components(graph, directed=False)[1]
 
 
 def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> RigidAtoms:
-    """Return points: constrained by shake or rattle, or free."""
+    """Points: constrained by shake or rattle, or free."""
     line, body = fixes[fix_id], None
     holder = line if kind == "constraints" else ""
     if holder and not (group or bodies):
@@ -585,7 +582,7 @@ def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> Rig
 
 
 def _are_bodies(words: Sequence[str], groups: Collection[str]) -> bool:
-    """Return whether words of --bodies are those of a body style."""
+    """Whether words of --bodies are those of a body style."""
     if words[:1] == ["group"]:
         names = words[2:]
         return words[1:2] == [str(len(names))] and bool(names) and set(names) <= set(groups)
@@ -595,28 +592,28 @@ def _are_bodies(words: Sequence[str], groups: Collection[str]) -> bool:
 
 
 def shake_words(line: str) -> str:
-    """Return what a fix shake constrains: its words from b, a, t, m on."""
+    """What a fix shake constrains: its words from b, a, t, m on."""
     words = split_words(line)[7:]
     until = next((i for i, word in enumerate(words) if word in ("mol", "kbond")), len(words))
     return " ".join(words[:until])
 
 
 def held_bonds(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """Return the mask of the bonds that shake constrains between atoms of a mask."""
+    """The mask of the bonds that shake constrains between atoms of a mask."""
     ends = _rows(atoms, "bonds")[:, 1:] - 1
     return atoms["held_bonds"] & mask[ends].all(axis=1) if len(ends) else np.zeros(0, bool)
 
 
 def held_atoms(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """Return the mask of the atoms in a bond of `held_bonds`."""
+    """The mask of the atoms in a bond of `held_bonds`."""
     held = np.zeros(len(atoms["type"]), bool)
     held[_rows(atoms, "bonds")[held_bonds(atoms, mask), 1:] - 1] = True
     return held
 
 
 def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndarray:
-    """Return the bodies that shake makes of atoms in a mask, (atoms,), numbers from 1, 0 for none:
-    whole molecules of two atoms, or of three with a constrained angle."""
+    """The bodies that shake makes of atoms in a mask, (atoms,), numbers from 1, 0 for none: whole
+    molecules of two atoms, or of three with a constrained angle."""
     bonds, angles = _rows(atoms, "bonds"), _rows(atoms, "angles")
     number = len(atoms["type"])
     part = connected_parts(bonds, number)
@@ -639,7 +636,7 @@ def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndar
 
 
 def _same(atoms, body) -> bool:
-    """Return whether molecule IDs define the same bodies."""
+    """Whether molecule IDs define the same bodies."""
     if "molecule" not in atoms:
         return False
     inside = body > 0
@@ -648,7 +645,7 @@ def _same(atoms, body) -> bool:
 
 
 def _group_of(reading, atoms, body, group) -> tuple[str, list[str]]:
-    """Return the name of a group of the bodies' atoms, and the commands that define it."""
+    """The name of a group of the bodies' atoms, and the commands that define it."""
     inside = body > 0
     for name in [group] if group else filter(None, reading["groups"]):
         if (in_group(reading, atoms, name) == inside).all():

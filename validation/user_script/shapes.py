@@ -62,8 +62,8 @@ class BodyGroup(NamedTuple):
 
 
 def body_groups(script: UserScript) -> tuple[list[BodyGroup], float]:
-    """Return the script's bodies by kind; and the largest difference of a body's extent by image
-    flags from that by nearest images."""
+    """The script's bodies by kind; and the largest difference of a body's extent by image flags
+    from that by nearest images."""
     atoms, cell, periodic = (
         script.atoms,
         np.array(script.reading["cell"]),
@@ -132,12 +132,12 @@ def _shape(moments, flat) -> tuple[str, int]:
 
 
 def mvv2e(script: UserScript) -> float:
-    """Return energy over mass times the square of velocity, in the script's units."""
+    """Energy over mass times the square of velocity, in the script's units."""
     return MVV2E.get(script.scene.units, 1.0)
 
 
 def temperature(script: UserScript) -> float:
-    """Return the temperature of the thermostat if it is a number, else that of the start."""
+    """The temperature of the thermostat if it is a number, else that of the start."""
     try:
         return float((script.rigid.state.temp or ("",))[0])
     except ValueError:
@@ -145,12 +145,12 @@ def temperature(script: UserScript) -> float:
 
 
 def thermal_energy(script: UserScript) -> float:
-    """Return kT in the script's units of energy."""
+    """kT in the script's units of energy."""
     return script.reading["boltzmann"] * temperature(script)
 
 
 def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, float]:
-    """Return angular frequencies (1/time) of the stiffest motions, from the forces of the start.
+    """Angular frequencies (1/time) of the stiffest motions, from the forces of the start.
 
     For harmonic motions in equilibrium mean square force = kT x spring constant.  The forces do not
     include the noise of thermostats.
@@ -165,14 +165,13 @@ def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str
 
 
 def mean_square_frequency(script: UserScript, groups: Sequence[BodyGroup]) -> float:
-    """Return the mean of the squares of `fastest_motions` over all degrees of freedom, 1/time^2."""
+    """The mean of the squares of `fastest_motions` over all degrees of freedom, 1/time^2."""
     every = [pair for some in _squares(script, groups).values() for pair in some]
     return float(sum(one * n for one, n in every) / max(sum(n for _, n in every), 1))
 
 
 def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]:
-    """Return squares of angular frequencies, 1/time^2, each with its number of degrees of
-    freedom."""
+    """Squares of angular frequencies, 1/time^2, each with its number of degrees of freedom."""
     mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
     unit, axes_of_space = thermal_energy(script) * mvv2e(script), script.reading["dimension"]
     squares: dict[str, list] = {"centres": [], "turning": [], "other atoms": []}
@@ -196,7 +195,7 @@ def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]
 
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:
-    """Return masks of the atoms that each fix of the script moves, by ID."""
+    """Masks of the atoms that each fix of the script moves, by ID."""
     found: dict[str, np.ndarray] = {}
     for one, line in script.reading["fixes"].items():
         style = rigid_atoms.style_of(line)

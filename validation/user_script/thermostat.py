@@ -27,8 +27,7 @@ DYNAMICS = {  # commands whose results depend on dynamics: of each the styles
 
 
 def kind_of(lines: Iterable[str]) -> str | None:
-    """Return the kind of thermostat that fix lines give the bodies, one of `NAMES`; None for
-    none."""
+    """The kind of thermostat that fix lines give the bodies, one of `NAMES`; None for none."""
     fixes = [line for line in lines if split_words(line)[:1] == ["fix"]]
     for line in fixes:
         ours = rigid_atoms.parse_fix(line)
@@ -43,8 +42,8 @@ def kind_of(lines: Iterable[str]) -> str | None:
 
 
 def asked(script: UserScript) -> dict | None:
-    """Return the script's thermostat, as plain data: ``kind``, ``damp`` with its unit, and the
-    commands that read ``dynamics``; None if the bodies' fixes have none."""
+    """The script's thermostat, as plain data: ``kind``, ``damp`` with its unit, and the commands
+    that read ``dynamics``; None if the bodies' fixes have none."""
     kind = kind_of(script.rigid.lines)
     if kind is None or not script.rigid.state.temp:
         return None

@@ -25,14 +25,14 @@ LISTS = "neigh_modify every 1 delay 0 check yes"
 
 
 def stiffest(script: UserScript, groups: Sequence[BodyGroup] | None = None) -> float:
-    """Return the largest angular frequency (1/time) from the forces at the start; 0 without any."""
+    """The largest angular frequency (1/time) from the forces at the start; 0 without any."""
     some = shapes.body_groups(script)[0] if groups is None else groups
     return max(shapes.fastest_motions(script, some).values(), default=0.0)
 
 
 def error_coefficient(script: UserScript, groups: Sequence[BodyGroup]) -> float:
-    """Return the estimated relative error of temperatures over the square of the step, with the
-    script's thermostat."""
+    """The estimated relative error of temperatures over the square of the step, with the script's
+    thermostat."""
     friction, state = 0.0, script.rigid.state
     if thermostat.kind_of(script.rigid.lines) == "langevin" and state.temp:
         ps = PICOSECONDS.get(script.scene.units)
@@ -41,8 +41,8 @@ def error_coefficient(script: UserScript, groups: Sequence[BodyGroup]) -> float:
 
 
 def lists_in_time(commands: Iterable[str]) -> list[str]:
-    """Return the command with which LAMMPS checks neighbour lists in every step, if the script's
-    settings differ: these were sufficient for its step, but not for a longer one."""
+    """The command with which LAMMPS checks neighbour lists in every step, if the script's settings
+    differ: these were sufficient for its step, but not for a longer one."""
     settings = {"every": "1", "delay": "0", "check": "yes"}
     for words in map(split_words, commands):
         if words[0] == "neigh_modify":
@@ -52,7 +52,7 @@ def lists_in_time(commands: Iterable[str]) -> list[str]:
 
 
 def with_lists_in_time(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """Return the script with `LISTS`, if its own settings differ.
+    """The script with `LISTS`, if its own settings differ.
 
     Args:
         tell: is called with a note if the script is changed.
