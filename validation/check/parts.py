@@ -44,7 +44,7 @@ def rigid(
     the number of each of `PARTS`.  XH is a heavy atom with its hydrogens, in no other part.
 
     Args:
-        atoms: ``mass``, ``x`` and ``bonds``, as of ``own``.
+        atoms: ``mass``, ``x`` and ``bonds``, as read by ``reader``.
         cell: vectors as rows, Angstrom.
         wanted: of `PARTS`.
     """
