@@ -147,8 +147,7 @@ def compare(run_kind, kind, ranks, *, tolerance=1e-9, table=True, setting=""):
     rest = "molecule\n" + setting + "\nthermo 20\nrun 100"
     theirs, their_table = run_kind(kind, SMALL.format(group="all", words=rest))
     rest = rest.replace("molecule", "molecule order 123")
-    ours, ours_table = run_kind(kind, OURS.format(group="all", words="WORDS").replace(
-        'WORDS"', rest.replace("\n", '"\n', 1)), ranks=ranks)  # fmt: skip
+    ours, ours_table = run_kind(kind, OURS.format(group="all", words=rest), ranks=ranks)
     close(ours[:, :3], theirs[:, :3], tolerance)
     close(ours[:, 3:6], theirs[:, 3:6], 10 * tolerance)
     close(ours[:, 6:], theirs[:, 6:], 10 * tolerance)
@@ -264,7 +263,9 @@ def test_restarted(run_kind, kind):
 def test_rejected_trajectory(run_kind, kind, dt):
     """Locks out particles that keep the orientation of a trajectory that was rejected: with their
     bodies back where they were, the potential energy and the torques are those of before."""
-    fix = OURS.format(group="all", words="molecule temp 15e-1 steps 5 seed 8").replace("NVE", "HMC")
+    fix = OURS.format(group="all", words="molecule temp 15e-1 steps 5 seed 8").replace(
+        "nosquish/nve", "nosquish/hmc"
+    )
     columns = "\ncompute each all property/atom tqx tqy tqz"
     columns += "\ncompute torque all reduce sumsq c_each[*]"
     columns += "\nthermo_style custom step pe f_1[7] c_torque[*]"

@@ -99,12 +99,12 @@ NVE, MN = "nosquish/nve molecule", target("MatubayasiNakahara")
         (
             "nosquish/nvt molecule temp 1 1 1 seed 5",
             "all deform 1 xy erate 0.3 remap v",
-            "nosquish/nvt does not do so",
+            "nosquish/nvt does not support it",
         ),
         (
             f'python/move "{MN} all molecule"',
             "all deform 1 xy erate 0.3 remap v",
-            "MatubayasiNakahara does not do so",
+            "MatubayasiNakahara does not support it",
         ),
     ],
     ids=["none", "tilt", "wiggle", "group", "NVT", "derived"],

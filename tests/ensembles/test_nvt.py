@@ -347,7 +347,7 @@ def test_another_time_step_in_the_next_run(run_lammps, tmp_path, name, cell):
     seed = "seed 771 " if cell == "crescale" and name == "nh" else ""
     line = fix_nvt(f"{THERMOSTATS.get(name, '')} {seed}{CELLS[cell]}", "2 2 2e-1")
     if cell:
-        line = line.replace("NVT", "NPT")
+        line = line.replace("nosquish/nvt", "nosquish/npt")
     if name == "NPH":
         cell = CELLS[cell].replace("barostat mtk", "")
         line = f"fix 1 all nosquish/nph molecule {cell}\n"

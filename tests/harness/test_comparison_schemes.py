@@ -83,13 +83,13 @@ def move_gear(bodies, dt, steps, force=field, starts=True):
 
 
 def move(integrator, bodies, dt, steps, mrot, force, starts=True):
-    cells = step_cells(integrator, bodies, dt, mrot)
-    begin = integrator.advance.bind_to(cells, gathers=0, ends=0, begins=1, part=block.ALL)
-    end = integrator.tail.bind_to(cells)
+    cells, loops = step_cells(integrator, bodies, dt, mrot), integrator.scheme
+    begin = loops.advance.bind_to(cells, gathers=0, ends=0, begins=1, part=block.ALL)
+    end = loops.tail.bind_to(cells)
     if starts:
         bodies.wrench[:] = force(bodies.x, bodies.q)
-    if starts and integrator.start:
-        integrator.start.bind_to(cells)()
+    if starts and loops.start:
+        loops.start.bind_to(cells)()
     for _ in range(steps):
         begin()
         bodies.wrench[:] = force(bodies.x, bodies.q)

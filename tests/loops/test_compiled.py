@@ -671,7 +671,10 @@ def test_the_library_serves_all(run_lammps, fresh):
         path = f"PYTHONPATH={fresh}:{Path(np.__file__).parents[1]}"
         for ranks in 1, 2:
             words = [word for word in debian(ranks)[1:] if "PYTHONPATH" not in word]
-            runs.append(run_lammps(SCRIPT, launcher=["env", path, *words]))
+            quoted = SCRIPT.replace(
+                "nosquish/nve molecule", 'python/move "fix_nosquish.NVE all molecule"'
+            )
+            runs.append(run_lammps(quoted, launcher=["env", path, *words]))
     assert not [run.screen for run in runs if "compiles its loops" in run.screen]
     assert files(fresh) == []
 
@@ -774,7 +777,7 @@ def test_compilers_do_not_look_into_the_folder_of_the_run(tmp_path, monkeypatch)
     for name in here:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(f"raise ImportError('{name} of the folder')")
-    name, level = "fix_nosquish.ranks.lookup", machine_code.LEVELS[0]
+    name, level = "fix_nosquish.ranks.mpi", machine_code.LEVELS[0]
     importlib.import_module(name)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*filter(None, sys.path), "."])  # as in lmp

@@ -145,7 +145,7 @@ def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, rank
     assert run.code and len(errors) == 1, run.screen
     for part in (
         f"fix hold (style {style}) constrains",
-        f'fix 1 ("NVE bodies {words}")',
+        f'fix 1 ("nosquish/nve {words}")',
         "unfix it",
         "without the bodies' atoms",
     ):

@@ -83,7 +83,7 @@ def run_counted():
     from lammps import lammps
     from mpi4py import MPI
 
-    from fix_nosquish.integrators.nve import NVE
+    from fix_nosquish.run.registry import of_fix
 
     MPI.Pcontrol(0)
     lmp = lammps(cmdargs=["-log", "none", "-screen", "none"])
@@ -92,7 +92,7 @@ def run_counted():
     lmp.command(f"run {STEPS} pre no")
     MPI.Pcontrol(0)
     with open(f"arrays.{MPI.COMM_WORLD.rank}", "w") as file:
-        json.dump(arrays(NVE.of_fix(lmp, "1")), file)
+        json.dump(arrays(of_fix(lmp, "1")), file)
 
 
 def start(ranks, folder, program):
