@@ -161,7 +161,7 @@ class Ensemble(Integrator):
             )
             kept.kind = self._kind
         elif run.parameters is not None:  # the state in a restart file may be of an earlier step
-            self._energy = self._energy_given(run)
+            self._energy, run.parameters.heat = self._energy_given(run), 0.0
             if run.parameters.step >= 0:  # otherwise there was no step since the last call
                 kept.was_at = run.parameters.step
         elif np.isfinite(kept.energy):

@@ -78,6 +78,8 @@ class Setting:
         table: the file of keyword output, None as long as there is none.
         made: the bodies, None before the first run, and if one could not begin.
         ran: whether a run has begun.
+        parameters: the record of the integrator's parameters, of the last run that could begin;
+            None before it.
         pending_half_kick: with `mid_step`, the time step of the half kick that is left to the next
             run's first step: 0.0 if none is, None if it is that of this step.
     """
@@ -98,6 +100,7 @@ class Setting:
     table: BodyFile | None = None
     made: MadeBodies | None = None
     ran: bool = False
+    parameters: Any = None
     pending_half_kick: float | None = None
 
     @property
@@ -171,8 +174,6 @@ class Run:
         gravity: the acceleration of keyword gravity, (3,); None without it.
         switches: what keywords force and torque switch off.
         box: the `BoxWatch`.  masses_may_change: whether a fix may change masses.
-        parameters: the record of the integrator's parameters; of the last run until there are new
-            ones, None before the first run.
         passes: the `Passes`.  cards: the `Cards`.
         thermo: the `Thermo` of the bodies.  velocities: those of their atoms.
         minimization: the bodies' coordinates in a minimization; None in a run.
@@ -180,11 +181,10 @@ class Run:
         stepped: whether it has made a step, so far as it is known.
     """
 
-    parameters: Any
     passes: Passes
 
-    def __init__(self, setting: Setting, made: MadeBodies, look: "Look", parameters: Any) -> None:
-        self._setting, self._made, self.parameters = setting, made, parameters
+    def __init__(self, setting: Setting, made: MadeBodies, look: "Look") -> None:
+        self._setting, self._made = setting, made
         self.lammps, self.ranks, self.host = setting.lammps, setting.ranks, setting.host
         self.command, self.integrator = setting.command, setting.integrator
         self.membership, self.external = setting.membership, setting.external
@@ -246,6 +246,11 @@ class Run:
         """Whether it has made a step: commands rerun and minimize make none."""
         steps = self.lammps.step != self.first_step and self.minimization is None
         return steps and self.host.command[:1] != ["rerun"]
+
+    @property
+    def parameters(self) -> Any:
+        """See `Setting`; of this run as soon as it has some."""
+        return self._setting.parameters
 
     @property
     def pending_half_kick(self) -> float | None:
@@ -685,11 +690,10 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
         RunError: if the run cannot be right.
     """
     lammps, host, integrator = setting.lammps, setting.host, setting.integrator
-    refuse_time_step(lammps.dt, integrator, setting.command.line.name)
-    host.follow_schedule(None)
     if last:
         last.note_pending()
-    parameters = last.parameters if last else None
+    refuse_time_step(lammps.dt, integrator, setting.command.line.name)
+    host.follow_schedule(None)
     host.phase = Phase.NEW
     host.set_bodies(None, None)  # the atoms are not those of the last run
     goes_on = setting.goes_on
@@ -702,7 +706,7 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
         setting.made.bodies.bind(setting.membership)
     else:
         setting.made = _make(setting, last)
-    run = Run(setting, setting.made, look, parameters)
+    run = Run(setting, setting.made, look)
     _bind(run, setting)
     if not goes_on:
         _set_first_velocities(run)
@@ -821,7 +825,7 @@ def _bind(run: Run, setting: Setting) -> None:
         part.begin(run)
     declaring = integrator, *integrator.parts
     given = _joined(one.extra_parameters(run) for one in declaring)
-    run.parameters = integrator.numbers(
+    setting.parameters = integrator.numbers(
         ftm2v=run.lammps.ftm2v, mrot=setting.rotation.inner_steps, **given
     )
     conditions = Conditions(

@@ -1,6 +1,7 @@
 """NPT: the distribution of volumes, ranks, restart, boxes, and what is refused."""
 
 import re
+import sys
 
 import numpy as np
 import pytest
@@ -214,3 +215,41 @@ def test_continued_with_a_mesh(run_lammps, tmp_path):
         apart = np.abs(ends[mesh, "run 80\n"] - ends[mesh, runs]).max()
         assert apart < 1e-9 if mesh else apart > 1e-7
     assert jumps[True] < 1e-9 < 1e-6 < jumps[False], jumps
+
+
+FAILS = """
+import sys
+from lammps import lammps
+
+lmp = lammps(cmdargs=["-screen", "none"])
+lmp.file(sys.argv[1])
+lmp.command("run 20")
+before = lmp.get_thermo("ecouple")
+for wrong, right in (
+    ("run_style respa 2 2 pair 2", "run_style verlet"),
+    ("fix 2 single nosquish/nve group 1 single", "unfix 2"),
+):
+    lmp.command(wrong)
+    try:
+        lmp.command("run 10")
+    except Exception:
+        lmp.command(right)
+    lmp.command("run 0")
+    print("ECOUPLE", before, lmp.get_thermo("ecouple"))
+lmp.close()
+"""
+
+
+def test_run_that_cannot_begin(run_lammps, tmp_path):
+    """Locks out energy that was given to the thermostat and is forgotten, or counted twice, when a
+    run is refused in a Python session and the next one goes on."""
+    system = mixture(side=3, spacing=2.9)
+    (tmp_path / "drive.py").write_text(FAILS)
+    words = fix_npt(NPT_THERMOSTATS["langevin"], "iso 12e-2 12e-2 4e-1 compressibility 4")
+    script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}{thermo('ecouple', 10)}"
+    run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    told = re.findall(r"ECOUPLE (\S+) (\S+)", run.screen)
+    assert len(told) == 2
+    for before, after in told:
+        assert abs(float(before)) > 1e-3
+        assert float(after) == pytest.approx(float(before), rel=1e-9)
