@@ -227,9 +227,13 @@ class Driver:
         self._host = host
         self.fix = self._guarded(make)
         self.fix.host = host
-        self._guarded(self.fix.define_bodies)
-        # LAMMPS accepts commands, and therefore text for its log, only between runs
-        self._guarded(self.fix.report_definition)
+        try:
+            self._guarded(self.fix.define_bodies)
+            # LAMMPS accepts commands, and therefore text for its log, only between runs
+            self._guarded(self.fix.report_definition)
+        except BaseException:
+            self.fix.host = None  # Python keeps the last traceback: no other fix may find this one
+            raise
         _drivers.add(self)
 
     def _guarded(self, function: Callable[..., Any], *arguments: Any) -> Any:
@@ -289,7 +293,7 @@ class Driver:
         virial, handle = np.zeros(6), self._host.lammps.handle
         drivers = [one for one in _drivers if one._host.lammps.handle == handle]
         for driver in sorted(drivers, key=lambda one: one.fix.number):
-            driver._add_virial(virial)
+            driver._guarded(driver._add_virial, virial)
         return self._host.communicator.total(virial)
 
     def _add_virial(self, virial: np.ndarray) -> None:

@@ -23,10 +23,11 @@ from ..motion import step, virial
 from ..motion.block import ROWS
 from ..ranks import migration, mpi, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import former_names, log, output, passes
+from . import former_names, log, output, passes, switches
 from .external import ExternalForces, all_ids
 from .integrator import Integrator
 from .making import BodyMaker
+from .other_fixes import OtherFixes
 from .registry import Registered, siblings_of
 from .replacement import replacement_notice
 from .rotation import Rotation
@@ -145,10 +146,35 @@ class Fix(Registered):
     @_hook
     def report_definition(self) -> None:
         """Log what the bodies are, where LAMMPS takes no text for its log in a run; collective."""
-        bodies, report, _ = self.setting.maker.prepare(None)()
-        facts = log.facts_of(Thermo(bodies, self.lammps, self.ranks), report)
-        lines = log.summary(facts, self.integrator.method, self.command, "", [])
-        self.setting.log.summary(lines, self.host.advice(facts.removed), projected=False)
+        setting, command = self.setting, self.command
+        bodies, report, _ = setting.maker.prepare(None)()
+        self.rotation.choose(bodies, self.ranks, self.host)
+        thermo = Thermo(bodies, self.lammps, self.ranks)
+        facts, lines = log.facts_of(thermo, report), log.of_words(command, self.lammps)
+        if command.details:
+            lines.append(log.work(facts, self._first_step_facts(bodies), command, OtherFixes(None)))
+        lines = log.summary(facts, self.integrator.method, command, "", lines)
+        setting.log.summary(lines, self.host.advice(facts.removed), projected=False)
+        warmed = bool(self.integrator.thermostat)
+        mask = switches.mask(switches.choices(command, self.ranks, bodies), bodies)
+        warnings = [*log.of_start(report, warmed, (self.host.group, command.group))]
+        warnings += [*report.warnings, *log.of_motion(thermo, mask, self.membership.name)]
+        setting.log.warn([*warnings, *log.of_time_step(self.lammps)])
+
+    def _first_step_facts(self, bodies: Bodies) -> log.StepFacts:
+        """Those that are known when the fix is defined."""
+        return log.StepFacts(
+            splits=self.integrator.splits,
+            exact=self.rotation.exact,
+            spin=bodies.spin,
+            oriented=bodies.oriented,
+            thermostat=bool(self.integrator.thermostat),
+            box_every=0,
+            two_passes=bool(self.integrator.scheme.go_on),
+            external=False,
+            half_step=True,
+            virial=False,
+        )
 
     # ------------------------------------------------------------- what it declares to LAMMPS
 

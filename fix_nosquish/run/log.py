@@ -205,7 +205,17 @@ def _often(steps: tuple[int, ...]) -> str:
     return f"{every}with output"
 
 
-def moments_line(moments: Moments, command: Command, lammps: Lammps) -> str:
+def of_words(command: Command, lammps: Lammps) -> list[str]:
+    """Lines on what words of the fix line mean."""
+    lines = []
+    if command.seed is not None and lammps.setting("universe_size") > lammps.ranks:
+        lines.append(OF_WORLDS)
+    if command.moments:
+        lines.append(_moments_line(command.moments, command, lammps))
+    return lines
+
+
+def _moments_line(moments: Moments, command: Command, lammps: Lammps) -> str:
     """A line on keyword moments."""
     how, word = moments
     if how == "step":

@@ -361,12 +361,9 @@ class Run:
         Args:
             virial: whether LAMMPS asks for it.
         """
-        facts, command, lines = log.facts_of(self.thermo, self.report), self.command, []
-        if command.seed is not None and self.lammps.setting("universe_size") > self.lammps.ranks:
-            lines.append(log.OF_WORLDS)
+        facts, command = log.facts_of(self.thermo, self.report), self.command
+        lines = log.of_words(command, self.lammps)
         lines += self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
-        if command.moments:
-            lines.append(log.moments_line(command.moments, command, self.lammps))
         if command.details:
             lines.append(log.work(facts, self._step_facts(virial), command, self.other_fixes))
         note = getattr(self.integrator.thermostat, "freedom_note", "")

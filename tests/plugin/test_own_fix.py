@@ -261,3 +261,14 @@ def test_a_failed_fix_goes_away(capfd):
     finally:
         gc.enable()
     assert capfd.readouterr().err == "ERROR: no atoms\n"
+
+
+def test_words_in_the_log(run_water):
+    """Locks out lines on keywords, and warnings, that no log has: LAMMPS's own fix takes text for
+    it only when the fix is defined."""
+    line = line_of_class("fix_nosquish.NVT").format(
+        group="water", words="molecule temp 300 300 100 seed 3 details yes moments step"
+    )
+    log = run_water(f"timestep 300\n{line}", "run 0")[0].log
+    for text in "principal moments: at least", "in a step:", "WARNING: the time step is 300":
+        assert text in log
