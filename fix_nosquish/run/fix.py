@@ -79,8 +79,8 @@ class Fix(Registered):
         host: what calls it: see `hosts.Host`.
         integrator: the `Integrator`.
         setting: what it has for all of its runs, as soon as it is defined.
-        run: the `Run` of now, or the last one; None before the first one, or if one failed to
-            begin.
+        run: the `Run` of now, or the last one that could begin; None before the first one, or if
+            its bodies are gone.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix.
         virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
@@ -242,7 +242,11 @@ class Fix(Registered):
     def init(self) -> None:
         """A run begins."""
         last, self.run = self.run, None
-        self.run = begin_run(self.setting, last)
+        try:
+            self.run = begin_run(self.setting, last)
+        except BaseException:
+            self.run = last if last and last.has_bodies else None
+            raise
         self.run.bodies.force_receiver = WeakMethod(self.give_forces)
 
     @_hook

@@ -242,6 +242,15 @@ class Run:
         return switches.mask(self.switches, self.bodies)
 
     @property
+    def has_bodies(self) -> bool:
+        """Whether it was not dropped."""
+        return "bodies" in vars(self)
+
+    def drop(self) -> None:
+        """Free all memory, because the next run makes its bodies: nothing can be asked any more."""
+        vars(self).clear()
+
+    @property
     def steps_made(self) -> bool:
         """Whether it has made a step: commands rerun and minimize make none."""
         steps = self.lammps.step != self.first_step and self.minimization is None
@@ -794,7 +803,7 @@ def _make(setting: Setting, last: Run | None) -> MadeBodies:
     build = maker.prepare(before if setting.ran else None)
     setting.made = before = None  # there may be no memory for both
     if last:
-        vars(last).clear()
+        last.drop()
     bodies, report, kept = build()
     making.refuse_infinite(report)
     setting.rotation.choose(bodies, setting.ranks, host)
