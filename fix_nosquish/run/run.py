@@ -414,9 +414,11 @@ class Run:
         """The first step begins, and LAMMPS has called no setup before it."""
         self.resume()
         self.follow_atoms()
-        vflag, self.host.vflag = self.host.vflag, 0  # that is of the step which begins
+        host, setting = self.host, self._setting
+        vflag, table = host.vflag, setting.table  # they are for the step which begins
+        host.vflag, setting.table = 0, None
         self.follow("setup")
-        self.host.vflag = vflag
+        host.vflag, setting.table = vflag, table
 
     def continue_(self) -> None:
         """Begin a run that goes on from the last one without a set-up, with 'pre no'."""

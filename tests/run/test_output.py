@@ -340,6 +340,21 @@ def test_disk_that_fills_up(simulate, tmp_path, disk, said, ranks):
     assert run.thermo["Step"][-1] in (last, last + 1)
 
 
+def test_table_of_a_run_without_setup(run_lammps, tmp_path):
+    """Locks out a row of the first step with the positions of before it, where write_restart has
+    begun a run that goes on with pre no."""
+    system, tables = mixture(side=2), []
+    fix = OURS.format(group="all", words="molecule output 1 v_table")
+    for runs in "run 6", "run 3\nwrite_restart state\nrun 3 pre no":
+        script = f"{system.setup}\n{FILE}\n{fix}\ntimestep {0.1 * system.dt:.17g}\n{runs}\n"
+        run_lammps(script, files=system.files)
+        tables.append(read_table(tmp_path / "bodies.csv"))
+    whole, parts = tables
+    np.testing.assert_array_equal(whole["step"], parts["step"])
+    for name in ["vx", "vy", "vz", "omegax", "omegay", "omegaz"]:
+        np.testing.assert_allclose(whole[name], parts[name], rtol=0, atol=1e-9, err_msg=name)
+
+
 # ---- from Python
 
 SCRIPT = """
