@@ -501,7 +501,8 @@ class Fix(Registered):
     def _run(self) -> Run:
         refuse(
             self.run is None,
-            "there is nothing to tell of the bodies before the first run: 'run 0' makes them",
+            "there is nothing to tell of the bodies before the first run, or after one that could "
+            "not begin: 'run 0' makes them",
         )
         return cast(Run, self.run)
 

@@ -807,7 +807,6 @@ def _make(setting: Setting, last: Run | None) -> MadeBodies:
     if last:
         last.drop()
     bodies, report, kept = build()
-    making.refuse_infinite(report)
     setting.rotation.choose(bodies, setting.ranks, host)
     # a rerun is of the atoms as they are in the file, which has rounded positions
     bodies.tolerates_shifts = setting.command.reinit and "rerun" in host.command[:1]
@@ -818,7 +817,9 @@ def _make(setting: Setting, last: Run | None) -> MadeBodies:
         report.warnings += compare(bodies, setting.membership)
     masses = MassWatch(bodies, setting.lammps, setting.ranks)
     chosen = switches.choices(setting.command, setting.ranks, bodies)
-    return MadeBodies(bodies, report, masses, chosen)
+    setting.made = made = MadeBodies(bodies, report, masses, chosen)
+    making.refuse_infinite(report)  # with the bodies there, for a run with other velocities
+    return made
 
 
 def _bind(run: Run, setting: Setting) -> None:

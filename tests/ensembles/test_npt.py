@@ -239,14 +239,21 @@ for wrong, right in (
         lmp.command(right)
     lmp.command("run 0")
     print("ECOUPLE", before, lmp.get_thermo("ecouple"))
+lmp.command("velocity all set 1e200 0 0")
+try:
+    lmp.command("run 10")
+except Exception as error:
+    assert "not finite" in str(error), error
+    lmp.command("velocity all create 1.0 55")
+lmp.command("run 10")
 lmp.close()
 """
 
 
 def test_run_that_cannot_begin(run_lammps, tmp_path):
     """Locks out energy that was given to the thermostat and is forgotten, or counted twice, when a
-    run is refused in a Python session and the next one goes on, and bodies of which nothing is told
-    in between."""
+    run is refused in a Python session and the next one goes on, bodies of which nothing is told in
+    between, and bodies that are gone because atoms were too fast."""
     system = mixture(side=3, spacing=2.9)
     (tmp_path / "drive.py").write_text(FAILS)
     words = fix_npt(NPT_THERMOSTATS["langevin"], "iso 12e-2 12e-2 4e-1 compressibility 4")
