@@ -28,6 +28,7 @@ from .external import ExternalForces, all_ids
 from .integrator import Integrator
 from .making import BodyMaker
 from .other_fixes import OtherFixes
+from .part import box_every, needs_energy
 from .registry import Registered, siblings_of
 from .replacement import replacement_notice
 from .rotation import Rotation
@@ -184,11 +185,11 @@ class Fix(Registered):
 
     @property
     def needs_energy(self) -> bool:
-        return any(part.needs_energy for part in self.integrator.parts)
+        return needs_energy(self.integrator.parts)
 
     @property
     def box_every(self) -> int:
-        return max((part.box_every for part in self.integrator.parts), default=0)
+        return box_every(self.integrator.parts)
 
     @property
     def couples(self) -> bool:

@@ -33,6 +33,7 @@ from .other_fixes import (
     refuse_other_integrators,
 )
 from .output import BodyFile, table
+from .part import box_every, needs_energy
 from .passes import Conditions, Passes
 from .registry import Sibling, refuse_shared_atoms
 from .rotation import Rotation
@@ -224,12 +225,12 @@ class Run:
     @property
     def box_every(self) -> int:
         """The box changes in the steps after the multiples of this; 0 for never."""
-        return max((part.box_every for part in self.integrator.parts), default=0)
+        return box_every(self.integrator.parts)
 
     @property
     def needs_energy(self) -> bool:
         """Whether the integrator needs the potential energy in some steps."""
-        return any(part.needs_energy for part in self.integrator.parts)
+        return needs_energy(self.integrator.parts)
 
     @property
     def phase(self) -> Phase:
@@ -737,10 +738,9 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
 
 def refuse_time_step(dt: float, integrator: Integrator, name: str) -> None:
     """End the run if the integrator does not support the time step."""
-    parts = integrator.parts
     refuse(
-        (dt < 0 and not all(part.reversible for part in parts))
-        or (dt == 0 and any(part.box_every for part in parts)),
+        (dt < 0 and not all(part.reversible for part in integrator.parts))
+        or (dt == 0 and box_every(integrator.parts) > 0),
         f"the time step is {dt:g}, and the integrator {name} needs one above zero: "
         "look at the command timestep",
     )
@@ -762,8 +762,7 @@ def look_around(setting: Setting, goes_on: bool) -> Look:
     if reading:  # it may end its step after this one
         fixes.velocities_every = (1,)
     reading |= setting.external.may_read_atoms(ours)
-    changes_box = any(part.box_every for part in integrator.parts)
-    follows = fixes.tell_of_box and not changes_box and not levels
+    follows = fixes.tell_of_box and not box_every(integrator.parts) and not levels
     deformed_box = host.deformed_box if follows else None
     remaps = deformed_box is not None and bool(host.remap_group)
     if deformed_box is not None:
@@ -786,7 +785,7 @@ def _refuse_remap(setting: Setting) -> None:
     """End the run if bodies cannot cross faces as with remap v of fix deform; collective."""
     integrator, membership = setting.integrator, setting.membership
     refuse(
-        not integrator.supports_remap_v or any(part.needs_energy for part in integrator.parts),
+        not integrator.supports_remap_v or needs_energy(integrator.parts),
         "fix deform has remap v, with which bodies get another velocity at periodic faces: "
         f"{setting.command.line.name} does not support it. Use fix nosquish/nve, and "
         "fix langevin with fix_modify temp for a temperature",
