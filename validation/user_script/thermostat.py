@@ -48,9 +48,9 @@ def asked(script: UserScript) -> dict | None:
     if kind is None or not script.rigid.state.temp:
         return None
     read = [
-        " ".join(split_words(line)[:1] + split_words(line)[1:2] + split_words(line)[3:4])
-        for line in script.reading["commands"]
-        if split_words(line)[3:4] and split_words(line)[3] in DYNAMICS.get(split_words(line)[0], ())
+        " ".join((words[0], words[1], words[3]))
+        for words in map(split_words, script.reading["commands"])
+        if words[3:4] and words[3] in DYNAMICS.get(words[0], ())
     ]
     damp = f"{float(script.rigid.state.temp[2]):g} {script.units.time}"
     return {"kind": kind, "damp": damp, "dynamics": read}
