@@ -152,18 +152,25 @@ def test_constraints_on_bodies_are_refused(run_lammps, style, words, first, rank
         assert part in errors[0], errors[0]
 
 
+def constrained(run_all, system, hold, steps, ranks=1):
+    """Runs in which a fix that constrains bonds has all atoms, or only those in no body: the
+    results by its group."""
+    ours = OURS.format(group="wet", words="molecule")
+    scripts = {
+        group: (
+            f"fix hold {group} {hold} b 2 a 2\nfix 2 flexible nve\n{ours}\n"
+            f"{COLUMNS.format('', 5, 1.0)}\nrun {steps}"
+        )
+        for group in ("all", "flexible")
+    }
+    return run_all(system, scripts, ranks=ranks)
+
+
 def test_constraints_beside_bodies(run_all):
     """Locks out the refusal of a fix that may constrain all atoms,
     and constrains none of the bodies'."""
-    system, ours = half_rigid(), OURS.format(group="wet", words="molecule")
-    scripts = {
-        name: (
-            f"fix hold {name} shake 1e-4 100 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n"
-            f"{COLUMNS.format('', 5, 1.0)}\nrun 5"
-        )
-        for name in ("all", "flexible")
-    }
-    both = run_all(system, scripts)
+    system = half_rigid()
+    both = constrained(run_all, system, "shake 1e-4 100 0", 5)
     assert differ(both["all"], both["flexible"], system.h) == 0
 
 
@@ -173,15 +180,8 @@ if NUMBER >= 20260704:
     def test_ilves_beside_bodies(run_all, ranks):
         """Locks out the refusal of fix ilves on a group with bodies whose bonds it leaves alone,
         another trajectory beside them, and bonds that it does not hold there."""
-        system, ours = half_rigid(), OURS.format(group="wet", words="molecule")
-        scripts = {
-            group: (
-                f"fix hold {group} ilves 1e-10 25 0 b 2 a 2\nfix 2 flexible nve\n{ours}\n"
-                f"{COLUMNS.format('', 5, 1.0)}\nrun 20"
-            )
-            for group in ("all", "flexible")
-        }
-        both = run_all(system, scripts, ranks=ranks)
+        system = half_rigid()
+        both = constrained(run_all, system, "ilves 1e-10 25 0", 20, ranks)
         assert differ(both["all"], both["flexible"], system.h) == 0
         flexible = both["all"].x[1500:].reshape(-1, 3, 3)
         bonds = flexible[:, 1:] - flexible[:, :1]
