@@ -169,7 +169,7 @@ def source():
     ("page", "heading", "least"),
     [
         ("fix.md", "### What is refused", 10),
-        ("fix-nvt.md", "## Restrictions", 8),
+        ("fix-nvt.md", "## Restrictions", 5),
         ("fix-npt.md", "## Restrictions", 4),
         ("fix-nph.md", "## Restrictions", 0),
         ("fix-hmc.md", "## Restrictions", 8),
