@@ -5,7 +5,7 @@ virial of the forces on their centres of mass.  `crescale` and `mtk` implement t
 """
 
 from math import floor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from ..loops.compiled import F1, F2, L1, F, I, address, call, inlined, loop, record
 from ..motion.block import IMAGE, Layout, Q, at, take
@@ -14,7 +14,7 @@ from ..motion.step import displaced, rotation_matrices
 
 # components that can change: three axes, three tilts; upper triangular matrices use this order
 XX, YY, ZZ, XY, XZ, YZ, COMPONENTS = range(7)
-BarostatNumbers = record(
+BarostatNumbers: Any = record(
     "BarostatNumbers",
     p_start=(F, 6),  # pressure at the start and the end of the run, energy per volume
     p_stop=(F, 6),

@@ -24,7 +24,7 @@ from ..run.integrator import Integrator
 from .momentum import Momentum
 from .thermostat import EnsemblePart, Thermostat, key_of
 
-Kept = record(
+Kept: Any = record(
     "Kept",
     kind=F,  # hash of the kind of thermostat and barostat
     energy=F,  # transferred from the bodies to the thermostat

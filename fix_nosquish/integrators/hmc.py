@@ -47,7 +47,7 @@ from .thermostat import ALL_BODIES, Bath, key_of
 # rows of the state: stored X to P of a body, and stored image flags
 WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
 KEPT = WAS_IMAGE + 3 - ROWS
-Kept = record(
+Kept: Any = record(
     "Kept",
     kind=F,  # identifies the record
     tried=F,  # number of trajectories

@@ -52,7 +52,7 @@ from ..box.cell import (
     volume_of,
 )  # fmt: skip
 from ..errors import refuse
-from ..loops.compiled import F1, L1, Cell, F, I, Loop, inlined, loop, record
+from ..loops.compiled import F1, L1, Cell, F, I, Loop, inlined, loop, record, untyped
 from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
 from ..motion.step import Operation, Scheme
@@ -64,7 +64,7 @@ from .nve import NVE
 from .rescaling import REST
 from .thermostat import Steps, Thermostat, part_of_run, prepare
 
-PistonNumbers = record(
+PistonNumbers: Any = record(
     "PistonNumbers",
     BarostatNumbers,
     inertia=(F, 6),  # of each strain rate, 0 for unused ones
@@ -72,7 +72,7 @@ PistonNumbers = record(
     virial=(F, 6),  # molecular virial
     heavier=F,  # mass of the first thermostat of its chain / mass of the others
 )
-Piston = record(
+Piston: Any = record(
     "Piston",
     rates=(F, 6),  # strain rates
     work=F,  # done against the pressure
@@ -341,6 +341,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
     """The loop before letters D and O."""
     acts, on_piston = thermostat.acts, thermostat.on_piston
 
+    @untyped
     def prepares(
         mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
         box: PeriodicBox, own_state: F1,
@@ -359,7 +360,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         moved = end_move(parameters, due, cell, box, images.shift, part, dt)
         return moved if bursts else min(wrong, moved)  # report the box: it also breaks chains
 
-    return loop(prepares, owner)
+    return Loop(prepares, owner)
 
 
 class Mtk(Barostat):

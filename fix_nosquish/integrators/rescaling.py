@@ -31,7 +31,7 @@ from ..ranks.mpi import add_up
 from .nve import NVE
 from .thermostat import Bath, Thermostat
 
-Scales = record(
+Scales: Any = record(
     "Scales",
     Bath,
     degrees=(F, 2),  # degrees of freedom of translation and rotation, or of both and 0

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..errors import refuse
 from ..host.command import Command
-from ..loops.compiled import F1, L1, F, I, Kind, Loop, inlined, loop, record
+from ..loops.compiled import F1, L1, F, I, Kind, Loop, inlined, record, untyped
 from ..motion.operations import Parameters
 from ..motion.philox import normal_pair, words
 from ..motion.step import Operation, Scheme
@@ -28,7 +28,7 @@ from ..ranks.mpi import Mpi
 from ..run.part import Part
 from .nve import NVE
 
-Bath = record(
+Bath: Any = record(
     "Bath",
     Parameters,
     rate=F,  # 1 / damping time
@@ -268,6 +268,7 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
     """The loop before letter O, at constant volume."""
     acts = thermostat.acts
 
+    @untyped
     def prepares(
         mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, own_state: F1
     ) -> I:  # fmt: skip
@@ -275,4 +276,4 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
         prepare(parameters, steps)
         return acts(mpi, parameters, own_state, dt, 0.0)
 
-    return loop(prepares, owner)
+    return Loop(prepares, owner)

@@ -36,7 +36,7 @@ import operator
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial, update_wrapper
 from types import NoneType, SimpleNamespace
-from typing import Any, NamedTuple, cast, get_type_hints
+from typing import TYPE_CHECKING, Any, NamedTuple, cast, get_type_hints
 
 import numpy as np
 
@@ -111,13 +111,22 @@ class Kind(NamedTuple):
         return array.view(np.uint8)[: self.dtype.itemsize].view(self.dtype)[0]
 
 
+# `Any` for mypy, for which an annotation by a kind is then no error
+F: Any
+F1: Any
+F2: Any
+I: Any  # noqa: E741  a kind's letter, as F
+L1: Any
+L2: Any
+I1: Any
+I2: Any
 F, F1, F2 = (Kind(f"F{n or ''}", np.dtype(np.float64), n) for n in range(3))
-I, L1, L2 = (  # noqa: E741  a kind's letter, as F
+I, L1, L2 = (  # noqa: E741
     Kind(f"L{n}" if n else "I", np.dtype(np.int64), n) for n in range(3)
 )
 I1, I2 = (Kind(f"I{n}", np.dtype(np.int32), n) for n in (1, 2))
 LANES = 64
-F64 = Kind("F64", np.dtype(np.float64), 2, LANES)
+F64: Any = Kind("F64", np.dtype(np.float64), 2, LANES)
 
 
 def record(name: str, extends: Kind | None = None, **fields: Any) -> Kind:
@@ -205,16 +214,26 @@ def cells(kinds: Mapping[str, Kind]) -> tuple[np.ndarray, dict[str, Cell]]:
 # ---------------------------------------------------------------- loops
 
 
-def inlined(function: Any = None, *, contract: bool = False) -> Any:
-    """Decorator of a function that loops inline; in Python it stays the plain function.
+if TYPE_CHECKING:  # functions that numba compiles have no types
+    from typing import no_type_check as contracted
+    from typing import no_type_check as inlined
+    from typing import no_type_check as loop
+    from typing import no_type_check as untyped
+else:
 
-    Args:
-        contract: allow fused multiply-add, which rounds a product and a sum once.
-    """
-    if function is None:
-        return partial(inlined, contract=contract)
-    INLINED[function] = {"fastmath": {"contract"}} if contract else {}
-    return function
+    def inlined(function):
+        """Decorator of a function that loops inline; in Python it stays the plain function."""
+        INLINED[function] = {}
+        return function
+
+    def contracted(function):
+        """Like `inlined`, with fused multiply-add, which rounds a product and a sum once."""
+        INLINED[function] = {"fastmath": {"contract"}}
+        return function
+
+    def untyped(function):
+        """Decorator of a function of which a function makes a `Loop`."""
+        return function
 
 
 # Only loops can call these.
@@ -330,4 +349,5 @@ class Loop:
         return call
 
 
-loop = Loop
+if not TYPE_CHECKING:
+    loop = Loop

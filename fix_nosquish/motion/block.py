@@ -14,7 +14,7 @@ separate blocks.  A body of more than LANES atoms fills a block alone, with a co
 and each of its rounds takes LANES of its atoms.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,7 +39,7 @@ ALL, WHOLE, DIVIDED = range(3)  # bodies: all, those with all atoms on this rank
 # The kind of each body: [0, rotors) have three moments, or one if planar; [rotors, turning) are
 # linear; the rest are points. With keyword moments, own_moments is the first of three rows of
 # `state`: the square root of each moment divided by that of the atoms. Otherwise it is 0.
-Kinds = record("Kinds", rotors=I, turning=I, planar=I, own_moments=I)
+Kinds: Any = record("Kinds", rotors=I, turning=I, planar=I, own_moments=I)
 
 
 class Layout(NamedTuple):

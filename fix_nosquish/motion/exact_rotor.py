@@ -33,7 +33,7 @@ periods of the angular momentum are done first, and the rest is divided into par
 
 from math import ceil, cos, factorial, floor, pi, sin, sqrt
 
-from ..loops.compiled import inlined
+from ..loops.compiled import contracted, inlined
 from .block import LANES, MOMENT, OWN, P, Q, four, three, write
 from .frames import angular_momentum
 from .rotor import s_times, series, turn
@@ -61,7 +61,7 @@ _S = tuple(
  (_S02, _S12, _S22, _S32), (_S03, _S13)) = _S  # fmt: skip
 
 
-@inlined(contract=True)
+@contracted
 def sine_amplitude(e, f, h):
     """S, from e = A + B and f = A B, for e h^2 <= LITTLE."""
     t = h * h
@@ -73,7 +73,7 @@ def sine_amplitude(e, f, h):
     return h + h * (x * (_S10 + s0) + y * (s1 + y * (s2 + y * s3)))
 
 
-@inlined(contract=True)
+@contracted
 def third_kind(e, f, g, s):
     """J, from e = A S^2 + B S^2, f = A B S^4, g = N S^2 and S.
 
@@ -102,7 +102,7 @@ def third_kind(e, f, g, s):
     return s * s * s * total
 
 
-@inlined(contract=True)
+@contracted
 def rotation_of(l1, l2, l3, inverse_1, inverse_2, inverse_3, h, small):
     """The rotation r of a body in the time 2 h, for (A + B) h^2 <= LITTLE.
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..loops.compiled import inlined
+from ..loops.compiled import contracted, inlined
 from .rotor import s_times
 
 
@@ -17,7 +17,7 @@ def rotation_matrix(q):
     )  # fmt: skip
 
 
-@inlined(contract=True)
+@contracted
 def to_space(r, x, y, z):
     """The matrix r (9 numbers, row by row) times (x, y, z)."""
     return (

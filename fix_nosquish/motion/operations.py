@@ -5,6 +5,9 @@ An operation is a function (block, kind, dt, parameters).  It advances all lanes
 record below, or one that extends it.
 """
 
+from collections.abc import Callable
+from typing import Any
+
 from ..loops.compiled import F, I, inlined, record
 from .block import (
     FORCE,
@@ -29,7 +32,7 @@ from .frames import vector_times
 from .rotor import free_linear_rotor, free_rotor, permute_3, rotation, turns_little
 
 # force to mass times acceleration, LAMMPS's force->ftm2v; inner rotation steps (m_rot), or EXACT
-Parameters = record("Parameters", ftm2v=F, mrot=I)
+Parameters: Any = record("Parameters", ftm2v=F, mrot=I)
 EXACT = 0
 FAST = OWN  # rows of rotors too fast for the power series: q, p, number of inner steps
 
@@ -60,7 +63,7 @@ def drift(block, dt):
             block[X + k, b] += dt * block[V + k, b]
 
 
-def free_motion(rotate_rotors):
+def free_motion(rotate_rotors: Callable) -> Callable:
     """The operation that combines drift and free rotation.
 
     Args:
@@ -80,7 +83,7 @@ def free_motion(rotate_rotors):
     return move
 
 
-def rotation_by(rotor):
+def rotation_by(rotor: Callable) -> Callable:
     """The free rotation of a block of rotors, from that of a single rotor.
 
     Bodies with small angles per inner step are advanced in all lanes at once, by power series.

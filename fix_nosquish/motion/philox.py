@@ -10,7 +10,7 @@ from math import floor, log, pi, sqrt
 
 import numpy as np
 
-from ..loops.compiled import inlined
+from ..loops.compiled import contracted, inlined
 
 WORD = 0xFFFFFFFF
 _FACTOR_0, _FACTOR_1 = 0xD2511F53, 0xCD9E8D57
@@ -64,7 +64,7 @@ def words(number, step, draw, k0, k1):
     )
 
 
-@inlined(contract=True)
+@contracted
 def minus_log(word):
     """-ln((word + 1) / 2^32)."""
     m, e = word + 1.0, 0.0
@@ -82,7 +82,7 @@ def minus_log(word):
     return e * _LOG_2 - 2.0 * (s + s * sum)
 
 
-@inlined(contract=True)
+@contracted
 def direction(word):
     """Cosine and sine of 2 pi (word + 1/2) / 2^32, up to a rotation common to all words."""
     quarter = word >> _QUARTERS

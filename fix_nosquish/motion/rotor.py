@@ -19,7 +19,7 @@ compiler vectorises over the bodies.
 
 from math import cos, sin, sqrt
 
-from ..loops.compiled import inlined
+from ..loops.compiled import contracted, inlined
 
 SMALL = 0.5  # radians; below it sine and cosine are computed by power series
 
@@ -84,7 +84,7 @@ def mix(c, s, a, b):
     return (c * a[0] + s * b[0], c * a[1] + s * b[1], c * a[2] + s * b[2], c * a[3] + s * b[3])
 
 
-@inlined(contract=True)
+@contracted
 def series(a):
     """sin(a) and 1 - cos(a), for |a| <= SMALL, each to an ulp."""
     x = a * a
@@ -107,7 +107,7 @@ def sine_and_versine(angle, small):
     return 2.0 * s * c, 2.0 * s * s
 
 
-@inlined(contract=True)
+@contracted
 def turn(s, versine, a, b):
     """cos a + sin b, with versine = 1 - cos, for four-vectors."""
     return (

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from typing import NamedTuple
 
-from ..loops.compiled import F2, F, I, Kind, Loop, inlined, loop
+from ..loops.compiled import F2, F, I, Kind, Loop, contracted, inlined, loop, untyped
 from ..loops.registry import INLINED
 from .block import (
     ALL,
@@ -91,7 +91,7 @@ def displaced(block, b, displace, j):
     )
 
 
-@inlined(contract=True)
+@contracted
 def apply_matrices(block, row, begin, end, displace):
     """The vector in rows `row` plus the matrix times the displacement, for the atoms of a round."""
     for b in range(end - begin):
@@ -121,7 +121,7 @@ def move_to_images(layout, images, atom_x):
             atom_x[layout.index[images.away[a]], c] += images.shift[a, c]
 
 
-@inlined(contract=True)
+@contracted
 def add_forces(block, begin, end, displace):
     """Add the forces of the atoms of a round, and their torques about the centre of mass."""
     for b in range(end - begin):
@@ -394,11 +394,12 @@ def place_atoms(layout: Layout, images: Images, atom_x: F2):
     place_all(layout, images, atom_x)
 
 
-def _make_advance(parts, owner, numbers, rows):
+def _make_advance(parts: Stages, owner: tuple[str, str], numbers: Kind, rows: int) -> Loop:
     """The first pass of a step, or all of it."""
     lead, tail, named = parts.lead, parts.tail, parts.named
     middle, several = parts.middle[0], len(parts.middle) > 1
 
+    @untyped
     def advance(
         layout: Layout, images: Images, atom_x: F2, atom_f: F2, dt: F,
         parameters: numbers, gathers: I, ends: I, begins: I, part: I, rank: I, mask: F2,
@@ -447,7 +448,7 @@ def _make_advance(parts, owner, numbers, rows):
             move_to_images(layout, images, atom_x)
         return wrong
 
-    return loop(advance, owner)
+    return Loop(advance, owner)
 
 
 def make_pass(
@@ -471,6 +472,7 @@ def make_pass(
         rows: number of extra rows of each body.
     """
 
+    @untyped
     def go(
         layout: Layout, images: Images, atom_x: F2, dt: F, parameters: numbers, rank: I, mask: F2
     ):  # fmt: skip
@@ -490,4 +492,4 @@ def make_pass(
             move_to_images(layout, images, atom_x)
 
     go.__name__ = name
-    return loop(go, owner)
+    return Loop(go, owner)

@@ -22,7 +22,7 @@ from validation.running import startup
 BIN = Path(sys.executable).parent
 
 HELPERS = """
-from fix_nosquish.loops.compiled import inlined
+from fix_nosquish.loops.compiled import contracted, inlined
 
 SHIFT = 0.25, 3
 
@@ -30,8 +30,8 @@ SHIFT = 0.25, 3
 def square(a, b):
     return a * a + b * b
 
-@inlined(contract=True)
-def contracted(a, b, c):
+@contracted
+def fused(a, b, c):
     return a * b + c
 
 def doubled(function):
@@ -73,7 +73,7 @@ def rounded_twice(a: F, b: F, c: F, result: F1):
 
 @loop
 def rounded_once(a: F, b: F, c: F, result: F1):
-    result[0] = helpers.contracted(a, b, c)
+    result[0] = helpers.fused(a, b, c)
 """
 
 BAD = {
