@@ -189,19 +189,6 @@ def standing():
     return markdown(["integrator", "passes", "fails", "cannot tell", "cannot run"], body)
 
 
-def extreme_passed():
-    """How many extreme cases ours passes, and the best of LAMMPS's fixes, a sentence."""
-    found, lines = _of("extreme")
-    passed = Counter(row["label"] for row in lines if row["verdict"] == "pass")
-    theirs = [label for label in passed if label.startswith(("rigid", "shake", "rattle"))]
-    best = max(theirs, key=passed.__getitem__)
-    return (
-        f"It passes **{passed[OURS]} of {len(found)} extreme cases**, such as long steps, long "
-        f"runs, needles and disks. The best of LAMMPS's rigid, shake and rattle fixes, `{best}`, "
-        f"passes {passed[best]}."
-    )
-
-
 def cases():
     found, lines = _of("extreme")
     ours = {row["case"]: row for row in lines if row["label"] == OURS}
@@ -259,7 +246,9 @@ def checks(folder, *titles):
 
 
 def styled(text):
-    """Results name our styles as the classes that they are in quotes."""
+    """The text with native names of our styles, which results name as classes, and with minus
+    signs."""
+    text = re.sub(r"(?<![\w.)-])-(?=[\d.])", "−", re.sub(r"(?<![\w.)-])-0 ±", "0 ±", text))
     return re.sub(
         r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", text
     )
@@ -301,11 +290,11 @@ def own_scripts():
         longer = (found.get("confirmed") or {"points": []})["points"]
         line += [_confirmed(row, found["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
-        lines.append([*line, found["versions"]["package"]])
+        lines.append(line)
     head = ["script", "its step", "budget, minutes", "advised", "minutes that would decide, about"]
     if confirms:
         head += ["a run ten times as long", "one with 1.5 times that step"]
-    return markdown([*head, "package"], lines)
+    return markdown(head, lines)
 
 
 def step_zero():
@@ -369,12 +358,11 @@ def gains():
 
 
 def verdicts():
-    """Of each folder of `sample` how many numbers are within the bounds."""
-    body = []
-    for folder in sorted(path.parent for path in RESULTS.glob("sample-*/checks.csv")):
-        found = Counter(row["verdict"] for row in rows(folder.name, "checks"))
-        body.append([folder.name, *(found[verdict] for verdict in VERDICTS)])
-    return markdown(["folder", *VERDICTS], body)
+    """How many numbers of all folders of `sample` are within the bounds, a sentence."""
+    folders = [path.parent.name for path in RESULTS.glob("sample-*/checks.csv")]
+    count = Counter(row["verdict"] for folder in folders for row in rows(folder, "checks"))
+    told = ", ".join(f"{verdict}: {count[verdict]}" for verdict in VERDICTS)
+    return f"Of {count.total()} bounds in {len(folders)} folders: {told}."
 
 
 def estimate(found):
@@ -420,7 +408,7 @@ def what_to_type():
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
     found = replacements.table(map(summary, folders))
     some = replace(found, rows=[*found.rows, _beside_solute()])
-    return f"{pages.markdown(some)}\n\n{found.note}"
+    return f"{styled(pages.markdown(some))}\n\n{found.note}"
 
 
 def _beside_solute():
@@ -430,7 +418,8 @@ def _beside_solute():
     (line,) = re.findall(r"^fix +(1 .*npt.*)$", script, re.M)
     usual, ours = found["rows"]
     return {
-        "system": f"solute with fix shake, NPT\n{usual['label']}, {found['dt']:g} fs",
+        "system": "solute with fix shake, NPT",
+        "usual": f"{usual['label']}, {found['dt']:g} fs",
         "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in found["rows"]),
         "times": pages.digits(ours["times"]["median"], 2),
         **dict.fromkeys(("warmer", "pressure"), "not measured"),
@@ -450,7 +439,7 @@ def _gain(ratio):
 FILLS = {
     function.__name__: function
     for function in (
-        *(compare_water, compare_times, standing, extreme_passed, cases, reported, own_scripts),
+        *(compare_water, compare_times, standing, cases, reported, own_scripts),
         *(step_zero, beside_shake, shake_made, gains, verdicts, scene, holding, checks, table),
         what_to_type,
     )
