@@ -142,6 +142,16 @@ def test_a_start_whose_run_has_no_numbers_fails(taken):
     assert row["error"] == "no number from step 4 on: TotEng" and "change" not in row
 
 
+def test_a_script_that_no_integrator_can_start():
+    """Locks out "all numbers are within their bounds" of a script with which nothing runs."""
+    rows = [{"label": "a", "error": "ERROR: no", "uncounted": False}]
+    summary = {"checks": [], "integrators": rows, "title": "", "notes": [], "suffix": []}
+    summary |= {"kinds": [], "units": "real", "dt": 4.0}
+    assert report.said(summary).answer.startswith("No integrator can run the start")
+    rows.append({"label": "b", "error": None, "uncounted": False})
+    assert report.said(summary).answer.startswith("All numbers")
+
+
 @pytest.mark.parametrize(
     ("dt", "tolerance", "lost"),
     [

@@ -2,6 +2,7 @@
 end."""
 
 import csv
+import itertools
 import json
 import os
 import re
@@ -44,21 +45,23 @@ def test_ratios_are_of_one_round():
 
 
 def test_the_order_changes_from_round_to_round(monkeypatch):
-    """Locks out a place in the sequence that one integrator always has: times fell with it, and
-    "1.27 times as long, [1.23-1.31]" was said of a fix that takes 1.2 % of a step."""
-    places = {name: [] for name in "abcd"}
+    """Locks out a place in the sequence that one integrator always has, or has more often in each
+    invocation: times fell with it, and one fix against itself took 1.017 times as long."""
     monkeypatch.setattr(rounds, "timing", lambda job, result: job)
     monkeypatch.setattr(run, "run", lambda job: run.Result(None, {}, [], None, {}))
-    order = []
-    rounds.in_turn(
-        {name: name for name in places}, lambda name, n: order.append(name), 20, Silent()
-    )
-    for n in range(20):
-        some = order[4 * n : 4 * n + 4]
-        assert sorted(some) == sorted(places)
-        for place, name in enumerate(some):
-            places[name].append(place)
-    assert all(len(set(own)) == 4 and 0.7 < np.mean(own) < 2.3 for own in places.values())
+
+    def orders(number):
+        done = []
+        rounds.in_turn(
+            {name: name for name in "abcd"}, lambda name, n: done.append(name), number, Silent()
+        )
+        return ["".join(done[4 * n : 4 * n + 4]) for n in range(number)]
+
+    some = orders(20)
+    assert all(sorted(order) == [*"abcd"] for order in some)
+    for one, other in itertools.combinations("abcd", 2):  # neither is first more often
+        assert sum(order.index(one) < order.index(other) for order in some) == 10
+    assert len({*some}) > 5 and orders(20) != some
 
 
 def test_no_verdict_where_the_numbers_do_not_tell():

@@ -19,8 +19,8 @@ def add(verbs: command_line.Verbs) -> None:
         "and the stiffest force; whether groups, exclusions and fixes match; and whether each "
         "integrator can run the start. With --rigid it finds parts of molecules that can be rigid, "
         "by bonds and masses, and writes the lines that make them so. Your files are not changed.",
-        epilog="Exit status: 0 if all numbers are within their bounds (with --rigid: if parts were "
-        "found), 1 if not, 130 after Ctrl-C.",
+        epilog="Exit status: 0 if all numbers are within their bounds and an integrator can run "
+        "the start (with --rigid: if parts were found), 1 if not, 130 after Ctrl-C.",
     )
     command_line.add_script(parser)
     parser.add_argument(
@@ -66,4 +66,5 @@ def run(arguments: Namespace) -> int:
     pages.write(said, summary, out)
     pages.show(screen, said, summary, out)
     lost = any(found["verdict"] == "does not hold" for found in summary["checks"])
+    lost = lost or report.none_starts(summary)
     return command_line.exit_status(summary["interrupted"], lost)

@@ -51,13 +51,14 @@ def check(
     groups, gap = shapes.body_groups(script)
     kinds = shapes.body_kinds(script, groups)
     rows, interrupted = _starts(script, out, ranks, silence, meter)
+    suffix = [] if all(row["error"] for row in rows) else [*_suffix(script, out, ranks, silence)]
     checks = [*_bodies(script, gap, kinds), *_step(script, groups, kinds, tolerance)]
     checks += _script(script)
     checks += [_lists(rows), _forces_within(script, groups, out, ranks, silence)]
     return machine.circumstances() | {
         "title": script.scene.title,
         "notes": script.notes,
-        "suffix": [*_barostat(script), *_suffix(script, out, ranks, silence)],
+        "suffix": [*_barostat(script), *suffix],
         "units": script.scene.units,
         "dt": script.scene.dt,
         "temperature": shapes.temperature(script),

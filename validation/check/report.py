@@ -13,6 +13,8 @@ def said(summary: dict) -> Said:
     answer = "All numbers that have bounds are within them."
     if lost:
         answer = f"Out of their bounds: {', '.join(dict.fromkeys(map(_subject, lost)))}."
+    if none_starts(summary):
+        answer = "No integrator can run the start: LAMMPS's errors are in the table."
     uncounted = [row["label"] for row in summary["integrators"] if row["uncounted"]]
     return Said(
         f"Check: {summary['title']}",
@@ -27,6 +29,12 @@ def said(summary: dict) -> Said:
             f"{row['label']}: {row['error']}" for row in summary["integrators"] if row["error"]
         ],
     )
+
+
+def none_starts(summary: dict) -> bool:
+    """Whether each integrator that was tried has failed."""
+    rows = summary["integrators"]
+    return bool(rows) and all(row["error"] for row in rows)
 
 
 def _subject(one: dict) -> str:

@@ -58,7 +58,8 @@ NOTES = {
     "handed to MPI": "Counted in 50 steps with re-neighbouring, with 1,000 molecules of water on "
     "each rank, cut into bricks. Counts do not depend on the machine. What travels with atoms that "
     "change ranks is part of LAMMPS's own messages and is not counted.",
-    "rounds": "Each timing is that of a separate process. The order is random in each round.",
+    "rounds": "Each timing is that of a separate process. The order is random, and in every second "
+    "round it is reversed.",
 }
 
 

@@ -1,10 +1,10 @@
-"""Runs timed in turn, each a fresh process on the same start, in a random order in each round.
+"""Runs timed in turn, each a fresh process on the same start, in another order in each round.
 
 A change in the machine's load then affects all of them alike, numbers of one round compare like
 with like, and no run has the advantage of its place.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -105,9 +105,8 @@ def in_turn(
     """
     found: dict[str, list[Timing]] = {name: [] for name in labels}
     errors: dict[str, str] = {}
-    for number in range(1, rounds + 1):
-        for place in np.random.default_rng(number).permutation(len(labels)):
-            name = [*labels][place]
+    for number, order in enumerate(orders([*labels], rounds), 1):
+        for name in order:
             if name in errors:
                 continue
             meter.begin(f"{labels[name]}, {number}/{rounds}", 1)
@@ -121,6 +120,18 @@ def in_turn(
             else:
                 found[name].append(timing(job, result))
     return found, errors, False
+
+
+def orders(names: Sequence[str], rounds: int) -> Iterator[list[str]]:
+    """The order of names in each round: a new random one, then its reverse.
+
+    Any two are in both orders equally often, so an effect of the place cancels in their ratio.
+    With an odd number of rounds one is left, whose order differs from one invocation to the next.
+    """
+    random, order = np.random.default_rng(), [*names]
+    for number in range(rounds):
+        order = order[::-1] if number % 2 else [names[k] for k in random.permutation(len(names))]
+        yield order
 
 
 def timing(job: run.Job, result: run.Result) -> Timing:

@@ -68,6 +68,10 @@ TOPOLOGY = {
 }
 STATE = f"{ALIAS}/script/state.restart"
 NOISY = "langevin", "ttm"  # fixes whose forces are not harmonic
+# fixes whose state LAMMPS refuses at another step than that of the restart file: they begin anew
+TIED_TO_STEP = frozenset(
+    ("deposit", "gcmc", "gemc", "atom/swap", "mol/swap", "neighbor/swap", "charge/regulation")
+)
 # they write during a run, end it, or execute other programs
 LEFT_OUT = frozenset(("dump", "dump_modify", "undump", "restart", "log", "timer", "python"))
 # subcommands of ``shell`` that LAMMPS executes itself, in folders of the harness
@@ -325,13 +329,15 @@ def _system(lmp: lammps) -> dict:
 
 
 def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
-    """Write a restart file without the state of the fixes that move atoms: others replace them.
+    """Write a restart file without the state of the fixes that move atoms, which others replace,
+    and of those of `TIED_TO_STEP`.
 
     From then on fixes that add noise do nothing, so forces are those of the potential.
     """
     for fix_id, line in fixes.items():
-        noisy = rigid_atoms.style_of(line).split("/")[0] in NOISY
-        if noisy or rigid_atoms.moves_atoms(line):
+        style = rigid_atoms.style_of(line)
+        noisy = style.split("/")[0] in NOISY
+        if noisy or style in TIED_TO_STEP or rigid_atoms.moves_atoms(line):
             RECORDER.recorder_forget(lmp.lmp, fix_id.encode(), int(noisy))
     lmp.command(f"write_restart {STATE}")
 
@@ -373,7 +379,9 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
     if last != number:
         raise Failure(
             f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
-            "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes"
+            "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes. "
+            "If an earlier run deletes atoms, use write_data after it, and give a script that "
+            "reads that file"
         )
 
 
