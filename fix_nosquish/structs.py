@@ -208,9 +208,9 @@ DATA = {
     "at_flipped": address_of("Action"),  # and after it has chosen other vectors of the lattice
     # boxes that change
     "forces_virial": DOUBLES,  # of all ranks, without this fix, where the box changes next
-    "told_box": DOUBLES,  # lo, hi, xy, xz, yz for passes deform, flipped: `Host.deformed_box`
+    "deformed_box": DOUBLES,  # lo, hi, xy, xz, yz for passes deform, flipped
     "rate": DOUBLES,  # LAMMPS's h_rate: xx yy zz yz xz xy
-    "stream_group": INT,  # the bit of the group of fix deform remap v, or 0: `Host.remap_group`
+    "remap_group": INT,  # the bit of the group of fix deform remap v, or 0
     "arrays": address_of("Arrays"),
     "held": INT,  # the bit of the group that moves with the box if shake holds some of it, or 0
     "counts": INT,  # fill counted_f, and leave shake and rattle out of the virial

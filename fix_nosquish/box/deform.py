@@ -25,9 +25,13 @@ SAME_LATTICE = 1e-9  # tolerance of a tilt for the same lattice, as a fraction o
 
 
 @inlined
-def edges(told_box):
-    """The edge lengths of a box along x, y and z; for told_box see `deform`."""
-    return told_box[3] - told_box[0], told_box[4] - told_box[1], told_box[5] - told_box[2]
+def edges(deformed_box):
+    """The edge lengths of a box along x, y and z; for deformed_box see `deform`."""
+    return (
+        deformed_box[3] - deformed_box[0],
+        deformed_box[4] - deformed_box[1],
+        deformed_box[5] - deformed_box[2],
+    )
 
 
 @inlined
@@ -43,7 +47,7 @@ def images_of(inverse, shift, a):
 
 
 @inlined
-def know(images, box, told_box):
+def know(images, box, deformed_box):
     """Set the box to LAMMPS's present box.
 
     The shift of an atom in another image than its body keeps its numbers of box vectors.
@@ -51,28 +55,28 @@ def know(images, box, told_box):
     h, shift = box.h, images.shift
     for a in range(shift.shape[0]):
         shift[a, 0], shift[a, 1], shift[a, 2] = images_of(box.inverse, shift, a)
-    h[0, 0], h[1, 1], h[2, 2] = edges(told_box)
-    h[0, 1], h[0, 2], h[1, 2] = three_of(told_box[6:])
+    h[0, 0], h[1, 1], h[2, 2] = edges(deformed_box)
+    h[0, 1], h[0, 2], h[1, 2] = three_of(deformed_box[6:])
     invert(h, box.inverse)
     for k in range(3):
-        box.lo[k] = told_box[k]
+        box.lo[k] = deformed_box[k]
     for a in range(shift.shape[0]):
         n1, n2, n3 = three_of(shift[a])
         shift[a, 0], shift[a, 1], shift[a, 2] = cartesian(h, n1, n2, n3)
 
 
 @loop
-def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
+def deform(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
     """Map the bodies to LAMMPS's present box, and set the positions of their atoms.
 
     Args:
-        told_box: (9,) lowest and highest coordinates, tilts xy, xz, yz.
+        deformed_box: (9,) lowest and highest coordinates, tilts xy, xz, yz.
     """
     lo, state = box.lo, layout.state
     for b in range(state.shape[1]):
         x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
         state[X, b], state[X + 1, b], state[X + 2, b] = fractional(box.inverse, x, y, z)
-    know(images, box, told_box)
+    know(images, box, deformed_box)
     for b in range(state.shape[1]):
         x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
         state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
@@ -80,13 +84,13 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_
 
 
 @loop
-def stream(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, atom_x: F2):
+def stream(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
     """Set the box to LAMMPS's present box without moving the bodies; atoms in another image than
     their body move with that image."""
     for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
-    know(images, box, told_box)
+    know(images, box, deformed_box)
     move_to_images(layout, images, atom_x)
 
 
@@ -107,7 +111,7 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
 
 
 @loop
-def flipped(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, arrived: F2) -> I:
+def flipped(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, arrived: F2) -> I:
     """Set the box to LAMMPS's present box, if its vectors span the same lattice.
 
     In a flip LAMMPS adds integer multiples of the vector a to b (xy) and to c (xz), and of b to c
@@ -118,16 +122,16 @@ def flipped(layout: Layout, images: Images, box: PeriodicBox, told_box: F1, arri
         1 if the lattice differs, in which case the box is unchanged; else 0.
     """
     h = box.h
-    xx, yy, zz = edges(told_box)
+    xx, yy, zz = edges(deformed_box)
     if xx != h[0, 0] or yy != h[1, 1] or zz != h[2, 2]:
         return 1
-    u, v = (told_box[6] - h[0, 1]) / xx, (told_box[8] - h[1, 2]) / yy
+    u, v = (deformed_box[6] - h[0, 1]) / xx, (deformed_box[8] - h[1, 2]) / yy
     xy, yz = floor(u + 0.5), floor(v + 0.5)
-    w = (told_box[7] - h[0, 2] - yz * h[0, 1]) / xx
+    w = (deformed_box[7] - h[0, 2] - yz * h[0, 1]) / xx
     xz = floor(w + 0.5)
     if not max(abs(u - xy), max(abs(v - yz), abs(w - xz))) < SAME_LATTICE:
         return 1
     reflag(layout.state, IMAGE, xy, xz, yz)
     reflag(arrived.T, OF_BODY + IMAGE, xy, xz, yz)
-    know(images, box, told_box)
+    know(images, box, deformed_box)
     return 0

@@ -113,7 +113,7 @@ class Box : public Part {
 
   bool streams() const
   {
-    if (!bridge.stream_group || !bridge.at_deform || now() == kept) return false;
+    if (!bridge.remap_group || !bridge.at_deform || now() == kept) return false;
     if (!std::equal(first_rate, first_rate + 6, domain->h_rate))
       refuse("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, as of erate, vel, "
              "delta, scale or final");

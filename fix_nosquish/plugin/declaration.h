@@ -55,7 +55,7 @@ void FixPythonMove::fill_bridge()
   bridge.virial = virial;
   bridge.rate = domain->h_rate;
   bridge.forces_virial = pressure.virial;
-  bridge.told_box = box.told.data();
+  bridge.deformed_box = box.told.data();
   bridge.told = external.told;
   bridge.world = universe->iworld;
   bridge.next_output = &output->next;

@@ -28,11 +28,11 @@ def _step(address: int) -> int:
 class _Shared(Generic[T]):
     """An attribute in the memory that C++ shares, of this kind."""
 
-    def __init__(self, kind: Callable[[Any], T], name: str = "") -> None:
-        self.kind, self.name = kind, name
+    def __init__(self, kind: Callable[[Any], T]) -> None:
+        self.kind = kind
 
     def __set_name__(self, owner: type, name: str) -> None:
-        self.name = self.name or name
+        self.name = name
 
     def __get__(self, host: "Host", owner: type) -> T:
         return self.kind(getattr(host._bridge, self.name))
@@ -47,8 +47,7 @@ class Host(hosts.Host):
 
     phase, facts, vflag, changes = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     changes_box, held, counts, rotor = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
-    begins, pushes = _Shared(int), _Shared(int)
-    remap_group = _Shared(int, "stream_group")
+    begins, pushes, remap_group = _Shared(int), _Shared(int), _Shared(int)
     world, min_dof, dmax = _Shared(int), _Shared(int), _Shared(float)
     ghost_velocity, scalar_pressure = _Shared(bool), _Shared(bool)
     next_output, last_step = _Shared(_step), _Shared(_step)
@@ -61,7 +60,7 @@ class Host(hosts.Host):
         self.span = tuple(array(address, (1,), np.int64) for address in steps)
         for name, size in ("forces_virial", 6), ("rate", 6), ("told", 7):
             setattr(self, name, array(getattr(bridge, name), (size,), float))
-        self.deformed_box = array(bridge.told_box, (9,), float)
+        self.deformed_box = array(bridge.deformed_box, (9,), float)
         for name in "set_box", "flip_box", "find_clusters", "orient_atom":
             function = cast(getattr(bridge, name), c_void_p).value
             setattr(self, name, np.array([function, bridge.fix or 0]))

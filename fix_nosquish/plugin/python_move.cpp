@@ -211,8 +211,8 @@ void FixPythonMove::init()
   facts.refuse_casts();
   bridge.dmax = 0.0;
   if (update->whichflag == 2 && bridge.min_force) begin_minimization();
-  bridge.stream_group = domain->deform_vremap ? domain->deform_groupbit : 0;
-  if (bridge.stream_group)
+  bridge.remap_group = domain->deform_vremap ? domain->deform_groupbit : 0;
+  if (bridge.remap_group)
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it computes its rates, perhaps after this fix
   for (const auto &other : modify->get_fix_by_style("^efield")) other->init();    // it looks up its variables: see `describe`
   box.begin_run();

@@ -226,7 +226,7 @@ class Passes:
         box, remaps = self._conditions.deformed_box, self._conditions.remaps_velocities
         if box is None:
             return {}
-        cells = self.cells | {"told_box": Cell(F1, box)}
+        cells = self.cells | {"deformed_box": Cell(F1, box)}
         follows = deform.stream if remaps else deform.deform
         return {"deform": [follows.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
 
