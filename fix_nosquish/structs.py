@@ -227,8 +227,6 @@ FUNCTIONS = {
     "log": of_fix(NOTHING, TEXT),
     "nth_fix": of_fix(INT, INT, PLACE),  # fills FixFacts; 0 after the last; no id for this fix
     "command": of_fix(TEXT),  # the words of the last command
-    # v_NAME: as info variables prints it; c_ID: the style, empty if its group is dynamic
-    "definition": of_fix(TEXT, TEXT),
     "removed_freedom": of_fix(LONG, TEXT, TEXT),  # by another fix, in a group
     "begin_step_of": of_fix(NOTHING, TEXT),  # initial_integrate of another fix
     "pair_style": of_fix(INT, TEXT),  # whether one that begins with this is in use

@@ -172,11 +172,6 @@ class Host:
     def gravity(self, fix_id: str) -> np.ndarray | None:
         """The current acceleration by another fix, (3,); None if it gives none."""
 
-    def definition(self, word: str) -> str:
-        """The definition of v_NAME, as LAMMPS's command info prints it, or the style of the compute
-        of c_ID; empty if there is none, or if its group is dynamic."""
-        return ""
-
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         """Have LAMMPS evaluate these words (variables and columns) when it calls `push`, and have
         it include the energy and the virial of external forces."""

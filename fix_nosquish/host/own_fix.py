@@ -21,6 +21,7 @@ from ..ranks.lookup import find, look_up
 from ..ranks.migration import IN_NO_BODY, UNDECIDED
 from ..ranks.sharing import places
 from ..structs import When
+from .command import Line
 from .hosts import Host, Phase
 from .lammps import Lammps
 
@@ -46,7 +47,7 @@ class OwnFix(Host):
     """The host for LAMMPS's own fix python/move.
 
     Args:
-        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.
+        lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  line: the fix line.
     """
 
     fix_id = group = next_output = span = told = None
@@ -57,8 +58,8 @@ class OwnFix(Host):
     scalar_pressure = False
     ghost_velocity = True  # not known: velocities at the half step may be read
 
-    def __init__(self, lammps: Lammps, communicator: Communicator | Alone) -> None:
-        self.lammps, self.communicator = lammps, communicator
+    def __init__(self, lammps: Lammps, communicator: Communicator | Alone, line: Line) -> None:
+        self.lammps, self.communicator, self._line = lammps, communicator, line
         machine_code.load(communicator, mpi.__name__)
         # the world's number is not known: use the universe's rank of this world's first rank
         self.world = communicator.share(lammps.setting("universe_rank"))
@@ -185,7 +186,7 @@ class OwnFix(Host):
             return
         # not stored: its traceback refers to this object, too
         vars(error)["printed"] = True
-        text, everywhere = str(error), getattr(error, "everywhere", False)
+        text, everywhere = self._line.naming(str(error)), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
         if not isinstance(error, RunError):
             text = f"{type(error).__name__}: {text}"
@@ -205,7 +206,9 @@ class OwnFix(Host):
 _drivers: "weakref.WeakSet[Driver]" = weakref.WeakSet()
 
 
-def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone) -> Any:
+def driven(
+    make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone, line: Line
+) -> Any:
     """The object that LAMMPS calls: the fix itself with the plugin, else its `Driver`.
 
     Args:
@@ -213,7 +216,7 @@ def driven(make: Callable[[], Any], lammps: Lammps, communicator: Communicator |
     """
     if "fix_nosquish.plugin.bridge" in sys.modules:
         return make()
-    return Driver(make, OwnFix(lammps, communicator))
+    return Driver(make, OwnFix(lammps, communicator, line))
 
 
 class Driver:

@@ -79,7 +79,7 @@ class Barostat(EnsemblePart):
                 "WARNING: the virial lacks the external forces on the bodies: the box follows a "
                 "pressure without them. Give fix_modify external the words virial yes"
             )
-        for fix in run.other_fixes:
+        for fix in run.conditions.other_fixes:
             harmless = fix.style.startswith(_HARMLESS) and "region" not in fix.style
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
@@ -125,9 +125,9 @@ class Barostat(EnsemblePart):
     def _refuse(self, run: Any) -> None:
         """Raise an error for a system whose box this fix cannot change; collective."""
         run.host.need("box")
-        for one in run.siblings:
+        for one in run.conditions.siblings:
             raise RunError(
-                f'fix {one.fix_id} ("{one.line.text}") has bodies, too, which would '
+                f'fix {one.host.fix_id} ("{one.command.text}") has bodies, too, which would '
                 "not follow the box that this fix changes: have one fix move all bodies, or "
                 "move the other atoms with one of LAMMPS's fixes",
                 everywhere=True,
@@ -183,7 +183,7 @@ class Barostat(EnsemblePart):
         placing = *_CLUSTERS, *_PLACES
         deciding = [
             fix
-            for fix in run.other_fixes
+            for fix in run.conditions.other_fixes
             if (fix.constrains or fix.style.startswith(placing))
             and self._hits(fix, run, moving=True)
         ]
@@ -207,7 +207,7 @@ class Barostat(EnsemblePart):
         """
         changing = [
             fix
-            for fix in run.other_fixes
+            for fix in run.conditions.other_fixes
             if fix.post_force and not fix.style.startswith((*READERS, *_CLUSTERS))
         ]
         noisy = any(f.style.startswith(_NOISE) and run.acts_on_bodies(f) for f in changing)

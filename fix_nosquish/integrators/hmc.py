@@ -159,7 +159,9 @@ class Trajectory(Part):
         if self._has_warned:
             return
         steps, output = self._steps, run.host.next_output
-        readers = [fix for fix in run.other_fixes if fix.end_of_step and fix.nevery % steps]
+        readers = [
+            fix for fix in run.conditions.other_fixes if fix.end_of_step and fix.nevery % steps
+        ]
         problem = (
             f"fix {readers[0].id} (style {readers[0].style}) looks every {readers[0].nevery} steps"
             if readers
@@ -226,17 +228,19 @@ def _refuse(run: Any) -> None:
         f"pair style {style} has friction or noise, which no energy tests: leave it out, "
         "or use fix nosquish/nvt with thermostat langevin",
     )
-    problem = run.external.without_energy(run.other_fixes)
-    refuse(problem, f"hybrid Monte Carlo tests an energy, and {problem}")
-    problem = run.external.not_of_positions()
-    refuse(problem, f"hybrid Monte Carlo needs forces of an energy, and {problem}")
-    for one in run.siblings:
+    refuse(
+        run.external.acts,
+        "external forces (fix_modify external, add_force) cannot be used with hybrid Monte Carlo, "
+        "which tests the energy of all forces: use a fix with an energy instead, such as efield, "
+        "spring or addforce with fix_modify energy yes",
+    )
+    for one in run.conditions.siblings:
         raise RunError(
-            f'fix {one.fix_id} ("{one.line.text}") moves bodies besides hybrid '
+            f'fix {one.host.fix_id} ("{one.command.text}") moves bodies besides hybrid '
             "Monte Carlo, which tests all motion at once: have one fix move all bodies",
             everywhere=True,
         )
-    if found := run.other_fixes.without_energy():
+    if found := run.conditions.other_fixes.without_energy():
         fix, remedy = found
         raise RunError(
             f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "

@@ -95,13 +95,13 @@ class Momentum(Part):
 
 def _pushed_by(run: Any) -> str | None:
     """The name of an interaction that may change the total momentum, or None; collective."""
-    if run.gravity is not None:
+    if run.conditions.gravity is not None:
         return "keyword gravity"
     if run.external.moves_centres:
         return "external forces"
     if style := pushing_pair_style(run.host, run.lammps.setting("newton_pair")):
         return f"pair style {style}"
-    pushing = run.other_fixes.pushing()
+    pushing = run.conditions.other_fixes.pushing()
     found = next((fix for fix in pushing if _pushes(fix, run.membership)), None)
     return found and f"fix {found.id}"
 

@@ -68,7 +68,6 @@ void FixPythonMove::fill_bridge()
   bridge.log = Lend<&Facts::log, &Self::facts>();
   bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
   bridge.command = Lend<&Facts::last_command, &Self::facts>();
-  bridge.definition = Lend<&Facts::definition, &Self::facts>();
   bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
   bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
   bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();

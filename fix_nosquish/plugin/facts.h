@@ -8,7 +8,6 @@
 #include "compute.h"
 #include "force.h"
 #include "group.h"
-#include "info.h"
 #include "input.h"
 #include "kspace.h"
 #include "library.h"
@@ -94,16 +93,6 @@ class Facts : public Part {
     return command.c_str();
   }
 
-  const char *definition(const char *word)
-  {
-    const std::string name = word + 2;
-    const int number = *word == 'v' ? input->variable->find(name.c_str()) : -1;
-    const Compute *found = *word == 'c' ? modify->get_compute_by_id(name) : nullptr;
-    const bool known = found && !group->dynamic[found->igroup];
-    text = number >= 0 ? Info(lmp).get_variable_info(number) : known ? found->style : "";
-    return text.c_str();
-  }
-
   // Some computes of LAMMPS cast each fix whose style begins with rigid to LAMMPS's own class.
 
   void refuse_casts() const
@@ -116,7 +105,7 @@ class Facts : public Part {
   }
 
  private:
-  std::string command, text;
+  std::string command;
 };
 
 }    // namespace nosquish

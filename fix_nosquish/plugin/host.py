@@ -125,9 +125,6 @@ class Host(hosts.Host):
         address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
         return array(address, (3,), float) if address else None
 
-    def definition(self, word: str) -> str:
-        return self._bridge.definition(self._bridge.fix, word.encode()).decode(errors="replace")
-
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         self._words = len(words)
         self._bridge.words = " ".join(words).encode()

@@ -6,7 +6,7 @@ by their IDs, so that they need not follow a body to another rank.
 """
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from typing import NamedTuple
 from zlib import crc32
 
@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from ..bodies.bodies import Bodies
 from ..errors import refuse
 from ..host.command import is_number
-from ..host.hosts import Host, OtherFix
+from ..host.hosts import Host
 from ..host.lammps import Box, Lammps
 from ..loops.compiled import F1, F2, Cell
 from ..ranks.communicator import Alone
@@ -28,20 +28,6 @@ _EXPECTED = (
     "a number, v_NAME of an equal-style or vector-style variable, or f_ID[i] or c_ID[i], a column "
     "of the global array of a fix or a compute, is expected"
 )
-# what is known to depend on nothing but positions: columns of f_ID; styles of computes, of groups
-# that stay; and what formulas may name
-_PLACES = "1", "2", "3", "13", "14", "15"
-_COMPUTES = (
-    *("com", "com/chunk", "dipole", "dipole/chunk", "gyration", "gyration/chunk", "inertia/chunk"),
-)
-_IN_FORMULAS = re.compile(
-    "PI|a?(sin|cos|tan)|atan2|abs|ceil|exp|floor|ln|log|round|sign|sqrt|ternary|ave|max|min|slope|"
-    "sum|trap|[xyz](lo|hi)?|l[xyz]|xy|xz|yz|vol|atoms|density|id|mass|mol|q|type|"
-    "undefined|inf|nan"  # what an equal-style variable has been
-)
-_NAMES = re.compile(r"[vcfCF]_\w+(?:\[\d+\])*|(?<![\w.])[A-Za-z]\w*")
-_DEFINED = re.compile(r"style = (\w+), +def =(.*)")
-_STYLES = "equal", "vector", "index", "loop", "world", "universe", "uloop", "string", "getenv"
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
 
@@ -110,41 +96,6 @@ class ExternalForces:
         of_words = words.numbers[:3].any() or any(column < 3 for column in words.named)
         return self.acts and bool(of_words or words.python or len(self._given.ids))
 
-    def without_energy(self, others: Iterable[OtherFix]) -> str | None:
-        """What to say of external forces whose energy LAMMPS does not count; None if it does."""
-        told = f"{self._host.fix_id}_external"
-        if not self.acts or any(fix.id == told and fix.energy_in_pe for fix in others):
-            return None
-        return (
-            "the energy of external forces is not in pe: give it by the word energy of fix_modify "
-            "external"
-        )
-
-    def not_of_positions(self) -> str | None:
-        """What to say of forces that may depend on more than positions; None if none do."""
-        fix_id = self._host.fix_id
-        parts = [(word, True) for word in self.words.named.values()]
-        for word, in_vectors in parts:  # which grow
-            name, *indices = re.findall(r"\w+", word)
-            if name[:2] == "v_":
-                definition = self._host.definition(name)
-                ((style, formula),) = _DEFINED.findall(definition) or [("equal", "")]
-                more = [(part, style == "vector") for part in _NAMES.findall(formula)]
-                parts += [part for part in more if part not in parts]
-                fits = style in _STYLES
-            elif name[:2] == "c_":
-                fits = self._host.definition(name) in _COMPUTES
-            else:  # f_ID[i] is a column where the formula is of vectors, else a number of the fix
-                of_bodies = name == f"f_{fix_id}" and len(indices) == 2 - in_vectors
-                fits = bool(_IN_FORMULAS.fullmatch(word)) or (of_bodies and indices[-1] in _PLACES)
-            if not fits:
-                return (
-                    f"{word}, in what fix_modify external gives, may depend on velocities, on the "
-                    "time or on chance. Take the places of the bodies (columns 1 to 3 and 13 to 15 "
-                    f"of f_{fix_id}), numbers, and computes such as com and dipole/chunk"
-                )
-        return None
-
     # ------------------------------------------------------------- what gives them
 
     def modify(self, text: str) -> None:
@@ -175,28 +126,28 @@ class ExternalForces:
             "the run, or have 'fix_modify ID external python' before it",
         )
         ids, problem = np.atleast_1d(ids), None
-        rows = np.empty((len(ids), 6))
+        rows = np.zeros((len(ids), 6))
         try:
             rows[:, :3], rows[:, 3:] = force, torque
         except (TypeError, ValueError) as error:
             problem = str(error)
-        if not problem and not np.isfinite(rows).all():
-            problem = "a force or torque is not finite"
-        if not problem and len(unknown := np.setdiff1d(ids, all_ids)):
-            problem = f"there is no body with ID {unknown[0]}"
-        if not problem and len(np.unique(ids)) < len(ids):
-            problem = "a body's ID is given twice"
-        if problem:
-            problem = (
-                f"{problem}: expected IDs of bodies, a force (n, 3) and a torque (n, 3), or (3,) "
-                "for the same on all of them"
-            )
-        self._ranks.agree(problem and f"add_force: {problem}")
+        unknown = np.setdiff1d(ids, all_ids)
+        for wrong, why in (
+            (not np.isfinite(rows).all(), "a force or torque is not finite"),
+            (len(unknown), f"there is no body with ID {next(iter(unknown), '')}"),
+            (len(np.unique(ids)) < len(ids), "a body's ID is given twice"),
+        ):
+            problem = problem or (why if wrong else None)
+        self._ranks.agree(
+            problem
+            and f"add_force: {problem}: expected IDs of bodies, a force (n, 3) and a torque "
+            "(n, 3), or (3,) for the same on all of them"
+        )
         ids = ids.astype(np.int64)
-        own = crc32(ids.tobytes() + rows.tobytes())
+        checksum = crc32(ids.tobytes() + rows.tobytes())
         self._ranks.agree(
             "add_force: this rank passes other forces than rank 0: pass the same on all ranks"
-            if self._ranks.share(own) != own
+            if self._ranks.share(checksum) != checksum
             else None
         )
         stay = ~np.isin(self._given.ids, ids)

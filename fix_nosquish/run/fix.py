@@ -1,7 +1,5 @@
 """The fix that LAMMPS drives: its hooks."""
 
-from collections.abc import Callable
-from functools import partial, wraps
 from typing import Any, cast
 from weakref import WeakMethod
 
@@ -12,27 +10,30 @@ from ..bodies import extended, infile
 from ..bodies.bodies import Bodies
 from ..bodies.build import count
 from ..bodies.membership import Membership
-from ..errors import RunError, refuse
+from ..errors import refuse
 from ..host import rigid_fixes
 from ..host.command import Command, Line
 from ..host.hosts import Host, Phase
 from ..host.lammps import Lammps
 from ..host.own_fix import driven
 from ..loops import machine_code
-from ..motion import step, virial
+from ..motion import body_forces, step, virial
 from ..motion.block import ROWS
 from ..ranks import migration, mpi, sharing
 from ..ranks.communicator import ALONE, Alone, Communicator
-from . import former_names, log, output, passes, switches
+from . import former_names, output, switches
+from .beginning import begin_run
+from .conditions import refuse_time_step
 from .external import ExternalForces, all_ids
 from .integrator import Integrator
+from .log import FixLog
 from .making import BodyMaker
-from .other_fixes import OtherFixes
 from .part import box_every, needs_energy
 from .registry import Registered, siblings_of
 from .replacement import replacement_notice
 from .rotation import Rotation
-from .run import Run, Setting, begin_run, refuse_time_step
+from .run import Run
+from .setting import Setting
 from .thermo import VALUES, Thermo
 from .velocities import AtomVelocities
 
@@ -45,21 +46,7 @@ def fix_of(kind: type[Integrator], ptr: Any, line: Line) -> Any:
     """
     lammps = Lammps(ptr)
     ranks = Communicator(lammps.communicator) if lammps.ranks > 1 else ALONE
-    return driven(lambda: Fix(kind, lammps, ranks, line), lammps, ranks)
-
-
-def _hook(method: Callable) -> Callable:
-    """A method that LAMMPS calls: its errors name integrators as the fix line does."""
-
-    @wraps(method)
-    def named(self: Any, *arguments: Any) -> Any:
-        try:
-            return method(self, *arguments)
-        except RunError as error:
-            error.args = (self.line.naming(str(error)),)
-            raise
-
-    return named
+    return driven(lambda: Fix(kind, lammps, ranks, line), lammps, ranks, line)
 
 
 class Fix(Registered):
@@ -89,9 +76,7 @@ class Fix(Registered):
 
     follows_atoms = True
     array_columns = 15  # of `output.global_array`
-    setting: Setting
 
-    @_hook
     def __init__(
         self, kind: type[Integrator], lammps: Lammps, ranks: Communicator | Alone, line: Line
     ) -> None:
@@ -103,26 +88,24 @@ class Fix(Registered):
         self.command = command = Command.parse(line, kind.keywords, kind.extra_keywords)
         self.integrator = kind(command, lammps.dimension)
         several = (mpi,) if ranks.size > 1 else ()
-        modules = step, migration, sharing, virial, passes, *several
+        modules = step, migration, sharing, virial, body_forces, *several
         names = (module.__name__ for module in modules)
         machine_code.load(ranks, *names, *loop_modules(self.integrator))
-        scheme = self.integrator.scheme
-        self.rotation = Rotation(command, scheme.operations, self.integrator.splits)
         self.membership = Membership(lammps, ranks, command)
-        self.infile = command.infile and lammps.text(command.infile)
-        self.oriented = ranks.any(lammps.orients)
-        self.register()
+        scheme = self.integrator.scheme
+        self._rotation = Rotation(command, scheme.operations, self.integrator.splits)
+        self._oriented = ranks.any(lammps.orients)
+        self._infile = command.infile and lammps.text(command.infile)
         self.template = command.mol
         if self.template and not lammps.has("molecule", self.template):
             raise command.wrong(
                 f"there is no molecule template '{self.template}' (keyword mol): "
                 "define it before the fix, by command molecule"
             )
-        self.restart_file = bool(self.infile or self.template)
+        self.restart_file = bool(self._infile or self.template)
         self.rigid_flag = lammps.radius is not None
-        refuse_time_step(lammps.dt, self.integrator, line.name)
+        refuse_time_step(lammps.dt, self.integrator.parts, line.name)
 
-    @_hook
     def define_bodies(self) -> None:
         """Decide which atom is in which body; the host is there; collective."""
         self.host.carry(self.lammps, None)
@@ -130,201 +113,124 @@ class Fix(Registered):
         self.membership.define(self.host.kept_bodies)
         # None if others may come
         self.array_rows = None if self.template else count(self.membership)
-        integrator = self.integrator
-        self._siblings = partial(siblings_of, self.lammps.handle, self.number)
-        maker = BodyMaker(
-            self.lammps, self.ranks, self.host, self.membership, self.infile,
-            self.counts_from_one, integrator.rows + integrator.kept, self.oriented,
-        )  # fmt: skip
-        self.external = ExternalForces(self.lammps, self.ranks, self.host)
+        integrator, line = self.integrator, self.line
+        # as LAMMPS's rigid fixes do
+        counts_from_one = bool(line.replaces) and self.command.style == "custom"
+        self.register()
         self.setting = Setting(
-            self.lammps, self.ranks, self.host, self.command, integrator, self.membership, maker,
-            self.rotation, self.external, log.LogLines(self.host, self.line), self._siblings,
-            self.rigid_flag, self.infile,
+            self.lammps, self.ranks, self.host, self.command, integrator, self.membership,
+            BodyMaker(
+                self.host, self.membership, self._rotation, self._infile, counts_from_one,
+                integrator.rows + integrator.kept, self._oriented,
+            ),
+            ExternalForces(self.lammps, self.ranks, self.host),
+            FixLog(self.host, self.command, integrator, self._rotation, self.membership),
+            self.number, self.rigid_flag,
         )  # fmt: skip
         self.setting.log.warn(former_names.warnings(*_classes(integrator)))
+        self._declare(integrator)
 
-    @_hook
+    def _declare(self, integrator: Integrator) -> None:
+        """Have ready what LAMMPS must know of the fix: see `structs.Bridge`."""
+        # f_ID of a fix rigid with keyword langevin is a temperature, no energy
+        replaces_bodies = self.line.replaces in rigid_fixes.BODIES
+        self.couples = integrator.scalar is not None and not replaces_bodies
+        self.flips = any(part.flips for part in integrator.parts)
+        self.needs_energy = needs_energy(integrator.parts)
+        self.box_every = box_every(integrator.parts)
+        self.restart_state = integrator.restart_state
+        self.vector_names = *VALUES, *integrator.values
+        self.vector_extensive = *VALUES.values(), *integrator.values.values()
+        of_body = ROWS + integrator.rows + integrator.kept + 3 * bool(self.command.moments)
+        of_atom = extended.ROWS if self._oriented else extended.ORIENT
+        self.carries = migration.OF_BODY + of_body + of_atom  # numbers that go with an atom
+
     def report_definition(self) -> None:
         """Log what the bodies are, where LAMMPS takes no text for its log in a run; collective."""
-        setting, command = self.setting, self.command
-        bodies, report, _ = setting.maker.prepare(None)()
-        self.rotation.choose(bodies, self.ranks, self.host)
-        thermo = Thermo(bodies, self.lammps, self.ranks)
-        facts, lines = log.facts_of(thermo, report), log.of_words(command, self.lammps)
-        if command.details:
-            lines.append(log.work(facts, self._first_step_facts(bodies), command, OtherFixes(None)))
-        lines = log.summary(facts, self.integrator.method, command, "", lines)
-        setting.log.summary(lines, self.host.advice(facts.removed), projected=False)
-        warmed = bool(self.integrator.thermostat)
-        mask = switches.mask(switches.choices(command, self.ranks, bodies), bodies)
-        warnings = [*log.of_start(report, warmed, (self.host.group, command.group))]
-        warnings += [*report.warnings, *log.of_motion(thermo, mask, self.membership.name)]
-        setting.log.warn([*warnings, *log.of_time_step(self.lammps)])
-
-    def _first_step_facts(self, bodies: Bodies) -> log.StepFacts:
-        """Those that are known when the fix is defined."""
-        return log.StepFacts(
-            splits=self.integrator.splits,
-            exact=self.rotation.exact,
-            spin=bodies.spin,
-            oriented=bodies.oriented,
-            thermostat=bool(self.integrator.thermostat),
-            box_every=0,
-            two_passes=bool(self.integrator.scheme.go_on),
-            external=False,
-            half_step=True,
-            virial=False,
-        )
-
-    # ------------------------------------------------------------- what it declares to LAMMPS
-
-    @property
-    def flips(self) -> bool:
-        return any(part.flips for part in self.integrator.parts)
-
-    @property
-    def needs_energy(self) -> bool:
-        return needs_energy(self.integrator.parts)
-
-    @property
-    def box_every(self) -> int:
-        return box_every(self.integrator.parts)
-
-    @property
-    def couples(self) -> bool:
-        """Whether its scalar is an energy that LAMMPS's econserve counts: f_ID of a fix rigid with
-        keyword langevin is a temperature."""
-        return self.integrator.scalar is not None and self.line.replaces not in rigid_fixes.BODIES
-
-    @property
-    def restart_state(self) -> np.ndarray | None:
-        return self.integrator.restart_state
-
-    @property
-    def vector_extensive(self) -> tuple[bool, ...]:
-        return *VALUES.values(), *self.integrator.values.values()
-
-    @property
-    def vector_names(self) -> tuple[str, ...]:
-        return *VALUES, *self.integrator.values
-
-    @property
-    def carries(self) -> int:
-        """How many numbers go with an atom to another rank."""
-        integrator = self.integrator
-        of_body = ROWS + integrator.rows + integrator.kept + 3 * bool(self.command.moments)
-        return migration.OF_BODY + of_body + (extended.ROWS if self.oriented else extended.ORIENT)
+        bodies, report, _ = self.setting.maker.build_of(None)()
+        self._rotation.choose(bodies, self.ranks, self.host)
+        mask = switches.mask(switches.choices(self.command, self.ranks, bodies), bodies)
+        self.setting.log.report(Thermo(bodies, self.lammps, self.ranks), report, mask)
 
     @property
     def replacement_notice(self) -> str | None:
         """Lines for the log if it replaces one of LAMMPS's rigid fixes; else None."""
         return replacement_notice(cast(str, self.host.fix_id), self.command)  # native: it has one
 
-    @property
-    def counts_from_one(self) -> bool:
-        """Whether files count bodies of style custom from 1, as LAMMPS's rigid fixes do."""
-        return bool(self.line.replaces) and self.command.style == "custom"
-
-    @property
-    def table_path(self) -> str | None:
-        """The file of keyword output; None as long as there is none."""
-        table = self.setting.table
-        return table.path if table else None
-
-    @property
-    def keeps_bodies(self) -> bool:
-        """Whether more is known of some bodies than their atoms tell."""
-        return self.setting.keeps_bodies
-
     # ------------------------------------------------------------- a run
 
-    @_hook
     def init(self) -> None:
         """A run begins."""
         last, self.run = self.run, None
         try:
             self.run = begin_run(self.setting, last)
         except BaseException:
-            self.run = last if last and last.has_bodies else None
+            self.run = last if last and vars(last) else None  # it may have been freed
             raise
         self.run.bodies.force_receiver = WeakMethod(self.give_forces)
 
-    @_hook
     def setup(self, vflag: int) -> None:
         """The first forces of a run are known."""
         self._run.follow("setup")
 
-    @_hook
     def post_neighbor(self) -> None:
         """LAMMPS has re-neighbored."""
         self._run.follow_atoms()
 
-    @_hook
     def push(self) -> None:
         """The forces of a step are known: evaluate external forces."""
-        self._run.push()
+        run = self._run
+        self.setting.external.evaluate(run.bodies, about_centre=bool(run.box_every))
 
-    @_hook
-    def act(self, number: int, found: int) -> None:
+    def act(self, number: int, code: int) -> None:
         """Do what an action of the schedule has for Python: see `Run.act`."""
-        self._run.act(number, found)
+        self._run.act(number, code)
 
-    @_hook
     def initial_integrate(self, vflag: int) -> None:
         """The first half of a step."""
         self.host.vflag, self._run.stepped = vflag, True
         self._run.follow("begin")
 
-    @_hook
     def final_integrate(self) -> None:
         """The second half of a step."""
         self._run.follow("end")
 
-    @_hook
     def initial_integrate_respa(self, vflag: int, level: int, loop: int) -> None:
         """A level of run_style respa begins a step."""
         self._run.begin_level(vflag, level)
 
-    @_hook
     def final_integrate_respa(self, level: int, loop: int) -> None:
         """A level's new forces end its step."""
         self._run.end_level(level)
 
-    @_hook
     def end_of_step(self) -> None:
         """A step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
         self._run.cache.clear()
         self._run.follow("end_levels")
 
-    @_hook
     def reset_dt(self) -> None:
         """The time step may have changed."""
-        refuse_time_step(self.lammps.dt, self.integrator, self.line.name)
+        refuse_time_step(self.lammps.dt, self.integrator.parts, self.line.name)
         if self.run:
             self.run.follow("reset_dt")
 
-    @_hook
     def post_run(self) -> None:
         """A run is over."""
         self._run.follow("post_run")
 
     # ------------------------------------------------------------- a minimization
 
-    @_hook
     def min_store(self) -> None:
         """A line search begins."""
         self._minimization.store()
 
-    @_hook
     def min_step(self, alpha: float, direction: int) -> None:
         """Move bodies and atoms by alpha times the direction at this address, from where the line
         search began."""
         self._minimization.move(alpha * self._minimization.at(direction))
         self._run.passes.run("place")
-        cast(Any, self.setting.made).started = False
+        cast(Any, self.setting.maker.made).started = False
 
-    @_hook
     def min_force(self, forces: int) -> None:
         """Write the forces on the bodies' coordinates to this address."""
         run = self._run
@@ -334,7 +240,6 @@ class Fix(Registered):
         run.cache.clear()
         self._minimization.at(forces)[:] = self._minimization.forces()
 
-    @_hook
     def max_alpha(self, direction: int) -> float:
         """The largest multiple of the direction at this address that moves no body by more than
         dmax."""
@@ -343,7 +248,6 @@ class Fix(Registered):
 
     # ------------------------------------------------------------- between runs
 
-    @_hook
     def keep_bodies(self) -> None:
         """LAMMPS writes a restart file: have what the fix line does not say of the bodies ready;
         collective."""
@@ -351,29 +255,26 @@ class Fix(Registered):
             self.host.point()
         self.host.keep_bodies(self.membership.exceptions())
 
-    @_hook
     def write_restart(self) -> None:
         """LAMMPS writes a restart file: have `restart_state` ready; collective."""
         if self.run:
             self.integrator.prepare_restart(self.run)
 
-    @_hook
     def write_restart_file(self, name: str) -> None:
         """LAMMPS writes a restart file: write bodies of which more is known than their atoms to a
         file beside it, to be read as infile; collective."""
-        if not self.keeps_bodies:
+        maker = self.setting.maker
+        if not maker.keeps_bodies:
             return
-        several = any(one.keeps_bodies for one in self._siblings())
-        own = f".{self.host.fix_id}" if several else ""
-        path, bodies = f"{name}{own}.rigid", self.completed_bodies()
-        infile.write(path, self.counts_from_one, bodies, self.membership)
+        siblings = siblings_of(self.lammps.handle, self.number)
+        several = any(sibling.maker.keeps_bodies for sibling in siblings)
+        path = f"{name}{f'.{self.host.fix_id}' if several else ''}.rigid"
+        infile.write(path, maker.counts_from_one, self.completed_bodies(), self.membership)
 
-    @_hook
     def zero_momentum(self) -> None:
         """Stop the bodies' translation; collective."""
         self._zero("v")
 
-    @_hook
     def zero_rotation(self) -> None:
         """Stop the bodies' rotation; collective."""
         self._zero("p")
@@ -381,11 +282,11 @@ class Fix(Registered):
     def _zero(self, name: str) -> None:
         """Stop a motion of the bodies, v or p, that the next run will have: those of the last one,
         or those that it makes of the atoms; collective."""
-        setting = self.setting
-        if setting.goes_on:
-            bodies = cast(Bodies, setting.previous)
+        maker = self.setting.maker
+        if maker.goes_on:
+            bodies = cast(Bodies, maker.last)
         else:
-            bodies = setting.maker.of_atoms_now(setting.previous if setting.ran else None)
+            bodies = maker.next_bodies()
             bodies.bind(self.membership)
             bodies.update_box(self.lammps.box)
         getattr(bodies, name)[:] = 0.0
@@ -393,21 +294,19 @@ class Fix(Registered):
         if self.run:
             self.run.cache.clear()
 
-    @_hook
     def reset_target(self, temperature: float) -> None:
         """Keep this temperature from now on."""
         for part in self.integrator.parts:
             part.reset_target(temperature, self.run)
 
-    @_hook
     def modify_external(self, text: str) -> None:
         """Read the words of fix_modify external."""
-        self.external.modify(text)
+        self.setting.external.modify(text)
 
     def give_forces(self, ids: ArrayLike, force: ArrayLike, torque: ArrayLike) -> None:
         """Take what Python hands in: see `bodies.Bodies.add_force`; collective."""
         known = all_ids(self._run.bodies, self.ranks)
-        self.external.give(known, ids, force, torque)
+        self.setting.external.give(known, ids, force, torque)
 
     # ------------------------------------------------------------- what LAMMPS and others ask
 
@@ -423,31 +322,29 @@ class Fix(Registered):
         """The bodies that are counted on this rank as they are now: see `output.table`."""
         return output.table(self.completed_bodies(), self.lammps)
 
-    @_hook
     def dof(self, group: int) -> int:
         """Degrees of freedom that the bodies take from a group of LAMMPS; collective.
 
         Args:
             group: its number.
         """
-        setting, words = self.setting, self.host.command
+        maker, words = self.setting.maker, self.host.command
         between = self.host.phase == Phase.OVER or not self.lammps.running
         sets = words[2:3] if between and "velocity" in words[:1] else ()
         if "create" in sets:
             # all atoms' velocities are scaled now; a body keeps its share of them when the run
             # makes them rigid motion
             return 0
-        if not self.lammps.running or setting.made is None or "scale" in sets:
+        if not self.lammps.running or maker.made is None or "scale" in sets:
             # atoms may be other ones and elsewhere; the bodies of the last run stay as they are
-            bodies = setting.maker.of_atoms_now(setting.previous if setting.ran else None)
+            bodies = maker.next_bodies()
         else:
-            bodies = setting.made.bodies
+            bodies = maker.made.bodies
         thermo, bit = Thermo(bodies, self.lammps, self.ranks), 1 << group
         if "scale" in sets and not bodies.spin:
             return thermo.removed_freedom_to_scale(bit)
         return thermo.removed_freedom(bit)
 
-    @_hook
     def compute_scalar(self) -> float:
         """The integrator's scalar, or the temperature of the bodies; collective.
 
@@ -462,29 +359,25 @@ class Fix(Registered):
             return run.cached("active", lambda: run.thermo.temperature_of(mask), forces=False)
         return run.energies().temperature
 
-    @_hook
     def compute_vector(self, i: int) -> float:
         """Kinetic energy of translation and of rotation, temperature of each, and then the
         integrator's own values; collective."""
-        own = i - len(VALUES)
-        run = self._run
-        return run.energies()[i] if own < 0 else self.integrator.extra_values(run)[own]
+        run, extra = self._run, i - len(VALUES)
+        return run.energies()[i] if extra < 0 else self.integrator.extra_values(run)[extra]
 
-    @_hook
     def compute_array(self, i: int, j: int) -> float:
         """Value j of body i: see `output.global_array`; collective."""
         run = self._run
         run.take_seen_velocities()
 
         def of_all() -> np.ndarray:
-            own = output.table(run.bodies, self.lammps)
-            return output.global_array(self.ranks.gather_to_all(own))
+            rows = output.table(run.bodies, self.lammps)
+            return output.global_array(self.ranks.gather_to_all(rows))
 
         rows = run.cached("array", of_all)
         self.host.lend_array(rows)
         return rows[i, j]
 
-    @_hook
     def rows_of_rank(self, words: str, groupbit: int) -> tuple[int, int]:
         """What compute rigid/local says of the bodies: see `output.rows_of_rank`; collective.
 
@@ -524,4 +417,4 @@ def loop_modules(integrator: Integrator) -> list[str]:
 
 def _classes(integrator: Integrator) -> list[type]:
     """The classes of an integrator and of its parts, with those from which they derive."""
-    return [kind for one in (integrator, *integrator.parts) for kind in type(one).__mro__]
+    return [kind for each in (integrator, *integrator.parts) for kind in type(each).__mro__]

@@ -33,10 +33,10 @@ def acceleration(
         )
     if levels:
         raise command.wrong(f"{cannot} run_style respa. {instead} instead")
-    found = host.gravity(name)
-    if found is None:
+    gravity = host.gravity(name)
+    if gravity is None:
         raise command.wrong(f"keyword gravity: '{name}' is not a fix gravity")
-    return found
+    return gravity
 
 
 def refuse_twice(

@@ -1,21 +1,22 @@
 """What an integrator declares of its step; loops, memory and messages follow from it."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from ..host.command import Command
-from ..loops.compiled import Cell, Kind, Loop
+from ..loops.compiled import Kind, Loop
 from ..motion import step
 from ..motion.operations import Parameters
 from . import former_names
+from .part import Declaration
 
 _OF_LOOPS = "splitting", "operations", "rows", "starts"
 
 
-class Integrator(metaclass=former_names.Declared):
+class Integrator(Declaration):
     """What a class derived from this one may declare, and the defaults.
 
     It is made for each fix.  Methods that are called in a run get the `run.Run` as `run`: it has
@@ -44,7 +45,6 @@ class Integrator(metaclass=former_names.Declared):
         scheme: the loops of the splitting, a `step.Scheme`.
 
     What it supports:
-        method: its name in the log.
         splits: whether the keywords mrot and order have a meaning.  Keyword rotor exact needs an
             operation that is `exact`.
         keywords: which of `command.OWN_KEYWORDS` it has, besides `command.KEYWORDS`.
@@ -71,7 +71,7 @@ class Integrator(metaclass=former_names.Declared):
     mid_step = False
     scheme: step.Scheme
 
-    method, splits, respa, supports_remap_v = "", False, True, False
+    splits, respa, supports_remap_v = False, True, False
     keywords: tuple[str, ...] = ()
     extra_keywords: Mapping[str, str] = MappingProxyType({})
     thermostat: object = None
@@ -84,7 +84,8 @@ class Integrator(metaclass=former_names.Declared):
         self.command, self.dimension = command, dimension
 
     def __init_subclass__(cls) -> None:
-        former_names.take_over(cls)
+        former_names.refuse_removed(cls)
+        super().__init_subclass__()
         if cls.splitting and not vars(cls).keys().isdisjoint(_OF_LOOPS):
             cls.scheme = step.Scheme(
                 (cls.__module__, cls.__qualname__),
@@ -96,31 +97,10 @@ class Integrator(metaclass=former_names.Declared):
                 )
             cls.supports_remap_v = vars(cls).get("supports_remap_v", False)
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
-        """Its parameters, besides those of `operations`: a dictionary from fields of `numbers`;
-        called when a run begins.  Fields that it does not name are 0."""
-        return {}
-
-    def extra_cells(self, run: Any) -> dict[str, Cell]:
-        """The cells that its own loops take, by name."""
-        return {}
-
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
-        """Additional lists of loops, by name, bound to cells; see `passes`."""
-        return {}
-
     def extra_values(self, run: Any) -> Sequence[float]:
         """The additional `values` of f_ID[i]; collective."""
-        return ()
-
-    def extra_warnings(self, run: Any) -> Iterable[str]:
-        """Lines for the log on what is probably not meant, when a run begins; collective."""
         return ()
 
     def prepare_restart(self, run: Any) -> None:
         """LAMMPS writes a restart file, after a run has begun: update `restart_state`;
         collective."""
-
-    def failure(self, found: int, run: Any) -> str:
-        """The message that ends the run if a loop returned this number below 0."""
-        return f"{self.method} has failed"

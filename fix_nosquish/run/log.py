@@ -1,18 +1,21 @@
 """The lines of the log on the bodies, as a run begins: what they are, what is done, warnings."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..bodies.bodies import StartDiagnosis
+from ..bodies.bodies import Bodies, StartDiagnosis
 from ..bodies.build import BuildReport, least_moment
+from ..bodies.membership import Membership
 from ..errors import RunError
-from ..host.command import Command, Line, Moments
+from ..host.command import Command, Moments
 from ..host.hosts import Host
 from ..host.lammps import Lammps
 from ..version import VERSION
+from .integrator import Integrator
 from .other_fixes import OtherFixes
+from .rotation import Rotation
 from .thermo import Thermo, freedom
 from .velocities import is_projected
 
@@ -78,12 +81,12 @@ def facts_of(thermo: Thermo, report: BuildReport) -> BodyFacts:
         "left": freedom(bodies, lammps.dimension)[owned].sum(),
     }
     totals = ranks.total(np.array([*counts.values()], float)).astype(int).tolist()
-    found = dict(zip(counts, totals, strict=True))
+    facts = dict(zip(counts, totals, strict=True))
     # as compute temp of these atoms counts their degrees of freedom
-    degrees = found["left"] - lammps.dimension
+    degrees = facts["left"] - lammps.dimension
     energy = 2 * (report.kinetic - report.removed)
     return BodyFacts(
-        **found,
+        **facts,
         planar=bodies.planar,
         removed=thermo.removed_freedom(ALL),
         temperature=energy / (degrees * lammps.boltz) if degrees > 0 else 0.0,
@@ -143,66 +146,31 @@ def _start(facts: BodyFacts) -> str:
     )
 
 
-@dataclass(frozen=True)
-class StepFacts:
-    """What the steps of a run do, for keyword details.
+def of_run(
+    fixes: OtherFixes, *, box_every: int, external: bool, half_step: bool, virial: bool
+) -> list[str]:
+    """Rows on this run, for keyword details.
 
-    Attributes:
-        splits: whether the integrator splits the rotation.  exact: whether this one is exact.
-        spin, oriented: see `Bodies`.
-        thermostat: whether there is one.  box_every: steps between changes of the box, 0 for none.
-        two_passes: whether the bodies are passed twice, with a sum over all ranks in between.
+    Args:
+        box_every: steps between changes of the box, 0 for none.
         external: whether there are external forces.
         half_step: whether the atoms' velocities may be read in the middle of a step.
         virial: whether LAMMPS asks for it.
     """
-
-    splits: bool
-    exact: bool
-    spin: bool
-    oriented: bool
-    thermostat: bool
-    box_every: int
-    two_passes: bool
-    external: bool
-    half_step: bool
-    virial: bool
-
-
-def work(facts: BodyFacts, step: StepFacts, command: Command, fixes: OtherFixes) -> str:
-    """What the steps of this run do, for keyword details."""
     late = " and ".join(f"fix {fix.id}" for fix in fixes.late)
-    split = f", mrot {command.mrot}, order {command.order}" if step.splits else ""
-    how = " in the plane" if facts.planar else ", exact" if step.exact else split
-    output = command.output and command.output.steps
-    rows = (
-        (True, "translation"),
-        (facts.rotors, f"rotation{how}"),
-        (facts.lines, "rotation of linear bodies, exact"),
-        (step.spin, "torque and spin of particles of finite size"),
-        (step.oriented, "orientation of particles"),
-        (step.thermostat, "thermostat"),
-        (command.steps, f"new momenta and a test every {command.steps} steps"),
-        (step.box_every, f"change of the box every {step.box_every} steps"),
-        (step.two_passes, "second pass over the bodies, after a sum over all ranks"),
-        (command.force or command.torque, "components of force and torque switched off"),
-        (step.external, "external forces and torques"),
-        (late, f"velocities that {late} may change at the end of a step"),
-        (output, f"table of the bodies every {output} steps"),
-        (facts.shared, f"messages for {facts.shared} bodies shared by ranks"),
-        (True, f"velocities of the atoms {_often(fixes.velocities_every)}"),
-        (step.half_step, "velocities of the atoms at the half step"),
-        (step.virial, "constraint virial where the pressure is needed"),
+    steps = fixes.velocities_every
+    often = (
+        f"every {' and '.join(map(str, steps))} steps and with output" if steps else "with output"
     )
-    return "\n    ".join(["  in a step:", *(text for needed, text in rows if needed)])
-
-
-def _often(steps: tuple[int, ...]) -> str:
-    """How often the atoms' velocities are set: every so many steps, for each of these numbers."""
-    if 1 in steps:
-        return "in each step"
-    every = f"every {' and '.join(map(str, steps))} steps and " if steps else ""
-    return f"{every}with output"
+    rows = (
+        (box_every, f"change of the box every {box_every} steps"),
+        (external, "external forces and torques"),
+        (late, f"velocities that {late} may change at the end of a step"),
+        (True, f"velocities of the atoms {'in each step' if 1 in steps else often}"),
+        (half_step, "velocities of the atoms at the half step"),
+        (virial, "constraint virial where the pressure is needed"),
+    )
+    return [text for needed, text in rows if needed]
 
 
 def of_words(command: Command, lammps: Lammps) -> list[str]:
@@ -230,33 +198,94 @@ def _moments_line(moments: Moments, command: Command, lammps: Lammps) -> str:
     )
 
 
-class LogLines:
+class FixLog:
     """The lines that a fix has written to the log, so that none is repeated.
 
     Args:
-        host: its host.  line: its fix line.
+        host: its host.  command: its fix line.
+        integrator: declares its step.  rotation: how its bodies rotate.
+        membership: which atom is in which body.
     """
 
-    def __init__(self, host: Host, line: Line) -> None:
-        self._host, self._line = host, line
+    def __init__(
+        self,
+        host: Host,
+        command: Command,
+        integrator: Integrator,
+        rotation: Rotation,
+        membership: Membership,
+    ) -> None:
+        self._host, self._command, self._integrator = host, command, integrator
+        self._rotation, self._membership = rotation, membership
         self._summary: list[str] = []
         self._warnings: set[str] = set()
 
-    def summary(self, lines: list[str], advice: Sequence[str], projected: bool) -> None:
-        """Log the lines of `summary` and advice, if the first three lines have changed; else the
-        fourth, if it has changed and velocities were projected."""
-        before, self._summary = self._summary, lines[:4]
+    def report(
+        self,
+        thermo: Thermo,
+        report: BuildReport,
+        mask: np.ndarray | None,
+        lines: Sequence[str] = (),
+        of_run: Sequence[str] = (),
+        warnings: Iterable[str] = (),
+    ) -> None:
+        """Log what the bodies are, if that has changed, and warnings; collective.
+
+        Args:
+            thermo: of the bodies.  report: on how they were made.
+            mask: which components of force and torque act; see `switches.mask`.
+            lines, of_run, warnings: more lines on this run, rows for keyword details, and warnings.
+        """
+        command, integrator = self._command, self._integrator
+        facts = facts_of(thermo, report)
+        lines = [*of_words(command, thermo.lammps), *lines]
+        if command.details:
+            lines.append(self._work(facts, thermo.bodies, of_run))
+        warmed = bool(integrator.thermostat or command.steps)
+        warnings = [
+            *of_start(report, warmed, (self._host.group, command.group)),
+            *of_changes(self._membership.changes()),
+            *report.warnings,
+            *warnings,
+            *of_motion(thermo, mask, self._membership.name),
+            *of_time_step(thermo.lammps),
+        ]
+        note = getattr(integrator.thermostat, "freedom_note", "")
+        before, lines = self._summary, summary(facts, integrator.method, command, note, lines)
+        self._summary = lines[:4]
         if before[:3] != lines[:3]:
-            self._host.log("\n".join([*lines, *advice, ""]))
-        elif before[3] != lines[3] and projected:
+            self._host.log("\n".join([*lines, *self._host.advice(facts.removed), ""]))
+        elif before[3] != lines[3] and is_projected(report.removed, report.kinetic):
             self._host.log(lines[3] + "\n")
+        self.warn(warnings)
+
+    def _work(self, facts: BodyFacts, bodies: Bodies, of_run: Sequence[str]) -> str:
+        """What a step does, for keyword details, with these rows on the run."""
+        command, integrator = self._command, self._integrator
+        split = f", mrot {command.mrot}, order {command.order}" if integrator.splits else ""
+        how = " in the plane" if facts.planar else ", exact" if self._rotation.exact else split
+        output = command.output and command.output.steps
+        rows = (
+            (True, "translation"),
+            (facts.rotors, f"rotation{how}"),
+            (facts.lines, "rotation of linear bodies, exact"),
+            (bodies.spin, "torque and spin of particles of finite size"),
+            (bodies.oriented, "orientation of particles"),
+            (integrator.thermostat, "thermostat"),
+            (command.steps, f"new momenta and a test every {command.steps} steps"),
+            (integrator.scheme.go_on, "second pass over the bodies, after a sum over all ranks"),
+            (command.force or command.torque, "components of force and torque switched off"),
+            (output, f"table of the bodies every {output} steps"),
+            (facts.shared, f"messages for {facts.shared} bodies shared by ranks"),
+        )
+        return "\n    ".join(["  in a step:", *(text for needed, text in rows if needed), *of_run])
 
     def warn(self, lines: Sequence[str]) -> None:
         """Log these lines, each of them once."""
         new = [line for line in lines if line not in self._warnings]
         self._warnings.update(new)
         if new:
-            self._host.log(self._line.naming("\n".join([*new, ""])))
+            self._host.log(self._command.line.naming("\n".join([*new, ""])))
 
 
 # ----------------------------------------------------------------- warnings
@@ -395,5 +424,5 @@ def of_infinite_forces(
 def _largest(values: np.ndarray, thermo: Thermo) -> tuple[float, int]:
     """The largest of the bodies' values, (n,), on all ranks, and whose it is; collective."""
     k = [values.argmax()] if len(values) else []
-    found, ids = thermo.ranks.gather_to_all(np.array([values[k], thermo.bodies.id[k]]).T).T
-    return max(zip(found, ids.astype(int)), default=(0.0, 0))
+    largest, ids = thermo.ranks.gather_to_all(np.array([values[k], thermo.bodies.id[k]]).T).T
+    return max(zip(largest, ids.astype(int)), default=(0.0, 0))

@@ -37,8 +37,8 @@ class Minimization:
         owned = bodies.sharers.owned
         self.ids = np.sort(communicator.gather_to_all(bodies.id[owned]))
         squares = [np.bincount(bodies.body, d**2, len(bodies)) for d in bodies.displace[:3]]
-        own = owned * bodies.moments_of_atoms / bodies.mass  # of a particle alone
-        square, least = np.split(self._of_all(np.array([*squares / bodies.natoms, *own])), 2)
+        alone = owned * bodies.moments_of_atoms / bodies.mass  # of a particle alone
+        square, least = np.split(self._of_all(np.array([*squares / bodies.natoms, *alone])), 2)
         square = np.maximum(square.sum(axis=0) - square, least) * (least > 0.0)
         square = np.where(alike & (square > 0.0), square.max(axis=0), square)
         self.per_radius = np.power(square, -0.5, out=np.zeros_like(square), where=square > 0.0)
@@ -53,9 +53,9 @@ class Minimization:
 
     def _of_all(self, values: np.ndarray) -> np.ndarray:
         """The sum over ranks of values (k, bodies here) for each body, (k, n); collective."""
-        found = np.zeros((len(values), len(self.ids)))
-        found[:, self._here()] = values
-        return self._communicator.total(found)
+        all_values = np.zeros((len(values), len(self.ids)))
+        all_values[:, self._here()] = values
+        return self._communicator.total(all_values)
 
     def store(self) -> None:
         """A line search begins here; collective."""

@@ -14,9 +14,9 @@ TEMPER = "command temper"  # which changes velocities, as some fixes do
 
 # fixes by which accelerator packages compute forces, and which change nothing besides
 _PACKAGES = "GPU", "OMP", "INTEL"
-# fixes that change the box and tell rigid fixes, or do not in a run
-_TELLING = "deform", "press/berendsen"
-_FOLLOWED = (*_TELLING, "box/relax")
+# fixes that change the box and report it to rigid fixes, or do not in a run
+_REPORTING = "deform", "press/berendsen"
+_FOLLOWED = (*_REPORTING, "box/relax")
 # fixes that read no velocities but those of their own atoms; and these between the halves of a
 # step, if they do not vary; fixes of dynamic groups, which act there without a hook; pair styles
 # that read velocities, besides those for which ghost atoms have some
@@ -30,7 +30,7 @@ _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "
 # if they do not vary
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 _IDLE = "deform", "colvars"
-_UNCHANGING = *READERS, *_TELLING, "dt/reset"
+_UNCHANGING = *READERS, *_REPORTING, "dt/reset"
 # what to do with bodies that have keyword force or torque, in a box that changes
 WITH_SWITCHES = (
     "keywords force and torque are for a box that does not change. Leave bodies that do not move "
@@ -107,7 +107,7 @@ class OtherFixes(list[OtherFix]):
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
-        tell_of_box: whether all that change it tell rigid fixes, as fix deform does.
+        report_box: whether all that change it report it to rigid fixes, as fix deform does.
         movers: those that may move atoms besides their integrator.
     """
 
@@ -137,7 +137,7 @@ class OtherFixes(list[OtherFix]):
         self.change_box = unknown or bool(changes)
         moving = [fix for fix in self if fix.moves or fix.style.startswith(_LATE_MOVING)]
         self.movers = [fix for fix in moving if not _stays(fix)]
-        self.tell_of_box = bool(changes) and all(fix.style.startswith(_TELLING) for fix in changes)
+        self.report_box = bool(changes) and all(fix.style.startswith(_REPORTING) for fix in changes)
 
     def possible_movers(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step."""
@@ -261,17 +261,17 @@ def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | N
     """
     if tag is None:
         return None
-    theirs, text = f"fix {fix.id} (style {fix.style})", ours.command.text
+    other, text = f"fix {fix.id} (style {fix.style})", ours.command.text
     this, without = f'fix {ours.fix_id} ("{text}")', "a group without the bodies' atoms"
     if swaps := _first(_SWAPPING, fix.style):
         return (
-            f"{theirs} exchanges the velocity of atom {tag} of the rigid bodies with "
+            f"{other} exchanges the velocity of atom {tag} of the rigid bodies with "
             "that of another one: this is no rigid motion, so energy would be lost, and f_"
             f"{fix.id} would count more than was carried: {swaps}"
         )
     if moves:
         return (
-            f"{theirs} moves atom {tag} of the rigid bodies besides {this}, which keeps its "
+            f"{other} moves atom {tag} of the rigid bodies besides {this}, which keeps its "
             f"own places: {_first(_MOVING, fix.style) or f'give that fix {without}'}"
         )
     if fix.time_integrate:
@@ -281,7 +281,7 @@ def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | N
         )
     if ours.thermostats and fix.style.startswith(_THERMOSTATS):
         return (
-            f"{theirs} keeps a temperature of atom {tag} of the rigid bodies, as {this} does: "
+            f"{other} keeps a temperature of atom {tag} of the rigid bodies, as {this} does: "
             f"give it {without}, or use fix nosquish/{'nph' if ours.changes_box else 'nve'}"
         )
     return None
@@ -298,15 +298,15 @@ def refuse_constraints(fixes: OtherFixes, ours: Ours, host: Host) -> None:
     command = ours.command
     groups = [[command.group], *([command.arguments] if command.style == "group" else [])]
     for fix in fixes:
-        theirs = f"fix {fix.id} (style {fix.style})"
+        other = f"fix {fix.id} (style {fix.style})"
         refuse(
             command.flexible and host.removed_freedom(fix.id, command.flexible),
-            f"{theirs} constrains atoms of group '{command.flexible}', which "
+            f"{other} constrains atoms of group '{command.flexible}', which "
             "keyword flexible moves without constraints: unfix it, or leave them out of the group",
         )
         refuse(
             all(any(host.removed_freedom(fix.id, group) for group in some) for some in groups),
-            f"{theirs} constrains atoms of the rigid bodies, which fix {ours.fix_id} "
+            f"{other} constrains atoms of the rigid bodies, which fix {ours.fix_id} "
             f'("{command.text}") holds rigid: unfix it, or give it a group without the bodies\' '
             "atoms",
         )

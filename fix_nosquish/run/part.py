@@ -1,18 +1,52 @@
 """Parts of an integrator: thermostats, barostats, trajectories that are tested."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ..loops.compiled import Cell
 from . import former_names
 
 
-class Part:
-    """A part of an integrator; this class does nothing.  Methods are collective, and get the
+class Declaration:
+    """What an integrator and its parts may add to a run.  Methods are collective, and get the
     `run.Run`.
 
     Attributes:
-        method: what the log calls it.
+        method: its name in the log.
+    """
+
+    method: str = ""
+
+    def __init_subclass__(cls) -> None:
+        former_names.take_over(cls)
+
+    def extra_parameters(self, run: Any) -> dict[str, Any]:
+        """Its parameters, besides those of operations: a dictionary from fields of
+        `Integrator.numbers`; called when a run begins.  Fields that nothing names are 0."""
+        return {}
+
+    def extra_cells(self, run: Any) -> dict[str, Cell]:
+        """The cells that its own loops take, by name."""
+        return {}
+
+    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+        """Additional lists of loops, by name, bound to cells; see `passes`."""
+        return {}
+
+    def extra_warnings(self, run: Any) -> Iterable[str]:
+        """Lines for the log on what is probably not meant, when a run begins."""
+        return ()
+
+    def failure(self, found: int, run: Any) -> str:
+        """The message that ends the run if a loop returned this number below 0; of a part empty if
+        it was another part's."""
+        return f"{self.method} has failed"
+
+
+class Part(Declaration):
+    """A part of an integrator; this class does nothing.  Methods are collective.
+
+    Attributes:
         modules: names of modules whose loops it needs, besides those of its classes.
         box_every: it changes the box in the steps after the multiples of this; 0 for never.
         flips: whether tilts of the box change, so that it may take other vectors of its lattice.
@@ -21,14 +55,10 @@ class Part:
         reversible: whether a run can go back in time.
     """
 
-    method: str = ""
-    modules: tuple[str, ...] = ()
+    modules: Sequence[str] = ()
     box_every = 0
     needs_energy = False
     reversible = True
-
-    def __init_subclass__(cls) -> None:
-        former_names.take_over(cls)
 
     @property
     def flips(self) -> bool:
@@ -37,25 +67,7 @@ class Part:
     def begin(self, run: Any) -> None:
         """A run begins."""
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
-        """Fields of the parameters, and their values as a run begins."""
-        return {}
-
-    def extra_cells(self, run: Any) -> dict[str, Cell]:
-        """Cells that its loops take, by name."""
-        return {}
-
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
-        """Lists of loops; see `integrator.Integrator`."""
-        return {}
-
-    def extra_warnings(self, run: Any) -> Iterable[str]:
-        """Lines for the log on what is probably not meant."""
-        return ()
-
     def failure(self, found: int, run: Any) -> str:
-        """The message that ends the run if a loop returned this number; empty if it was another
-        part's."""
         return ""
 
     def start(self, run: Any) -> None:

@@ -23,7 +23,7 @@ The `schedule` says when each of them is run.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -31,82 +31,20 @@ from ..bodies import extended
 from ..bodies.bodies import Bodies, aligned
 from ..box import deform
 from ..host.lammps import Lammps
-from ..loops.compiled import F1, F2, F64, Cell, F, I, loop
+from ..loops.compiled import F1, F64, Cell, F, I
 from ..motion import step, virial
 from ..motion.block import (
     ALL,
     BLOCK_ROWS,
     DIVIDED,
-    ID,
     LANES,
-    MASS,
-    MOMENT,
     WHOLE,
-    Kinds,
-    Q,
-    four,
 )
-from ..motion.frames import rotation_matrix, to_body, to_space
+from ..motion.body_forces import push, weigh
 from ..motion.step import DROPS, KEEPS
 from ..ranks.sharing import ADD, combine, give
+from .conditions import Conditions
 from .integrator import Integrator
-
-
-@loop
-def weigh(state: F2, wrench: F2, gravity: F1):
-    """Add the bodies' weight, by an acceleration (3,), to their forces."""
-    for row in range(3):
-        for b in range(wrench.shape[1]):
-            wrench[row, b] += state[MASS, b] * gravity[row]
-
-
-@loop
-def push(state: F2, kinds: Kinds, wrench: F2, pushed: F1, external: F2):
-    """Add external forces and torques, (n, 6), of the bodies with these IDs, (n,) in order.
-
-    A torque about an axis without moment, which a linear body and a point have, turns nothing.
-    """
-    for b in range(wrench.shape[1]):
-        low = np.searchsorted(pushed, state[ID, b])
-        if low == pushed.shape[0] or pushed[low] != state[ID, b]:
-            continue
-        x, y, z = external[low, 3], external[low, 4], external[low, 5]
-        if b >= kinds.rotors:
-            r = rotation_matrix(four(state, Q, b))
-            t1, t2, t3 = to_body(r, x, y, z)
-            t1 = t1 if state[MOMENT, b] > 0.0 else 0.0
-            t2 = t2 if state[MOMENT + 1, b] > 0.0 else 0.0
-            t3 = t3 if state[MOMENT + 2, b] > 0.0 else 0.0
-            x, y, z = to_space(r, t1, t2, t3)
-        for row in range(3):
-            wrench[row, b] += external[low, row]
-        wrench[3, b] += x
-        wrench[4, b] += y
-        wrench[5, b] += z
-
-
-class Conditions(NamedTuple):
-    """What decides which loops a run has.
-
-    Attributes:
-        several: whether there are several ranks, which send each other parts of bodies' forces.
-        mid_step: whether atoms have the velocities of the middle of the step at its end.
-        half_step: whether something may read the atoms' velocities between the halves of a step.
-        gravity: acceleration of keyword gravity, (3,); None without it.
-        external: cells of the external forces, for the loop `push`; None if there are none.
-        deformed_box: the box that another fix changes, with which bodies move; None if none does.
-        remaps_velocities: whether this is with remap v, so that velocities change at faces.
-        orient_atom: see `hosts.Host`.
-    """
-
-    several: bool
-    mid_step: bool
-    half_step: bool
-    gravity: np.ndarray | None
-    external: dict[str, Cell] | None
-    deformed_box: np.ndarray | None
-    remaps_velocities: bool
-    orient_atom: np.ndarray | None
 
 
 class Passes:
@@ -116,7 +54,9 @@ class Passes:
         integrator: what declares the step.
         bodies, lammps: whose arrays the loops take.
         parameters: the record of the integrator's parameters.
-        conditions: the `Conditions`.
+        conditions: the `Conditions` of the run.
+        external: cells of the external forces, for the loop `push`; None if there are none.
+        orient_atom: see `hosts.Host`.
         extra_cells: the integrator's.
         extra_lists: gives the integrator's lists, bound to the cells that it is called with.
 
@@ -136,6 +76,8 @@ class Passes:
         lammps: Lammps,
         parameters: Any,
         conditions: Conditions,
+        external: dict[str, Cell] | None,
+        orient_atom: np.ndarray | None,
         extra_cells: dict[str, Cell],
         extra_lists: Callable[[dict[str, Cell]], dict[str, list]],
     ) -> None:
@@ -148,14 +90,23 @@ class Passes:
             cells["block"] = Cell(F64, aligned((rows, LANES)))
         half = cells | {"dt": self.level_dt}
         extra = extra_lists(cells)
-        velocities, orient = self._velocities(bodies.spin), self._orient(bodies.oriented)
+        velocities, orient = self._velocities(bodies.spin), []
+        if bodies.oriented:
+            to = {"orient_atom": orient_atom, "quat": np.empty(4)}
+            orient = [extended.orient.bind_to(cells, **to)]
         after = velocities if conditions.half_step else []
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         rest, after_motion = [], extra.pop("after_motion", [])
         if integrator.scheme.go_on:
             go_on = integrator.scheme.go_on.bind_to(cells)
             prepares, rest = [], [*prepares, go_on, *after_motion]
-        gather, whole = self._gather_and_whole(bodies.spin, prepares)
+        torques = [extended.add_torques.bind_to(cells)] if bodies.spin else []
+        pushes = []  # what acts on the bodies besides the forces on their atoms
+        if conditions.gravity is not None:
+            pushes.append(weigh.bind_to(cells, gravity=conditions.gravity))
+        if external is not None:
+            pushes.append(push.bind_to(cells, **external))
+        gather, whole = self._gather_and_whole(lammps.ranks > 1, torques, pushes, prepares)
         of_bodies = [virial.constraint_virial.bind_to(cells, ftm2v=lammps.ftm2v)]
         self.lists = {
             "gather": gather,
@@ -178,14 +129,20 @@ class Passes:
         how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
         return self._scheme.advance.bind_to(self.cells, **how)
 
-    def _gather_and_whole(self, spin: bool, prepares: list) -> tuple[list, list]:
-        """The lists gather, and whole up to the end of the first pass over the bodies."""
-        cells, several = self.cells, self._conditions.several
+    def _gather_and_whole(
+        self, several: bool, torques: list, pushes: list, prepares: list
+    ) -> tuple[list, list]:
+        """The lists gather, and whole up to the end of the first pass over the bodies.
+
+        Args:
+            several: whether there are several ranks.
+            torques, pushes, prepares: what adds torques of particles; what acts on the bodies
+                besides the forces on their atoms; what sets parameters of the step.
+        """
+        cells = self.cells
         # the ranks send each other force and torque of bodies that they share, and add what comes
         sends = [give.bind_to(cells, values=cells["wrench"])] if several else []
         adds = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
-        torques = [extended.add_torques.bind_to(cells)] if spin else []
-        pushes = self._pushes()
         gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
         how = KEEPS if self._conditions.half_step else DROPS
         if torques or pushes:
@@ -198,15 +155,6 @@ class Passes:
         divided = self._advance(gathers=how, part=DIVIDED)
         return gather, [some, *sends, *prepares, undivided, *adds, divided]
 
-    def _pushes(self) -> list:
-        """What acts on the bodies besides the forces on their atoms."""
-        pushes, conditions = [], self._conditions
-        if conditions.gravity is not None:
-            pushes.append(weigh.bind_to(self.cells, gravity=conditions.gravity))
-        if conditions.external is not None:
-            pushes.append(push.bind_to(self.cells, **conditions.external))
-        return pushes
-
     def _velocities(self, spin: bool) -> list:
         """The atoms' velocities."""
         velocities = [step.set_velocities.bind_to(self.cells)]
@@ -215,11 +163,6 @@ class Passes:
         if spin:
             velocities.append(extended.set_spins.bind_to(self.cells))
         return velocities
-
-    def _orient(self, oriented: bool) -> list:
-        """The orientations of atoms that have one."""
-        to = {"orient_atom": self._conditions.orient_atom, "quat": np.empty(4)}
-        return [extended.orient.bind_to(self.cells, **to)] if oriented else []
 
     def _follow_box(self) -> dict[str, list]:
         """The lists for a change of the box by another fix."""
@@ -232,7 +175,7 @@ class Passes:
 
     def run(self, name: str) -> int:
         """Run a list of passes. Returns: what the first that failed has returned, or 0."""
-        for one in self.lists[name]:
-            if found := one():
-                return found
+        for bound in self.lists[name]:
+            if code := bound():
+                return code
         return 0

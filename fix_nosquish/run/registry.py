@@ -2,7 +2,7 @@
 
 import weakref
 from itertools import count
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..errors import RunError, refuse
 from ..host.command import Line
 from ..host.hosts import Host
 from ..host.lammps import Lammps, pointer
-from .external import ExternalForces
+from .setting import Setting
 
 _all: "weakref.WeakSet[Registered]" = weakref.WeakSet()
 _numbers = count()
@@ -27,17 +27,8 @@ class Registered:
     lammps: Lammps
     host: Host
     line: Line
-    membership: Membership
-    external: ExternalForces
-
-    @property
-    def table_path(self) -> str | None:
-        """The file of keyword output; None as long as there is none."""
-
-    @property
-    def keeps_bodies(self) -> bool:
-        """Whether more is known of some bodies than their atoms tell."""
-        return False
+    number: int
+    setting: Setting
 
     def register(self) -> None:
         """Let the others find it."""
@@ -61,46 +52,20 @@ class Registered:
         )
 
 
-class Sibling(NamedTuple):
-    """Another fix of this package.
-
-    Attributes:
-        comes_first: whether it was defined before this one.
-        table_path: the file of its keyword output; None for none.
-        keeps_bodies: whether more is known of some of its bodies than their atoms tell.
-    """
-
-    fix_id: str | None
-    line: Line
-    comes_first: bool
-    membership: Membership
-    external: ExternalForces
-    host: Host
-    table_path: str | None
-    keeps_bodies: bool
-
-
-def siblings_of(handle: int, number: int) -> list[Sibling]:
-    """The other fixes of this package in a LAMMPS, in an order alike on all ranks.
+def siblings_of(handle: int, number: int) -> list[Setting]:
+    """The `Setting`s of the other fixes of a LAMMPS, in an order alike on all ranks.
 
     Args:
         handle: of the LAMMPS.  number: of the fix that asks.
     """
-    return [
-        Sibling(
-            one.host.fix_id, one.line, one.number < number, one.membership,
-            one.external, one.host, one.table_path, one.keeps_bodies,
-        )
-        for one in of_lammps(handle)
-        if one.number != number
-    ]  # fmt: skip
+    return [fix.setting for fix in of_lammps(handle) if fix.number != number]
 
 
 def of_lammps(handle: int) -> list[Registered]:
     """The fixes of a LAMMPS, in an order alike on all ranks: without one that could not be made,
     and that somebody still holds."""
-    found = [one for one in _all if one.host and one.lammps.handle == handle]
-    return sorted(found, key=lambda one: one.number)
+    fixes = [fix for fix in _all if fix.host and fix.lammps.handle == handle]
+    return sorted(fixes, key=lambda fix: fix.number)
 
 
 def of_fix(lmp: Any, fix_id: str) -> Any:
@@ -111,28 +76,37 @@ def of_fix(lmp: Any, fix_id: str) -> Any:
     Raises:
         RunError: if there is none.
     """
-    found = of_lammps(pointer(getattr(lmp, "lmp", lmp)))
-    for one in found:
+    fixes = of_lammps(pointer(getattr(lmp, "lmp", lmp)))
+    for fix in fixes:
         # LAMMPS's own fix tells no ID
-        if one.host.fix_id == fix_id or (one.host.fix_id is None and len(found) == 1):
-            return one
+        if fix.host.fix_id == fix_id or (fix.host.fix_id is None and len(fixes) == 1):
+            return fix
     refuse(
-        found and found[0].host.fix_id is None,
+        fixes and fixes[0].host.fix_id is None,
         "LAMMPS's own fix python/move does not tell which of several fixes has the ID "
         f"{fix_id}: use the keyword output of each",
     )
     raise RunError(f"there is no fix {fix_id} of fix_nosquish", everywhere=True)
 
 
-def refuse_shared_atoms(siblings: list[Sibling], line: Line, membership: Membership) -> None:
-    """End the run if an atom of the bodies is in a body of another fix, too; collective."""
+def refuse_shared_atoms(
+    siblings: list[Setting], number: int, line: Line, membership: Membership
+) -> None:
+    """End the run if an atom of the bodies is in a body of another fix, too; collective.
+
+    Args:
+        siblings: the other fixes of this package.  number, line: of this one.
+    """
     atoms, problem = membership.atoms(), None
-    for one in siblings:
-        one.host.point()  # its run may not have begun yet
-        both = np.intersect1d(one.membership.atoms(), atoms)
+    for sibling in siblings:
+        sibling.host.point()  # its run may not have begun yet
+        both = np.intersect1d(sibling.membership.atoms(), atoms)
         if len(both):
-            lines = (one.line, line) if one.comes_first else (line, one.line)
-            names = " and ".join(f'"{each.prefix}{each.text}"' for each in lines)
+            lines = (sibling.command.line, line)
+            names = " and ".join(
+                f'"{each.prefix}{each.text}"'
+                for each in (lines if sibling.number < number else lines[::-1])
+            )
             problem = (
                 f"atom {membership.lammps.tags[both[0]]} is claimed by two fixes: "
                 f"{names}. An atom can be in one body only: "

@@ -45,8 +45,8 @@ class Rotation:
         """
         default = self._default(bodies, ranks)
         if not self._chosen:
-            kept = host.rotor >= 0 and self._depends_on(bodies)
-            self.exact = bool(host.rotor) if kept else default
+            restarted = host.rotor >= 0 and self._depends_on(bodies)
+            self.exact = bool(host.rotor) if restarted else default
             self._chosen = ranks.any(bodies.rotors > 0)
         host.rotor = -1 if self.exact == default else int(self.exact)
 

@@ -133,9 +133,9 @@ def follow(hook: str, host: Host, passes: Passes, act: Callable[[int, int], None
             continue
         if action.passes and action.passes not in passes.lists:
             continue  # this run has no such list
-        found = passes.run(action.passes) if action.passes else 0
-        if found or (action.call and not action.passes):
-            act(number, found)
+        code = passes.run(action.passes) if action.passes else 0
+        if code or (action.call and not action.passes):
+            act(number, code)
         if action.then is not None:
             host.phase = action.then
         host.facts = (host.facts | action.sets) & ~action.clears

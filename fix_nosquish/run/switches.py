@@ -31,11 +31,11 @@ def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choic
     Raises:
         RunError: for numbers without a body, and in two dimensions for what cannot be on.
     """
-    asked = [("force", _FORCE, switch) for switch in command.force]
-    asked += [("torque", _TORQUE, switch) for switch in command.torque]
-    found: list[Choice] = []
-    ids = np.sort(communicator.gather_to_all(bodies.id[bodies.listed])) if asked else np.empty(0)
-    for name, rows, switch in asked:
+    switched = [("force", _FORCE, switch) for switch in command.force]
+    switched += [("torque", _TORQUE, switch) for switch in command.torque]
+    result: list[Choice] = []
+    ids = np.sort(communicator.gather_to_all(bodies.id[bodies.listed])) if switched else np.empty(0)
+    for name, rows, switch in switched:
         first, last = switch.first or 1, switch.last or len(ids)
         refuse(
             (switch.first or switch.last) and not 1 <= first <= last <= len(ids),
@@ -46,8 +46,8 @@ def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choic
         refuse(bodies.planar and any(flat), f"keyword {name}: {off} off in two dimensions: say off")
         lowest = ids[first - 1] if switch.first else -2 * FLEXIBLE
         highest = ids[last - 1] if switch.last else FLEXIBLE - 1
-        found.append(Choice(lowest, highest, rows, switch.on))
-    return found
+        result.append(Choice(lowest, highest, rows, switch.on))
+    return result
 
 
 def mask(choices: list[Choice], bodies: Bodies) -> np.ndarray | None:
@@ -57,7 +57,7 @@ def mask(choices: list[Choice], bodies: Bodies) -> np.ndarray | None:
     if not choices:
         return in_plane
     mask, ids = np.ones((6, len(bodies))), bodies.id
-    for one in choices:
-        chosen = (one.lowest <= ids) & (ids <= one.highest)
-        mask[one.rows, chosen] = np.array(one.on, float)[:, None]
+    for choice in choices:
+        chosen = (choice.lowest <= ids) & (ids <= choice.highest)
+        mask[choice.rows, chosen] = np.array(choice.on, float)[:, None]
     return mask if in_plane is None else mask * in_plane

@@ -117,8 +117,8 @@ class Thermo(NamedTuple):
         translation = np.full(len(bodies), lammps.dimension)
         rotation = freedom(bodies, lammps.dimension) - translation
         freedoms = translation[owned].sum(), rotation[owned].sum()
-        own = [*bodies.kinetic()[:, owned].sum(axis=1), *freedoms]
-        sums = self.ranks.total(np.array(own))
+        here = [*bodies.kinetic()[:, owned].sum(axis=1), *freedoms]
+        sums = self.ranks.total(np.array(here))
         energy, degrees = (
             np.append(part, part.sum()) for part in (lammps.mvv2e * sums[:2], sums[2:])
         )

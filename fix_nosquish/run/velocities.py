@@ -14,7 +14,7 @@ from ..host.hosts import OtherFix
 from ..host.lammps import Lammps
 from ..motion import step
 from ..ranks.communicator import Alone
-from .other_fixes import TEMPER, Swaps, may_move
+from .other_fixes import TEMPER, Swaps
 
 ROUNDING = 1e-9  # of a kinetic energy: the part that a projection on rigid motion may take
 # of what a thermostat adds to velocities: the part that is not rigid motion, above which it is
@@ -78,14 +78,14 @@ class AtomVelocities:
             of which more is known.
         """
         bodies, lammps, particles = self._bodies, self._lammps, None
-        given = np.isin(bodies.id, self._report.prescribed_ids if self._report else ())
+        prescribed = np.isin(bodies.id, self._report.prescribed_ids if self._report else ())
         before = bodies.kinetic_of_atoms(lammps)
         if bodies.spin:
             particles = particles_of(lammps, self._shapes(), bodies.index)
             before = before + particles.kinetic()
-        bodies.take_velocities(lammps, particles, given, bodies.momenta()[:, given])
-        after = bodies.kinetic()[:, bodies.sharers.owned & ~given]
-        return np.array([before[~given[bodies.body]].sum(), after.sum()])
+        bodies.take_velocities(lammps, particles, prescribed, bodies.momenta()[:, prescribed])
+        after = bodies.kinetic()[:, bodies.sharers.owned & ~prescribed]
+        return np.array([before[~prescribed[bodies.body]].sum(), after.sum()])
 
     def take_late(self) -> np.ndarray:
         """As `take`, in a run; returns the sums over all ranks, in LAMMPS's units."""
@@ -134,11 +134,6 @@ class LostEnergy:
             f"In this run {self.total:.6g} of the kinetic energy that other fixes "
             "gave was no rigid motion, and is lost\n"
         )
-
-
-def acting_at(fixes: list[OtherFix | Swaps], at: int) -> list[OtherFix | Swaps]:
-    """Those of the fixes that act at the end of this step."""
-    return [fix for fix in fixes if at % fix.nevery == 0]
 
 
 def take_changes(
@@ -190,8 +185,3 @@ def report_of_changes(
         f"The velocities of the bodies' atoms were changed at the end of step {at} (by "
         f"{names}): the bodies take them over, as rigid motion{excepted}{lost}\n"
     )
-
-
-def may_have_moved(due: list[OtherFix | Swaps]) -> bool:
-    """Whether one of these fixes may have moved atoms."""
-    return any(map(may_move, due))

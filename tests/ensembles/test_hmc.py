@@ -318,28 +318,6 @@ def test_others_that_are_harmless(run_lammps):
     assert rows.thermo["f_1[5]"][-1] > 0
 
 
-TRAP = """
-variable one index 1.0
-variable k equal "v_one*lx/lx + 0*x[1]"
-variable x vector "v_k*(f_1[1] + lx*f_1[13]) - 1e0*sqrt(1.0)"
-variable fx vector -v_x
-variable u vector 0.5*v_x^2+0*v_x[2]
-compute one all chunk/atom molecule
-compute mu all com/chunk one
-fix_modify 1 external force v_fx c_mu[2] f_1[3] torque 0.1 0 v_k energy v_u
-"""
-
-
-def test_forces_of_positions(run_lammps):
-    """Locks out the refusal of external forces that positions alone decide: numbers, places of the
-    bodies, computes of these, and variables of all that."""
-    system = mixture(side=2)
-    script = f"{system.setup}\n{fix_hmc('temp 2 steps 10 seed 5')}{TRAP}"
-    script += of_trajectories(10)
-    rows = run_lammps(f"{script}run 40\n", files=system.files, ranks=2)
-    assert rows.thermo["f_1[5]"][-1] > 0
-
-
 DRIVEN = """
 import sys
 from lammps import lammps

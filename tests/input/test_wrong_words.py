@@ -168,21 +168,6 @@ BESIDE_TRAJECTORIES = [
     ("run_style respa 2 2", "the integrator nosquish/hmc does not support run_style respa"),
 ]
 # of forces that hybrid Monte Carlo is given: variables, words, and which of them is refused
-OF_FORCES = [
-    ("", "f_1[4]", "f_1[4]"),
-    ("", "f_1[7]", "f_1[7]"),  # forces of before
-    ("variable a vector -f_1[1]-0.3*f_1[4]", "v_a", "f_1[4]"),
-    ("variable a vector f_1[1]\nvariable b vector v_a*vx[1]", "v_b", "vx"),
-    ("variable a equal f_1[1]", "v_a", "f_1[1]"),  # the kinetic energy of translation
-    ("variable a equal random(0,1,5)", "v_a", "random"),
-    ("variable a equal step/10", "v_a", "step"),
-    ("variable a equal vcm(all,x)", "v_a", "vcm"),
-    ("variable a internal 1.0\nvariable b equal v_a", "v_b", "v_a"),
-    ("variable a timer\nvariable b equal v_a", "v_b", "v_a"),
-    ("compute a all temp", "c_a[1]", "c_a[1]"),
-    ("compute a all temp\nvariable b equal c_a", "v_b", "c_a"),
-    ("fix a all ave/time 1 1 1 c_thermo_temp\nvariable b equal f_a", "v_b", "f_a"),
-]
 # keywords of others that NVE would take and ignore
 OF_NVE = [
     ("temp 2 2 1", "has no thermostat: use fix nosquish/nvt or fix nosquish/npt"),
@@ -270,11 +255,11 @@ REFUSED = [
     ),
     *(
         Refused(
-            f"{lines}\n{TRAJECTORIES}fix_modify 1 external force {word} 0 0 energy 0\n",
-            f"{said}, in what fix_modify external gives, may depend on velocities",
+            f"{TRAJECTORIES}fix_modify 1 external {words}\n",
+            "cannot be used with hybrid Monte Carlo",
             ranks=2,
         )
-        for lines, word, said in OF_FORCES
+        for words in ("force 1 0 0 energy 0", "torque 0 0 1", "python")
     ),
     Refused(f"{TRAJECTORIES}run 20\nrun 15 pre no\n", "the run ends in step 35, within"),
     Refused(

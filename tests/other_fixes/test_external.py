@@ -218,28 +218,6 @@ def test_energy_at_constant_pressure(run_bodies):
     assert "Give fix_modify external the words virial yes" in done.log
 
 
-@pytest.mark.parametrize("ranks", [1, 2])
-def test_hybrid_monte_carlo(run_bodies, ranks):
-    """Locks out a test that lacks the energy of external forces, and forces that stay those of a
-    rejected trajectory's end, as LAMMPS keeps a vector-style variable's values within a step."""
-    system = mixture("single")
-    k, steps, edge = 1.0, 100, system.h[0, 0]
-    lines = (
-        GAS + "fix 1 all nosquish/hmc molecule temp 2.0 steps 4 seed 5\ntimestep 1.2\n"
-        + trap(system, k) + "variable last equal v_u[9]\nvariable all equal sum(v_u)\n"
-        + "variable off equal f_1[9][7]-v_fx[9]\n"
-        + THERMO.format("v_all v_off f_1[5] f_1[9][7]") + f"thermo 4\nrun {steps}\n"
-        + f"run {4 * steps}"
-    )  # fmt: skip
-    thermo, *_ = run_bodies(system, lines, ranks=ranks)
-    assert 0.2 < thermo["f_1[5]"][-1] < 0.9
-    assert len(np.unique(thermo["f_1[9][7]"])) < 0.95 * len(thermo)
-    assert np.abs(thermo["v_off"]).max() < 1e-12 * k * edge
-    assert np.abs(thermo["PotEng"] - thermo["v_all"]).max() < 1e-9 * thermo["v_all"].max()
-    late = thermo["PotEng"][-90:]
-    assert late.mean() == pytest.approx(1.5 * 2.0 * 27, rel=0.12)
-
-
 # ---- ranks, runs, bodies that come and go
 
 
@@ -421,7 +399,7 @@ def __getattr__(text):
 
     def made(ptr):
         driver, force = find(text.replace("Pushed", "NVE"))(ptr), [[1.0, 0.0, 3.0], [0.0, 2.0, 0.0]]
-        driver.fix.external.give(np.arange(1, 28), [2, 20], force, [0.0, 0.5, 0.0])
+        driver.fix.setting.external.give(np.arange(1, 28), [2, 20], force, [0.0, 0.5, 0.0])
         return driver
 
     return made
@@ -489,20 +467,6 @@ def test_what_is_refused(refused, words, says, ranks):
     system = mixture("solid planar pair")
     script = f"{system.setup}\n{VARIABLES}{NVE}fix_modify 1 external {words}\nrun 2"
     refused(script, says, system.files, ranks=ranks)
-
-
-@pytest.mark.parametrize("words", ["force 1 0 0", "torque 1 0 0 virial yes", "python"])
-def test_energy_is_needed(run_lammps, refused, words):
-    """Locks out trajectories that are tested without the energy of external forces; the message's
-    advice is followed."""
-    system = mixture("solid planar pair")
-    fix = "fix 1 all nosquish/hmc molecule temp 1 steps 2 seed 5"
-    script = f"{system.setup}\n{fix}\nfix_modify 1 external {words} {{}}\nrun 2"
-    refused(script.format(""), "the word energy of fix_modify external", system.files)
-    script = script.format("energy 0")
-    run_lammps(script, files=system.files)
-    off = script.replace("\nrun 2", "\nfix_modify 1_external energy no\nrun 2")
-    refused(off, "the word energy of fix_modify external", system.files)
 
 
 def test_no_fix_stays_behind(run_lammps):

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from fix_nosquish.errors import RunError
+from fix_nosquish.host.command import Line
 from fix_nosquish.host.own_fix import OwnFix
 from fix_nosquish.ranks.communicator import ALONE
 from support.bad_input import CASES
@@ -242,7 +243,7 @@ def test_a_failed_fix_goes_away(capfd):
 
     class Fix:
         def __init__(self):
-            self.host = OwnFix(MagicMock(), ALONE)
+            self.host = OwnFix(MagicMock(), ALONE, Line.quoted("NVE all molecule"))
 
         def fail(self):
             try:

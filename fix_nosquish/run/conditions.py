@@ -1,0 +1,108 @@
+"""What is known of a run before its bodies are made, and what cannot be used with it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..bodies.membership import Membership
+from ..box import deform
+from ..errors import refuse
+from ..loops import machine_code
+from . import gravity
+from .other_fixes import OtherFixes, reading_pair_style
+from .part import Part, box_every, needs_energy
+from .registry import siblings_of
+from .setting import Setting
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What is known of a run before its bodies are made.
+
+    Attributes:
+        siblings: the `Setting`s of the other fixes of this package.
+        other_fixes: all other ones, `OtherFixes`.
+        levels: whether the run has the levels of run_style respa.
+        mid_step: whether atoms have the velocities of the middle of the step at its end.
+        goes_on: whether the bodies are those of the last run.
+        half_step: whether something may read atoms' velocities between the halves of a step.
+        deformed_box: the box that another fix changes, with which bodies move; None if none does.
+        remaps_velocities: whether this is with remap v, so that velocities change at faces.
+        gravity: the acceleration of keyword gravity, (3,); None without it.
+    """
+
+    siblings: list[Setting]
+    other_fixes: OtherFixes
+    levels: bool
+    mid_step: bool
+    goes_on: bool
+    half_step: bool
+    deformed_box: np.ndarray | None
+    remaps_velocities: bool
+    gravity: np.ndarray | None
+
+
+def refuse_time_step(dt: float, parts: Sequence[Part], name: str) -> None:
+    """End the run if the integrator of this name, with these parts, does not support the time
+    step."""
+    refuse(
+        (dt < 0 and not all(part.reversible for part in parts))
+        or (dt == 0 and box_every(parts) > 0),
+        f"the time step is {dt:g}, and the integrator {name} needs one above zero: "
+        "look at the command timestep",
+    )
+
+
+def conditions_of(setting: Setting) -> Conditions:
+    """Find out what other fixes may read and change, and whether bodies move with a box that one of
+    them changes; collective."""
+    host, lammps, integrator = setting.host, setting.lammps, setting.integrator
+    levels, name = bool(lammps.respa_dt), setting.command.line.name
+    siblings = siblings_of(lammps.handle, setting.number)
+    refuse(
+        levels and not integrator.respa,
+        f"the integrator {name} does not support run_style respa: use run_style verlet",
+    )
+    ours = {host.fix_id, *(sibling.host.fix_id for sibling in siblings)}
+    fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step)
+    reading = any(sibling.external.may_read_atoms(ours) for sibling in siblings)
+    if reading:  # it may end its step after this one
+        fixes.velocities_every = (1,)
+    reading |= setting.external.may_read_atoms(ours)
+    follows = fixes.report_box and not box_every(integrator.parts) and not levels
+    deformed_box = host.deformed_box if follows else None
+    remaps = deformed_box is not None and bool(host.remap_group)
+    if deformed_box is not None:
+        machine_code.load(setting.ranks, deform.__name__)
+    if remaps:
+        refuse(
+            not integrator.supports_remap_v or needs_energy(integrator.parts),
+            "fix deform has remap v, with which bodies get another velocity at periodic faces: "
+            f"{name} does not support it. Use fix nosquish/nve, and fix langevin with fix_modify "
+            "temp for a temperature",
+        )
+        _refuse_remap_of_few(setting.membership, host.remap_group)
+    return Conditions(
+        siblings=siblings,
+        other_fixes=fixes,
+        levels=levels,
+        mid_step=integrator.mid_step and not levels and not host.dmax,
+        goes_on=setting.maker.goes_on,
+        half_step=bool(fixes.half_step or reading or reading_pair_style(host)),
+        deformed_box=deformed_box,
+        remaps_velocities=remaps,
+        gravity=gravity.acceleration(
+            setting.command, host, integrator.method,
+            needs_energy=needs_energy(integrator.parts), levels=levels,
+        ),
+    )  # fmt: skip
+
+
+def _refuse_remap_of_few(membership: Membership, remap_group: int) -> None:
+    """End the run if remap v of fix deform leaves out atoms of the bodies; collective."""
+    groups, bit = membership.lammps.groups[membership.atoms()], remap_group & 0xFFFFFFFF
+    refuse(
+        membership.communicator.any((groups & bit == 0).any()),
+        "fix deform has remap v for a group that lacks atoms of the bodies: give it group all",
+    )
