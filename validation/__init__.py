@@ -13,7 +13,7 @@ stand before them:
 ``experiment`` is what all verbs share: points, trajectories, and the loop that runs them.
 
 A verb is a folder with ``command`` (its words), ``plan`` (what runs), ``measure`` (from runs to
-numbers), ``figures`` and ``report``, whose function ``said`` is all that it says of a summary:
+numbers), ``figures`` and ``report``, whose function ``describe`` returns the `Report` on a summary:
 
     compare       which integrator and time step reach an accuracy the fastest
     sample        what averages cost with their error; barostats and other engines, too

@@ -17,9 +17,9 @@ def main(words: list[str] | None = None) -> int:
         arguments.parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     # they do as Ctrl-C does, which a shell has what it starts in the background ignore; nohup has
     # it ignore the terminal's end, too
-    for one in signal.SIGTERM, signal.SIGHUP:
-        if signal.getsignal(one) is not signal.SIG_IGN:
-            signal.signal(one, signal.default_int_handler)
+    for number in signal.SIGTERM, signal.SIGHUP:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, signal.default_int_handler)
     if hasattr(arguments, "launch"):
         from .running import run  # heavy: not for --help
 
@@ -38,8 +38,8 @@ def process() -> None:
     except KeyboardInterrupt:  # a second signal, while `main` told of the first
         status = INTERRUPTED
     # the status is known: a further signal, while Python ends, would end it with another one
-    for one in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
-        signal.signal(one, signal.SIG_IGN)
+    for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+        signal.signal(number, signal.SIG_IGN)
     sys.exit(status)
 
 

@@ -125,8 +125,8 @@ SHOWN = "rigid/nve", "rigid", "shake 1e-8 + nve", "rattle 1e-8 + nve", "Gear"
 
 def _points(scene):
     """From integrator and step to a point of a comparison."""
-    found = rows(f"compare-{scene}", "points")
-    return {(row["label"], float(row["dt (fs)"])): row for row in found}
+    lines = rows(f"compare-{scene}", "points")
+    return {(row["label"], float(row["dt (fs)"])): row for row in lines}
 
 
 def _errors(scene):
@@ -170,19 +170,19 @@ def compare_times():
 
 def _of(part):
     """The cases of a part, and their rows of the table."""
-    found = [case for case in summary("stress")["cases"] if case["part"] == part]
-    names = {case["name"] for case in found}
-    return found, [row for row in rows("stress") if row["case"] in names]
+    selected = [case for case in summary("stress")["cases"] if case["part"] == part]
+    names = {case["name"] for case in selected}
+    return selected, [row for row in rows("stress") if row["case"] in names]
 
 
 def standing():
     """Which integrator passes how many cases, and which ones it does not."""
-    found = defaultdict(lambda: defaultdict(list))
+    by_label = defaultdict(lambda: defaultdict(list))
     for row in _of("extreme")[1]:
         verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
-        found[row["label"]][verdict].append(row["case"])
+        by_label[row["label"]][verdict].append(row["case"])
     body = []
-    for label, verdicts in found.items():
+    for label, verdicts in by_label.items():
         lost = (verdicts[key] for key in ("fail", "cannot tell", "cannot run"))
         counted = (f"{len(cases)}: {', '.join(cases)}" if cases else "0" for cases in lost)
         body.append([code(label), len(verdicts["pass"]), *counted])
@@ -190,10 +190,10 @@ def standing():
 
 
 def cases():
-    found, lines = _of("extreme")
+    extreme, lines = _of("extreme")
     ours = {row["case"]: row for row in lines if row["label"] == OURS}
     body = []
-    for case in found:
+    for case in extreme:
         row = ours[case["name"]]
         unit = f" {case['unit']}" if case["unit"] else ""
         body.append(
@@ -210,13 +210,13 @@ def cases():
 
 def reported():
     """What users report: each case's number with ours and with LAMMPS's fixes."""
-    found, table = _of("reported")
+    selected, table = _of("reported")
     fixes = list(dict.fromkeys(row["label"] for row in table))
     body = []
-    for case in found:
+    for case in selected:
         numbers = (row["value"] for row in table if row["case"] == case["name"])
         what = f"{case['physics'].rstrip('.')}: {case['criterion']}"
-        body.append([what, *(significant(one, 2) if one else "ends" for one in numbers)])
+        body.append([what, *(significant(number, 2) if number else "ends" for number in numbers)])
     return markdown(["case", *map(code, fixes)], body)
 
 
@@ -224,22 +224,22 @@ def reported():
 
 
 @functools.cache
-def said(folder):
+def report_of(folder):
     """What a verb says of a committed summary."""
-    return report.said_of(summary(folder))[1]
+    return report.report_of(summary(folder))[1]
 
 
 def table(folder, title, *keys):
     """The table of a committed summary whose title begins so, with the columns of these keys."""
-    (found,) = (one for one in said(folder).all_tables if one.title.startswith(title))
-    return styled(pages.markdown(found, keys))
+    (chosen,) = (entry for entry in report_of(folder).all_tables if entry.title.startswith(title))
+    return styled(pages.markdown(chosen, keys))
 
 
 def checks(folder, *titles):
     """Numbers beside their bounds, of the parts whose titles begin with one of these; none: all."""
-    found = said(folder)
-    wanted = [title for title in found.parts.values() if title.startswith(titles or "")]
-    parts = [one for one in found.all_tables if one.title in wanted]
+    contents = report_of(folder)
+    wanted = [title for title in contents.parts.values() if title.startswith(titles or "")]
+    parts = [entry for entry in contents.all_tables if entry.title in wanted]
     rows = [row for part in parts for row in part.rows]
     keys = "subject", "what", "value", "bound", "verdict"
     return styled(pages.markdown(replace(parts[0], rows=rows), keys))
@@ -250,7 +250,7 @@ def styled(text):
     signs."""
     text = re.sub(r"(?<![\w.)-])-(?=[\d.])", "−", re.sub(r"(?<![\w.)-])-0 ±", "0 ±", text))
     return re.sub(
-        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda one: f"nosquish/{one[1].lower()}", text
+        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda match: f"nosquish/{match[1].lower()}", text
     )
 
 
@@ -264,31 +264,31 @@ def _confirmed(row, targets, unit):
         return f"{step}: the run ends with an error"
     errors = {name: Estimate.of(row["errors"][name]) for name in targets if name in row["errors"]}
     open_ = [
-        f"{name} {margin(one.value, one.margin)}, at most {plain(targets[name])}"
-        for name, one in errors.items()
-        if abs(one.value - targets[name]) < one.margin
+        f"{name} {margin(error.value, error.margin)}, at most {plain(targets[name])}"
+        for name, error in errors.items()
+        if abs(error.value - targets[name]) < error.margin
     ]
-    some = {name: most for name, most in targets.items() if name not in row["without"]}
-    met = {True: "met", False: "not met", None: "cannot tell"}[choice.meets(row, some)]
-    verdict = met + " by the rest" * (some != targets)
+    measured = {name: most for name, most in targets.items() if name not in row["without"]}
+    met = {True: "met", False: "not met", None: "cannot tell"}[choice.meets(row, measured)]
+    verdict = met + " by the rest" * (measured != targets)
     return f"{step}: {verdict}" + (f" ({'; '.join(open_)})" if open_ else "")
 
 
 def own_scripts():
     """What was advised for each of five scripts, and what longer runs say of it."""
-    folders = sorted(one.name for one in (RESULTS / "own-scripts").iterdir())
+    folders = sorted(folder.name for folder in (RESULTS / "own-scripts").iterdir())
     known = {folder: summary(f"own-scripts/{folder}") for folder in folders}
-    confirms = any(found.get("confirmed") for found in known.values())
+    confirms = any(result.get("confirmed") for result in known.values())
     lines = []
-    for found in known.values():
-        unit = "τ" if found["units"] == "lj" else "fs"
-        best = found["advised"]
+    for result in known.values():
+        unit = "τ" if result["units"] == "lj" else "fs"
+        best = result["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "none for sure"
-        own = f"{plain(found['dt'])}{NBSP}{unit}"
-        title = found["title"] + f", {found['ranks']} ranks" * (found["ranks"] > 1)
-        line = [title, own, plain(found["minutes"]), name, found["minutes_that_tell"] or NOTHING]
-        longer = (found.get("confirmed") or {"points": []})["points"]
-        line += [_confirmed(row, found["targets"], unit) for row in longer]
+        step = f"{plain(result['dt'])}{NBSP}{unit}"
+        title = result["title"] + f", {result['ranks']} ranks" * (result["ranks"] > 1)
+        line = [title, step, plain(result["minutes"]), name, result["minutes_that_tell"] or NOTHING]
+        longer = (result.get("confirmed") or {"points": []})["points"]
+        line += [_confirmed(row, result["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells
         lines.append(line)
     head = ["script", "its step", "budget, minutes", "advised", "minutes that would decide, about"]
@@ -299,16 +299,16 @@ def own_scripts():
 
 def step_zero():
     """Averages of water at step zero from three long steps, beside the limit of all points."""
-    found, keys, steps = summary("sample-water"), ("potential", "pressure", "torque"), (4, 6, 8)
+    sample, keys, steps = summary("sample-water"), ("potential", "pressure", "torque"), (4, 6, 8)
     body = []
     for scheme in "langevin-5", "langevin-20", "csvr":
-        some = [row for row in found["rows"] if row["scheme"] == scheme and row["dt"] in steps]
-        zero = extrapolation.extrapolate(some, found["settings"]["time"])
-        body.append([some[0]["label"], *(estimate(zero[key]) for key in keys)])
-    body.append(["the limit of all points", *(estimate(found["limits"][key]) for key in keys)])
+        selected = [row for row in sample["rows"] if row["scheme"] == scheme and row["dt"] in steps]
+        zero = extrapolation.extrapolate(selected, sample["settings"]["time"])
+        body.append([selected[0]["label"], *(estimate(zero[key]) for key in keys)])
+    body.append(["the limit of all points", *(estimate(sample["limits"][key]) for key in keys)])
     heads = (f"{BY_KEY[key].title}, {extrapolation.unit(key)}" for key in keys)
-    told = ", ".join(map(str, steps))
-    return markdown([f"scheme, from steps of {told} fs", *heads], body)
+    text = ", ".join(map(str, steps))
+    return markdown([f"scheme, from steps of {text} fs", *heads], body)
 
 
 RECIPE = RESULTS / "peptide-recipe.json"  # of inputs/recipes/peptide/compare.py
@@ -326,8 +326,8 @@ def beside_shake():
 def shake_made():
     """Which averages of `beside_shake` differ from those of its first column by more than their
     errors, and how they were measured."""
-    found = json.loads(RECIPE.read_text())
-    (first, *others), told = found["rows"], []
+    recipe = json.loads(RECIPE.read_text())
+    (first, *others), sentences = recipe["rows"], []
     for row in others:
         far = [
             title.partition(",")[0]
@@ -335,11 +335,12 @@ def shake_made():
             for apart in [difference(Estimate.of(mean), Estimate.of(first["means"][title]))]
             if abs(apart.value) > apart.margin
         ]
-        told.append(f"With {row['label']}: {', '.join(far) or 'none'}.")
-    length = f"{found['starts']} starts of {found['time']:g} ps, after {found['warm']:g} ps"
+        sentences.append(f"With {row['label']}: {', '.join(far) or 'none'}.")
+    length = f"{recipe['starts']} starts of {recipe['time']:g} ps, after {recipe['warm']:g} ps"
     return (
-        f"Averages that differ significantly from those of {first['label']}: {' '.join(told)}\n\n"
-        f"The runs are {length} that are left out. Made by {_made(found)}"
+        f"Averages that differ significantly from those of {first['label']}: "
+        f"{' '.join(sentences)}\n\n"
+        f"The runs are {length} that are left out. Made by {_made(recipe)}"
     )
 
 
@@ -352,7 +353,8 @@ def gains():
         point = row["scene"], f"{row['scheme']}, {row['dt']:g} fs"
         liquids[point][row["average"]] = _gain(row["gain"])
     body = [
-        [*point, *(one.get(title, NOTHING) for title in titles)] for point, one in liquids.items()
+        [*point, *(by_title.get(title, NOTHING) for title in titles)]
+        for point, by_title in liquids.items()
     ]
     return markdown(["liquid", "ours", *titles], body)
 
@@ -361,23 +363,23 @@ def verdicts():
     """How many numbers of all folders of `sample` are within the bounds, a sentence."""
     folders = [path.parent.name for path in RESULTS.glob("sample-*/checks.csv")]
     count = Counter(row["verdict"] for folder in folders for row in rows(folder, "checks"))
-    told = ", ".join(f"{verdict}: {count[verdict]}" for verdict in VERDICTS)
-    return f"Of {count.total()} bounds in {len(folders)} folders: {told}."
+    counts = ", ".join(f"{verdict}: {count[verdict]}" for verdict in VERDICTS)
+    return f"Of {count.total()} bounds in {len(folders)} folders: {counts}."
 
 
-def estimate(found):
+def estimate(average):
     """A number of a summary with its 95 % margin; nothing for one that is refused."""
-    known = Estimate(None) if found.get("why") else Estimate.of(found)
+    known = Estimate(None) if average.get("why") else Estimate.of(average)
     return NOTHING if known.value is None else margin(known.value, known.margin)
 
 
 # ---- where results come from
 
 
-def _made(found):
-    versions = found["versions"]
+def _made(result):
+    versions = result["versions"]
     return (
-        f"`{found['command']}`, {found['date'][:10]}, on {found['machine']['cpu']}. "
+        f"`{result['command']}`, {result['date'][:10]}, on {result['machine']['cpu']}. "
         f"LAMMPS {versions['lammps']}, fix_nosquish {versions['fix_nosquish']} "
         f"(checksum {versions['package']})."
     )
@@ -385,17 +387,17 @@ def _made(found):
 
 def scene(folder):
     """What a verb ran, and how long; a sentence."""
-    found = summary(folder)
-    if "settings" in found:
-        return f"Scene: {found['title']}, {found['settings']['time']:g} ps from each start."
-    return f"Scene: {found['title']}, {found['starts']} starts."
+    result = summary(folder)
+    if "settings" in result:
+        return f"Scene: {result['title']}, {result['settings']['time']:g} ps from each start."
+    return f"Scene: {result['title']}, {result['starts']} starts."
 
 
 def holding(verb, name="table"):
     """How many of a table's statements hold, a sentence."""
     verdicts = [row["verdict"] for row in rows(verb, name)]
     count = {verdict: verdicts.count(verdict) for verdict in dict.fromkeys(verdicts)}
-    others = [f"{verdict}: {found}" for verdict, found in count.items() if verdict != "holds"]
+    others = [f"{verdict}: {number}" for verdict, number in count.items() if verdict != "holds"]
     text = f"{count.get('holds', 0)} of {len(verdicts)} statements hold"
     return text + (f" ({', '.join(others)})." if others else ".")
 
@@ -406,24 +408,24 @@ def holding(verb, name="table"):
 def what_to_type():
     """What to type instead of the usual lines: speed and error of both."""
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
-    found = replacements.table(map(summary, folders))
-    some = replace(found, rows=[*found.rows, _beside_solute()])
-    return f"{styled(pages.markdown(some))}\n\n{found.note}"
+    usual = replacements.table(map(summary, folders))
+    whole = replace(usual, rows=[*usual.rows, _beside_solute()])
+    return f"{styled(pages.markdown(whole))}\n\n{usual.note}"
 
 
 def _beside_solute():
     """The row of a solute whose bonds shake constrains: the script's own line and step."""
-    found = json.loads((RESULTS / "solute-recipe.json").read_text())
+    recipe = json.loads((RESULTS / "solute-recipe.json").read_text())
     script = (ROOT / "inputs" / "recipes" / "solute" / "in.solute").read_text()
     (line,) = re.findall(r"^fix +(1 .*npt.*)$", script, re.M)
-    usual, ours = found["rows"]
+    usual, ours = recipe["rows"]
     return {
         "system": "solute with fix shake, NPT",
-        "usual": f"{usual['label']}, {found['dt']:g} fs",
-        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in found["rows"]),
+        "usual": f"{usual['label']}, {recipe['dt']:g} fs",
+        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in recipe["rows"]),
         "times": pages.digits(ours["times"]["median"], 2),
         **dict.fromkeys(("warmer", "pressure"), "not measured"),
-        "lines": [f"fix {line}", f"timestep {found['dt']:g}"],
+        "lines": [f"fix {line}", f"timestep {recipe['dt']:g}"],
     }
 
 
@@ -449,9 +451,9 @@ FILLS = {
 def filled(text):
     """A page with what the committed results say now between its marks."""
 
-    def fill(found):
-        name, *words = shlex.split(found[2])
-        return f"{found[1]}\n{FILLS[name](*words)}\n\n{found[3]}"
+    def fill(match):
+        name, *words = shlex.split(match[2])
+        return f"{match[1]}\n{FILLS[name](*words)}\n\n{match[3]}"
 
     return MARKS.sub(fill, text)
 

@@ -37,19 +37,19 @@ STEPS, DT = 20000, 0.004
 def shapes(rng):
     """The bodies, largest first: a list of positions (n, 3)."""
     grid = np.stack(np.meshgrid(*[np.arange(-5, 6.0)] * 3, indexing="ij"), -1).reshape(-1, 3)
-    found = []
+    placed = []
     for atoms in LUMPS:
         for _ in range(EACH):
             distance = np.linalg.norm(
                 (grid - rng.uniform(0, 0.5, 3)) * rng.uniform(0.9, 1.1, 3), axis=1
             )
-            found.append(grid[np.argsort(distance)[:atoms]])
+            placed.append(grid[np.argsort(distance)[:atoms]])
     small = (
         [[0, 0, 0], [1, 0, 0], [2, 0, 0], [3, 0, 0], [4, 0, 0]],
         [[0, 0, 0], [1, 0, 0], [-0.3, 0.9, 0]],
         [[0, 0, 0], [1, 0, 0]],
     )
-    return found + [np.array(shape, float) for shape in small for _ in range(EACH)]
+    return placed + [np.array(shape, float) for shape in small for _ in range(EACH)]
 
 
 class Crowd:

@@ -120,8 +120,10 @@ def gmx(folder, command, answers="", program="gmx"):
 
 def force_fields():
     """The folder of GROMACS's force fields."""
-    said = subprocess.run(["gmx", "-version"], stdout=subprocess.PIPE, text=True, check=True).stdout
-    return Path(re.search(r"^Data prefix: *(.+)$", said, re.M)[1]) / "share" / "gromacs" / "top"
+    output = subprocess.run(
+        ["gmx", "-version"], stdout=subprocess.PIPE, text=True, check=True
+    ).stdout
+    return Path(re.search(r"^Data prefix: *(.+)$", output, re.M)[1]) / "share" / "gromacs" / "top"
 
 
 def parameters(path, values):

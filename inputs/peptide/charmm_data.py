@@ -239,21 +239,23 @@ def _impropers(top):
 
 def _lennard_jones(top, pairs):
     """See ``System.lennard_jones``."""
-    found = {}
+    parameters = {}
     for atom in top.atoms:
         usual = atom.atom_type.epsilon, atom.atom_type.sigma
         # atom_type.epsilon_14 repeats the usual epsilon: 1-4 pairs have a table of their own
         special = top.parameterset.pair_types.get((atom.type, atom.type))
-        found[atom.type] = (*usual, special.epsilon, special.sigma) if special else (*usual, *usual)
+        parameters[atom.type] = (
+            (*usual, special.epsilon, special.sigma) if special else (*usual, *usual)
+        )
     for pair, kind in pairs.items():
-        (_, _, e, s), (_, _, e2, s2) = (found[atom.type] for atom in pair)
+        (_, _, e, s), (_, _, e2, s2) = (parameters[atom.type] for atom in pair)
         if (
             kind.chgscale != 1
             or abs(kind.epsilon - np.sqrt(e * e2)) > MIXING
             or abs(kind.sigma - (s + s2) / 2) > MIXING
         ):
             raise ValueError(f"the 1-4 pair {pair} does not follow from its atoms")
-    return found
+    return parameters
 
 
 def _bodies(top):

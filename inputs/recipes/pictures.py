@@ -36,8 +36,8 @@ def run(name, folder):
     """Run a recipe in a copy of its folder."""
     shutil.copytree(HERE / name, folder)
     for command in commands(name):
-        given = f" -var inputs {HERE.parent}" * command.startswith("lmp")
-        subprocess.run(command + given, shell=True, cwd=folder, check=True)
+        options = f" -var inputs {HERE.parent}" * command.startswith("lmp")
+        subprocess.run(command + options, shell=True, cwd=folder, check=True)
 
 
 def mean(values, blocks=10):

@@ -101,7 +101,7 @@ def brush():
     text = data_file("bond", columns, box, mass=[1.0, 1.0], terms=terms)
     room = " bond types\n3 extra special per atom\n2 extra bond per atom"
     text = text.replace(" bond types", room)
-    return text + "\nBody\n\n" + "".join(f"{k} {one}\n" for k, one in enumerate(body, 1))
+    return text + "\nBody\n\n" + "".join(f"{k} {line}\n" for k, line in enumerate(body, 1))
 
 
 OURS = "fix 1 all nosquish/{} molecule {}\n"

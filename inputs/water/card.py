@@ -30,10 +30,10 @@ def run(command: str, name: str, **variables: object) -> str:
 
 def compare(logs: dict[str, str]) -> None:
     """Print what the log says of copies, and how two runs differ."""
-    told = [line for line in logs["card"].splitlines() if re.match(" *KOKKOS", line)]
+    kokkos = [line for line in logs["card"].splitlines() if re.match(" *KOKKOS", line)]
     ends = [np.loadtxt(f"end.{name}", skiprows=9) for name in logs]
     apart = np.abs(ends[1] - ends[0])
-    print(*told, sep="\n")
+    print(*kokkos, sep="\n")
     print(f"After 20 steps positions differ by {apart[:, 1:4].max():.1e} Angstrom")
     for name, log in logs.items():
         rows = log.rpartition("TotEng")[2].partition("Loop time")[0].splitlines()[1:]

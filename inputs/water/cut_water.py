@@ -43,8 +43,8 @@ def cut(positions, velocities, molecules):
         -1, 1, 1, 3
     )
     stacked = (positions + shifts).reshape(-1, 3, 3)
-    kept = np.sort(np.argsort(centre(stacked).max(axis=1), kind="stable")[:molecules])
-    return stacked[kept], np.tile(velocities, (len(shifts), 1, 1))[kept]
+    nearest = np.sort(np.argsort(centre(stacked).max(axis=1), kind="stable")[:molecules])
+    return stacked[nearest], np.tile(velocities, (len(shifts), 1, 1))[nearest]
 
 
 def main():

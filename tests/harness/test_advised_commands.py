@@ -76,7 +76,7 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
 def test_what_answers_print(path):
     """Locks out a command, or an option, that an answer advises and that then fails."""
     summary = json.loads(path.read_text())
-    said = compare_report.said(summary)
+    said = compare_report.describe(summary)
     options = re.findall(r"--(?:budget|steps) [\d.,]+", " ".join([said.answer, *said.lines]))
     assert_accepted("\n".join(one["command"] for one in summary["points"]), least=5)
     assert not [one for one in options if refused(f"compare my.in {one.rstrip('.,')}")]

@@ -147,9 +147,9 @@ def test_a_script_that_no_integrator_can_start():
     rows = [{"label": "a", "error": "ERROR: no", "uncounted": False}]
     summary = {"checks": [], "integrators": rows, "title": "", "notes": [], "suffix": []}
     summary |= {"kinds": [], "units": "real", "dt": 4.0}
-    assert report.said(summary).answer.startswith("No integrator can run the start")
+    assert report.describe(summary).answer.startswith("No integrator can run the start")
     rows.append({"label": "b", "error": None, "uncounted": False})
-    assert report.said(summary).answer.startswith("All numbers")
+    assert report.describe(summary).answer.startswith("All numbers")
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_step_that_is_unstable_and_one_that_is_inaccurate(
     rows = [one.plain() for one in checks if one.part == "step"][1:]
     summary = {"checks": rows, "integrators": [], "title": "", "notes": [], "suffix": []}
     summary |= {"kinds": [], "units": "real", "dt": dt}
-    answer = report.said(summary).answer
+    answer = report.describe(summary).answer
     assert answer == (f"Out of their bounds: {', '.join(lost)}." if lost else
                       "All numbers that have bounds are within them.")  # fmt: skip
 

@@ -93,7 +93,7 @@ def test_parts_are_told_by_their_names(tmp_path, monkeypatch, capsys):
 def test_committed_results_can_be_shown(tmp_path, name):
     """Locks out a page that a summary does not make, and an answer that counts wrongly."""
     summary = json.loads((RESULTS / name / "summary.json").read_text())
-    said = report.said(summary)
+    said = report.describe(summary)
     pages.write(said, summary, tmp_path)
     verdicts = Counter(check["verdict"] for check in summary["checks"] if check["verdict"])
     assert said.answer.startswith(f"{verdicts['holds']} of {verdicts.total()} ")

@@ -76,10 +76,10 @@ def test_no_verdict_where_the_numbers_do_not_tell():
 
     low, high = (report.interval(measures.spread([1.5, 0.7, 1.4]))[key] for key in ("low", "high"))
     assert low < 1 < high
-    unsure = report.said({"points": [point(1.5, 0.7, 1.4)]})
+    unsure = report.describe({"points": [point(1.5, 0.7, 1.4)]})
     assert "faster in 0 of 1 cases, and significantly slower in 0" in unsure.answer
     assert unsure.defeats == []
-    slow = report.said({"points": [point(1.21, 1.2, 1.22, 1.19)]})
+    slow = report.describe({"points": [point(1.21, 1.2, 1.22, 1.19)]})
     assert "slower in 1" in slow.answer and "1.2 (95 % CI 1.18–1.23)" in slow.defeats[0]
     assert report.interval(measures.spread([1.2])) is None  # one round tells no scatter
 
@@ -185,7 +185,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
         assert row["setup"] and row["memory"]
     pairs = [a / b for a, b in zip(ours["modify"]["values"], theirs["modify"]["values"])]
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
-    pages.write(report.said(summary), summary, tmp_path)
+    pages.write(report.describe(summary), summary, tmp_path)
     table = list(csv.DictReader((tmp_path / "table.csv").open()))
     assert [row["integrator"] for row in table] == ["broken", "fix_nosquish.NVE", "rigid/nve"]
     assert (

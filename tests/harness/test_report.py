@@ -16,7 +16,7 @@ from rich.console import Console
 from support.running import ROOT
 from validation import __main__ as command
 from validation import pages
-from validation.pages import Cell, Column, Figure, Said, Table
+from validation.pages import Cell, Column, Figure, Report, Table
 from validation.report import replacements, report
 from validation.sample import answers, criteria, rivals
 from validation.statistics.check import Check
@@ -49,13 +49,13 @@ ROWS = [
 ]
 
 
-def said(figure=None):
+def describe(figure=None):
     """Of everything something."""
     checks = [
         Check("one", "ours", "drift", 1.0, 0.1, high=2.0).plain(),
         Check("one", "theirs", "drift", 3.0, 0.1, high=2.0, note="so far").plain(),
     ]
-    return Said(
+    return Report(
         *("Title", "Question?", "Answer."),
         tables=[Table("All", COLUMNS, ROWS, "table"), Table("None", COLUMNS, [], "empty")],
         figures=[Figure("cost", lambda: figure, "How to read it")],
@@ -73,7 +73,7 @@ def test_terminal_files_and_page(tmp_path):
     earlier command beside the numbers of now."""
     (tmp_path / "empty.csv").write_text("of an earlier command")
     summary = WHERE | {"interrupted": True}
-    pages.write(said(Drawing()), summary, tmp_path)
+    pages.write(describe(Drawing()), summary, tmp_path)
     assert (tmp_path / "cost.png").exists() and not (tmp_path / "empty.csv").exists()
     assert json.loads((tmp_path / "summary.json").read_text()) == summary
     head, first, second = (tmp_path / "table.csv").read_text().splitlines()
@@ -93,7 +93,7 @@ def test_terminal_files_and_page(tmp_path):
     assert "nothing" not in page and "was interrupted" in page and "does not hold" in page.lower()
     assert not re.search(r"@import|url\(|fetch\(|<link|<iframe|(src|href)=\"(?!data:|#)", page)
     screen = Console(record=True, width=150, file=io.StringIO())
-    pages.show(screen, said(), summary, tmp_path)
+    pages.show(screen, describe(), summary, tmp_path)
     printed = screen.export_text()
     for text in "Question?", "Answer.", "✗ [b] <i>", "✗ rigid: lost [atoms]", "Interrupted":
         assert text in printed, text
@@ -102,9 +102,9 @@ def test_terminal_files_and_page(tmp_path):
         and re.search(r"0\.32 +0\.32 ", printed)
         and "does not hold: theirs: drift: 3.00 ± 0.20" in printed
     )
-    pages.draw(said(), tmp_path)
+    pages.draw(describe(), tmp_path)
     assert not (tmp_path / "cost.png").exists()
-    assert pages.markdown(said().tables[0], ["name", "gain"]).splitlines() == [
+    assert pages.markdown(describe().tables[0], ["name", "gain"]).splitlines() == [
         *("| name | gain, times |", "|---|---|", "| ours | 2 (1.5–∞) |", "| [b] <i> | – |")
     ]
 
@@ -118,7 +118,7 @@ def test_tables_of_committed_summaries(folder, tmp_path):
     module = pytest.importorskip(f"validation.{verb}.report")
     if not callable(getattr(module, "said", None)):
         pytest.skip(f"{verb} is not converted yet")
-    pages.write_tables(module.said(summary), tmp_path)
+    pages.write_tables(module.describe(summary), tmp_path)
     for path in folder.glob("*.csv"):
         assert (tmp_path / path.name).read_bytes() == path.read_bytes(), path.name
 
@@ -210,7 +210,8 @@ def test_releases(tmp_path, monkeypatch):
     """Locks out a release that loses the numbers of those before it, or doubles its own column."""
     monkeypatch.setattr(report, "RELEASES", tmp_path / "releases.csv")
     kept = [
-        pages.Section(Said("Cost", "", "", kept={"Modify": text}), {}, tmp_path) for text in "12"
+        pages.Section(Report("Cost", "", "", release_numbers={"Modify": text}), {}, tmp_path)
+        for text in "12"
     ]
     report.release("0.1", kept[:1])
     for _ in range(2):
@@ -265,7 +266,7 @@ def test_page_in_a_browser(tmp_path):
         "Sorted", "number", [[Cell("10", 10)], [Cell("9", 9)], ["–"], [Cell("1e2", 1e2)]]
     )
     summary = sample(("ours", 4.0, 1.0, [(0.001, 0.001), (0.1, 0.1)], (3.0, 6.0)), *RIVALS)
-    section = pages.Section(Said("Title", "", "", tables=[numbers]), summary, tmp_path, "one")
+    section = pages.Section(Report("Title", "", "", tables=[numbers]), summary, tmp_path, "one")
     report.write([section], [], tmp_path / "one.html")
     every, _ = report.gather(tmp_path)
     report.write(every, [], tmp_path / "all.html")

@@ -38,8 +38,8 @@ def row(found, integrator="nosquish", folder=Path("unused"), length=None):
     """The row of a case with an integrator; of another length, if one is given."""
     if length is not None:
         found = dataclasses.replace(found, short=length)
-    stand = measure.Stand(found, measure.COMPARED[integrator], folder, 60.0, Silent())
-    *_, last = measure.grown(stand, integrator, False)
+    runner = measure.Runner(found, measure.COMPARED[integrator], folder, 60.0, Silent())
+    *_, last = measure.grown(runner, integrator, False)
     return measure.judged(found, last)
 
 
@@ -48,7 +48,7 @@ def stress(cases, names, out, full=False, only=("nosquish",)):
 
 
 def raises(error):
-    def measured(stand, length):
+    def measured(runner, length):
         raise error
 
     return measured
@@ -58,17 +58,17 @@ def raises(error):
 @pytest.mark.parametrize(
     "number, side, verdict",
     [
-        (lambda stand, length: Number(0.5, 0.1), "≤", "pass"),
-        (lambda stand, length: Number(0.5, 0.3), "≤", "cannot tell"),
-        (lambda stand, length: Number(1.5, 0.1), "≤", "fail"),
-        (lambda stand, length: Number(1.5, 0.1), "≥", "pass"),
-        (lambda stand, length: Number(np.nan), "≤", "blow-up"),
-        (lambda stand, length: Number(np.inf), "≥", "blow-up"),
+        (lambda runner, length: Number(0.5, 0.1), "≤", "pass"),
+        (lambda runner, length: Number(0.5, 0.3), "≤", "cannot tell"),
+        (lambda runner, length: Number(1.5, 0.1), "≤", "fail"),
+        (lambda runner, length: Number(1.5, 0.1), "≥", "pass"),
+        (lambda runner, length: Number(np.nan), "≤", "blow-up"),
+        (lambda runner, length: Number(np.inf), "≥", "blow-up"),
         (raises(BlowUp("after step 7: lost atoms")), "≤", "blow-up"),
         (raises(CannotRun("no such cluster")), "≤", "cannot run"),
         (raises(np.linalg.LinAlgError("singular")), "≤", "blow-up"),
         (raises(ZeroDivisionError()), "≤", "blow-up"),
-        (lambda stand, length: np.empty(3)[length + 2], "≤", "blow-up"),
+        (lambda runner, length: np.empty(3)[length + 2], "≤", "blow-up"),
     ],
 )
 def test_verdicts(tmp_path, number, side, verdict):
@@ -123,8 +123,8 @@ def test_rows_are_kept(tmp_path, monkeypatch):
     other code."""
     done = []
 
-    def measured(stand, length):
-        done.append((stand.case.name, stand.integrator.name, length))
+    def measured(runner, length):
+        done.append((runner.case.name, runner.integrator.name, length))
         if len(done) == 2:
             raise KeyboardInterrupt
         return Number(0.5)
@@ -208,7 +208,7 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
 
 def test_rows_that_other_inner_bounds_made_are_not_shown(tmp_path):
     """Locks out a number of the folder's summary that is none of the case as it is today."""
-    cases = {name: case(lambda stand, length: Number(0.5), name) for name in ("one", "two")}
+    cases = {name: case(lambda runner, length: Number(0.5), name) for name in ("one", "two")}
     elsewhere = stress(cases, cases, tmp_path / "elsewhere")
     measure.json_files.write(tmp_path / "summary.json", elsewhere)
     inner = {"test": criterion(), "inner": criterion(0.3, inner=True)}
@@ -224,9 +224,9 @@ def test_starts_are_added_until_the_verdict_is_sure(tmp_path):
     again, and more looks than doublings."""
     done = []
 
-    def measured(stand, length):
-        done.append(stand.start)
-        return Number([1.4, *[0.2] * 7][stand.start], 0.3)
+    def measured(runner, length):
+        done.append(runner.start)
+        return Number([1.4, *[0.2] * 7][runner.start], 0.3)
 
     cases = {"test": case(measured, starts=8)}
     for _ in range(2):
@@ -272,7 +272,7 @@ def changing(monkeypatch, bears):
     """Put energies that change in place of runs; gives the list of the time steps tried."""
     tried = []
 
-    def change(stand, scene, dt, time, **how):
+    def change(runner, scene, dt, time, **how):
         tried.append(dt)
         return 0.01 * molecules.ALLOWED if bears(dt) else np.inf, "broke" * (not bears(dt)) or None
 
@@ -299,8 +299,8 @@ def test_limit_of_runs(tmp_path):
     """Locks out a crash, and a limit, where not even the first step is borne; a good step that is
     taken for a bad one; and an energy that is far off and goes on."""
 
-    def measured(stand, length):
-        return molecules.halved(stand, SCENES["dimer"], np.array(length), 200.0)
+    def measured(runner, length):
+        return molecules.halved(runner, SCENES["dimer"], np.array(length), 200.0)
 
     results = row(case(measured, side="≥"), folder=tmp_path / "long", length=[50.0, 60.0])
     assert (results["verdict"], results["value"]) == ("fail", 0.0)
@@ -313,9 +313,9 @@ def test_refused_bodies_are_not_run(tmp_path):
     """Locks out shake on bodies that it cannot hold, and an error of LAMMPS that is none."""
     assert row(CASES["needles"], "shake 1e-8", tmp_path)["verdict"] == "cannot run"
 
-    def measured(stand, length):
+    def measured(runner, length):
         scene = dataclasses.replace(SCENES["dimer"], bodies="nonsense")
-        stand.run(scene, "run", [1], dt=0.1, every=1)
+        runner.run(scene, "run", [1], dt=0.1, every=1)
 
     results = row(case(measured), "rigid/nve", tmp_path)
     assert results["verdict"] == "blow-up" and "ERROR" in results["note"], results

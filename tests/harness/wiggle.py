@@ -16,7 +16,7 @@ def run(arguments):
     """Run the verb; the exit status."""
     from .. import pages
     from ..experiment import Point, Trajectory, perform
-    from ..pages import Column, Said, Table, console
+    from ..pages import Column, Report, Table, console
     from ..running import machine, run
     from ..running.store import Store
     from ..scenes import SCENES
@@ -48,13 +48,13 @@ def run(arguments):
             rows.append({"dt": dt, "sd": measures.standard_deviation(energy).plain()})
     summary = machine.circumstances() | {"rows": rows, "interrupted": done.interrupted}
     columns = [Column("dt", "step", "fs", "number"), Column("sd", "sd", "kcal/mol", "estimate")]
-    said = Said(
+    report = Report(
         title="The dimer's energy",
         question="How does it fluctuate?",
         answer=f"{len(rows)} steps were measured.",
         tables=[Table("Steps", columns, rows, file="table")],
         failures=[f"{dt} fs: {why}" for dt, why in done.failed.items()],
     )
-    pages.write(said, summary, out)
-    pages.show(screen, said, summary, out)
+    pages.write(report, summary, out)
+    pages.show(screen, report, summary, out)
     return command_line.exit_status(done.interrupted, bool(done.failed))

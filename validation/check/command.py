@@ -48,23 +48,23 @@ def run(arguments: Namespace) -> int:
     from ..user_script import loader
     from . import measure, report, rigid  # heavy: not for --help
 
-    ask, out = loader.parse_options(arguments, arguments.scene)
+    options, out = loader.parse_options(arguments, arguments.scene)
     with store.alone(out):
         if arguments.rigid is not None:
             wanted = arguments.rigid or PARTS[:-1]
-            counts, told = rigid.written(ask, out, arguments.silence, wanted)
+            counts, lines = rigid.written(options, out, arguments.silence, wanted)
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
-            print("\n".join(told))
+            print("\n".join(lines))
             return int(not any(counts.values()))
-        script = loader.load(ask, out, arguments.ranks, arguments.silence)
+        script = loader.load(options, out, arguments.ranks, arguments.silence)
         screen = console.console()
         with console.Meter(screen, len(script.integrators) * measure.STEPS) as meter:
             summary = measure.check(
                 script, out, arguments.ranks, arguments.silence, meter, arguments.tolerance
             )
-    said = report.said(summary)
-    pages.write(said, summary, out)
-    pages.show(screen, said, summary, out)
-    lost = any(found["verdict"] == "does not hold" for found in summary["checks"])
+    result = report.describe(summary)
+    pages.write(result, summary, out)
+    pages.show(screen, result, summary, out)
+    lost = any(check["verdict"] == "does not hold" for check in summary["checks"])
     lost = lost or report.none_starts(summary)
     return command_line.exit_status(summary["interrupted"], lost)

@@ -63,7 +63,7 @@ def check(
         "dt": script.scene.dt,
         "temperature": shapes.temperature(script),
         "kinds": [asdict(kind) for kind in kinds],
-        "checks": [_told(found).plain() for found in checks],
+        "checks": [_told(entry).plain() for entry in checks],
         "integrators": rows,
         "interrupted": interrupted,
     }
@@ -83,23 +83,28 @@ def _starts(
     how = {"ranks": ranks, "silence": silence}
     every = [
         Trajectory(
-            one.name,
-            one.label,
-            partial(_job, script, one, runs / run.folder_name(one.name), STEPS, **how),
+            integrator.name,
+            integrator.label,
+            partial(
+                _job, script, integrator, runs / run.folder_name(integrator.name), STEPS, **how
+            ),
         )
-        for one in integrators
+        for integrator in integrators
     ]
     done = perform(every, Store(out), meter)
-    ended = {one.name: one for one in integrators if one.name in done.jobs}
+    ended = {
+        integrator.name: integrator for integrator in integrators if integrator.name in done.jobs
+    }
     rows = [
-        _row(script, one, run.collect(done.jobs[name].directory)) for name, one in ended.items()
+        _row(script, integrator, run.collect(done.jobs[name].directory))
+        for name, integrator in ended.items()
     ]
     return rows, done.interrupted
 
 
-def _told(found: Check) -> Check:
+def _told(entry: Check) -> Check:
     """Remove the note on what is wrong if nothing is, except from the longest step."""
-    return replace(found, note="") if found.holds and found.part != "step" else found
+    return replace(entry, note="") if entry.holds and entry.part != "step" else entry
 
 
 def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterator[Check]:
@@ -139,8 +144,8 @@ def _step(
     note = f"by this number alone, {safe:.3g} {unit} and below is safe"
     what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
     yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
-    found = shapes.fastest_motions(script, groups)
-    for name, frequency in found.items():
+    frequencies = shapes.fastest_motions(script, groups)
+    for name, frequency in frequencies.items():
         limit = time_step.UNSTABLE
         note = (
             f"unstable above about {limit / frequency:.3g} {unit}, if the start is in "
@@ -148,7 +153,7 @@ def _step(
         )
         what = "stability: frequency of the stiffest motion × step"
         yield Check("step", name, what, frequency * dt, high=limit, note=note)
-    if found:
+    if frequencies:
         coefficient = time_step.error_coefficient(script, groups)
         note = (
             f"{(tolerance / coefficient) ** 0.5:.3g} {unit} and below is within the tolerance "
@@ -270,53 +275,57 @@ def _barostat(script: UserScript) -> Iterator[str]:
     if len(rigid.ids) < 2 or not (rigid.flexible and rigid.state.press):
         return
     kind = thermostat.kind_of(rigid.lines)
-    ours = [one for one in script.integrators.values() if one.kind == "ours"]
-    same = next((one for one in ours if thermostat.kind_of(one.lines) == kind), ours[0])
-    gone = dict(zip(rigid.ids, rigid.lines))
+    ours = [integrator for integrator in script.integrators.values() if integrator.kind == "ours"]
+    same = next(
+        (integrator for integrator in ours if thermostat.kind_of(integrator.lines) == kind), ours[0]
+    )
+    replaced = dict(zip(rigid.ids, rigid.lines))
     yield (
         "With separate fixes the barostat does not see the bodies' pressure, and does not scale "
-        f"them. One fix with keyword flexible does both. {candidates.replacement_notice(gone)}:"
+        f"them. One fix with keyword flexible does both. {candidates.replacement_notice(replaced)}:"
     )
     lines = [*rigid.setup, *same.commands(script.scene)]
     yield from (f"    {line}" for line in lines)
-    yield from candidates.removal_notice(gone, script.reading["commands"], lines)
+    yield from candidates.removal_notice(replaced, script.reading["commands"], lines)
 
 
 def _suffix(script: UserScript, out: Path, ranks: int, silence: float) -> Iterator[str]:
     """Yield sentences on whether the suffix nosquish has replaced or would replace the script's
     fix; none for a fix without such a suffix."""
-    (line, *_), found = script.rigid.lines, script.rigid
+    (line, *_), rigid = script.rigid.lines, script.rigid
     style, suffixes = (
         rigid_atoms.style_of(line),
-        (one.split() for one in script.reading["commands"]),
+        (command.split() for command in script.reading["commands"]),
     )
-    asked = [" ".join(words) for words in suffixes if words[0] == "suffix" and "nosquish" in words]
-    fix = f"fix {found.ids[0]} ({style.removesuffix(SUFFIX)})"
+    scripts = [
+        " ".join(words) for words in suffixes if words[0] == "suffix" and "nosquish" in words
+    ]
+    fix = f"fix {rigid.ids[0]} ({style.removesuffix(SUFFIX)})"
     if style.endswith(SUFFIX):
         yield (
-            f"The suffix nosquish replaces {fix} by {found.style}. Integrators that are named "
+            f"The suffix nosquish replaces {fix} by {rigid.style}. Integrators that are named "
             "after LAMMPS's fixes run without this suffix."
         )
-    elif found.kind == "rigid" and asked:
+    elif rigid.kind == "rigid" and scripts:
         yield (
-            f"In spite of '{asked[-1]}' {fix} is LAMMPS's own: a suffix acts on the lines after "
+            f"In spite of '{scripts[-1]}' {fix} is LAMMPS's own: a suffix acts on the lines after "
             "it, until another one or 'suffix off', and of two suffixes the first one is preferred."
         )
-    elif found.kind == "rigid":
+    elif rigid.kind == "rigid":
         yield _with_suffix(script, fix, out / "runs" / "suffix", ranks, silence)
 
 
 def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence: float) -> str:
     """How ``lmp -sf nosquish`` replaces the script's fix, as LAMMPS reports it."""
-    found, line = script.rigid, script.rigid.lines[0]
+    rigid, line = script.rigid, script.rigid.lines[0]
     words = split_words(line)
     ours = join_words((*words[:3], rigid_atoms.style_of(line) + SUFFIX, *words[4:]))
-    trial = candidates.script_integrator(replace(found, kind="ours", lines=(ours,)))
+    trial = candidates.script_integrator(replace(rigid, kind="ours", lines=(ours,)))
     result = run.once(_job(script, trial, folder, 0, ranks=ranks, silence=silence), failures=True)
     if result.error:
         return f"'lmp -sf nosquish -in SCRIPT' does not replace {fix}: {result.error}"
     log = (folder / "log.lammps").read_text()
-    begin = f"Fix {found.ids[0]}: "
+    begin = f"Fix {rigid.ids[0]}: "
     notice = next(text for text in log.splitlines() if text.startswith(begin)).removesuffix(SUFFIX)
     return (
         f"'lmp -sf nosquish -in SCRIPT' replaces {fix} by one of fix_nosquish, without an edit. "
@@ -354,8 +363,8 @@ def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
     """The first step at which a quantity is NaN, in words; None if there is none.  LAMMPS goes
     on."""
     bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
-    first = min((int(one.argmax()) for one in bad.values() if one.any()), default=None)
+    first = min((int(mask.argmax()) for mask in bad.values() if mask.any()), default=None)
     if first is None:
         return None
-    names = ", ".join(name for name, one in bad.items() if one[first])
+    names = ", ".join(name for name, mask in bad.items() if mask[first])
     return f"no number from step {thermo['Step'][first]:.0f} on: {names}"

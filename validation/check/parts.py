@@ -22,19 +22,19 @@ Atoms = Mapping[str, np.ndarray]
 
 def _elements(mass: np.ndarray) -> np.ndarray:
     """The element of each atom, by its mass; empty if unknown."""
-    found = np.full(len(mass), "", dtype="<U2")
+    elements = np.full(len(mass), "", dtype="<U2")
     for name, known in ELEMENTS.items():
-        found[np.abs(mass - known) < NEAR] = name
-    return found
+        elements[np.abs(mass - known) < NEAR] = name
+    return elements
 
 
 def _neighbours(bonds: np.ndarray, atoms: int) -> list[list[int]]:
     """The bonded neighbours of each atom, from 0; ``bonds`` has rows (type, ID, ID)."""
-    found: list[list[int]] = [[] for _ in range(atoms)]
+    neighbours: list[list[int]] = [[] for _ in range(atoms)]
     for _, i, j in bonds:
-        found[i - 1].append(j - 1)
-        found[j - 1].append(i - 1)
-    return found
+        neighbours[i - 1].append(j - 1)
+        neighbours[j - 1].append(i - 1)
+    return neighbours
 
 
 def rigid(
@@ -50,32 +50,32 @@ def rigid(
     """
     number, kinds = len(atoms["mass"]), _elements(atoms["mass"])
     tied = _neighbours(atoms["bonds"], number)
-    made: dict[str, list[set[int]]] = {name: [] for name in PARTS}
+    parts: dict[str, list[set[int]]] = {name: [] for name in PARTS}
     for atom in range(number):
         light = [other for other in tied[atom] if kinds[other] == "H" and len(tied[other]) == 1]
         if kinds[atom] == "O" and len(tied[atom]) == len(light) == 2:
-            made["water"].append({atom, *light})
+            parts["water"].append({atom, *light})
         elif kinds[atom] in ("C", "N") and len(light) == 3 and len(tied[atom]) <= 4:
-            made["CH3" if kinds[atom] == "C" else "NH3"].append({atom, *light})
+            parts["CH3" if kinds[atom] == "C" else "NH3"].append({atom, *light})
         if kinds[atom] in ("C", "N", "O", "S") and light:
-            made["XH"].append({atom, *light})
-    made["rings"] = _joined(
+            parts["XH"].append({atom, *light})
+    parts["rings"] = _joined(
         ring | {other for atom in ring for other in tied[atom] if kinds[other] == "H"}
         for ring in _rings(tied, kinds)
         if _is_flat(_whole(atoms["x"][sorted(ring)], cell, periodic))
     )
-    others = {atom for name in wanted if name != "XH" for part in made[name] for atom in part}
-    made["XH"] = [part for part in made["XH"] if part.isdisjoint(others)]
-    every = sorted((part for name in wanted for part in made[name]), key=min)
+    others = {atom for name in wanted if name != "XH" for part in parts[name] for atom in part}
+    parts["XH"] = [part for part in parts["XH"] if part.isdisjoint(others)]
+    every = sorted((part for name in wanted for part in parts[name]), key=min)
     body = np.zeros(number, int)
     for index, part in enumerate(every, 1):
         body[list(part)] = index
-    return body, {name: len(made[name]) for name in wanted}
+    return body, {name: len(parts[name]) for name in wanted}
 
 
 def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
     """Yield closed walks of `RING` atoms that can be aromatic, each once."""
-    able = [kind in ("C", "N", "O", "S") and len(some) <= 3 for kind, some in zip(kinds, tied)]
+    able = [kind in ("C", "N", "O", "S") and len(bonded) <= 3 for kind, bonded in zip(kinds, tied)]
     seen = set()
     for first in np.flatnonzero(able):
         walks = [[int(first)]]
@@ -101,11 +101,11 @@ def _is_flat(r: np.ndarray) -> bool:
 
 def _joined(parts: Iterable[set[int]]) -> list[set[int]]:
     """Merge parts that share atoms."""
-    found: list[set[int]] = []
+    merged: list[set[int]] = []
     for part in parts:
-        touching = [other for other in found if other & part]
-        found = [*(other for other in found if other not in touching), part.union(*touching)]
-    return found
+        touching = [other for other in merged if other & part]
+        merged = [*(other for other in merged if other not in touching), part.union(*touching)]
+    return merged
 
 
 def _turn(shape: np.ndarray, other: np.ndarray) -> Rotation:
@@ -124,9 +124,9 @@ def alike(
     moved = np.zeros_like(atoms["x"], dtype=float)
     order = np.lexsort((atoms["type"], body))  # stable
     kinds: dict[tuple, list[np.ndarray]] = {}
-    for own in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
-        if body[own[0]]:
-            kinds.setdefault((*atoms["type"][own],), []).append(own)
+    for members in np.split(order, np.flatnonzero(np.diff(body[order])) + 1):
+        if body[members[0]]:
+            kinds.setdefault((*atoms["type"][members],), []).append(members)
     for rows in kinds.values():
         group = np.array(rows)
         mass = atoms["mass"][group[0]]
@@ -140,8 +140,10 @@ def alike(
         centred = r - (np.einsum("i,bij->bj", mass, r) / mass.sum())[:, None]
         shape = centred[0]
         for _ in range(ROUNDS):
-            turns = [_turn(shape, one) for one in centred]
-            shape = np.mean([turn.apply(one) for turn, one in zip(turns, centred)], axis=0)
+            turns = [_turn(shape, positions) for positions in centred]
+            shape = np.mean(
+                [turn.apply(positions) for turn, positions in zip(turns, centred)], axis=0
+            )
         fitted = np.array([turn.inv().apply(shape) for turn in turns])
         moved[group] = fitted - centred
     return atoms["x"] + moved, float(np.linalg.norm(moved, axis=1).max(initial=0.0))

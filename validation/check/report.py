@@ -1,22 +1,22 @@
 """The report of `check`."""
 
-from ..pages import Column, Said, Table
+from ..pages import Column, Report, Table
 from ..scenes.units import UNITS
 from ..user_script import conserved_energy
 from .measure import STEPS, TITLES
 
 
-def said(summary: dict) -> Said:
+def describe(summary: dict) -> Report:
     """The report on whether a script is sound."""
     checks = summary["checks"]
-    lost = [one for one in checks if one["verdict"] == "does not hold"]
+    lost = [check for check in checks if check["verdict"] == "does not hold"]
     answer = "All numbers that have bounds are within them."
     if lost:
         answer = f"Out of their bounds: {', '.join(dict.fromkeys(map(_subject, lost)))}."
     if none_starts(summary):
         answer = "No integrator can run the start: LAMMPS's errors are in the table."
     uncounted = [row["label"] for row in summary["integrators"] if row["uncounted"]]
-    return Said(
+    return Report(
         f"Check: {summary['title']}",
         "Is this script sound: its bodies, its step, its fixes?",
         answer,
@@ -37,11 +37,11 @@ def none_starts(summary: dict) -> bool:
     return bool(rows) and all(row["error"] for row in rows)
 
 
-def _subject(one: dict) -> str:
+def _subject(check: dict) -> str:
     """Name the check that is out of bounds; for a step, whether it is unstable or inaccurate."""
-    kind = one["what"].partition(":")[0]
+    kind = check["what"].partition(":")[0]
     named = {"stability": "the step is unstable", "accuracy": "the step is inaccurate"}
-    return f"{one['subject']} ({named[kind]})" if kind in named else one["subject"]
+    return f"{check['subject']} ({named[kind]})" if kind in named else check["subject"]
 
 
 def _kinds(summary: dict) -> Table:

@@ -37,7 +37,7 @@ DIFFER = (
 
 
 def written(
-    ask: loader.ScriptOptions, out: Path, silence: float, wanted: Collection[str]
+    options: loader.ScriptOptions, out: Path, silence: float, wanted: Collection[str]
 ) -> tuple[dict[str, int], list[str]]:
     """Write the files; return the number of parts of each kind, and sentences and lines for the
     user.
@@ -50,47 +50,52 @@ def written(
     Raises:
         SystemExit: with a message: what is wrong, and what to do.
     """
-    asked = replace(ask, group=GROUP, bodies=STYLE)  # at its first run, with any fixes
-    said, atoms, _ = loader.read(asked, out, 1, silence)
+    request = replace(options, group=GROUP, bodies=STYLE)  # at its first run, with any fixes
+    reading, atoms, _ = loader.read(request, out, 1, silence)
     if not len(atoms.get("bonds", ())):
-        raise SystemExit(f"{ask.name}: the atoms have no bonds, by which rigid parts are found")
-    if said["units"] not in ("real", "metal"):
-        raise SystemExit(f"{ask.name}: elements cannot be told by masses in units {said['units']}")
-    cell, periodic = np.array(said["cell"]), said["periodic"]
+        raise SystemExit(f"{options.name}: the atoms have no bonds, by which rigid parts are found")
+    if reading["units"] not in ("real", "metal"):
+        raise SystemExit(
+            f"{options.name}: elements cannot be told by masses in units {reading['units']}"
+        )
+    cell, periodic = np.array(reading["cell"]), reading["periodic"]
     body, counts = parts.rigid(atoms, cell, periodic, wanted)
     if not body.any():
         return counts, ["No rigid part, so no file is written."]
-    inside, groups = body > 0, [*said["groups"], GROUP]
-    mask = atoms["mask"].astype(np.int64) | inside.astype(np.int64) << len(said["groups"])
+    inside, groups = body > 0, [*reading["groups"], GROUP]
+    mask = atoms["mask"].astype(np.int64) | inside.astype(np.int64) << len(reading["groups"])
     known = atoms | {"mask": mask, f"v_{BODY}": body}
     try:
-        found = rigid_atoms.find(said | {"groups": groups}, known, ask.fix, GROUP, STYLE)
+        rigid = rigid_atoms.find(reading | {"groups": groups}, known, options.fix, GROUP, STYLE)
     except rigid_atoms.AmbiguousScript as unclear:
-        raise SystemExit(f"{ask.name}: {unclear}") from None
+        raise SystemExit(f"{options.name}: {unclear}") from None
     x, moved = parts.alike(atoms, body, cell, periodic)
-    files = {out / f"{ask.name}.bodies": _bodies(body), out / f"{ask.name}.shapes": _dump(x, atoms)}
+    files = {
+        out / f"{options.name}.bodies": _bodies(body),
+        out / f"{options.name}.shapes": _dump(x, atoms),
+    }
     for file, text in files.items():
         file.write_text(text)
-    of_bodies, shapes = (_named(file, Path(ask.script).parent) for file in files)
+    of_bodies, shapes = (_named(file, Path(options.script).parent) for file in files)
     read = f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native"
     lines = [
         f"variable {BODY} atomfile {of_bodies}",
         f"variable own_inside atom v_{BODY}>0",
         f"group {GROUP} variable own_inside",
         *([read] if moved <= FAR else []),
-        *_moving(found, said, known),
-        *time_step.lists_in_time(said["commands"]),
+        *_moving(rigid, reading, known),
+        *time_step.lists_in_time(reading["commands"]),
     ]
-    gone = dict(zip(found.ids, found.lines))
-    told = [
-        f"{candidates.replacement_notice(gone)}:",
+    replaced = dict(zip(rigid.ids, rigid.lines))
+    sentences = [
+        f"{candidates.replacement_notice(replaced)}:",
         *(f"    {line}" for line in lines),
         ALIKE.format(moved) if moved <= FAR else DIFFER,
-        *candidates.removal_notice(gone, said["commands"], lines),
+        *candidates.removal_notice(replaced, reading["commands"], lines),
     ]
-    if found.dropped:
-        told.append(f"Keywords that ours does not have: {', '.join(found.dropped)}.")
-    return counts, [*told, *_torn(found, said, atoms)]
+    if rigid.dropped:
+        sentences.append(f"Keywords that ours does not have: {', '.join(rigid.dropped)}.")
+    return counts, [*sentences, *_torn(rigid, reading, atoms)]
 
 
 def _named(file: Path, folder: Path) -> str:
@@ -116,32 +121,36 @@ def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
     return "".join((*(f"ITEM: {item}\n" for item in (*head, f"ATOMS id {PLACES}")), *text))
 
 
-def _moving(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> list[str]:
+def _moving(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> list[str]:
     """The lines that move the bodies, and those for other atoms that the script's fixes moved."""
     ours = {
-        one.name: one
-        for one in candidates.integrators(found, said["units"])[0]
-        if one.kind == "ours"
+        integrator.name: integrator
+        for integrator in candidates.integrators(rigid, reading["units"])[0]
+        if integrator.kind == "ours"
     }
-    same = f"{OURS}-nh" if thermostat.kind_of([found.mover]) == "nh" else OURS
-    made = [line.format(group=GROUP, bodies=STYLE) for line in ours[same].lines]
-    moved = rigid_atoms.in_group(said, atoms, split_words(found.mover)[2])
-    if found.state.press and not (moved | (found.body > 0)).all():  # the box scales others, too
-        taken = f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in made[-1] else GROUP
-        line = made.pop().replace(f" dilate {candidates.REST}", "")
-        made += [f"group {OTHERS} subtract all {taken}", f"{line} dilate {OTHERS}"]
-    return made
+    same = f"{OURS}-nh" if thermostat.kind_of([rigid.mover]) == "nh" else OURS
+    commands = [line.format(group=GROUP, bodies=STYLE) for line in ours[same].lines]
+    moved = rigid_atoms.in_group(reading, atoms, split_words(rigid.mover)[2])
+    if rigid.state.press and not (moved | (rigid.body > 0)).all():  # the box scales others, too
+        groups = (
+            f"{GROUP} {candidates.REST}" if f"flexible {candidates.REST}" in commands[-1] else GROUP
+        )
+        line = commands.pop().replace(f" dilate {candidates.REST}", "")
+        commands += [f"group {OTHERS} subtract all {groups}", f"{line} dilate {OTHERS}"]
+    return commands
 
 
-def _torn(found: RigidAtoms, said: Mapping, atoms: parts.Atoms) -> Iterator[str]:
+def _torn(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> Iterator[str]:
     """Yield notices on bonds between bodies and other atoms that are not constrained."""
     bonds = np.asarray(atoms["bonds"])
-    first, second = found.body[bonds[:, 1:].T - 1]
-    styles = [words[1] for words in map(split_words, said["commands"]) if words[0] == "bond_style"]
+    first, second = rigid.body[bonds[:, 1:].T - 1]
+    styles = [
+        words[1] for words in map(split_words, reading["commands"]) if words[0] == "bond_style"
+    ]
     loose = np.full(len(bonds), styles[-1:] == ["zero"])
-    for line in found.lines:
+    for line in rigid.lines:
         if rigid_atoms.kind_of(line) == "constraints":
-            mask = rigid_atoms.in_group(said, atoms, split_words(line)[2])
+            mask = rigid_atoms.in_group(reading, atoms, split_words(line)[2])
             loose |= rigid_atoms.held_bonds(atoms, mask)
     if number := int((loose & (first != second)).sum()):
         yield (

@@ -71,15 +71,19 @@ def run(arguments: Namespace) -> int:
         how = arguments.full, arguments.time, arguments.ranks, arguments.silence
         bench, claims = plan.Bench(out / f"{name}{short}", *how, set()), report.claims_of(name)
         for part in parts:
-            found = {one.name for one in claims.plan(bench) if one.name.startswith(part)}
-            if not found:
+            names = {
+                simulation.name
+                for simulation in claims.plan(bench)
+                if simulation.name.startswith(part)
+            }
+            if not names:
                 arguments.parser.error(f"nothing of {name} has a name that begins with {part}")
-            bench.names |= found
+            bench.names |= names
         with console.Meter(screen, measure.total(claims, bench)) as bench.meter:
             summary = measure.measure(name, claims, bench)
-        said = report.said(summary)
-        pages.write(said, summary, bench.out)
-        pages.show(screen, said, summary, bench.out)
+        result = report.describe(summary)
+        pages.write(result, summary, bench.out)
+        pages.show(screen, result, summary, bench.out)
         failed |= measure.wrong(claims, summary)
         if summary["interrupted"]:
             break

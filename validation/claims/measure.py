@@ -27,23 +27,31 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
     trajectories = [simulation.trajectory(bench) for simulation in simulations]
     store = Store(bench.runs)
     done = experiment.perform(trajectories, store, bench.meter, judge=failure, ladders=False)
-    found = {
+    outputs = {
         simulation.name: series(simulation, done.jobs[simulation.name])
         for simulation in simulations
         if simulation.name in done.jobs
     }
-    failed = {one.name: done.failed.get(one.name, "") for one in simulations if not one.may_fail}
+    failed = {
+        simulation.name: done.failed.get(simulation.name, "")
+        for simulation in simulations
+        if not simulation.may_fail
+    }
     failed |= dict.fromkeys(done.left_out, "its start has failed")
     failed = {failing: why for failing, why in failed.items() if why}
-    told = {"claims": name, "interrupted": done.interrupted, "failed": failed}
-    return circumstances | told | claims.judge(found, bench)
+    facts = {"claims": name, "interrupted": done.interrupted, "failed": failed}
+    return circumstances | facts | claims.judge(outputs, bench)
 
 
 def _chosen(claims: Claims, bench: Bench) -> Sequence[Simulation]:
     """The requested simulations, and those that create their starts."""
     every = claims.plan(bench)
-    starts = {one.start[0] for one in every if one.start and one.name in bench.names}
-    return [one for one in every if one.name in starts.union(bench.names)]
+    starts = {
+        simulation.start[0]
+        for simulation in every
+        if simulation.start and simulation.name in bench.names
+    }
+    return [simulation for simulation in every if simulation.name in starts.union(bench.names)]
 
 
 def wrong(claims: Claims, summary: dict) -> bool:

@@ -22,7 +22,7 @@ from ..scenes.integrators import INTEGRATORS, PAPER
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, plain
-from .plan import FEW, Bench, Claims, Found, Series, Simulation
+from .plan import FEW, Bench, Claims, Outputs, Series, Simulation
 
 Pairs = list[tuple[Series, ...]]  # of trajectories from the same start
 
@@ -101,12 +101,12 @@ def plan(bench: Bench) -> list[Simulation]:
     figure 2b."""
     lengths, peptide, liquid = _lengths(bench), paper_peptide.scene(), SCENES["water"]
     make = partial(_simulation, bench, lengths)
-    made = [*_dimers(make, lengths)]
+    simulations = [*_dimers(make, lengths)]
     for name in "nosquish", "shake", "rigid/nve/small":
-        made.append(make(peptide, name, lengths.peptide))
-    made.append(make(peptide, "rigid/small", lengths.drifting))
-    made += [make(scene, "gear", lengths.gear, every=2) for scene in (liquid, peptide)]
-    return made + [make(liquid, name, lengths.liquid) for name in ("nosquish", OTHER)]
+        simulations.append(make(peptide, name, lengths.peptide))
+    simulations.append(make(peptide, "rigid/small", lengths.drifting))
+    simulations += [make(scene, "gear", lengths.gear, every=2) for scene in (liquid, peptide)]
+    return simulations + [make(liquid, name, lengths.liquid) for name in ("nosquish", OTHER)]
 
 
 def _simulation(
@@ -148,46 +148,50 @@ def _dimers(make: Callable[..., Simulation], lengths: Lengths) -> Iterator[Simul
 # ---- checks of the statements
 
 
-def judge(found: Found, bench: Bench) -> dict:
+def judge(outputs: Outputs, bench: Bench) -> dict:
     """The numbers of all trajectories, complete or not, as plain data: ``rows``, ``checks``,
     ``lengths``."""
-    whole = {name: one for name, one in found.items() if not one.error and len(one.total) >= FEW}
+    whole = {
+        name: trajectory
+        for name, trajectory in outputs.items()
+        if not trajectory.error and len(trajectory.total) >= FEW
+    }
     checks = [
         *_dimer(whole),
         *_liquid(whole),
         *_peptide(whole),
-        *_gear(found, whole),
+        *_gear(outputs, whole),
     ]
     return {
-        "rows": [row(one) for one in found.values()],
+        "rows": [row(trajectory) for trajectory in outputs.values()],
         "checks": [check.plain() for check in checks],
         "lengths": _lengths(bench)._asdict(),
     }
 
 
-def row(one: Series) -> dict:
+def row(trajectory: Series) -> dict:
     """The numbers of one trajectory; those that could not be measured are absent."""
-    made = one.simulation
-    found = {
-        "name": made.name,
-        "scene": made.scene.name,
-        "integrator": made.integrator.label,
-        "lines": made.integrator.commands(made.scene),
-        "dt": made.dt,
-        "error": one.error,
-        "ps": float(one.time[-1]) if len(one.time) else 0.0,
-        "seconds": one.seconds,
+    simulation = trajectory.simulation
+    numbers = {
+        "name": simulation.name,
+        "scene": simulation.scene.name,
+        "integrator": simulation.integrator.label,
+        "lines": simulation.integrator.commands(simulation.scene),
+        "dt": simulation.dt,
+        "error": trajectory.error,
+        "ps": float(trajectory.time[-1]) if len(trajectory.time) else 0.0,
+        "seconds": trajectory.seconds,
     }
-    if len(one.total) >= FEW:
-        found |= {
-            "temperature": measures.mean(one.temperature),
-            "energy": float(one.total.mean()),
-            "sd": measures.standard_deviation(one.total),
-            "sd_line": measures.about_line(one.time, one.total),
-            "measure": measures.mean(measure(one.total)),
-            "drift": measures.drift(one.time, one.total),
+    if len(trajectory.total) >= FEW:
+        numbers |= {
+            "temperature": measures.mean(trajectory.temperature),
+            "energy": float(trajectory.total.mean()),
+            "sd": measures.standard_deviation(trajectory.total),
+            "sd_line": measures.about_line(trajectory.time, trajectory.total),
+            "measure": measures.mean(measure(trajectory.total)),
+            "drift": measures.drift(trajectory.time, trajectory.total),
         }
-    return plain(found)
+    return plain(numbers)
 
 
 def measure(total: np.ndarray) -> np.ndarray:
@@ -200,41 +204,43 @@ def measure(total: np.ndarray) -> np.ndarray:
 
 def _length(*series: Series) -> str:
     """The length of the shortest one, in words."""
-    return f"{min(one.time[-1] for one in series):.4g} ps"
+    return f"{min(trajectory.time[-1] for trajectory in series):.4g} ps"
 
 
 def _shortest(pair: Sequence[Series]) -> int:
-    return min(len(one.total) for one in pair)
+    return min(len(trajectory.total) for trajectory in pair)
 
 
-def _dimer_pairs(whole: Found, second: str) -> Pairs:
+def _dimer_pairs(whole: Outputs, second: str) -> Pairs:
     """Dimers of NO_SQUISH and of another integrator from the same starts."""
     numbers = range(1, 1 + len(whole))
     names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in numbers]
-    return [(whole[one], whole[other]) for one, other in names if {one, other} <= whole.keys()]
+    return [
+        (whole[first], whole[other]) for first, other in names if {first, other} <= whole.keys()
+    ]
 
 
 def _ratio(pairs: Pairs, of: Callable[[Series], float]) -> Estimate:
     """A number of the second trajectory over that of the first one: mean of all pairs, with the
     error from their scatter."""
-    return measures.ratio(*([of(one) for one in series] for series in zip(*pairs)))
+    return measures.ratio(*([of(trajectory) for trajectory in series] for series in zip(*pairs)))
 
 
-def _average(one: Series) -> float:
-    return measure(one.total).mean()
+def _average(trajectory: Series) -> float:
+    return measure(trajectory.total).mean()
 
 
 def _drift(series: Sequence[Series]) -> Estimate:
     """The mean drift of trajectories; with several starts its error is from their scatter."""
-    fits = [measures.drift(one.time, one.total) for one in series]
+    fits = [measures.drift(trajectory.time, trajectory.total) for trajectory in series]
     return fits[0] if len(fits) == 1 else measures.mean_of_few([fit.value for fit in fits])
 
 
 def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
     """Check stability: the drift changes the energy by less than its fluctuation."""
     slope = _drift(series)
-    deviation = np.sqrt(np.mean([one.total.var() for one in series]))
-    scale = min(one.time[-1] for one in series) / deviation
+    deviation = np.sqrt(np.mean([trajectory.total.var() for trajectory in series]))
+    scale = min(trajectory.time[-1] for trajectory in series) / deviation
     several = f", mean of {len(series)} starts" * (len(series) > 1)
     return check(
         PAPER[name].label,
@@ -249,7 +255,7 @@ def _steady(check: Callable, name: str, series: Sequence[Series]) -> Check:
 # ---- figures 2a, 2b and 3
 
 
-def _dimer(whole: Found) -> Iterator[Check]:
+def _dimer(whole: Outputs) -> Iterator[Check]:
     """Yield the checks of figure 2a."""
     check = partial(Check.of, "dimer", source=STATEMENTS["dimer"])
     pairs = _dimer_pairs(whole, OTHER)
@@ -261,18 +267,20 @@ def _dimer(whole: Found) -> Iterator[Check]:
             yield _steady(check, name, series)
 
 
-def _liquid(whole: Found) -> Iterator[Check]:
+def _liquid(whole: Outputs) -> Iterator[Check]:
     """Yield the checks of figure 2b."""
     check = partial(Check.of, "liquid", source=STATEMENTS["liquid"])
     series = {name: whole.get(f"water-{name}") for name in ("nosquish", OTHER)}
     ours, other = series.values()
     if ours and other:
         span = _length(ours, other)
-        over = measures.quotient(*(measures.standard_deviation(one.total) for one in (other, ours)))
+        over = measures.quotient(
+            *(measures.standard_deviation(trajectory.total) for trajectory in (other, ours))
+        )
         yield check(OVER, f"more accurate: sd of energy about its mean, {span}", over, low=1.0)
-    for name, one in series.items():
-        if one:
-            yield _steady(check, name, [one])
+    for name, trajectory in series.items():
+        if trajectory:
+            yield _steady(check, name, [trajectory])
 
 
 def _in_parts(total: np.ndarray) -> np.ndarray:
@@ -281,30 +289,30 @@ def _in_parts(total: np.ndarray) -> np.ndarray:
     return total[: SIDE * size].reshape(SIDE, size)
 
 
-def _peptide(whole: Found) -> Iterator[Check]:
+def _peptide(whole: Outputs) -> Iterator[Check]:
     """Yield the checks of figure 3."""
     check = partial(Check.of, "peptide", source=STATEMENTS["peptide"])
     names = "nosquish", "shake", "rigid/nve/small"
     series = {name: whole[f"peptide-{name}"] for name in names if f"peptide-{name}" in whole}
     richardson = whole.get("peptide-rigid/small")
-    for name, one in series.items():
-        what = f"average measure about {AVERAGE_MEASURE:g}, {_length(one)}"
+    for name, trajectory in series.items():
+        what = f"average measure about {AVERAGE_MEASURE:g}, {_length(trajectory)}"
         yield check(
             PAPER[name].label,
             what,
-            measures.mean(measure(one.total)),
+            measures.mean(measure(trajectory.total)),
             low=AVERAGE_MEASURE / NEAR,
             high=AVERAGE_MEASURE * NEAR,
         )
     if {"nosquish", "shake"} <= series.keys():
         yield _equal(check, series["nosquish"], series["shake"])
-    for name, one in series.items():
+    for name, trajectory in series.items():
         if richardson is None:
-            yield _steady(check, name, [one])
+            yield _steady(check, name, [trajectory])
             continue
-        slope = _drift([one])
+        slope = _drift([trajectory])
         over = measures.quotient(slope, _drift([richardson]))
-        what = f"stable: drift over that of rigid/small, {_length(one)}"
+        what = f"stable: drift over that of rigid/small, {_length(trajectory)}"
         note = f"{slope.text()} kcal/mol/ps"
         yield check(PAPER[name].label, what, over, low=-LOST, high=LOST, note=note)
     if richardson:
@@ -326,20 +334,22 @@ def _equal(check: Callable, ours: Series, shake: Series) -> Check:
     label = f"NO_SQUISH over {PAPER['shake'].label}"
     what = f"equal: sd of energy about the means of {SIDE} parts, {_length(*both)}"
     samples = _shortest(both)
-    over = measures.ratio(*(_in_parts(one.total[:samples]).std(axis=1, ddof=1) for one in both))
+    over = measures.ratio(
+        *(_in_parts(trajectory.total[:samples]).std(axis=1, ddof=1) for trajectory in both)
+    )
     return check(label, what, over, low=1.0 - EQUAL, high=1.0 + EQUAL)
 
 
 # ---- Gear's scheme
 
 
-def _begun(one: Series) -> Series:
+def _begun(trajectory: Series) -> Series:
     """A trajectory without its first `BEGINNING` steps."""
-    kept = one.time > BEGINNING * one.simulation.dt / FS_PER_PS
-    return replace(one, time=one.time[kept], total=one.total[kept])
+    mask = trajectory.time > BEGINNING * trajectory.simulation.dt / FS_PER_PS
+    return replace(trajectory, time=trajectory.time[mask], total=trajectory.total[mask])
 
 
-def _gear_pairs(whole: Found) -> Pairs:
+def _gear_pairs(whole: Outputs) -> Pairs:
     """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`, if
     there are several."""
     pairs = [tuple(map(_begun, pair)) for pair in _dimer_pairs(whole, "gear")]
@@ -347,7 +357,7 @@ def _gear_pairs(whole: Found) -> Pairs:
     return pairs if len(pairs) > 1 else []
 
 
-def _gear(found: Found, whole: Found) -> Iterator[Check]:
+def _gear(outputs: Outputs, whole: Outputs) -> Iterator[Check]:
     """Yield the checks of Gear's scheme: at the usual step, and compared with NO_SQUISH from the
     same starts of the dimer.
 
@@ -356,7 +366,7 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     """
     check = partial(Check.of, "gear", source=STATEMENTS["gear"])
     for scene in "water", "peptide":
-        if gear := found.get(f"{scene}-gear"):
+        if gear := outputs.get(f"{scene}-gear"):
             span = f"{gear.simulation.steps * DT / FS_PER_PS:g} ps"
             what = f"unstable at {DT:g} fs: largest |E − E(0)| over the kinetic energy, {span}"
             total, note = gear.total, f"ended: {gear.error}" if gear.error else ""
@@ -370,10 +380,10 @@ def _gear(found: Found, whole: Found) -> Iterator[Check]:
     ours_drift, drift = _drift(ours), _drift(theirs)
     note, off = f"{drift.text()} kcal/mol/ps", abs(drift.value) / drift.margin
     far, what = None, f"far more accurate {where}: drift of the energy, {when}"
-    told = f"Gear's drift itself cannot be told: {note}"
+    text = f"Gear's drift itself cannot be told: {note}"
     if off >= SURE_DRIFT:  # no ratio to a drift that is not significant
-        far, told = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
-    yield check("NO_SQUISH over Gear, dimer", what, far, low=-1 / FAR, high=1 / FAR, note=told)
+        far, text = measures.quotient(ours_drift, drift), f"{ours_drift.text()} and {note}"
+    yield check("NO_SQUISH over Gear, dimer", what, far, low=-1 / FAR, high=1 / FAR, note=text)
 
 
 def tables(summary: dict) -> list[Table]:

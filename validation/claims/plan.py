@@ -137,7 +137,7 @@ class Series:
     seconds: float = 0.0
 
 
-Found = dict[str, Series]  # by name of the simulation
+Outputs = dict[str, Series]  # by name of the simulation
 
 
 class Claims(NamedTuple):
@@ -161,7 +161,7 @@ class Claims(NamedTuple):
     noun: str
     parts: Mapping[str, str]
     plan: Callable[[Bench], Sequence[Simulation]]
-    judge: Callable[[Found, Bench], dict]
+    judge: Callable[[Outputs, Bench], dict]
     tables: Callable[[dict], Sequence[Table]] = lambda summary: ()
     notes: Mapping[str, str] = MappingProxyType({})
     checks_file: str = "table"
@@ -181,7 +181,7 @@ def series(simulation: Simulation, job: run.Job) -> Series:
     values = [result.thermo.get(column, np.empty(0)) for column in columns]
     finite = np.isfinite(values[1])
     until = len(finite) if finite.all() else int(np.argmin(finite))
-    step, total, kinetic, temperature = (some[:until] for some in values)
+    step, total, kinetic, temperature = (column[:until] for column in values)
     return Series(
         simulation,
         failure(result),

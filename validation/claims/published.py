@@ -16,7 +16,7 @@ from ..scenes.integrators import INTEGRATORS
 from ..statistics import measures
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate, combined
-from .plan import FEW, Bench, Claims, Found, Simulation
+from .plan import FEW, Bench, Claims, Outputs, Simulation
 
 SOURCE = "Silveira and Abreu, J. Chem. Phys. 150, 114110 (2019)"
 # the authors' manuscript, and the data of its figures; commit 0ff8a20 and before
@@ -77,9 +77,9 @@ def plan(bench: Bench) -> list[Simulation]:
     more = _to_the_mean(water.group)
     start: dict = {"dt": BATH_DT, "steps": rest, "every": 100, "state": rest, "more": more}
     ours = INTEGRATORS["nosquish"]
-    made = [Simulation("start", "start", integrator=ours, **start, **how)]
+    simulations = [Simulation("start", "start", integrator=ours, **start, **how)]
     for dt in sorted(PUBLISHED, reverse=True):
-        made.append(
+        simulations.append(
             Simulation(
                 f"{dt:g}-fs",
                 f"{dt:g} fs",
@@ -91,7 +91,7 @@ def plan(bench: Bench) -> list[Simulation]:
                 **how,
             )
         )
-    return made
+    return simulations
 
 
 def _to_the_mean(group):
@@ -110,29 +110,29 @@ def _to_the_mean(group):
     )
 
 
-def judge(found: Found, bench: Bench) -> dict:
+def judge(outputs: Outputs, bench: Bench) -> dict:
     """``checks`` against the published numbers, and ``time``."""
-    return {"checks": [check.plain() for check in checks(found)], "time": _time(bench)}
+    return {"checks": [check.plain() for check in checks(outputs)], "time": _time(bench)}
 
 
-def checks(found: Found) -> Iterator[Check]:
+def checks(outputs: Outputs) -> Iterator[Check]:
     """Yield a check for each time step (fs); if all spreads are known also one for their mean,
     weighted by their errors."""
-    made = []
+    measured = []
     for dt, theirs in PUBLISHED.items():
-        result = found.get(f"{dt:g}-fs")
+        result = outputs.get(f"{dt:g}-fs")
         value, note = None, f"no complete run: {result.error if result else 'not begun'}"
         if result and not result.error:
             note = f"{len(result.total)} samples"
             if len(result.total) >= FEW:
                 value, note = _over(result.time, result.total, theirs)
-        made.append(_check(f"{dt:g} fs", FILE.format(dt), value, note))
-    yield from made
-    if all(check.value is not None for check in made):
-        weights = np.array([check.error for check in made]) ** -2.0
+        measured.append(_check(f"{dt:g} fs", FILE.format(dt), value, note))
+    yield from measured
+    if all(check.value is not None for check in measured):
+        weights = np.array([check.error for check in measured]) ** -2.0
         weights /= weights.sum()
-        errors = ((weight * check.error, check.freedom) for weight, check in zip(weights, made))
-        mean = weights @ [check.value for check in made]
+        errors = ((weight * check.error, check.freedom) for weight, check in zip(weights, measured))
+        mean = weights @ [check.value for check in measured]
         yield _check(ALL, "all four", Estimate(mean, *combined(*errors)))
 
 
@@ -141,16 +141,16 @@ def _over(time, energy, theirs):
     spread, slope = measures.standard_deviation(energy), measures.drift(time, energy)
     other = Estimate(theirs, theirs * THEIR_ERROR)
     line = measures.about_line(time, energy).text()
-    told = f", drifts by {slope.text()} kcal/mol/ps" * bool(abs(slope.value) > slope.margin)
-    note = f"{spread.text()} (about its line {line}{told}) over {other.text()} kcal/mol"
+    drifting = f", drifts by {slope.text()} kcal/mol/ps" * bool(abs(slope.value) > slope.margin)
+    note = f"{spread.text()} (about its line {line}{drifting}) over {other.text()} kcal/mol"
     return measures.quotient(spread, other), note
 
 
-def _check(subject, file, found, note=""):
+def _check(subject, file, estimate, note=""):
     what = "standard deviation of the total energy over the published one"
     source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
     ends: dict = {"low": 1 - WITHIN, "high": 1 + WITHIN}
-    return Check.of("spread", subject, what, found, note=note, source=source, **ends)
+    return Check.of("spread", subject, what, estimate, note=note, source=source, **ends)
 
 
 CLAIMS = Claims(

@@ -2,7 +2,7 @@
 
 from importlib import import_module
 
-from ..pages import Said
+from ..pages import Report
 from ..statistics.check import VERDICTS
 from .plan import Claims
 
@@ -12,10 +12,10 @@ def claims_of(name: str) -> Claims:
     return import_module(f".{name}", __package__).CLAIMS
 
 
-def said(summary: dict) -> Said:
+def describe(summary: dict) -> Report:
     """The report: the answer, all checks, and the list's further tables."""
     claims = claims_of(summary["claims"])
-    return Said(
+    return Report(
         claims.title,
         claims.question,
         _answer(claims, summary),
@@ -35,8 +35,8 @@ def _answer(claims: Claims, summary: dict) -> str:
         if check["verdict"]:
             parts[check["verdict"]].append(claims.parts[check["part"]])
     held, lost, unknown = parts.values()
-    told = f"{len(held)} of {len(held + lost + unknown)} {claims.noun} hold"
-    for words, some in ("do not", lost), ("are undecided", unknown):
-        where = ", ".join(f"{part} ({some.count(part)})" for part in dict.fromkeys(some))
-        told += f"; {len(some)} {words}: {where}" if some else ""
-    return f"{told}."
+    text = f"{len(held)} of {len(held + lost + unknown)} {claims.noun} hold"
+    for words, group in ("do not", lost), ("are undecided", unknown):
+        where = ", ".join(f"{part} ({group.count(part)})" for part in dict.fromkeys(group))
+        text += f"; {len(group)} {words}: {where}" if group else ""
+    return f"{text}."

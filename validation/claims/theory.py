@@ -18,7 +18,7 @@ from ..scenes.integrators import OLDER, constrained, nosquish, rigid
 from ..statistics import motion
 from ..statistics.check import Check
 from ..statistics.estimate import Estimate
-from .plan import Bench, Claims, Found, Series, Simulation
+from .plan import Bench, Claims, Outputs, Series, Simulation
 
 SCENE = SCENES["dimer"]
 PARTS = {
@@ -71,15 +71,15 @@ def _there_and_back() -> Iterator[Simulation]:
             WRITE.format(f"back-{n}"),
         ]
     how: dict = {"dt": SCENE.dt, "steps": 0, "every": 0, "more": commands}
-    for one in INTEGRATORS:
-        yield Simulation(f"reversal/{one.label}", one.label, SCENE, one, **how)
+    for integrator in INTEGRATORS:
+        yield Simulation(f"reversal/{integrator.label}", integrator.label, SCENE, integrator, **how)
 
 
-def reversal(found: Found) -> tuple[list[Check], dict]:
+def reversal(outputs: Outputs) -> tuple[list[Check], dict]:
     """Check reversal in LAMMPS."""
     check, checks = partial(Check.of, "reversal", unit="Å", source=SOURCES["reversal"]), []
     far = f"distance from the start after {REVERSED:,} steps and back"
-    rows = [_reversed(one) for one in found.values()]
+    rows = [_reversed(series) for series in outputs.values()]
     at = STEPS.index(REVERSED)
     for row in rows:
         if row["error"]:
@@ -91,19 +91,19 @@ def reversal(found: Found) -> tuple[list[Check], dict]:
     return checks, {"steps": STEPS, "runs": rows, "dt_fs": SCENE.dt}
 
 
-def _reversed(one: Series) -> dict:
+def _reversed(series: Series) -> dict:
     """The result of a run forward and back, plain data: for each of `STEPS` the distance of the
     atom that is furthest from its start, Angstrom."""
-    integrator, distance = one.simulation.integrator, []
-    for n in () if one.error else STEPS:
-        left = _positions(one, f"back-{n}") - _positions(one, "start")
+    integrator, distance = series.simulation.integrator, []
+    for n in () if series.error else STEPS:
+        left = _positions(series, f"back-{n}") - _positions(series, "start")
         distance.append(float(np.linalg.norm(left, axis=1).max()))
-    row = {"name": integrator.name, "label": integrator.label, "error": one.error}
+    row = {"name": integrator.name, "label": integrator.label, "error": series.error}
     return row | {"distance": distance}
 
 
-def _positions(one, dump):
-    return motion.read(one.folder / dump)[1][0, :, 1:4]
+def _positions(series, dump):
+    return motion.read(series.folder / dump)[1][0, :, 1:4]
 
 
 # ---- symplectic
@@ -159,40 +159,44 @@ def _neighbours(bench: Bench) -> Iterator[Simulation]:
     for dt in DTS:
         commands += [READ, "reset_timestep 0", f"timestep {dt}", "run 1", WRITE.format(f"end-{dt}")]
     how: dict = {"dt": 1.0, "steps": 0, "every": 0, "more": commands}
-    for one in (one for one in INTEGRATORS if one.name in FORMS):
-        yield Simulation(f"symplectic/{one.label}", one.label, scene, one, **how)
+    for integrator in (integrator for integrator in INTEGRATORS if integrator.name in FORMS):
+        yield Simulation(
+            f"symplectic/{integrator.label}", integrator.label, scene, integrator, **how
+        )
 
 
-def symplectic(found: Found) -> tuple[list[Check], dict]:
+def symplectic(outputs: Outputs) -> tuple[list[Check], dict]:
     """Check how a step of LAMMPS changes the symplectic form (2.42), sum of dp ^ dr over the atoms,
     on the phase space of rigid bodies, and the volume there."""
     check = partial(Check.of, "symplectic", source=SOURCES["symplectic"])
     checks, data = [], {}
-    for one in (one for one in found.values() if not one.error):
-        label, kept = one.simulation.label, FORMS[one.simulation.integrator.name]
-        start, *ends = (_derivative(one, f) for f in ("start", *(f"end-{dt}" for dt in DTS)))
+    for series in (series for series in outputs.values() if not series.error):
+        label, invariant = series.simulation.label, FORMS[series.simulation.integrator.name]
+        start, *ends = (_derivative(series, f) for f in ("start", *(f"end-{dt}" for dt in DTS)))
         defect, volume, error = np.transpose([form(start, end) for end in ends])
         data[label] = {"defect": defect.tolist(), "volume": volume.tolist()}
         what = "|Jᵀ g J − g| on the phase space of rigid bodies"
         largest = f"largest of {len(DTS)} time steps"
-        if kept == "form":
+        if invariant == "form":
             most = Estimate(defect.max(), error.max())
             checks.append(check(label, f"{what}, {largest}", most, high=DIFFERENCES))
         else:
             last = Estimate(defect[-1], error[-1])
             checks.append(check(label, f"{what} at Δt = {DTS[-1]}", last, low=100 * DIFFERENCES))
             checks.append(_power(check, label, f"{what} ∝ Δt", DTS, defect, 3.0, 0.2))
-        bound: dict = {"low": 100 * DIFFERENCES} if kept == "nothing" else {"high": DIFFERENCES}
+        bound: dict = (
+            {"low": 100 * DIFFERENCES} if invariant == "nothing" else {"high": DIFFERENCES}
+        )
         most = Estimate(volume.max(), error.max())
         checks.append(check(label, f"change of volume, {largest}", most, **bound))
     return checks, {"dt": DTS, "found": data}
 
 
-def _derivative(one: Series, file: str) -> tuple[np.ndarray, float]:
+def _derivative(series: Series, file: str) -> tuple[np.ndarray, float]:
     """Momenta, then positions, of a pair's atoms, differentiated in all directions, (36, 24), and a
     bound of the error."""
     mass = np.tile(bodies.MASSES, 2)[:, None]
-    atoms = motion.read(one.folder / file)[1][0, :, 1:].reshape(len(SIDES), 2, 24, 6, 6)
+    atoms = motion.read(series.folder / file)[1][0, :, 1:].reshape(len(SIDES), 2, 24, 6, 6)
     number = np.arange(atoms[..., 0, 0].size).reshape(*atoms.shape[:3], 1)
     atoms[..., 0] -= APART * number
     states = np.concatenate([mass * atoms[..., 3:], atoms[..., :3]], axis=-1)
@@ -239,15 +243,17 @@ def _energies() -> Iterator[Simulation]:
         yield Simulation(*named, SCENE, nosquish(label, label, words), **how)
 
 
-def energy(found: Found) -> tuple[list[Check], dict]:
+def energy(outputs: Outputs) -> tuple[list[Check], dict]:
     """Check how the spread of H along a trajectory decreases with dt."""
     check = partial(Check.of, "energy", source=SOURCES["energy"])
     checks, data = [], {}
     for label in ROTORS:
-        runs = [one for one in found.values() if one.simulation.integrator.label == label]
-        runs = [one for one in runs if not one.error]
-        dt = [one.simulation.dt for one in runs]
-        spread = [float(one.total.std()) for one in runs]
+        runs = [
+            series for series in outputs.values() if series.simulation.integrator.label == label
+        ]
+        runs = [series for series in runs if not series.error]
+        dt = [series.simulation.dt for series in runs]
+        spread = [float(series.total.std()) for series in runs]
         data[label] = {"dt_fs": dt, "energy": spread}
         if len(runs) == len(MULTIPLES):
             checks.append(_power(check, label, "spread of H ∝ Δt", dt, spread, 2.0, 0.1))
@@ -274,15 +280,17 @@ def plan(bench: Bench) -> list[Simulation]:
     return [*_there_and_back(), *_neighbours(bench), *_energies()]
 
 
-def judge(found: Found, bench: Bench) -> dict:
+def judge(outputs: Outputs, bench: Bench) -> dict:
     """``checks``, and ``data``: the underlying numbers of each part."""
     checks: list[Check] = []
     data = {}
     for part, measure in MEASURES.items():
-        own = {name: one for name, one in found.items() if name.startswith(f"{part}/")}
-        if own:
-            made, data[part] = measure(own)
-            checks += made
+        part_outputs = {
+            name: series for name, series in outputs.items() if name.startswith(f"{part}/")
+        }
+        if part_outputs:
+            part_checks, data[part] = measure(part_outputs)
+            checks += part_checks
     return {"checks": [check.plain() for check in checks], "data": data}
 
 

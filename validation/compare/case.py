@@ -107,7 +107,7 @@ class Case:
         bath: whether a thermostat controls the temperature.
         lost: targets that are meaningless for this case, with reasons.
         unknown: by integrator, targets that its runs cannot measure; ``why`` is the reason.
-        thermostat: the script's, see `thermostat.asked`; None if its bodies' fixes have none.
+        thermostat: the script's, see `thermostat.of_script`; None if its bodies' fixes have none.
         unstable: step above which no run is stable, estimated from the forces at the start.
         script: the script, if it is one.
     """
@@ -155,11 +155,11 @@ class Case:
         lines = integrator.commands(self.scene)
         if self.script is None:
             return lines, "These lines replace what moves the atoms", []
-        found = self.script.rigid
-        gone, lines = dict(zip(found.ids, found.lines)), [*found.setup, *lines]
-        lost = candidates.removal_notice(gone, self.script.reading["commands"], lines)
+        rigid = self.script.rigid
+        replaced, lines = dict(zip(rigid.ids, rigid.lines)), [*rigid.setup, *lines]
+        lost = candidates.removal_notice(replaced, self.script.reading["commands"], lines)
         lines += [line for line in self.scene.then if line == time_step.LISTS]
-        return lines, candidates.replacement_notice(gone), [] if integrator.then else lost
+        return lines, candidates.replacement_notice(replaced), [] if integrator.then else lost
 
 
 def of_scene(name: str, folder: Path) -> Case:
@@ -168,12 +168,16 @@ def of_scene(name: str, folder: Path) -> Case:
     scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
     if scene.subject:
         scene = replace(scene, title=f"{scene.unit:,} {scene.subject}")
-    able = {key: one for key, one in SWEPT.items() if one.can_run(scene)}
+    able = {key: integrator for key, integrator in SWEPT.items() if integrator.can_run(scene)}
     lost = {"density": "its box does not change"}
     if name == "dimer":
         lost["rdf"] = "its box is not periodic"
         lost["temperature"] = "two bodies at constant momenta do not share their energy evenly"
-    other = [key for key, one in able.items() if one.kind == "constraints" and name == "peptide"]
+    other = [
+        key
+        for key, integrator in able.items()
+        if integrator.kind == "constraints" and name == "peptide"
+    ]
     return Case(
         word=name,
         scene=scene,
@@ -207,13 +211,15 @@ def of_script(script: UserScript) -> Case:
             "temperature to measure errors by: give them velocities (velocity all create T SEED), "
             "and let them come to equilibrium"
         )
-    bath, every = thermostat.asked(script), script.integrators
+    bath, every = thermostat.of_script(script), script.integrators
     known = {
-        key: one
-        for key, one in every.items()
-        if bath is None or thermostat.kind_of(one.lines) == bath["kind"]
+        key: integrator
+        for key, integrator in every.items()
+        if bath is None or thermostat.kind_of(integrator.lines) == bath["kind"]
     }
-    ours = next((key for key, one in known.items() if one.kind == "ours"), script.reference)
+    ours = next(
+        (key for key, integrator in known.items() if integrator.kind == "ours"), script.reference
+    )
     rivals = script.reference, "rigid/nve/small", "rigid/nvt/small", "rigid/npt/small", *known
     rival = next((key for key in rivals if key in known and known[key].kind != "ours"), ours)
     return Case(
@@ -228,7 +234,9 @@ def of_script(script: UserScript) -> Case:
         bath=bool(script.rigid.state.temp),
         lost=_lost(script),
         unknown={
-            key: ENERGIES for key, one in every.items() if conserved_energy.misses_own_error(one)
+            key: ENERGIES
+            for key, integrator in every.items()
+            if conserved_energy.misses_own_error(integrator)
         },
         why=conserved_energy.WHY,
         thermostat=bath,
@@ -262,16 +270,16 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
     """
     for name in wanted:
         if name not in TARGETS:
-            known = "; ".join(f"{key}: {one['what']}" for key, one in about(case).items())
+            known = "; ".join(f"{key}: {target['what']}" for key, target in about(case).items())
             raise LookupError(f"there is no target {name}. There are {known}")
         if name in case.lost:
             raise LookupError(f"{name} says nothing of {case.word}: {case.lost[name]}")
-    found = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
-    if case.bath and "drift" in found:
-        found["drift"] = HEATED
+    bounds = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
+    if case.bath and "drift" in bounds:
+        bounds["drift"] = HEATED
     return {
         name: wanted.get(name, most)
-        for name, most in found.items()
+        for name, most in bounds.items()
         if name in wanted or name not in ASKED
     }
 
@@ -283,10 +291,10 @@ def about(case: Case) -> dict[str, dict]:
         "span": f"{SPAN * case.scene.dt:g} {case.time}",
         "energy": UNITS[case.scene.units].energy,
     }
-    found = {}
+    descriptions = {}
     for name, (usual, *texts) in TARGETS.items():
         unit, what, why = (text.format(**words) for text in texts)
         if name == "drift" and case.bath:
             usual, why = HEATED, WHY_HEATED
-        found[name] = {"default": usual, "unit": unit, "what": what, "why": why}
-    return found
+        descriptions[name] = {"default": usual, "unit": unit, "what": what, "why": why}
+    return descriptions

@@ -99,10 +99,10 @@ class Choice:
 
 def bound(point: Measured, measure: str, confidence: float = CONFIDENCE) -> float:
     """The upper bound of an error: value + margin; infinite if it is not known."""
-    found = point["errors"].get(measure)
-    if point["failed"] or found is None or found["error"] is None:
+    estimate = point["errors"].get(measure)
+    if point["failed"] or estimate is None or estimate["error"] is None:
         return math.inf
-    most = found["value"] + margin(found["error"], found.get("freedom"), confidence)
+    most = estimate["value"] + margin(estimate["error"], estimate.get("freedom"), confidence)
     return most if math.isfinite(most) else math.inf
 
 
@@ -125,10 +125,10 @@ def meets(point: Measured, targets: Targets) -> bool | None:
     return False if False in verdicts else None if None in verdicts else True
 
 
-def _within(found, target):
-    if found is None or found["error"] is None:
+def _within(estimate, target):
+    if estimate is None or estimate["error"] is None:
         return None
-    return Check("", "", "", **found, high=target).holds
+    return Check("", "", "", **estimate, high=target).holds
 
 
 def passes(point: Measured, targets: Targets, level: float = CONFIDENCE) -> bool:
@@ -152,7 +152,7 @@ def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list
     Args:
         level: see `level_of_each`.
     """
-    found: list[bool | None] = [None] * len(points)
+    judgements: list[bool | None] = [None] * len(points)
     order = sorted(range(len(points)), key=lambda place: points[place]["dt"])
     near = near_failure(points)
     for name in {point["integrator"]: None for point in points}:
@@ -162,16 +162,16 @@ def verdicts(points: Sequence[Measured], targets: Targets, level: float) -> list
             point = points[place]
             if point["alone"] and passes(point, targets) and point not in near:
                 for shorter in steps[:count]:
-                    found[shorter] = True
+                    judgements[shorter] = True
                 met, lost = True, False
                 continue
             lost = lost or meets(point, targets) is False
             met = met and not point["alone"] and passes(point, targets, level)
             if lost:
-                found[place] = False
+                judgements[place] = False
             elif met and point not in near:
-                found[place] = True
-    return found
+                judgements[place] = True
+    return judgements
 
 
 def near_failure(points: Iterable[Measured]) -> list[Measured]:
@@ -183,22 +183,26 @@ def near_failure(points: Iterable[Measured]) -> list[Measured]:
     points = list(points)
 
     def ends(name):
-        failed = (one["dt"] for one in points if one["failed"] and one["integrator"] == name)
+        failed = (
+            point["dt"] for point in points if point["failed"] and point["integrator"] == name
+        )
         return min(failed, default=math.inf) * (1 + 1e-9)
 
     return [
-        one for one in points if not one["failed"] and SAFE * one["dt"] > ends(one["integrator"])
+        point
+        for point in points
+        if not point["failed"] and SAFE * point["dt"] > ends(point["integrator"])
     ]
 
 
-def kept(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Measured]:
+def same_thermostat(points: Sequence[Measured], thermostat: Mapping | None) -> Sequence[Measured]:
     """The points with the script's kind of thermostat; all if it has none, or if no point does.
 
     Args:
-        thermostat: see `thermostat.asked`.
+        thermostat: see `thermostat.of_script`.
     """
     kind = thermostat and thermostat["kind"]
-    return [one for one in points if kind and one["thermostat"] == kind] or points
+    return [point for point in points if kind and point["thermostat"] == kind] or points
 
 
 def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice:
@@ -210,24 +214,26 @@ def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice
     Args:
         level: see `level_of_each`.
     """
-    some = [one for one in points if targets.keys().isdisjoint(one["without"])]
-    if points and not some:
-        lost = {name for one in points for name in one["without"]}
+    measurable = [point for point in points if targets.keys().isdisjoint(point["without"])]
+    if points and not measurable:
+        lost = {name for point in points for name in point["without"]}
         targets = {name: most for name, most in targets.items() if name not in lost}
-        some = list(points)
-    told = verdicts(some, targets, level) if targets else []
-    good = sorted((one for one, met in zip(some, told) if met and one["cpu"]), key=_by_cost)
+        measurable = list(points)
+    judgements = verdicts(measurable, targets, level) if targets else []
+    good = sorted(
+        (point for point, met in zip(measurable, judgements) if met and point["cpu"]), key=_by_cost
+    )
     usual = cost(good[0]) if good else math.inf
     tied = [point for point in good if point["cpu"] and point["cpu"]["min"] <= usual]
     best = min(tied, key=_by_words, default=None)
-    near = near_failure(some)
+    near = near_failure(measurable)
     perhaps = [
-        one
-        for one, met in zip(some, told)
-        if one not in near
-        and one not in good
+        point
+        for point, met in zip(measurable, judgements)
+        if point not in near
+        and point not in good
         and met is not False
-        and (one["cpu"]["min"] if one["cpu"] else math.inf) <= usual
+        and (point["cpu"]["min"] if point["cpu"] else math.inf) <= usual
     ]
     return Choice(
         dict(targets),
@@ -241,14 +247,16 @@ def choose(points: Sequence[Measured], targets: Targets, level: float) -> Choice
 def nearest(points: Iterable[Measured], targets: Targets) -> tuple[Measured, float] | None:
     """The point that exceeds the targets least, and the ratio of its worst `bound` to the target;
     None if no point has all these errors."""
-    excess = [(max(bound(one, key) / most for key, most in targets.items()), one) for one in points]
+    excess = [
+        (max(bound(point, key) / most for key, most in targets.items()), point) for point in points
+    ]
     factor, point = min(excess, key=lambda pair: pair[0], default=(math.inf, None))
     return (point, factor) if point and factor < math.inf else None
 
 
-def size(found: Estimate) -> dict:
+def size(estimate: Estimate) -> dict:
     """An error without its sign, as plain data."""
-    return found._replace(value=abs(found.value)).plain()
+    return estimate._replace(value=abs(estimate.value)).plain()
 
 
 def _by_words(point):

@@ -62,8 +62,10 @@ def run(arguments: Namespace) -> int:
     silence = arguments.silence
     try:
         if command_line.is_script(arguments.scene, lambda: SCENES):
-            ask, out = loader.parse_options(arguments, arguments.scene)
-            script = pair_shift.with_shifted_pairs(loader.load(ask, out, arguments.ranks, silence))
+            options, out = loader.parse_options(arguments, arguments.scene)
+            script = pair_shift.with_shifted_pairs(
+                loader.load(options, out, arguments.ranks, silence)
+            )
             script = time_step.with_lists_in_time(script)
             loader.refuse_ramps(script)
             case = cases.of_script(script)
@@ -74,8 +76,8 @@ def run(arguments: Namespace) -> int:
         wanted = cases.targets(case, dict(arguments.target or ()))
     except LookupError as error:
         arguments.parser.exit(2, f"{error.args[0]}\n")
-    asked = None if arguments.only == ["all"] else arguments.only
-    names = [one.name for one in command_line.select(case.integrators, asked)]
+    named = None if arguments.only == ["all"] else arguments.only
+    names = [integrator.name for integrator in command_line.select(case.integrators, named)]
     only = names if arguments.only else case.usual
     points, held = plan.points(case, only, arguments.steps)
     if held.dt > case.unstable:
@@ -92,7 +94,7 @@ def run(arguments: Namespace) -> int:
     with console.Meter(screen, prepared.steps) as meter:
         summary = measure.compare(prepared, meter)
     summary |= report.answered(summary)
-    found = report.said(summary)
-    pages.write(found, summary, out)
-    pages.show(screen, found, summary, out)
+    result = report.describe(summary)
+    pages.write(result, summary, out)
+    pages.show(screen, result, summary, out)
     return command_line.exit_status(summary["interrupted"], not summary["advised"])

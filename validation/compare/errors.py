@@ -52,7 +52,7 @@ class Numbers(NamedTuple):
     rdf: np.ndarray | None = None
 
 
-Found = Mapping[Point, Mapping[int, Numbers]]  # by start number
+Results = Mapping[Point, Mapping[int, Numbers]]  # by start number
 
 
 def failure(result: run.Result, temperature: float, boltzmann: float) -> str | None:
@@ -86,9 +86,9 @@ def observables(case: Case) -> list[Observable]:
         """Rms change in `SPAN` steps of the usual length over √2, in units of the standard
         deviation of the kinetic energy."""
         apart = (series.thermo["Step"][1] - series.thermo["Step"][0]) * series.dt
-        kept = conserved(series)
-        lag = max(1, min(len(kept) // 2, round(SPAN * case.scene.dt / apart)))
-        square = measures.mean((kept[lag:] - kept[:-lag]) ** 2 / 2)
+        econserve = conserved(series)
+        lag = max(1, min(len(econserve) // 2, round(SPAN * case.scene.dt / apart)))
+        square = measures.mean((econserve[lag:] - econserve[:-lag]) ** 2 / 2)
         change = np.sqrt(max(square.value, 1e-300))
         rms = Estimate(change, square.error / (2 * change), square.freedom)
         return rms.times(1 / max(float(np.std(series.thermo["KinEng"])), 1e-300))
@@ -100,9 +100,9 @@ def observables(case: Case) -> list[Observable]:
         "potential": lambda series: measures.mean(series.thermo["PotEng"] / series.motion.count),
         "density": lambda series: measures.mean(series.thermo["Density"]),
     }
-    told = about(case)
+    descriptions = about(case)
     return [
-        Observable(key, told[key]["what"], told[key]["unit"], of)
+        Observable(key, descriptions[key]["what"], descriptions[key]["unit"], of)
         for key, of in functions.items()
         if key not in case.lost
     ]
@@ -113,11 +113,11 @@ def numbers(case: Case, dt: float, result: run.Result, settles: float) -> Number
     assert result.positions
     frames = len(result.positions.x) - 1
     first = math.ceil(settles * frames * (1 - 1e-9))
-    kept = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
-    thermo = {name: values[kept] for name, values in result.thermo.items()}
+    mask = result.thermo["Step"] >= first * result.thermo["Step"][-1] / frames
+    thermo = {name: values[mask] for name, values in result.thermo.items()}
     series = Series(thermo, Motion(result.positions), range(1 + first, 1 + frames), dt)
-    estimates = {one.key: one.of(series) for one in observables(case)}
-    known = {key: one for key, one in estimates.items() if one is not None}
+    estimates = {observable.key: observable.of(series) for observable in observables(case)}
+    known = {key: estimate for key, estimate in estimates.items() if estimate is not None}
     kinds = [] if "temperature" in case.lost else _kinds(case, *temperatures(case, series))
     return Numbers(known, kinds, None if "rdf" in case.lost else _rdf(series))
 
@@ -145,8 +145,8 @@ def temperatures(case: Case, series: Series) -> tuple[np.ndarray, np.ndarray | N
 def _kinds(case, moving, turning) -> list[Estimate]:
     series = [] if turning is None else [moving - turning]
     if case.bath:
-        series += [one - case.temperature for one in (moving, turning) if one is not None]
-    return [measures.mean(one / case.temperature) for one in series]
+        series += [kelvin - case.temperature for kelvin in (moving, turning) if kelvin is not None]
+    return [measures.mean(difference / case.temperature) for difference in series]
 
 
 def _rdf(series) -> np.ndarray:
@@ -175,12 +175,14 @@ class Noise(NamedTuple):
     def of(cls, starts: Starts, chance: Mapping[int, float]) -> "Noise":
         """The noise of points that run from several starts; ``chance`` is subtracted."""
         square, freedom = 0.0, 0
-        for found in starts.values():
-            own = {n: one.value - chance.get(n, 0.0) for n, one in found.items()}
-            mean = float(np.mean([*own.values()]))
-            known = {n: one.error for n, one in found.items() if one.error}
-            square += sum(((own[n] - mean) / error) ** 2 for n, error in known.items())
-            freedom += len(own) - 1
+        for estimates in starts.values():
+            deviations = {
+                n: estimate.value - chance.get(n, 0.0) for n, estimate in estimates.items()
+            }
+            mean = float(np.mean([*deviations.values()]))
+            known = {n: estimate.error for n, estimate in estimates.items() if estimate.error}
+            square += sum(((deviations[n] - mean) / error) ** 2 for n, error in known.items())
+            freedom += len(deviations) - 1
         freedom = max(0, freedom - max(0, len(chance) - 1))  # used for the chance of the starts
         return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
 
@@ -207,20 +209,24 @@ class Pooled(NamedTuple):
             shared: whether they are compared with another run.
             like: runs from which the noise is estimated; None means these.
         """
-        told = starts if like is None else like
-        known = _chance(_values(told))
-        noise, chance = Noise.of(told, known), _chance(_values(starts)) if shared else {}
-        made = {}
-        for point, found in starts.items():
-            mean = float(np.mean([one.value - chance.get(n, 0.0) for n, one in found.items()]))
-            error, own = combined(*(one.times(1 / len(found))[1:] for one in found.values()))
-            few = noise.wider > 1 and (own is None or noise.freedom < own)
-            made[point] = Estimate(mean, noise.wider * error, noise.freedom if few else own)
-        return cls(made, 0.0 if shared else _settling(told, known))
+        noise_source = starts if like is None else like
+        known = _chance(_values(noise_source))
+        noise, chance = Noise.of(noise_source, known), _chance(_values(starts)) if shared else {}
+        means = {}
+        for point, estimates in starts.items():
+            mean = float(
+                np.mean([estimate.value - chance.get(n, 0.0) for n, estimate in estimates.items()])
+            )
+            error, freedom = combined(
+                *(estimate.times(1 / len(estimates))[1:] for estimate in estimates.values())
+            )
+            few = noise.wider > 1 and (freedom is None or noise.freedom < freedom)
+            means[point] = Estimate(mean, noise.wider * error, noise.freedom if few else freedom)
+        return cls(means, 0.0 if shared else _settling(noise_source, known))
 
-    def with_settling(self, found: Estimate | None) -> Estimate | None:
+    def with_settling(self, estimate: Estimate | None) -> Estimate | None:
         """An error of these means with that of starts that are not in equilibrium added."""
-        return found and found._replace(error=math.hypot(found.error, self.settles))
+        return estimate and estimate._replace(error=math.hypot(estimate.error, self.settles))
 
 
 def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
@@ -228,21 +234,26 @@ def _settling(starts: Starts, chance: Mapping[int, float]) -> float:
     between the starts' chances beyond their errors."""
     if len(chance) < 2:
         return 0.0
-    squares = (one.error**2 for found in starts.values() for one in found.values())
+    squares = (
+        estimate.error**2 for estimates in starts.values() for estimate in estimates.values()
+    )
     error = math.sqrt(sum(squares)) / len(starts)
     return LEFT * max(0.0, max(chance.values()) - min(chance.values()) - error)
 
 
 def _values(starts: Starts) -> dict[Point, dict[int, float]]:
-    return {point: {n: one.value for n, one in found.items()} for point, found in starts.items()}
+    return {
+        point: {n: estimate.value for n, estimate in estimates.items()}
+        for point, estimates in starts.items()
+    }
 
 
-def _chance(found: Mapping[Point, Mapping[int, Any]]) -> dict[int, Any]:
+def _chance(values: Mapping[Point, Mapping[int, Any]]) -> dict[int, Any]:
     """The deviation that all runs from a start share, by start, from the points that have all
     starts."""
-    number = max(map(len, found.values()), default=0)
-    complete = [starts for starts in found.values() if len(starts) == number]
-    means = {n: np.mean([one[n] for one in complete], axis=0) for n in (complete or [{}])[0]}
+    number = max(map(len, values.values()), default=0)
+    complete = [starts for starts in values.values() if len(starts) == number]
+    means = {n: np.mean([starts[n] for starts in complete], axis=0) for n in (complete or [{}])[0]}
     return {n: mean - np.mean([*means.values()], axis=0) for n, mean in means.items()}
 
 
@@ -261,21 +272,28 @@ class Structure(NamedTuple):
     noise: np.ndarray
 
     @classmethod
-    def of(cls, found: Found, like: Found, times: float = 1.0) -> "Structure | None":
+    def of(cls, results: Results, like: Results, times: float = 1.0) -> "Structure | None":
         """g(r) from the runs of points; None if they have none. For the arguments see `errors`."""
-        own, told = (_starts(some, lambda one: one.rdf) for some in (found, like))
-        every = [g for some in (own, told) for starts in some.values() for g in starts.values()]
+        distributions, noise_source = (
+            _starts(source, lambda numbers: numbers.rdf) for source in (results, like)
+        )
+        every = [
+            g
+            for source in (distributions, noise_source)
+            for starts in source.values()
+            for g in starts.values()
+        ]
         bins = min(map(len, every), default=0)
         if not bins:
             return None
-        rows = _rows(told, bins).values()
+        rows = _rows(noise_source, bins).values()
         parts = [linalg.helmert(len(starts)) @ starts for starts in rows if len(starts) > 1]
         noise = np.concatenate([np.empty((0, bins)), *parts])
         lost = max(map(len, rows)) - 1  # used for the chance of the starts
         if len(noise) > lost:
             noise *= math.sqrt(len(noise) / (len(noise) - lost))
-        means = {point: starts.mean(axis=0) for point, starts in _rows(own, bins).items()}
-        runs = {point: times * len(starts) for point, starts in own.items()}
+        means = {point: starts.mean(axis=0) for point, starts in _rows(distributions, bins).items()}
+        runs = {point: times * len(starts) for point, starts in distributions.items()}
         return cls(means, runs, noise)
 
     def error(self, point: Point, held: Point) -> Estimate | None:
@@ -284,28 +302,28 @@ class Structure(NamedTuple):
         The scatter of runs of a point contains no error of the step.  The noise is thus correct
         for any correlation time, which it would not be if blocks of a run counted as independent.
         """
-        ours = [one for one in self.means if one.scheme == held.scheme and one.dt > held.dt]
-        shorter = [one for one in ours if one.dt <= point.dt] or sorted(ours)[:1]
+        ours = [other for other in self.means if other.scheme == held.scheme and other.dt > held.dt]
+        shorter = [other for other in ours if other.dt <= point.dt] or sorted(ours)[:1]
         if not shorter or not {point, held} <= self.means.keys() or len(self.noise) < FEWEST:
             return None
         # the reference has an error, too, proportional to the square of its step
         far = max(shorter)
         part = held.dt**2 / (far.dt**2 - held.dt**2)
         weights = dict.fromkeys((point, far, held), 0.0)
-        for one, weight in (point, 1.0), (far, part), (held, -1.0 - part):
-            weights[one] += weight
-        off = sum(weight * self.means[one] for one, weight in weights.items())
-        each = sum(weight**2 / self.runs[one] for one, weight in weights.items())
+        for other, weight in (point, 1.0), (far, part), (held, -1.0 - part):
+            weights[other] += weight
+        off = sum(weight * self.means[other] for other, weight in weights.items())
+        each = sum(weight**2 / self.runs[other] for other, weight in weights.items())
         # as many measurements, whose mean is the difference, and whose scatter is its noise
         number = len(self.noise) + 1
         scatter = math.sqrt(number * each) * linalg.helmert(number).T @ self.noise
         return measures.without_noise(off + scatter)
 
 
-def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:
+def _rows(values: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Point, np.ndarray]:
     """The starts of each point as rows, without the deviation that all runs from a start share, in
     the bins that all runs have."""
-    cut = {point: {n: g[:bins] for n, g in starts.items()} for point, starts in found.items()}
+    cut = {point: {n: g[:bins] for n, g in starts.items()} for point, starts in values.items()}
     chance = _chance(cut)
     return {
         point: np.array([g - chance.get(n, 0.0) for n, g in starts.items()])
@@ -315,10 +333,10 @@ def _rows(found: Mapping[Point, Mapping[int, np.ndarray]], bins: int) -> dict[Po
 
 def errors(
     case: Case,
-    found: Found,
+    results: Results,
     held: Point,
     by_itself: bool = False,
-    like: Found | None = None,
+    like: Results | None = None,
     times: float = 1.0,
 ) -> dict[Point, dict[str, Estimate]]:
     """The error of each point, with sign, by the names of `case.TARGETS`; errors that cannot be
@@ -328,41 +346,45 @@ def errors(
         held: the reference of means.
         by_itself: use the point's own runs only; else also longer steps of its integrator.
         like: shorter runs from which the noise is estimated; None means these.
-        times: length of the runs in ``found``, in lengths of those in ``like``.
+        times: length of the runs in ``results``, in lengths of those in ``like``.
     """
-    told = found if like is None else like
+    noise_source = results if like is None else like
 
     def means(of, shared=False):
-        return Pooled.of(_starts(found, of), shared, _starts(told, of))
+        return Pooled.of(_starts(results, of), shared, _starts(noise_source, of))
 
-    every = [one for starts in found.values() for one in starts.values()]
+    every = [numbers for starts in results.values() for numbers in starts.values()]
     scalars = {
-        name: means(lambda one: one.estimates.get(name), name in MEANS)  # noqa: B023
-        for name in {name for one in every for name in one.estimates}
+        name: means(lambda numbers: numbers.estimates.get(name), name in MEANS)  # noqa: B023
+        for name in {name for numbers in every for name in numbers.estimates}
     }
-    number = min((len(one.kinds) for one in every), default=0)
-    kinds = [means(lambda one: one.kinds[k]) for k in range(number)]  # noqa: B023
-    structures = Structure.of(found, told, times)
-    made = {}
-    for point in found:
-        own = {name: one.with_settling(one.means.get(point)) for name, one in scalars.items()}
-        for name in MEANS & own.keys():
-            own[name] = _of_mean(case, name, scalars[name].means, point, held, by_itself)
-        own["temperature"] = _furthest(
-            one.with_settling(by_law(point.dt, _alike(one.means, point, by_itself)))
-            for one in kinds
+    number = min((len(numbers.kinds) for numbers in every), default=0)
+    kinds = [means(lambda numbers: numbers.kinds[k]) for k in range(number)]  # noqa: B023
+    structures = Structure.of(results, noise_source, times)
+    result = {}
+    for point in results:
+        estimates = {
+            name: pooled.with_settling(pooled.means.get(point)) for name, pooled in scalars.items()
+        }
+        for name in MEANS & estimates.keys():
+            estimates[name] = _of_mean(case, name, scalars[name].means, point, held, by_itself)
+        estimates["temperature"] = _furthest(
+            pooled.with_settling(by_law(point.dt, _alike(pooled.means, point, by_itself)))
+            for pooled in kinds
         )
-        own["rdf"] = structures and structures.error(point, held)
+        estimates["rdf"] = structures and structures.error(point, held)
         lost = case.unknown.get(point.scheme, ())
-        made[point] = {name: one for name, one in own.items() if one and name not in lost}
-    return made
+        result[point] = {
+            name: estimate for name, estimate in estimates.items() if estimate and name not in lost
+        }
+    return result
 
 
-def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:
+def _starts(results: Results, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:
     """A value of each start's numbers, where it exists."""
     every = {
-        point: {n: of(one) for n, one in starts.items() if of(one) is not None}
-        for point, starts in found.items()
+        point: {n: of(numbers) for n, numbers in starts.items() if of(numbers) is not None}
+        for point, starts in results.items()
     }
     return {point: starts for point, starts in every.items() if starts}
 
@@ -370,16 +392,18 @@ def _starts(found: Found, of: Callable[[Numbers], Any]) -> dict[Point, dict[int,
 def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> dict[float, Estimate]:
     """The means from which the point's error is estimated, by step of its integrator."""
     return {
-        one.dt: mean
-        for one, mean in means.items()
-        if one.scheme == point.scheme and (one.dt == point.dt or not by_itself)
+        other.dt: mean
+        for other, mean in means.items()
+        if other.scheme == point.scheme and (other.dt == point.dt or not by_itself)
     }
 
 
 def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
     """The temperature difference with the largest possible error."""
     known = filter(None, kinds)
-    return max(known, key=lambda one: abs(one.value) + one.margin, default=None)
+    return max(
+        known, key=lambda difference: abs(difference.value) + difference.margin, default=None
+    )
 
 
 def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:

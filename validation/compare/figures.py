@@ -30,38 +30,38 @@ READ = (
 
 def _drawn(summary: Mapping) -> list[Measured]:
     """The points to draw, from the shortest step."""
-    points = [one for one in summary["points"] if one["asked"]]
-    some = [one for one in points if one["integrator"] in SHOWN]
-    few = len({one["integrator"] for one in points}) <= len(SHOWN)
-    return sorted(points if few or not some else some, key=lambda one: one["dt"])
+    points = [point for point in summary["points"] if point["asked"]]
+    selected = [point for point in points if point["integrator"] in SHOWN]
+    few = len({point["integrator"] for point in points}) <= len(SHOWN)
+    return sorted(points if few or not selected else selected, key=lambda point: point["dt"])
 
 
 def _styles(points: Iterable[Measured]) -> dict[str, dict]:
     """Matplotlib keywords for each integrator, by name."""
-    spare, found = iter(MORE * 9), {}
+    spare, styles = iter(MORE * 9), {}
     for point in points:
         name = point["integrator"]
-        if name not in found:
+        if name not in styles:
             known = (OURS, "o") if point["ours"] else MARKS.get(name.partition("-")[0])
             colour, marker = known or next(spare)
             wide = 2.2 if point["ours"] else 1.2
-            found[name] = {"color": colour, "marker": marker, "lw": wide, "ms": 5}
-    return found
+            styles[name] = {"color": colour, "marker": marker, "lw": wide, "ms": 5}
+    return styles
 
 
 def _by_integrator(points: Sequence[Measured]) -> dict[str, list[Measured]]:
-    found: dict[str, list[Measured]] = {}
+    rows: dict[str, list[Measured]] = {}
     for point in points:
-        found.setdefault(point["integrator"], []).append(point)
-    return found
+        rows.setdefault(point["integrator"], []).append(point)
+    return rows
 
 
 def cost(summary: Mapping) -> Figure | None:
     """Draw the main error against run time, a line for each integrator through its steps, and above
     it which steps run."""
     points = _drawn(summary)
-    good = [one for one in points if not one["failed"] and one["cpu"]]
-    main = next((name for name in MAIN if any(name in one["errors"] for one in good)), None)
+    good = [point for point in points if not point["failed"] and point["cpu"]]
+    main = next((name for name in MAIN if any(name in point["errors"] for point in good)), None)
     if main is None:
         return None
     rows, looks = _by_integrator(points), _styles(points)
@@ -69,23 +69,23 @@ def cost(summary: Mapping) -> Figure | None:
     figure, (top, axis) = plt.subplots(
         2, 1, figsize=(9.0, sum(heights)), layout="constrained", height_ratios=heights
     )
-    for place, (name, own) in enumerate(rows.items()):
-        runs = [one["dt"] for one in own if not one["failed"]]
-        fails = [one["dt"] for one in own if one["failed"]][:1]
+    for place, (name, row) in enumerate(rows.items()):
+        runs = [point["dt"] for point in row if not point["failed"]]
+        fails = [point["dt"] for point in row if point["failed"]][:1]
         top.plot(runs, [place] * len(runs), "|-", color=looks[name]["color"], ms=4, lw=1)
         top.plot(fails, [place] * len(fails), "x", color=MISSED, ms=5)
-    steps = sorted({one["dt"] for one in points})
+    steps = sorted({point["dt"] for point in points})
     top.set(xscale="log", ylim=(len(rows) - 0.5, -0.5))
     top.set_xticks(steps, [f"{dt:g}" for dt in steps], fontsize=8)
     top.minorticks_off()
-    top.set_yticks(range(len(rows)), [own[0]["label"] for own in rows.values()], fontsize=9)
+    top.set_yticks(range(len(rows)), [row[0]["label"] for row in rows.values()], fontsize=9)
     for label, name in zip(top.get_yticklabels(), rows):
         label.set_color(looks[name]["color"])
     unit = UNITS[summary["units"]].time
     top.set_title(f"time steps ({unit}); a cross: fails", loc="left", fontsize=9, pad=3)
-    known = [one for one in good if main in one["errors"]]
-    for name, own in _by_integrator(known).items():
-        _line(axis, own, main, looks[name])
+    known = [point for point in good if main in point["errors"]]
+    for name, row in _by_integrator(known).items():
+        _line(axis, row, main, looks[name])
     about = summary["about"][main]
     axis.set(xscale="log", yscale="log", xlabel=f"CPU time (s per {summary['ns']})")
     axis.set_ylabel(f"{about['what'].partition(';')[0]}\n({about['unit']})", fontsize=9)
@@ -100,13 +100,13 @@ def cost(summary: Mapping) -> Figure | None:
 def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None:
     """Draw one integrator's points; join those that differ significantly from zero; ours with
     steps."""
-    spent = [one["cpu"] for one in row if one["cpu"]]
-    least, x = np.array([(one["min"], one["median"]) for one in spent]).T
-    zero = np.array([is_zero(one, measure) for one in row])
-    found = [Estimate.of(one["errors"][measure]) for one in row]
-    value = np.array([one.value for one in found])
-    y = np.where(zero, [bound(one, measure) for one in row], value)
-    margin = np.where(zero, 0.0, [one.margin for one in found])
+    spent = [point["cpu"] for point in row if point["cpu"]]
+    least, x = np.array([(time["min"], time["median"]) for time in spent]).T
+    zero = np.array([is_zero(point, measure) for point in row])
+    estimates = [Estimate.of(point["errors"][measure]) for point in row]
+    value = np.array([estimate.value for estimate in estimates])
+    y = np.where(zero, [bound(point, measure) for point in row], value)
+    margin = np.where(zero, 0.0, [estimate.margin for estimate in estimates])
     axis.plot(x, np.where(zero, np.nan, y), color=look["color"], lw=look["lw"])
     for those, alpha in (zero, 0.5), (~zero, 1.0):
         bars: dict = {
@@ -120,5 +120,5 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
     )
     if row[0]["ours"]:
         beside: dict = {"textcoords": "offset points", "xytext": (-5, -5), "fontsize": 8.5}
-        for one, place in zip(row, zip(x, y)):
-            axis.annotate(f"{one['dt']:g}", place, color=OURS, ha="right", va="top", **beside)
+        for point, place in zip(row, zip(x, y)):
+            axis.annotate(f"{point['dt']:g}", place, color=OURS, ha="right", va="top", **beside)

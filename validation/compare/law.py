@@ -18,7 +18,7 @@ NONE = Estimate(0.0)
 
 
 def by_law(
-    dt: float, found: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
+    dt: float, means: Mapping[float, Estimate], held: Estimate = NONE, finer: float = 0.0
 ) -> Estimate | None:
     """Fit an error that is a series in the square of the time step, to the run with this step and
     to those with longer ones.
@@ -35,30 +35,30 @@ def by_law(
     it is noise, for example that of the common start.
 
     Args:
-        found: mean by step.
+        means: by step.
         held: the mean without an error, or, of the same integrator, at a step of ``finer``, whose
             own error follows from all other steps.
 
     Returns:
         None if no step determines it.
     """
-    telling = (step for step in found if step != finer and (step >= dt or dt == finer or not finer))
-    steps = sorted(step for step in telling if np.isfinite([*found[step][:2]]).all())
+    telling = (step for step in means if step != finer and (step >= dt or dt == finer or not finer))
+    steps = sorted(step for step in telling if np.isfinite([*means[step][:2]]).all())
     if not steps:
         return None
-    off = np.array([found[other].value - held.value for other in steps])
-    errors = np.array([_normal(found[other]) for other in steps])
+    off = np.array([means[other].value - held.value for other in steps])
+    errors = np.array([_normal(means[other]) for other in steps])
     for fit in _fits(dt, steps, np.abs(off), errors, _normal(held), finer):
-        own = off[: fit.number]
-        if special.chdtrc(len(fit.rest), ((fit.rest @ own) ** 2).sum()) > 1 - CONFIDENCE:
+        deviations = off[: fit.number]
+        if special.chdtrc(len(fit.rest), ((fit.rest @ deviations) ** 2).sum()) > 1 - CONFIDENCE:
             return _counted(
-                _with(Estimate(float(part.weights @ own)), part.error) for part in fit.parts
+                _with(Estimate(float(part.weights @ deviations)), part.error) for part in fit.parts
             )
     alone = min((other for other in steps if other >= dt or dt == finer), default=None)
     if alone is None:
         return None
     factor = _of_square(dt, alone, finer)
-    return _with(measures.difference(found[alone], held).times(factor))
+    return _with(measures.difference(means[alone], held).times(factor))
 
 
 def _counted(errors: Iterable[Estimate]) -> Estimate:
@@ -124,11 +124,11 @@ def _fits(
     for number in range(len(steps), free, -1):
         if not (errors[:number].all() and np.isfinite(held)):
             continue
-        own = covariance[:number, :number]
+        block = covariance[:number, :number]
         fitted, higher = powers[:number, :free], powers[:number, free:]
-        seen = np.sqrt(np.max(off[:number] ** 2 + np.diag(own)))
+        seen = np.sqrt(np.max(off[:number] ** 2 + np.diag(block)))
         sizes = HIGHER * seen / np.abs(higher).max(axis=0)
-        inverse = np.linalg.inv(own + (sizes * higher) @ (sizes * higher).T)
+        inverse = np.linalg.inv(block + (sizes * higher) @ (sizes * higher).T)
         fit = np.linalg.solve(fitted.T @ inverse @ fitted, fitted.T @ inverse)
         left = inverse - inverse @ fitted @ fit
         parts = []
@@ -136,13 +136,13 @@ def _fits(
             # at the requested step each power is 1: the residuals determine the higher ones
             weights = fit[first:].sum(axis=0) + sizes**2 @ higher.T @ left
             missed = float(np.linalg.norm(sizes * (weights @ higher - 1)))
-            error = np.hypot(np.sqrt(weights @ own @ weights), missed)
+            error = np.hypot(np.sqrt(weights @ block @ weights), missed)
             parts.append(_Part(weights, float(error), missed))
         squares, axes = np.linalg.eigh(left)
         rest = np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:]
         yield _Fit(number, (parts[0], parts[1]), rest)
 
 
-def _normal(one: Estimate) -> float:
+def _normal(estimate: Estimate) -> float:
     """The standard error of a normal variable with the same margin."""
-    return one.margin / margin(1.0)
+    return estimate.margin / margin(1.0)

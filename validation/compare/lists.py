@@ -59,15 +59,15 @@ def measure(
     if startup + step * sum(runs) > LATEST * each:
         return []
     labels = {name: f"neighbour lists, {name}" for name in lines}
-    found, errors, cut = rounds.in_turn(
+    timings, errors, cut = rounds.in_turn(
         labels, lambda name, number: job(name, lines[name], runs), ROUNDS, meter
     )
     if cut:
         raise KeyboardInterrupt
     if AS_IT_IS in errors:
         raise RuntimeError(errors[AS_IT_IS])
-    timed = found.pop(AS_IT_IS)
-    ratios = {name: rounds.ratio(found[name], timed, "loop") for name in found.keys() - errors}
+    timed = timings.pop(AS_IT_IS)
+    ratios = {name: rounds.ratio(timings[name], timed, "loop") for name in timings.keys() - errors}
     return [{"lines": [*lines[name]], "ratio": ratios[name]} for name in lines if name in ratios]
 
 
@@ -82,18 +82,18 @@ def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
     return {wider: (wider,), smaller: (smaller,), " and ".join(both): both}
 
 
-def said(found: Sequence[Mapping]) -> Iterator[str]:
+def advise(measured: Sequence[Mapping]) -> Iterator[str]:
     """Advise the fastest lists of those that were faster than the script's in all rounds."""
-    if not found:
+    if not measured:
         return
-    good = [one for one in found if one["ratio"]["max"] < SAVES]
+    good = [row for row in measured if row["ratio"]["max"] < SAVES]
     if not good:
         yield (
             "Neighbour lists with a wider skin or smaller bins were not faster than yours in all "
             f"of {ROUNDS} rounds."
         )
         return
-    best = min(good, key=lambda one: one["ratio"]["median"])
+    best = min(good, key=lambda row: row["ratio"]["median"])
     less, least, most = (100 * (1 - best["ratio"][key]) for key in ("median", "max", "min"))
     yield (
         f"These neighbour lists reduce the time per step by {less:.0f} % ({least:.0f} to "

@@ -19,7 +19,17 @@ from ..statistics.estimate import Estimate, margin
 from ..user_script import thermostat
 from . import errors, lists, plan
 from .case import MEANS, Case, about
-from .choice import Choice, Measured, Targets, choose, cost, kept, level_of_each, passes, size
+from .choice import (
+    Choice,
+    Measured,
+    Targets,
+    choose,
+    cost,
+    level_of_each,
+    passes,
+    same_thermostat,
+    size,
+)
 from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
 FIRST = 0.5  # fraction of the time for the short runs
@@ -43,27 +53,29 @@ class Runs:
     """Outcome of the runs.
 
     Attributes:
-        found: results of good runs, by point and start.
+        numbers: results of good runs, by point and start.
         costs: of parts of the runs, by point.
         failed: why the runs of a point failed.
     """
 
-    found: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
+    numbers: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
     costs: dict[Point, list["Cost"]] = field(default_factory=dict)
     failed: dict[Point, list[str]] = field(default_factory=dict)
 
     def fails(self, point: Point) -> str | None:
         """Why a point failed, at its step or at a shorter one of its integrator."""
-        shorter = [one for one in self.failed if one.scheme == point.scheme and one.dt <= point.dt]
-        first = min(shorter, key=lambda one: one.dt, default=None)
+        shorter = [
+            other for other in self.failed if other.scheme == point.scheme and other.dt <= point.dt
+        ]
+        first = min(shorter, key=lambda other: other.dt, default=None)
         return f"{first.dt:g}: {self.failed[first][0]}" if first else None
 
     def judge(self, case: Case) -> None:
         """Attribute failures at steps above the stability limit to the step."""
-        told = f"the step is too long (unstable above about {case.unstable:.2g} {case.time}): "
+        cause = f"the step is too long (unstable above about {case.unstable:.2g} {case.time}): "
         for point, why in self.failed.items():
-            if point.dt > case.unstable and not why[0].startswith(told):
-                self.failed[point] = [told + one for one in why]
+            if point.dt > case.unstable and not why[0].startswith(cause):
+                self.failed[point] = [cause + message for message in why]
 
 
 class Prepared(NamedTuple):
@@ -142,7 +154,9 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
         if best:
             long, row = run_longer(prepared, best, runs, meter)
             summary["interrupted"] = long.interrupted
-            where = [(one["integrator"], one["dt"]) for one in rows].index(best.point)
+            where = [(measured["integrator"], measured["dt"]) for measured in rows].index(
+                best.point
+            )
             rows[where] = row or rows[where]
     summary["points"] = rows
     summary["neighbour_lists"] = [] if summary["interrupted"] else _lists(prepared, summary, meter)
@@ -151,8 +165,10 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
 
 def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
     """The `Choice` among the requested points, with the script's thermostat."""
-    asked = [one for one in rows if one["asked"]]
-    return choose(kept(asked, prepared.case.thermostat), prepared.targets, prepared.level)
+    requested = [row for row in rows if row["asked"]]
+    return choose(
+        same_thermostat(requested, prepared.case.thermostat), prepared.targets, prepared.level
+    )
 
 
 def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
@@ -218,51 +234,51 @@ def collected(
     Args:
         settles: fraction of each run that is left out.
     """
-    found, case = Runs(), prepared.case
+    runs, case = Runs(), prepared.case
     for point in prepared.every:
         for number in range(1, 1 + STARTS):
             name = plan.name_of(folder, point, number)
             if name in done.failed:
-                found.failed.setdefault(point, []).append(done.failed[name])
+                runs.failed.setdefault(point, []).append(done.failed[name])
             elif name in done.jobs:
                 job = done.jobs[name]
                 result = run.collect(job.directory)
-                own = found.found.setdefault(point, {})
-                own[number] = errors.numbers(case, point.dt, result, settles)
-                found.costs.setdefault(point, []).extend(_costs(job, result, point.dt, case.ns))
-    found.judge(case)
-    return found
+                by_start = runs.numbers.setdefault(point, {})
+                by_start[number] = errors.numbers(case, point.dt, result, settles)
+                runs.costs.setdefault(point, []).extend(_costs(job, result, point.dt, case.ns))
+    runs.judge(case)
+    return runs
 
 
 def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]:
     """The costs of successive parts of a run."""
-    each, found = max(1, len(job.runs) // PARTS), []
+    each, costs = max(1, len(job.runs) // PARTS), []
     for first in range(0, len(job.runs) - each + 1, each):
-        some = slice(first, first + each)
-        loops, times = result.timings[some], ns / (sum(job.runs[some]) * dt)
-        cpu = [one.seconds * (100 if one.cpu is None else one.cpu) / 100 for one in loops]
+        part = slice(first, first + each)
+        loops, times = result.timings[part], ns / (sum(job.runs[part]) * dt)
+        cpu = [loop.seconds * (100 if loop.cpu is None else loop.cpu) / 100 for loop in loops]
         steps = sum(
-            spent * (1 - one.sections.get("Output", 0.0) / max(one.seconds, 1e-300))
-            for spent, one in zip(cpu, loops)
+            spent * (1 - loop.sections.get("Output", 0.0) / max(loop.seconds, 1e-300))
+            for spent, loop in zip(cpu, loops)
         )
-        share = 100 * sum(cpu) / max(sum(one.seconds for one in loops), 1e-300)
-        wall = sum(result.seconds["runs"][some])
-        found.append(Cost(wall * times, job.ranks * steps * times, share))
-    return found
+        share = 100 * sum(cpu) / max(sum(loop.seconds for loop in loops), 1e-300)
+        wall = sum(result.seconds["runs"][part])
+        costs.append(Cost(wall * times, job.ranks * steps * times, share))
+    return costs
 
 
 def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
     """A row for each point that has run, or whose integrator fails at the same or a shorter
     step."""
-    good = {point: one for point, one in runs.found.items() if not runs.fails(point)}
+    good = {point: numbers for point, numbers in runs.numbers.items() if not runs.fails(point)}
     signed = errors.errors(prepared.case, good, prepared.held)
     alone = errors.errors(prepared.case, good, prepared.held, by_itself=True)
-    made = []
+    rows = []
     for point in prepared.every:
         if point in good or runs.fails(point):
-            told = signed.get(point, {}), alone.get(point, {})
-            made.append(row(prepared, point, runs, prepared.lengths.time, *told))
-    return made
+            estimates = signed.get(point, {}), alone.get(point, {})
+            rows.append(row(prepared, point, runs, prepared.lengths.time, *estimates))
+    return rows
 
 
 def row(
@@ -277,7 +293,7 @@ def row(
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
     costs = [] if fails else runs.costs.get(point, [])
-    signed, by_itself = ({} if fails else one for one in (signed, by_itself))
+    signed, by_itself = ({} if fails else estimates for estimates in (signed, by_itself))
     failures = runs.failed.get(point, [])
     lines, place, lost = case.written(integrator)
     return {
@@ -289,19 +305,19 @@ def row(
         "place": place,
         "lost": lost,
         "dt": point.dt,
-        "starts": len(runs.found.get(point, ())) + len(failures),
+        "starts": len(runs.numbers.get(point, ())) + len(failures),
         "time": time,
         "failed": fails,
         "failures": len(failures),
         "is_reference": point == prepared.held,
         "asked": point in prepared.points,
         "alone": False,
-        "cost": measures.spread(one.wall for one in costs) if costs else None,
-        "cpu": measures.spread(one.cpu for one in costs) if costs else None,
-        "share": sum(one.share for one in costs) / len(costs) if costs else None,
-        "errors": {name: size(one) for name, one in signed.items()},
-        "signed": {name: one.plain() for name, one in signed.items()},
-        "by_itself": {name: size(one) for name, one in by_itself.items()},
+        "cost": measures.spread(part.wall for part in costs) if costs else None,
+        "cpu": measures.spread(part.cpu for part in costs) if costs else None,
+        "share": sum(part.share for part in costs) / len(costs) if costs else None,
+        "errors": {name: size(estimate) for name, estimate in signed.items()},
+        "signed": {name: estimate.plain() for name, estimate in signed.items()},
+        "by_itself": {name: size(estimate) for name, estimate in by_itself.items()},
         "without": list(case.unknown.get(point.scheme, ())),
         "command": _command(prepared, point),
     }
@@ -349,12 +365,12 @@ def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
     choice = _choice(prepared, rows)
     known = cost(choice.fastest) if choice.fastest else math.inf
     plans = [
-        _plan(prepared, one, choice.targets)
-        for one in choice.perhaps
-        if cost(one) < GAIN * known and choice.targets.keys() - MEANS <= one["by_itself"].keys()
+        _plan(prepared, row, choice.targets)
+        for row in choice.perhaps
+        if cost(row) < GAIN * known and choice.targets.keys() - MEANS <= row["by_itself"].keys()
     ]
-    plans = [one for one in plans if one.times > 0]
-    return max(plans, key=lambda one: pays(one, known), default=None)
+    plans = [candidate for candidate in plans if candidate.times > 0]
+    return max(plans, key=lambda candidate: pays(candidate, known), default=None)
 
 
 def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
@@ -362,9 +378,9 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
     point = Point(row["integrator"], row["dt"])
     means = {name: most for name, most in targets.items() if name in MEANS}
     again = not passes(row, means) and point != held
-    some = [point, *([held] if again else [])]
+    points = [point, *([held] if again else [])]
     seconds = (1 - FIRST) * prepared.settings.for_points
-    long = plan.time_of(some, prepared.here, seconds)
+    long = plan.time_of(points, prepared.here, seconds)
     counts = long - max(SETTLES * long, short)
     return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))
 
@@ -405,16 +421,20 @@ def run_longer(
     that is as long, or stay those of the short runs, if there is none or if it needs other steps.
     """
     case, point, held = prepared.case, best.point, prepared.held
-    some = [point, *([held] if best.again else [])]
-    lengths = plan.lengths(case, some, prepared.here, best.time)
+    points = [point, *([held] if best.again else [])]
+    lengths = plan.lengths(case, points, prepared.here, best.time)
     settles = max(SETTLES, prepared.lengths.time / lengths.time)
-    how = case, some, prepared.lengths, prepared.settings, [STARTS], lengths
+    how = case, points, prepared.lengths, prepared.settings, [STARTS], lengths
     done = _perform(prepared, plan.trajectories(*how), meter)
     runs = collected(prepared, done, LONG, settles)
-    if point not in runs.found and point not in runs.failed:
+    if point not in runs.numbers and point not in runs.failed:
         return done, None
-    told = errors.errors(case, runs.found, held, True, short.found, best.times * STARTS)
-    means = {name: Estimate.of(one) for name, one in best.row["signed"].items() if name in MEANS}
-    own = means | told.get(point, {}) if best.again else told.get(point, {}) | means
-    made = row(prepared, point, runs, lengths.time, own, own)
-    return done, made | {"alone": True}
+    estimates = errors.errors(case, runs.numbers, held, True, short.numbers, best.times * STARTS)
+    means = {
+        name: Estimate.of(estimate)
+        for name, estimate in best.row["signed"].items()
+        if name in MEANS
+    }
+    signed = means | estimates.get(point, {}) if best.again else estimates.get(point, {}) | means
+    result = row(prepared, point, runs, lengths.time, signed, signed)
+    return done, result | {"alone": True}

@@ -73,7 +73,7 @@ class Lengths:
     @property
     def sample(self) -> float:
         """Time between two samples of the energy: the span, or a part of it."""
-        parts = next((one for one in PARTS if one * self.time <= MANY * self.span), 1)
+        parts = next((count for count in PARTS if count * self.time <= MANY * self.span), 1)
         return min(self.span / parts, self.time / self.frames)
 
     def every(self, dt: float) -> int:
@@ -110,8 +110,8 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
 
     def make(runs):
         how: dict = {"dt": held.dt, "every": 0, "ranks": settings.ranks, "keeps": "nothing"}
-        one = case.integrators[held.scheme]
-        return run.job(case.scene, one, folder, runs, silence=settings.silence, **how)
+        integrator = case.integrators[held.scheme]
+        return run.job(case.scene, integrator, folder, runs, silence=settings.silence, **how)
 
     meter.begin("a step's time", 1)
     step = rounds.calibrate(make)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
-from ..pages import Column, Figure, Said, Table, digits, ranks_of
+from ..pages import Column, Figure, Report, Table, digits, ranks_of
 from ..scenes.units import UNITS
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
 from ..user_script import thermostat
@@ -34,20 +34,20 @@ class Answer:
 
     Attributes:
         points: the requested points.
-        kept: those with the script's kind of thermostat; all if there is none.
+        candidates: those with the script's kind of thermostat; all if there is none.
         choice: among these.  averages: the `Choice` among all, for averages only.
     """
 
     def __init__(self, summary: Mapping) -> None:
         self.summary, self.wanted = summary, summary["targets"]
         self.every: list[Measured] = summary["points"]
-        self.clock = "CPU time" if any(one["cpu"] for one in self.every) else "wall time"
+        self.clock = "CPU time" if any(point["cpu"] for point in self.every) else "wall time"
         if self.clock == "wall time":  # older results without CPU times
-            self.every = [one | {"cpu": one["cost"]} for one in self.every]
-        self.points = [one for one in self.every if one["asked"]]
+            self.every = [point | {"cpu": point["cost"]} for point in self.every]
+        self.points = [point for point in self.every if point["asked"]]
         self.thermostat = summary.get("thermostat")
-        self.kept = choice.kept(self.points, self.thermostat)
-        self.choice, self.averages = self.among(self.kept), self.among(self.points)
+        self.candidates = choice.same_thermostat(self.points, self.thermostat)
+        self.choice, self.averages = self.among(self.candidates), self.among(self.points)
         self.targets = self.choice.targets
         self.unit = UNITS[summary["units"]].time
 
@@ -69,7 +69,8 @@ class Answer:
         """Points with their steps, as text; if there are many, the first ones."""
         more = f" and {len(points) - FEW} more" if len(points) > FEW else ""
         return (
-            "; ".join(f"{one['label']}, {one['dt']:g} {self.unit}" for one in points[:FEW]) + more
+            "; ".join(f"{point['label']}, {point['dt']:g} {self.unit}" for point in points[:FEW])
+            + more
         )
 
     def within(self, point: Measured) -> str:
@@ -84,7 +85,7 @@ class Answer:
             return f"it fails ({point['failed']})"
         wide = {name: _text(point, name) for name, most in self.targets.items()
                 if meets(point, {name: most}) is False}  # fmt: skip
-        return "too much of " + ", ".join(f"{name}: {told}" for name, told in wide.items())
+        return "too much of " + ", ".join(f"{name}: {text}" for name, text in wide.items())
 
     @property
     def minutes(self) -> int | None:
@@ -92,10 +93,10 @@ class Answer:
         decides."""
         level = self.summary["level"]
         factors = []
-        for one in [] if self.choice.best else self.choice.perhaps:
-            alike = [other for other in self.points if other["integrator"] == one["integrator"]]
-            before = [one] if one["alone"] else [x for x in alike if x["dt"] <= one["dt"]]
-            how = CONFIDENCE if one["alone"] else level
+        for point in [] if self.choice.best else self.choice.perhaps:
+            alike = [other for other in self.points if other["integrator"] == point["integrator"]]
+            before = [point] if point["alone"] else [x for x in alike if x["dt"] <= point["dt"]]
+            how = CONFIDENCE if point["alone"] else level
             factors.append(max(_above(x, *target, how) for x in before
                                for target in self.targets.items()))  # fmt: skip
         least = min(factors, default=math.inf)
@@ -106,8 +107,8 @@ class Answer:
 
 
 def _text(point: Measured, name: str) -> str:
-    found = point["errors"].get(name)
-    return Estimate.of(found).text() if found else "–"
+    estimate = point["errors"].get(name)
+    return Estimate.of(estimate).text() if estimate else "–"
 
 
 def _above(point: Measured, name: str, most: float, confidence: float) -> float:
@@ -120,35 +121,38 @@ def _above(point: Measured, name: str, most: float, confidence: float) -> float:
     """
     if not math.isfinite(bound(point, name)):
         return math.inf
-    one = Estimate.of(point["errors"][name])
-    seen = math.sqrt(max(one.value**2 - one.error**2, 0.0))
+    estimate = Estimate.of(point["errors"][name])
+    seen = math.sqrt(max(estimate.value**2 - estimate.error**2, 0.0))
     room = max(most - seen, LEAST_ROOM * most)
     power = 2 / 3 if name == "drift" else 2
-    return ((margin(one.error, one.freedom, confidence) + FOUR_OF_FIVE * one.error) / room) ** power
+    return (
+        (margin(estimate.error, estimate.freedom, confidence) + FOUR_OF_FIVE * estimate.error)
+        / room
+    ) ** power
 
 
 def answered(summary: Mapping) -> dict:
     """The conclusions, for the summary's file."""
     answer = Answer(summary)
     best, minutes = answer.choice.best, answer.minutes
-    told = minutes if minutes and minutes <= FAR * summary["minutes"] else None
+    likely = minutes if minutes and minutes <= FAR * summary["minutes"] else None
     advised = best and {key: best[key] for key in ("integrator", "label", "dt")}
     lines = [_answer(answer), *_lines(answer)]
-    return {"answer": lines, "minutes_that_tell": told, "advised": advised}
+    return {"answer": lines, "minutes_that_tell": likely, "advised": advised}
 
 
-def said(summary: Mapping) -> Said:
+def describe(summary: Mapping) -> Report:
     """The report: the answer, the points, and a figure of the error against the run time."""
     answer = Answer(summary)
     wanted = ", ".join(f"{name} ≤ {most:g} {summary['about'][name]['unit']}".strip()
                        for name, most in answer.wanted.items())  # fmt: skip
-    first = {one["integrator"]: one for one in reversed(summary["points"]) if one["failed"]}
+    first = {point["integrator"]: point for point in reversed(summary["points"]) if point["failed"]}
     alike: dict[str, list[str]] = {}
-    for one in first.values():
-        alike.setdefault(str(one["failed"]), []).append(one["label"])
-    about = {name: _about(one) for name, one in summary["about"].items()}
+    for point in first.values():
+        alike.setdefault(str(point["failed"]), []).append(point["label"])
+    about = {name: _about(target) for name, target in summary["about"].items()}
     script = {"the script": " ".join(summary["notes"])} if summary["notes"] else {}
-    return Said(
+    return Report(
         title=summary["title"],
         question=f"Which integrator and time step reach this the fastest: {wanted}?",
         answer=_answer(answer),
@@ -157,7 +161,7 @@ def said(summary: Mapping) -> Said:
         figures=[Figure("cost", partial(figures.cost, summary), figures.READ)],
         notes=NOTES | about | script,
         defeats=[*_defeats(answer)],
-        kept=_kept(answer),
+        release_numbers=_release_numbers(answer),
         failures=[f"{', '.join(labels)}: {why}" for why, labels in alike.items()],
     )
 
@@ -165,29 +169,29 @@ def said(summary: Mapping) -> Said:
 def _defeats(answer: Answer) -> Iterator[str]:
     """Name each integrator that reaches the targets sooner than ours, with its best step."""
     best, ties = answer.choice.best, answer.choice.ties
-    if best is None or best["ours"] or any(one["ours"] for one in ties):
+    if best is None or best["ours"] or any(point["ours"] for point in ties):
         return
-    ours = answer.among([one for one in answer.points if one["ours"]]).best
+    ours = answer.among([point for point in answer.points if point["ours"]]).best
     times = f"ours takes {cost(ours) / cost(best):.2g} times as long" if ours else "ours does not"
     yield f"{answer.summary['title']}: {answer.named([best])} reaches the targets; {times}."
 
 
-def _kept(answer: Answer) -> dict[str, str]:
+def _release_numbers(answer: Answer) -> dict[str, str]:
     """The numbers for the table of releases."""
     best = answer.choice.best
-    told = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
-    return {"fastest within the targets": told}
+    text = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
+    return {"fastest within the targets": text}
 
 
-def _about(one: Mapping) -> str:
+def _about(target: Mapping) -> str:
     """Describe a target, and the reason for its default."""
-    what = f"{one['what']}, {one['unit']}".strip(", ")
-    usual = f"By default {one['default']:g}: " if one["default"] else ""
-    return f"{what}. {usual}{one['why']}."
+    what = f"{target['what']}, {target['unit']}".strip(", ")
+    usual = f"By default {target['default']:g}: " if target["default"] else ""
+    return f"{what}. {usual}{target['why']}."
 
 
 def _answer(answer: Answer) -> str:
-    summary, found = answer.summary, answer.choice
+    summary, chosen = answer.summary, answer.choice
     if not answer.points:
         return "No run is complete yet."
     if not answer.targets:
@@ -195,14 +199,14 @@ def _answer(answer: Answer) -> str:
             "None of the targets can be measured with these integrators. Give another one "
             "(--target temperature=VALUE), or integrators whose energy LAMMPS counts (--only)."
         )
-    if best := found.best:
-        told = f"{_cost(best)} s of {answer.clock} per {summary['ns']}"
+    if best := chosen.best:
+        spent = f"{_cost(best)} s of {answer.clock} per {summary['ns']}"
         return (
-            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {told}, on "
+            f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {spent}, on "
             f"{ranks_of(summary['ranks'])}{_speed_up(answer, best)}. "
             f"Within the targets, with {SURE} confidence: {answer.within(best)}."
         )
-    if found.perhaps:
+    if chosen.perhaps:
         minutes, other = answer.minutes, "a target that short runs can decide: --target NAME=VALUE"
         longer = f"About --budget {minutes} (minutes) would decide. Or give {other}."
         if minutes is None:
@@ -214,10 +218,10 @@ def _answer(answer: Answer) -> str:
             )
         return (
             f"Not sure: no step is within the targets with {SURE} confidence, but these may be: "
-            f"{answer.named(found.perhaps)}. Their error bars, or those of shorter steps, reach "
+            f"{answer.named(chosen.perhaps)}. Their error bars, or those of shorter steps, reach "
             f"across a target. {longer}"
         )
-    shortest = min(one["dt"] for one in answer.points)
+    shortest = min(point["dt"] for point in answer.points)
     return (
         f"No step that was tried is within the targets. Try shorter ones: --steps "
         f"{shortest / 2:g},{shortest / 4:g}. Or the start is not in equilibrium, or "
@@ -228,14 +232,14 @@ def _answer(answer: Answer) -> str:
 def _speed_up(answer: Answer, best: Measured) -> str:
     """The time saved relative to the script's own line at its own step, if that was measured."""
     usual = answer.summary.get("usual") or {}
-    own = [one for one in answer.every if one["cpu"]
-           and usual == {"integrator": one["integrator"], "dt": one["dt"]}]  # fmt: skip
-    if not usual or not own or own[0] is best:
+    usuals = [point for point in answer.every if point["cpu"]
+           and usual == {"integrator": point["integrator"], "dt": point["dt"]}]  # fmt: skip
+    if not usual or not usuals or usuals[0] is best:
         return ""
     return (
-        f", {cost(own[0]) / cost(best):.2g} times faster than your "
-        f"{own[0]['label'].removeprefix('yours: ')} at {own[0]['dt']:g} {answer.unit} "
-        f"({_cost(own[0])} s)"
+        f", {cost(usuals[0]) / cost(best):.2g} times faster than your "
+        f"{usuals[0]['label'].removeprefix('yours: ')} at {usuals[0]['dt']:g} {answer.unit} "
+        f"({_cost(usuals[0])} s)"
     )
 
 
@@ -243,24 +247,24 @@ def _lines(answer: Answer) -> Iterator[str]:
     """Yield further sentences, and the lines for the input script."""
     unit = answer.unit
     lost = set(answer.wanted) - set(answer.targets)
-    others = [one for one in answer.points if set(answer.wanted) & set(one["without"])]
+    others = [point for point in answer.points if set(answer.wanted) & set(point["without"])]
     if others:
-        told = " and ".join(name for name in answer.wanted if name in others[0]["without"])
-        labels = ", ".join(dict.fromkeys(one["label"] for one in others))
-        yield f"For {labels}, {told} cannot be measured: {answer.summary['why']}."
+        measures = " and ".join(name for name in answer.wanted if name in others[0]["without"])
+        labels = ", ".join(dict.fromkeys(point["label"] for point in others))
+        yield f"For {labels}, {measures} cannot be measured: {answer.summary['why']}."
     if lost and answer.targets:
         yield f"The answer is therefore by {', '.join(answer.targets)} only."
-    if "rdf" in answer.targets and not any("rdf" in one["errors"] for one in answer.points):
+    if "rdf" in answer.targets and not any("rdf" in point["errors"] for point in answer.points):
         yield (
             "The error of g(r) is not known, because too few runs are complete. --target without "
             "rdf gives an answer without it."
         )
-    for one in answer.points:
-        if one["alone"]:
+    for point in answer.points:
+        if point["alone"]:
             yield (
                 f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. "
-                f"The rest of the time went to {one['label']}, {one['dt']:g} {unit}: a run of "
-                f"{one['time']:.3g} {unit}, by which it is judged."
+                f"The rest of the time went to {point['label']}, {point['dt']:g} {unit}: a run of "
+                f"{point['time']:.3g} {unit}, by which it is judged."
             )
     best = answer.choice.best
     yield from _beside(answer, best) if best else _nearest(answer)
@@ -271,14 +275,14 @@ def _lines(answer: Answer) -> Iterator[str]:
         yield f"{best['place']}, and the script's timestep:"
         yield from (f"    {line}" for line in _input(best))
         yield from best["lost"]
-        yield from lists.said(answer.summary.get("neighbour_lists", ()))
+        yield from lists.advise(answer.summary.get("neighbour_lists", ()))
     if answer.thermostat:
         yield from _thermostats(answer, answer.thermostat)
 
 
 def _busy(answer: Answer) -> Iterator[str]:
     """Warn if other work used part of the cores."""
-    shares = [share for one in answer.points if (share := one.get("share")) is not None]
+    shares = [share for point in answer.points if (share := point.get("share")) is not None]
     if shares and min(shares) < BUSY:
         yield (
             f"The machine was busy: a rank had as little as {min(shares):.0f} % of a core. This "
@@ -286,16 +290,16 @@ def _busy(answer: Answer) -> Iterator[str]:
         )
 
 
-def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
+def _thermostats(answer: Answer, original: Mapping) -> Iterator[str]:
     """Explain which thermostat is kept, and what another one could gain."""
     best, other = answer.choice.best, answer.averages.best
-    kinds = {one["thermostat"] for one in answer.points}
-    if asked["kind"] not in kinds:
+    kinds = {point["thermostat"] for point in answer.points}
+    if original["kind"] not in kinds:
         labels = " and ".join(thermostat.of_averages(kind) for kind in kinds)
         yield f"Your thermostat was not compared. This is another one: {labels}."
         return
-    yield thermostat.said(asked)
-    if other and other["thermostat"] != asked["kind"]:
+    yield thermostat.describe(original)
+    if other and other["thermostat"] != original["kind"]:
         if best is None or cost(other) < FASTER * cost(best):
             gain = f", {cost(best) / cost(other):.2g} times faster" if best else ""
             yield (
@@ -303,7 +307,7 @@ def _thermostats(answer: Answer, asked: Mapping) -> Iterator[str]:
                 f"{thermostat.of_averages(other['thermostat'])}. In place of your fix:"
             )
             yield from (f"    {line}" for line in _input(other))
-    elif kinds == {asked["kind"]}:
+    elif kinds == {original["kind"]}:
         yield (
             "Integrators with other thermostats were not compared, because they change dynamics. "
             "If you need averages only, compare them by --only all."
@@ -317,16 +321,18 @@ def _input(best: Measured) -> list[str]:
 
 def _nearest(answer: Answer) -> Iterator[str]:
     """If no point is met: name the one that is nearest."""
-    held = [one for one in answer.every if one["is_reference"] and not one["failed"]]
+    held = [point for point in answer.every if point["is_reference"] and not point["failed"]]
     if held and answer.targets and meets(held[0], answer.targets) is False:
         yield (
             f"Even with {held[0]['dt']:g} {answer.unit} there is {answer.why_not(held[0])}: this "
             "is not an error of the time step. Is the start in equilibrium, and are the forces "
             "continuous at the cutoff? --run N uses a later run of a script."
         )
-    told = [one for one in answer.kept if answer.targets.keys().isdisjoint(one["without"])]
-    able = [one for one in told if answer.verdict(one) == VERDICTS[None]]
-    near = nearest(able or told, answer.targets) if answer.targets else None
+    measurable = [
+        point for point in answer.candidates if answer.targets.keys().isdisjoint(point["without"])
+    ]
+    able = [point for point in measurable if answer.verdict(point) == VERDICTS[None]]
+    near = nearest(able or measurable, answer.targets) if answer.targets else None
     if near:
         yield f"The nearest: {answer.named([near[0]])}: {answer.within(near[0])}."
 
@@ -335,33 +341,33 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
     """Name alternatives to the best one: longer steps, ties, and others that may be as good."""
     unit = answer.unit
     longer = [
-        one
-        for one in answer.points
-        if one["integrator"] == best["integrator"] and one["dt"] > best["dt"]
+        point
+        for point in answer.points
+        if point["integrator"] == best["integrator"] and point["dt"] > best["dt"]
     ]
-    bad = [one for one in longer if meets(one, answer.targets) is False]
-    near = [one for one in near_failure(answer.points) if one in longer and one not in bad]
-    open_ = [one for one in longer if one not in bad and one not in near]
+    bad = [point for point in longer if meets(point, answer.targets) is False]
+    near = [point for point in near_failure(answer.points) if point in longer and point not in bad]
+    open_ = [point for point in longer if point not in bad and point not in near]
     if not longer:
         yield (
             "This was the longest step that was tried. A longer one may be good enough, too: "
             f"--steps {1.5 * best['dt']:g},{2 * best['dt']:g}"
         )
     elif open_:
-        some = ", ".join(f"{one['dt']:g}" for one in open_)
-        yield f"{some} {unit} may be good enough, too: a larger --budget would decide."
+        steps = ", ".join(f"{point['dt']:g}" for point in open_)
+        yield f"{steps} {unit} may be good enough, too: a larger --budget would decide."
     elif bad:
-        first = min(bad, key=lambda one: one["dt"])
+        first = min(bad, key=lambda point: point["dt"])
         yield f"With {first['dt']:g} {unit}: {answer.why_not(first)}."
     if near:
-        some = ", ".join(f"{one['dt']:g}" for one in near)
+        steps = ", ".join(f"{point['dt']:g}" for point in near)
         yield (
-            f"{some} {unit} is too close to a step that fails to be named: a rare event may end a "
+            f"{steps} {unit} is too close to a step that fails to be named: a rare event may end a "
             "longer run there."
         )
     if ties := answer.choice.ties:
         yield f"As fast, within the spread of the timings: {answer.named(ties)}."
-    others = [one for one in answer.choice.perhaps if one["integrator"] != best["integrator"]]
+    others = [point for point in answer.choice.perhaps if point["integrator"] != best["integrator"]]
     if others:
         yield f"As fast or faster, if they are within the targets: {answer.named(others)}."
 
@@ -373,24 +379,24 @@ def _cost(point: Measured) -> str:
 def _tables(answer: Answer) -> list[Table]:
     """Tables of each integrator's fastest step within the targets, and of all points."""
     summary, nearest_of = answer.summary, []
-    for name in dict.fromkeys(one["integrator"] for one in answer.points):
-        mine = [one for one in answer.points if one["integrator"] == name]
-        own = answer.among(mine)
-        near = nearest(mine, own.targets) if own.targets else None
-        nearest_of.append(own.best or (near[0] if near else mine[0]))
-    every = {name for one in summary["points"] for name in one["errors"]}
+    for name in dict.fromkeys(point["integrator"] for point in answer.points):
+        mine = [point for point in answer.points if point["integrator"] == name]
+        chosen = answer.among(mine)
+        near = nearest(mine, chosen.targets) if chosen.targets else None
+        nearest_of.append(chosen.best or (near[0] if near else mine[0]))
+    every = {name for point in summary["points"] for name in point["errors"]}
     measures = [name for name in summary["about"] if name in every]
     wanted = [name for name in measures if name in answer.wanted]
     return [
         Table(
             "Each integrator's fastest step within the targets, else the nearest",
             _columns(answer, wanted),
-            [_shown(answer, one) for one in nearest_of],
+            [_shown(answer, point) for point in nearest_of],
         ),
         Table(
             "All points",
             [*_columns(answer, measures), *_further(summary)],
-            [_shown(answer, one) for one in answer.every],
+            [_shown(answer, point) for point in answer.every],
             file="points",
             long=True,
         ),
@@ -423,11 +429,11 @@ def _further(summary: Mapping) -> list[Column]:
 
 def _shown(answer: Answer, point: Measured) -> dict:
     """A row of a table."""
-    found = {f"of {name}": one for name, one in point["errors"].items()}
+    errors = {f"of {name}": error for name, error in point["errors"].items()}
     status = point["failed"] or "ok"
     return {
         **point,
-        **found,
+        **errors,
         "verdict": answer.verdict(point),
         "status": status,
         "error": point["failed"],

@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
     from . import measure, report  # heavy: not for --help
 
     parts, short = arguments.parts, arguments.short
-    scripts = [one for one in parts if command_line.is_script(one, lambda: plan.PARTS)]
+    scripts = [part for part in parts if command_line.is_script(part, lambda: plan.PARTS)]
     if not parts:
         command_line.require_scenes()
     if scripts and len(parts) > 1:
@@ -81,15 +81,15 @@ def run(arguments: Namespace) -> int:
     how = arguments.rounds or (2 if short else 5), arguments.seconds or (0.2 if short else 1.0)
     ranks, script = arguments.ranks or (1, 2), None
     if scripts:
-        ask, out = loader.parse_options(arguments, scripts[0], short)
+        options, out = loader.parse_options(arguments, scripts[0], short)
     else:
         out = command_line.output_folder(arguments, short)
     with store.alone(out):
         if scripts:
-            loaded = loader.load(ask, out, ranks[0], arguments.silence)
+            loaded = loader.load(options, out, ranks[0], arguments.silence)
             integrators = command_line.select(loaded.integrators, arguments.only)
-            names = tuple(one.name for one in integrators)
-            points = [plan.Point(ask.name, n, loaded.bodies, names, *how) for n in ranks]
+            names = tuple(integrator.name for integrator in integrators)
+            points = [plan.Point(options.name, n, loaded.bodies, names, *how) for n in ranks]
             script = loaded.scene, integrators
         else:
             points = _points(arguments, how)
@@ -97,10 +97,10 @@ def run(arguments: Namespace) -> int:
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
             call = measure.Call(out, meter, arguments.silence, script)
             summary = measure.cost(points, call)
-    said = report.said(summary)
-    pages.write(said, summary, out)
-    pages.show(screen, said, summary, out)
-    return command_line.exit_status(summary["interrupted"], bool(said.failures))
+    result = report.describe(summary)
+    pages.write(result, summary, out)
+    pages.show(screen, result, summary, out)
+    return command_line.exit_status(summary["interrupted"], bool(result.failures))
 
 
 def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:

@@ -64,8 +64,8 @@ def cost(wanted: Iterable[Point], call: Call) -> dict:
     for point in wanted:
         cpu = summary["machine"]["cpu"]
         origin = store.origin(point, call.script, cpu, files=point.inputs)
-        if kept := store.kept(point.name, origin):
-            call.meter.begin(f"{point.name}, of {kept['date']}", point.turns)
+        if stored := store.load(point.name, origin):
+            call.meter.begin(f"{point.name}, of {stored['date']}", point.turns)
             call.meter.end(None)
         begun = {"begin": machine.now(), "load": os.getloadavg()[0]}
         try:
@@ -109,11 +109,11 @@ def _scene(point: Point, call: Call) -> list[dict]:
         "versions": {},
     }
 
-    def job(one, runs, part="calibration", setups=0):
-        directory = folder / f"{run.folder_name(one.name)}-{part}"
+    def job(integrator, runs, part="calibration", setups=0):
+        directory = folder / f"{run.folder_name(integrator.name)}-{part}"
         return run.job(
             scene,
-            one,
+            integrator,
             directory,
             runs,
             dt=scene.dt,
@@ -128,30 +128,30 @@ def _scene(point: Point, call: Call) -> list[dict]:
     lengths = rounds.lengths(loop, point.seconds)
     # free atoms move for a few steps only, because nothing keeps them apart
     runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
-    every = {one.name: one for one in (*integrators, FREE)}
+    every = {integrator.name: integrator for integrator in (*integrators, FREE)}
     label = f"{point.part} {point.bodies:,} on {point.ranks}"
-    labels = {name: f"{label}, {one.label}" for name, one in every.items()}
+    labels = {name: f"{label}, {integrator.label}" for name, integrator in every.items()}
 
     def turn(name, number):
         return job(every[name], runs[name], str(number), rounds.SETUPS)
 
-    found, errors, cut = rounds.in_turn(labels, turn, point.rounds, call.meter)
+    by_name, errors, cut = rounds.in_turn(labels, turn, point.rounds, call.meter)
     sent: dict[str, dict] = {}
     if not point.rounds:
         jobs = {name: job(every[name], [3, COUNTED], "messages") for name in point.integrators}
         sent, cut = _counts(jobs, labels, errors, folder / "counts", call.meter)
     if cut:
-        short = [name for name in found if len(found[name]) < point.rounds]
+        short = [name for name in by_name if len(by_name[name]) < point.rounds]
         errors = dict.fromkeys(short, run.INTERRUPTED) | errors
     for name in point.integrators:
         row = {key: getattr(every[name], key) for key in ("name", "label", "kind")}
         row |= {
             "lines": every[name].commands(scene),
             "error": errors.get(name),
-            **_numbers(found[name], found.get(OURS, []), found[FREE.name]),
+            **_numbers(by_name[name], by_name.get(OURS, []), by_name[FREE.name]),
         }
         record["integrators"].append(row | sent.get(name, {}))
-    versions = [timing.versions for timings in found.values() for timing in timings]
+    versions = [timing.versions for timings in by_name.values() for timing in timings]
     record |= {"steps": asdict(lengths), "versions": versions[0] if versions else {}}
     if cut:
         raise Cut([record])
@@ -160,8 +160,8 @@ def _scene(point: Point, call: Call) -> list[dict]:
 
 def _calibrated(integrators, job, record):
     """s per step of the first integrator that runs: ours, unless it fails."""
-    for one in integrators:
-        step = rounds.calibrate(partial(job, one))
+    for integrator in integrators:
+        step = rounds.calibrate(partial(job, integrator))
         if isinstance(step, float):
             return step
         if step.interrupted:
@@ -169,19 +169,19 @@ def _calibrated(integrators, job, record):
     return 1.0
 
 
-def _numbers(own: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
+def _numbers(timings: list[Timing], ours: list[Timing], free: list[Timing]) -> dict:
     """An integrator's numbers, spreads over its rounds; None for those not measured."""
-    rivals = [] if own is ours else ours
+    rivals = [] if timings is ours else ours
     return {
-        "modify": rounds.spread(own, "modify"),
-        "modify_ratio": rounds.ratio(rivals, own, "modify"),
-        "loop": rounds.spread(own, "loop"),
-        "loop_ratio": rounds.ratio(rivals, own, "loop"),
-        "spent": rounds.spread(own, "spent"),
-        "spent_ratio": rounds.ratio(rivals, own, "spent"),
-        "cpu": min((timing.cpu for timing in own if timing.cpu is not None), default=None),
-        "setup": rounds.difference(own, free, "setup", 1e3),
-        "memory": rounds.difference(own, free, "peak"),
+        "modify": rounds.spread(timings, "modify"),
+        "modify_ratio": rounds.ratio(rivals, timings, "modify"),
+        "loop": rounds.spread(timings, "loop"),
+        "loop_ratio": rounds.ratio(rivals, timings, "loop"),
+        "spent": rounds.spread(timings, "spent"),
+        "spent_ratio": rounds.ratio(rivals, timings, "spent"),
+        "cpu": min((timing.cpu for timing in timings if timing.cpu is not None), default=None),
+        "setup": rounds.difference(timings, free, "setup", 1e3),
+        "memory": rounds.difference(timings, free, "peak"),
     }
 
 

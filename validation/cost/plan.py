@@ -65,20 +65,20 @@ def points(
     seconds: float,
 ) -> list[Point]:
     """The points of these parts; ``sizes`` are those of the water, other scenes have one."""
-    found, few = [], ranks or (1, 2)
+    planned, few = [], ranks or (1, 2)
     for part in parts:
         if part == "start":
-            found += [Point(part, number, rounds=rounds) for number in few]
+            planned += [Point(part, number, rounds=rounds) for number in few]
         elif part == "messages":
             able = tuple(name for name in COMPARED if name in integrators)
             many = (ranks or COUNTED_ON) if able else ()
-            found += [Point(part, number, number * PER_RANK, able) for number in many]
+            planned += [Point(part, number, number * PER_RANK, able) for number in many]
         else:
             scene = SCENES[part]
             able = tuple(name for name in integrators if BENCHMARKED[name].can_run(scene))
-            own = sizes if scene.cutter else scene.sizes
-            found += [
+            counts = sizes if scene.cutter else scene.sizes
+            planned += [
                 Point(part, number, size, able, rounds, seconds)
-                for size, number in itertools.product(own, few)
+                for size, number in itertools.product(counts, few)
             ]
-    return found
+    return planned

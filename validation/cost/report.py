@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..pages import Column, Said, Table, digits, ranks_of
+from ..pages import Column, Report, Table, digits, ranks_of
 from ..scenes.integrators import INTEGRATORS, OURS
 from ..statistics import measures
 from ..statistics.estimate import SURE
@@ -63,19 +63,19 @@ NOTES = {
 }
 
 
-def said(summary: dict) -> Said:
+def describe(summary: dict) -> Report:
     """The report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
     answer, lines = _whole(points)
     lines += _busy(points)
     sent, started = _handed(summary), _started(summary)
-    told = [answer, *started[:1], sent]
-    answer = " ".join(filter(None, told)) or "Nothing was measured."
+    sentences = [answer, *started[:1], sent]
+    answer = " ".join(filter(None, sentences)) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
     title = "What it costs"
     if not points:
         title += ": messages" if summary.get("counts") else ": start-up"
-    return Said(
+    return Report(
         title,
         "What do rigid bodies cost: time in the fix and of a step, memory, messages, start-up?",
         answer,
@@ -85,7 +85,7 @@ def said(summary: dict) -> Said:
         failures=_failures(summary),
         commands=summary.get("commands", ()),
         defeats=_defeats(points),
-        kept=_kept(points),
+        release_numbers=_release_numbers(points),
     )
 
 
@@ -96,7 +96,7 @@ def interval(ratios: dict | None) -> dict | None:
         return None
     mean = measures.mean_of_few(np.log(ratios["values"]))
     ends = (mean.value, mean.value - mean.margin, mean.value + mean.margin)
-    value, low, high = (float(one) for one in np.exp(ends))
+    value, low, high = (float(end) for end in np.exp(ends))
     return {"value": value, "low": low, "high": high}
 
 
@@ -104,8 +104,8 @@ def fastest(point: dict) -> dict | None:
     """The ratio of a whole step's time with ours to that with the fastest of LAMMPS's rigid fixes,
     as an interval: of CPU times, or of wall times if results have no CPU times."""
     rows = [row for row in point["integrators"] if row["kind"] == "rigid"]
-    found = (interval(row.get("spent_ratio") or row.get("loop_ratio")) for row in rows)
-    return max(filter(None, found), key=lambda one: one["value"], default=None)
+    ratios = (interval(row.get("spent_ratio") or row.get("loop_ratio")) for row in rows)
+    return max(filter(None, ratios), key=lambda ratio: ratio["value"], default=None)
 
 
 def place(point: dict) -> str:
@@ -113,25 +113,25 @@ def place(point: dict) -> str:
     return f"{point['scene']} {point['bodies']:,}, {ranks_of(point['ranks'])}"
 
 
-def _ratio(found):
-    value, low, high = (digits(found[key]) for key in ("value", "low", "high"))
+def _ratio(ratio):
+    value, low, high = (digits(ratio[key]) for key in ("value", "low", "high"))
     return f"{value} ({SURE} CI {low}–{high})"
 
 
 def _whole(points):
     """Describe the time of a whole step: an answer, and further lines."""
-    found = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
-    if not found:
+    ratios = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
+    if not ratios:
         return "", []
-    found.sort(key=lambda one: one[0]["value"])
-    slower = sum(ratio["low"] > 1 for ratio, _ in found)
-    faster = sum(ratio["high"] < 1 for ratio, _ in found)
-    ends = dict.fromkeys(f"{_ratio(ratio)} for {where}" for ratio, where in (found[0], found[-1]))
-    told = (
+    ratios.sort(key=lambda pair: pair[0]["value"])
+    slower = sum(ratio["low"] > 1 for ratio, _ in ratios)
+    faster = sum(ratio["high"] < 1 for ratio, _ in ratios)
+    ends = dict.fromkeys(f"{_ratio(ratio)} for {where}" for ratio, where in (ratios[0], ratios[-1]))
+    sentence = (
         f"Time of a whole step relative to {FASTEST}: {' to '.join(ends)}. Ours is significantly "
-        f"faster in {faster} of {len(found)} cases, and significantly slower in {slower}."
+        f"faster in {faster} of {len(ratios)} cases, and significantly slower in {slower}."
     )
-    return told, []
+    return sentence, []
 
 
 def _defeats(points):
@@ -144,14 +144,14 @@ def _defeats(points):
     ]
 
 
-def _kept(points):
+def _release_numbers(points):
     """The numbers for the table of releases."""
-    kept = {}
+    numbers = {}
     for point in points:
-        own = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
-        for row in own:
-            kept[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
-    return kept
+        rows = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
+        for row in rows:
+            numbers[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
+    return numbers
 
 
 def _busy(points):
@@ -184,13 +184,14 @@ def _best(points):
     ]
     rows = []
     for point in points:
-        found = {row["name"]: row for row in point["integrators"]}
-        if found.get(OURS, {}).get("modify"):
+        by_name = {row["name"]: row for row in point["integrators"]}
+        if by_name.get(OURS, {}).get("modify"):
             ratios = {
-                f"{name}_ratio": interval(found.get(name, {}).get("modify_ratio")) for name in USUAL
+                f"{name}_ratio": interval(by_name.get(name, {}).get("modify_ratio"))
+                for name in USUAL
             }
             row = point | ratios | {"whole_ratio": fastest(point)}
-            rows.append(row | {"own": found[OURS]["modify"]})
+            rows.append(row | {"own": by_name[OURS]["modify"]})
     return Table("Time in the fix (LAMMPS's Modify), and of the whole step", columns, rows)
 
 

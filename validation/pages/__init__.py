@@ -1,18 +1,18 @@
-"""The only renderer: a verb returns a `Said`; `write` and `show` make files, page and terminal
+"""The only renderer: a verb returns a `Report`; `write` and `show` make files, page and terminal
 output.
 
-A verb's ``report.py`` has one function, ``said(summary) -> Said``.  It uses only the plain data of
-the summary.json, so that page and tables can be recreated from the file.
+A verb's ``report.py`` has one function, ``describe(summary) -> Report``.  It uses only the plain
+data of the summary.json, so that page and tables can be recreated from the file.
 """
 
-from .contents import Cell, Column, Figure, Said, Table, digits, ranks_of
+from .contents import Cell, Column, Figure, Report, Table, digits, ranks_of
 from .rendering import Section, draw, frame, markdown, page, show, show_table, write, write_tables
 
 __all__ = [
     "Cell",
     "Column",
     "Figure",
-    "Said",
+    "Report",
     "Section",
     "Table",
     "digits",

@@ -10,8 +10,8 @@ WIDE = 150  # columns, where the output is not a terminal
 
 def console() -> Console:
     """Standard output."""
-    found = Console(highlight=False)
-    return found if found.is_terminal else Console(width=WIDE, highlight=False)
+    output = Console(highlight=False)
+    return output if output.is_terminal else Console(width=WIDE, highlight=False)
 
 
 class Meter:
@@ -47,18 +47,18 @@ class Meter:
     def begin(self, label: str, total: int) -> None:
         """Start a run of ``total`` steps."""
         self.label, self.total, self.start = label, total, time.monotonic()
-        self.one = self.progress.add_task(label, total=total)
+        self.current = self.progress.add_task(label, total=total)
 
     def at(self, step: float) -> None:
         """Set the progress of the run to ``step``."""
-        self.progress.update(self.one, completed=step)
+        self.progress.update(self.current, completed=step)
         self.progress.update(self.all, completed=self.done + step)
 
     def end(self, error: str | None) -> None:
         """End the run: successful if ``error`` is None."""
         self.at(self.total)
         self.done += self.total
-        self.progress.remove_task(self.one)
+        self.progress.remove_task(self.current)
         seconds = time.monotonic() - self.start
         note = f"failed: {error[:70]}" if error else f"{self.total} {self.unit}" * (self.total > 1)
         self.console.print(f"{self.label:<34} {seconds:6.1f} s  {note}", markup=False)

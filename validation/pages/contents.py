@@ -100,12 +100,12 @@ class Column:
         value, unit = row.get(self.key), f" ({self.unit})" if self.unit else ""
         if self.kind == "estimate":
             known = Estimate.of(value) if value else None
-            found = {"": known and known.value, " margin": known and known.margin}
+            entries = {"": known and known.value, " margin": known and known.margin}
         elif self.kind in PARTS:
-            found = {end: value and value[part] for end, part in PARTS[self.kind].items()}
+            entries = {end: value and value[part] for end, part in PARTS[self.kind].items()}
         else:
-            found = {"": value.text if isinstance(value, Cell) else value}
-        return {f"{self.title}{end}{unit}": number for end, number in found.items()}
+            entries = {"": value.text if isinstance(value, Cell) else value}
+        return {f"{self.title}{end}{unit}": number for end, number in entries.items()}
 
 
 def digits(value: float | None, significant: int = 3) -> str:
@@ -139,7 +139,9 @@ class Table:
     def shown(self) -> list[Column]:
         """The columns that have an entry."""
         return [
-            one for one in self.columns if any(row.get(one.key) is not None for row in self.rows)
+            column
+            for column in self.columns
+            if any(row.get(column.key) is not None for row in self.rows)
         ]
 
     @classmethod
@@ -171,7 +173,7 @@ class Figure:
 
 
 @dataclass(frozen=True)
-class Said:
+class Report:
     """The report of a verb on its results.
 
     Attributes:
@@ -185,7 +187,7 @@ class Said:
         failures: what ended with an error, by name.
         commands: that repeat these results; empty: the summary's own.
         defeats: where ours is worse than another, with numbers; shown on the page of all results.
-        kept: numbers as text, by name, for the table of releases.
+        release_numbers: as text, by name, for the table of releases.
     """
 
     title: str
@@ -201,7 +203,7 @@ class Said:
     failures: Sequence[str] = ()
     commands: Sequence[str] = ()
     defeats: Sequence[str] = ()
-    kept: Mapping[str, str] = field(default_factory=dict)
+    release_numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def all_tables(self) -> list[Table]:
@@ -212,36 +214,38 @@ class Said:
             Column("verdict", "verdict", kind="verdict"),
             Column("why", "why", kind="text", wide=True),
         ]
-        found = [*self.tables]
+        tables = [*self.tables]
         for part, title in self.parts.items():
-            rows = [_of_check(one) for one in self.checks if one["part"] == part]
-            found += [Table(title, columns, rows)] * bool(rows)
+            rows = [_of_check(check) for check in self.checks if check["part"] == part]
+            tables += [Table(title, columns, rows)] * bool(rows)
         if self.checks:
-            kept = [{**one, "margin": Estimate.of(one).margin or None} for one in self.checks]
+            exported = [
+                {**check, "margin": Estimate.of(check).margin or None} for check in self.checks
+            ]
             every = [Column(key, key, kind="text") for key in CHECK_COLUMNS]
-            found.append(Table("", every, kept, self.checks_file))
-        return found
+            tables.append(Table("", every, exported, self.checks_file))
+        return tables
 
     @property
     def open_checks(self) -> dict[str, list[str]]:
         """Checks that do not hold, and open ones, each with its numbers."""
         return {
             verdict: [
-                f"{one['subject']}: {one['what']}: {measured(one)}, bound {bound(one)}"
-                + (f" ({one['note']})" if one["note"] else "")
-                for one in self.checks
-                if one["verdict"] == verdict
+                f"{check['subject']}: {check['what']}: {measured(check)}, bound {bound(check)}"
+                + (f" ({check['note']})" if check["note"] else "")
+                for check in self.checks
+                if check["verdict"] == verdict
             ]
             for verdict in VERDICTS[1:]
         }
 
 
-def _of_check(one: Mapping) -> dict:
+def _of_check(check: Mapping) -> dict:
     """A row of a table of checks."""
-    number = Cell(measured(one), one["value"])
-    why = "; ".join(text for text in (one["source"], one["note"]) if text)
-    words = {key: one[key] for key in ("subject", "what", "verdict")}
-    return words | {"value": number, "bound": bound(one), "why": why}
+    number = Cell(measured(check), check["value"])
+    why = "; ".join(text for text in (check["source"], check["note"]) if text)
+    words = {key: check[key] for key in ("subject", "what", "verdict")}
+    return words | {"value": number, "bound": bound(check), "why": why}
 
 
 def ranks_of(number: int) -> str:

@@ -63,7 +63,7 @@ def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> Non
     left, bottom = axis.transAxes.transform((0, 0))
     right, top = axis.transAxes.transform((1, 1))
     at = [(axis.transData.transform((x, y)), text, colour) for x, y, text, colour in ends]
-    at.sort(key=lambda one: one[0][1])
+    at.sort(key=lambda end: end[0][1])
     places = [place[1] for place, *_ in at]
     for index in range(1, len(places)):
         places[index] = max(places[index], places[index - 1] + step)

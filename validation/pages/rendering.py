@@ -1,4 +1,4 @@
-"""Rendering of `contents.Said` to files, to the terminal, and to pages that need no other file."""
+"""Rendering of a `contents.Report` to files, the terminal, and pages that need no other file."""
 
 import base64
 import io
@@ -16,7 +16,7 @@ from rich.table import Table as Lines
 from rich.text import Text
 
 from ..running import json_files, machine
-from .contents import MARGINS, STYLES, Said, Table
+from .contents import MARGINS, STYLES, Report, Table
 from .figures import STYLE
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -29,23 +29,23 @@ GUTTER = (0, 1, 0, 0)  # of the terminal's tables
 class Section(NamedTuple):
     """A summary's section of a page; ``name`` is its anchor, ``folder`` has its figures."""
 
-    said: Said
+    report: Report
     summary: dict
     folder: Path
     name: str = ""
 
 
-def write(said: Said, summary: dict, out: Path) -> None:
+def write(report: Report, summary: dict, out: Path) -> None:
     """Write summary.json, CSV files, figures and report.html into the folder ``out``."""
     json_files.write(out / "summary.json", summary)
-    write_tables(said, out)
-    draw(said, out)
-    page(out / "report.html", said.title, [Section(said, summary, out)])
+    write_tables(report, out)
+    draw(report, out)
+    page(out / "report.html", report.title, [Section(report, summary, out)])
 
 
-def write_tables(said: Said, out: Path) -> None:
+def write_tables(report: Report, out: Path) -> None:
     """Write the CSV files; a table without rows has none."""
-    for table in said.all_tables:
+    for table in report.all_tables:
         path = out / f"{table.file}.csv"
         if table.file and table.rows:
             frame(table).to_csv(path, index=False)
@@ -67,11 +67,11 @@ def frame(table: Table) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=headings, dtype=object)
 
 
-def draw(said: Said, out: Path) -> None:
+def draw(report: Report, out: Path) -> None:
     """Draw the figures; if there is nothing to draw, the figure of an earlier command is
     removed."""
     with plt.rc_context(STYLE):
-        for figure in said.figures:
+        for figure in report.figures:
             path, drawn = out / f"{figure.name}.png", figure.draw()
             if drawn is None:
                 path.unlink(missing_ok=True)
@@ -115,8 +115,8 @@ def page(
         "folded": FOLDED,
         "picture": _picture,
     }
-    made = environment.get_template(template).render(title=title, sections=sections, **head)
-    path.write_text(made)
+    html = environment.get_template(template).render(title=title, sections=sections, **head)
+    path.write_text(html)
 
 
 def _picture(section: Section, name: str) -> str | None:
@@ -125,26 +125,26 @@ def _picture(section: Section, name: str) -> str | None:
     return base64.b64encode(path.read_bytes()).decode() if path.exists() else None
 
 
-def show(console: Console, said: Said, summary: dict, out: Path) -> None:
+def show(console: Console, report: Report, summary: dict, out: Path) -> None:
     """Print the question, the answer, tables, checks, failures and where the files are."""
 
     def tell(text, style=None):
         console.print(text, style=style, markup=False, soft_wrap=True)
 
-    tell(said.title, "bold")
-    tell(said.question)
-    tell(said.answer, "bold")
-    for table in said.all_tables:
+    tell(report.title, "bold")
+    tell(report.question)
+    tell(report.answer, "bold")
+    for table in report.all_tables:
         if table.title and not table.long:
             show_table(console, table)
-    for verdict, names in said.open_checks.items():
+    for verdict, names in report.open_checks.items():
         for name in names:
             tell(f"{verdict}: {name}", COLOURS[style_of(verdict)])
-    if said.checks:
+    if report.checks:
         tell(MARGINS)
-    for line in said.lines:
+    for line in report.lines:
         tell(line)
-    for failure in said.failures:
+    for failure in report.failures:
         tell(f"✗ {failure}")
     if summary.get("interrupted"):
         tell("Interrupted: the same command goes on from here.")
@@ -153,36 +153,40 @@ def show(console: Console, said: Said, summary: dict, out: Path) -> None:
 
 def show_table(console: Console, table: Table) -> None:
     """Print a table; nothing if it has no rows."""
-    made = Lines(
+    grid = Lines(
         title=table.title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=GUTTER
     )
     columns = [column for column in table.shown if not column.wide]
     for column in columns:
         words = column is columns[0] or column.kind in ("text", "verdict", "code")
         head = f"{column.title}\n{column.unit}" if column.unit else column.title
-        made.add_column(head, justify="left" if words else "right", overflow="fold")
+        grid.add_column(head, justify="left" if words else "right", overflow="fold")
     for row in table.rows:
         cells = [column.cell(row, short=True) for column in columns]
-        texts = [Text(one.text, COLOURS.get(style_of(one.verdict), "")) for one in cells]
+        texts = [Text(cell.text, COLOURS.get(style_of(cell.verdict), "")) for cell in cells]
         if row.get("error"):
             texts[0] = Text("✗ ") + texts[0]
-        made.add_row(*texts, style="bold" if row.get("ours") else None)
+        grid.add_row(*texts, style="bold" if row.get("ours") else None)
     if table.rows:
-        console.print(made)
+        console.print(grid)
         if table.note:
             console.print(table.note, markup=False, soft_wrap=True)
 
 
 def markdown(table: Table, keys: Iterable[str] = ()) -> str:
     """Format a table for the documentation, with the columns of these keys; by default all."""
-    columns = [one for one in table.shown if not keys or one.key in set(keys)]
+    columns = [column for column in table.shown if not keys or column.key in set(keys)]
 
     def line(cells):
         return (
-            "| " + " | ".join(one.replace("|", "\\|").replace("\n", "<br>") for one in cells) + " |"
+            "| "
+            + " | ".join(column.replace("|", "\\|").replace("\n", "<br>") for column in cells)
+            + " |"
         )
 
-    heads = line(f"{one.title}, {one.unit}" if one.unit else one.title for one in columns)
+    heads = line(
+        f"{column.title}, {column.unit}" if column.unit else column.title for column in columns
+    )
 
     def text(column, row):
         cell = column.cell(row).text

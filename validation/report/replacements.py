@@ -79,7 +79,7 @@ def _sampled(system, usual, ours, summary):
         "lines": [native(ours["lines"][-1]), f"timestep {ours['dt']:g}"],
         "speed": _both([digits(86.4 / cost) for cost in costs]),
         "times": digits(costs[0] / costs[1], 2),
-        "warmer": _both([one and one.text() for one in warmth]),
+        "warmer": _both([change and change.text() for change in warmth]),
         "pressure": _both([_pressure(row["biases"]) for row in pair]),
     }
 
@@ -99,7 +99,7 @@ def native(line: str) -> str:
     """Convert a quoted fix line of the results to the form that users type."""
     line = re.sub(
         r'python/move "fix_nosquish\.(\w+) \w+ (.*)"',
-        lambda found: f"nosquish/{found[1].lower()} {found[2]}",
+        lambda match: f"nosquish/{match[1].lower()} {match[2]}",
         line,
     )
     line = line.replace(" thermostat langevin", "").replace(" points flexible", " flexible rest")
@@ -116,7 +116,7 @@ def _costs(summaries: Sequence[Mapping]) -> Iterator[dict]:
 
 
 def _timed(system, point, usual):
-    known = {one["name"]: one for one in point["integrators"]}
+    known = {row["name"]: row for row in point["integrators"]}
     ours, ratio = known["nosquish"], known.get(usual, {}).get("loop_ratio")
     if ratio:
         ends = [digits(1 / ratio[part]) for part in ("median", "max", "min")]

@@ -11,7 +11,7 @@ from pathlib import Path
 import pandas as pd
 
 from .. import CHECKOUT, NAME, RESULTS
-from ..pages import Column, Said, Section, Table
+from ..pages import Column, Report, Section, Table
 from ..pages.contents import MARGINS
 from ..pages.rendering import page
 from ..sample import answers
@@ -30,28 +30,28 @@ def gather(results: Path) -> tuple[list[Section], list[str]]:
     Args:
         results: folder of results; missing ones are read from `RESULTS`.
     """
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for root in RESULTS, results:
         for pattern in "*/summary.json", "*/*/summary.json":
             files = sorted(root.glob(pattern))
-            found |= {path.parent.relative_to(root).as_posix(): path for path in files}
+            paths |= {path.parent.relative_to(root).as_posix(): path for path in files}
     sections, problems = [], []
-    for name, path in found.items():
+    for name, path in paths.items():
         try:
             summary = json.loads(path.read_text())
-            verb, said = said_of(summary)
+            verb, report = report_of(summary)
         except (*BROKEN, ImportError) as problem:
             problems.append(f"{_place(path)}: {type(problem).__name__}: {str(problem)[:90]}")
         else:
             place = ORDER.index(verb) if verb in ORDER else len(ORDER)
-            sections.append((place, Section(said, summary, path.parent, name)))
-    return [section for _, section in sorted(sections, key=lambda one: one[0])], problems
+            sections.append((place, Section(report, summary, path.parent, name)))
+    return [section for _, section in sorted(sections, key=lambda pair: pair[0])], problems
 
 
-def said_of(summary: Mapping) -> tuple[str, Said]:
+def report_of(summary: Mapping) -> tuple[str, Report]:
     """The verb of a summary, and its report."""
     verb = summary["command"].split()[1]  # of "nosquish VERB ..."
-    return verb, import_module(f"{NAME}.{verb}.report").said(summary)
+    return verb, import_module(f"{NAME}.{verb}.report").describe(summary)
 
 
 def _place(path: Path) -> str:
@@ -66,7 +66,7 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
     best = answers.table(summaries)
     lost = [
         *answers.defeats(best.rows),
-        *(one for section in sections for one in section.said.defeats),
+        *(text for section in sections for text in section.report.defeats),
     ]
     page(
         path,
@@ -80,19 +80,21 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
         defeats=lost,
         problems=problems,
         definitions={"±": MARGINS}
-        | dict(pair for section in sections for pair in section.said.notes.items()),
+        | dict(pair for section in sections for pair in section.report.notes.items()),
     )
 
 
 def _brief(section: Section) -> Section:
     """Shorten a section: without long tables and common notes; of numbers with bounds only those
     that do not hold or are open."""
-    tables = [one for one in section.said.tables if not one.long and len(one.rows) <= ROWS]
-    said = replace(section.said, tables=tables, notes={}, parts={})
+    tables = [
+        table for table in section.report.tables if not table.long and len(table.rows) <= ROWS
+    ]
+    report = replace(section.report, tables=tables, notes={}, parts={})
     summary = dict(section.summary)
     for part, words in ("machine", {"cpu"}), ("versions", {"lammps", "fix_nosquish", "package"}):
         summary[part] = {key: text for key, text in summary[part].items() if key in words}
-    return section._replace(said=said, summary=summary)
+    return section._replace(report=report, summary=summary)
 
 
 def releases() -> Table:
@@ -112,11 +114,14 @@ def releases() -> Table:
 
 def release(name: str, sections: Sequence[Section]) -> None:
     """Set the column of a release in the committed table to the current results."""
-    kept = answers.kept(section.summary for section in sections)
+    numbers = answers.release_numbers(section.summary for section in sections)
     for section in sections:
-        kept |= {(section.said.title, what): text for what, text in section.said.kept.items()}
+        numbers |= {
+            (section.report.title, what): text
+            for what, text in section.report.release_numbers.items()
+        }
     rows = {(row["scene"], row["number"]): row for row in releases().rows}
-    for (scene, number), text in kept.items():
+    for (scene, number), text in numbers.items():
         row = rows.setdefault((scene, number), {"scene": scene, "number": number})
         rows[scene, number] = {**row, name: text}
     pd.DataFrame([*rows.values()]).to_csv(RELEASES, index=False)

@@ -89,8 +89,8 @@ def timings(text: str) -> list[Loop]:
             with suppress(ValueError):  # the heading
                 sections[name] = float(cells.split("|")[1])
         ranks, steps, atoms = map(int, match.groups()[1:])
-        told, builds = cpu and float(cpu.group(1)), late and int(late.group(1))
-        result.append(Loop(float(match.group(1)), ranks, steps, atoms, told, sections, builds))
+        usage, builds = cpu and float(cpu.group(1)), late and int(late.group(1))
+        result.append(Loop(float(match.group(1)), ranks, steps, atoms, usage, sections, builds))
     return result
 
 
@@ -118,10 +118,10 @@ def lists(text: str) -> Lists | None:
     """See `Lists`; None if there were none, or if the skin is not known."""
     cutoffs, units = _LISTS.findall(text), _UNITS.findall(text)
     usual = SKINS.get(units[-1] if units else "lj")
-    said = _NEIGHBOR.findall(text) or ([(usual, "bin")] if usual else [])
-    if not cutoffs or not said:
+    settings = _NEIGHBOR.findall(text) or ([(usual, "bin")] if usual else [])
+    if not cutoffs or not settings:
         return None
-    skin, style = said[-1]
+    skin, style = settings[-1]
     return Lists(float(skin), style, float(cutoffs[-1]), bool(_BINSIZE.search(text)))
 
 

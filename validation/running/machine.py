@@ -30,10 +30,10 @@ def circumstances() -> dict:
 def package(summary: dict) -> str:
     """The package with which something was measured, from its `circumstances`: version, and the
     first digits of the hash of its files."""
-    found = summary.get("versions", {})
-    if "package" not in found:
+    known = summary.get("versions", {})
+    if "package" not in known:
         return "an unknown package"
-    return f"fix_nosquish {found.get('fix_nosquish', '?')} ({found['package'][:7]})"
+    return f"fix_nosquish {known.get('fix_nosquish', '?')} ({known['package'][:7]})"
 
 
 def now() -> str:
@@ -62,36 +62,36 @@ def contents(path: Path) -> str:
     """Hash of a file, or of a folder's files."""
     if not path.is_dir():
         return hashlib.sha256(path.read_bytes()).hexdigest()
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for file in sorted(path.iterdir()):
         if file.is_file() and file.name != "log.lammps":
-            found.update(file.name.encode() + file.read_bytes())
-    return found.hexdigest()
+            digest.update(file.name.encode() + file.read_bytes())
+    return digest.hexdigest()
 
 
 @functools.cache
 def package_hash() -> str:
     """Hash of the code of the installed fix_nosquish and of the older schemes."""
     folder = startup.package()
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     harness = folder.parent / INSTALLED, folder.parent / "validation"  # this one of a checkout
     schemes = (path for place in harness for path in place.glob("schemes/*.py"))
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so"), *schemes]):
-        found.update(path.relative_to(folder.parent).as_posix().encode() + path.read_bytes())
-    return found.hexdigest()
+        digest.update(path.relative_to(folder.parent).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()
 
 
 def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     """Hash of what a run depends on beside its ``run.Job``: the scene's files, further files,
     versions, and for ours the package.  Missing files are ignored: LAMMPS reports them."""
     package = package_hash() if integrator.kind == "ours" else None
-    found = [
+    inputs = [
         versions(),
         scene.origin or contents(scene.folder),
         package,
         *(contents(file) for file in files if file.exists()),
     ]
-    return hashlib.sha256(json.dumps(found).encode()).hexdigest()
+    return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()
 
 
 def worker_versions(versions: dict) -> dict:

@@ -100,10 +100,10 @@ def in_turn(
     again.
 
     Returns:
-        (found, errors, interrupted): name to the `Timing` of each round, name to why it failed, and
+        (timings, errors, interrupted): the `Timing` of each round and why it failed, by name, and
         whether a Ctrl-C ended it all.
     """
-    found: dict[str, list[Timing]] = {name: [] for name in labels}
+    timings: dict[str, list[Timing]] = {name: [] for name in labels}
     errors: dict[str, str] = {}
     for number, order in enumerate(orders([*labels], rounds), 1):
         for name in order:
@@ -114,12 +114,12 @@ def in_turn(
             result = run.run(job)
             meter.end(result.error)
             if result.interrupted:
-                return found, errors, True
+                return timings, errors, True
             if result.error:
                 errors[name] = result.error
             else:
-                found[name].append(timing(job, result))
-    return found, errors, False
+                timings[name].append(timing(job, result))
+    return timings, errors, False
 
 
 def orders(names: Sequence[str], rounds: int) -> Iterator[list[str]]:
@@ -142,12 +142,16 @@ def timing(job: run.Job, result: run.Result) -> Timing:
         seconds = [
             segment.sections[section] if section else segment.seconds for segment in segments
         ]
-        found = [spent / one.steps for spent, one in zip(seconds, segments)]
-        return float(np.median(found)) * 1e6 if found else None
+        times = [spent / segment.steps for spent, segment in zip(seconds, segments)]
+        return float(np.median(times)) * 1e6 if times else None
 
     names = segments[0].sections if segments else ()
-    shares = [one.cpu for one in segments if one.cpu is not None]
-    spent = [1e4 * one.cpu * one.seconds / one.steps for one in segments if one.cpu is not None]
+    shares = [segment.cpu for segment in segments if segment.cpu is not None]
+    spent = [
+        1e4 * segment.cpu * segment.seconds / segment.steps
+        for segment in segments
+        if segment.cpu is not None
+    ]
     return Timing(
         modify=median("Modify"),
         loop=median(),
@@ -163,7 +167,7 @@ def timing(job: run.Job, result: run.Result) -> Timing:
 
 def spread(rounds: list[Timing], key: str) -> measures.Spread | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    values = (getattr(one, key) for one in rounds)
+    values = (getattr(timing, key) for timing in rounds)
     return _spread(value for value in values if value is not None)
 
 
@@ -174,10 +178,10 @@ def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> measures.Spread
 
 
 def difference(
-    own: list[Timing], other: list[Timing], key: str, times: float = 1.0
+    first: list[Timing], second: list[Timing], key: str, times: float = 1.0
 ) -> measures.Spread | None:
-    """Spread of own minus other, each pair of one round; None if there is no pair."""
-    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(own, other)]
+    """Spread of the first minus the second, each pair of one round; None if there is no pair."""
+    pairs = [(getattr(a, key), getattr(b, key)) for a, b in zip(first, second)]
     return _spread((a - b) * times for a, b in pairs if a is not None and b is not None)
 
 

@@ -65,7 +65,7 @@ class Job:
         motion: whether velocities and masses are kept with the positions.
         overlay: see ``Scene``; what the run writes goes into its own overlay.
         worker: path of its worker in the harness; empty for that of LAMMPS.
-        given: input of another worker, plain data.
+        input: of another worker, plain data.
     """
 
     directory: str
@@ -80,7 +80,7 @@ class Job:
     motion: bool = False
     overlay: str = ""
     worker: str = ""
-    given: dict = field(default_factory=dict)
+    input: dict = field(default_factory=dict)
 
 
 @dataclass
@@ -169,8 +169,8 @@ def without_suffix(line: str) -> str:
     names = line.split()[1:]
     if not line.startswith("suffix ") or SUFFIX not in names:
         return line
-    kept = [name for name in names if name not in ("hybrid", SUFFIX)]
-    return f"suffix {kept[0] if kept else 'none'}"  # not off: the script may switch it on again
+    others = [name for name in names if name not in ("hybrid", SUFFIX)]
+    return f"suffix {others[0] if others else 'none'}"  # not off: the script may switch it on again
 
 
 def thermo(*more) -> list[str]:
@@ -237,11 +237,11 @@ def once(
 
 def _empty(directory: Path) -> None:
     """Remove the files of a run except the lock, for which another process may wait."""
-    for one in directory.iterdir():
-        if one.is_dir():
-            shutil.rmtree(one)
-        elif one.name != LOCK:
-            one.unlink()
+    for path in directory.iterdir():
+        if path.is_dir():
+            shutil.rmtree(path)
+        elif path.name != LOCK:
+            path.unlink()
 
 
 def is_there(job: Job, failures: bool = False) -> bool:
@@ -253,14 +253,14 @@ def is_there(job: Job, failures: bool = False) -> bool:
             that the machine ended, for example by a full disk.
     """
     directory = Path(job.directory)
-    known = _kept(directory)
+    known = _stored_job(directory)
     if known is None:
         return False
     failed = failures and _lasts(directory) and known.silence >= job.silence
     return known == job and (failed or json_files.read(directory / "done.json") is not None)
 
 
-def _kept(directory: Path) -> Job | None:
+def _stored_job(directory: Path) -> Job | None:
     """The job whose files are in a directory; None without a job of this version."""
     path = directory / "job.json"
     plain = json_files.read(path)
@@ -356,10 +356,10 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
         more: keywords of Popen.
     """
     stop = _Stop()
-    taken = [one for one in signal.valid_signals()
-             if signal.getsignal(one) is signal.default_int_handler]  # fmt: skip
-    for one in taken:
-        signal.signal(one, stop)
+    handled = [number for number in signal.valid_signals()
+             if signal.getsignal(number) is signal.default_int_handler]  # fmt: skip
+    for number in handled:
+        signal.signal(number, stop)
     try:
         how: dict = {
             "stdin": subprocess.DEVNULL,
@@ -378,8 +378,8 @@ def started(words: Sequence[str], **more) -> Iterator[subprocess.Popen]:
     finally:
         if stop.came:
             time.sleep(AGAIN)
-        for one in taken:
-            signal.signal(one, signal.default_int_handler)
+        for number in handled:
+            signal.signal(number, signal.default_int_handler)
     if stop.waits:
         raise KeyboardInterrupt
 
@@ -437,16 +437,16 @@ def launcher(ranks: int) -> list[str]:
 def mpirun() -> str:
     """mpirun of this interpreter's environment, else the one on PATH."""
     beside = Path(sys.executable).parent / "mpirun"
-    found = str(beside) if beside.exists() else shutil.which("mpirun")
-    if not found:
+    program = str(beside) if beside.exists() else shutil.which("mpirun")
+    if not program:
         raise SystemExit("no mpirun beside this Python and none on PATH: pip install mpich")
-    return found
+    return program
 
 
 def _exit(output):
     """How a rank has ended, from mpirun's message."""
-    found = re.search(r"EXIT STRING: (.+?) *$|EXIT CODE: (\d+)", output, re.M)
-    return (found.group(1) or f"exit code {found.group(2)}") if found else "cause unknown"
+    match = re.search(r"EXIT STRING: (.+?) *$|EXIT CODE: (\d+)", output, re.M)
+    return (match.group(1) or f"exit code {match.group(2)}") if match else "cause unknown"
 
 
 def _read(path):

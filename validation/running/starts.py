@@ -60,7 +60,9 @@ def read(dump: Path | str, step: int, dimension: int = 3, box: bool = False) -> 
         dimension: in two dimensions LAMMPS accepts no z.
         box: whether to take the box of the dump, too.
     """
-    fields = STATE if dimension == 3 else " ".join(one for one in STATE.split() if "z" not in one)
+    fields = (
+        STATE if dimension == 3 else " ".join(field for field in STATE.split() if "z" not in field)
+    )
     sized = "yes" if box else "no"
     return f'read_dump "{dump}" {step} {fields} box {sized} replace yes timestep no format native'
 

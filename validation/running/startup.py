@@ -22,10 +22,10 @@ def package() -> Path:
     """Folder of the fix_nosquish that LAMMPS imports; it may differ from the checkout's."""
     find = "find_spec('fix_nosquish').submodule_search_locations[0]"
     code = f"from importlib.util import find_spec; print({find})"
-    found = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
-    if found.returncode:
+    process = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
+    if process.returncode:
         raise SystemExit("fix_nosquish is not installed for this Python: pip install .")
-    return Path(found.stdout.strip())
+    return Path(process.stdout.strip())
 
 
 def measure(
@@ -57,7 +57,7 @@ def measure(
         meter.end(error)
     pairs = zip(times["ours"], times["plain"])
     times["added"] = [(wall - plain, cpu - other) for (wall, cpu), (plain, other) in pairs]
-    spreads = {kind: _spreads(some[1:]) for kind, some in times.items() if some[1:]}
+    spreads = {kind: _spreads(starts[1:]) for kind, starts in times.items() if starts[1:]}
     return {"ranks": ranks, "error": error} | spreads
 
 
@@ -71,7 +71,7 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
     Raises:
         ChildProcessError: it failed.
     """
-    script, said = place / "in.start", place / "stderr.txt"
+    script, errors = place / "in.start", place / "stderr.txt"
     lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
     script.write_text("\n".join(lines))
     lmp = Path(sys.executable).parent / "lmp"
@@ -85,13 +85,13 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
         os.sched_setaffinity(0, {min(cores)})  # which the process inherits
     try:
         begin = time.perf_counter()
-        with open(said, "w") as stderr, run.started(command, stderr=stderr, **how) as process:
+        with open(errors, "w") as stderr, run.started(command, stderr=stderr, **how) as process:
             _, status, used = os.wait4(process.pid, 0)
             process.returncode = os.waitstatus_to_exitcode(status)
     finally:
         os.sched_setaffinity(0, cores)
     times = time.perf_counter() - begin, used.ru_utime + used.ru_stime
     if process.returncode:
-        told = said.read_text().strip().replace("\n", " ")
-        raise ChildProcessError(told[-200:] or f"exit code {process.returncode}")
+        message = errors.read_text().strip().replace("\n", " ")
+        raise ChildProcessError(message[-200:] or f"exit code {process.returncode}")
     return times

@@ -57,18 +57,18 @@ class Store:
         Args:
             name: of the record; with slashes, its file is in such folders.
         """
-        kept = self.kept(name, origin)
-        if kept and kept["complete"]:
-            return kept["record"]
+        stored = self.load(name, origin)
+        if stored and stored["complete"]:
+            return stored["record"]
         record = make()
-        self.keep(name, origin, record)
+        self.save(name, origin, record)
         return record
 
-    def kept(self, name: str, origin: str) -> dict | None:
+    def load(self, name: str, origin: str) -> dict | None:
         """The stored ``record``, ``complete``, ``date``, ``origin`` and ``base``; None if none."""
         return _record(self._file(name, origin))
 
-    def keep(self, name: str, origin: str, record: dict, complete: bool = True) -> None:
+    def save(self, name: str, origin: str, record: dict, complete: bool = True) -> None:
         """Store a record; one that is not ``complete`` is continued later."""
         plain = {
             "name": name,
@@ -83,8 +83,8 @@ class Store:
     def shared(self, names: Iterable[str]) -> Iterator[str]:
         """The names, each locked against other processes; those locked by others come last."""
         waiting: list[str] = []
-        for some, wait in (list(names), False), (waiting, True):
-            for name in some:
+        for batch, wait in (list(names), False), (waiting, True):
+            for name in batch:
                 with self.locked(name, wait) as mine:
                     if mine:
                         yield name
@@ -116,12 +116,12 @@ def alone(folder: Path) -> Iterator[None]:
 
 
 def _record(file: Path) -> dict | None:
-    """What `Store.keep` has written; None if there is none."""
-    kept = json_files.read(file)
-    if kept is not None and not kept.keys() >= RECORD:
+    """What `Store.save` has written; None if there is none."""
+    record = json_files.read(file)
+    if record is not None and not record.keys() >= RECORD:
         json_files.report_damage(file, "no record")
         return None
-    return kept
+    return record
 
 
 def digest(*data) -> str:
@@ -129,12 +129,12 @@ def digest(*data) -> str:
     return hashlib.sha256(json.dumps(data, default=_plain).encode()).hexdigest()
 
 
-def _plain(found):
-    if is_dataclass(found) and not isinstance(found, type):
-        return [type(found).__name__, asdict(found)]
-    if isinstance(found, Path):
-        return str(found)
-    raise TypeError(f"{found!r} is no plain data, so a result cannot depend on it")
+def _plain(value):
+    if is_dataclass(value) and not isinstance(value, type):
+        return [type(value).__name__, asdict(value)]
+    if isinstance(value, Path):
+        return str(value)
+    raise TypeError(f"{value!r} is no plain data, so a result cannot depend on it")
 
 
 @functools.cache
@@ -142,5 +142,5 @@ def code() -> str:
     """Hash of the harness's files on which numbers can depend: all but those of `SHOWN`."""
     kinds = "*.py", "*/*.py", "*/*.c", "*/*.cpp"
     files = sorted(path.relative_to(HARNESS) for kind in kinds for path in HARNESS.glob(kind))
-    kept = (file for file in files if not SHOWN.intersection(file.parts))
-    return digest([(str(file), (HARNESS / file).read_text()) for file in kept])
+    relevant = (file for file in files if not SHOWN.intersection(file.parts))
+    return digest([(str(file), (HARNESS / file).read_text()) for file in relevant])

@@ -144,10 +144,10 @@ def work(job: dict, out: Path) -> None:
         "runs": [],
     }
     names = ("x", "v") if job["motion"] else ("x",)
-    kept: dict[str, list] = {name: [] for name in names if job["body_property"]}
+    frames: dict[str, list] = {name: [] for name in names if job["body_property"]}
 
     def keep():
-        for name, values in kept.items():
+        for name, values in frames.items():
             frame = gather(lmp, name, 1, 3)
             if world.rank == 0:  # which writes them: others need no memory for it
                 values.append(frame)
@@ -163,9 +163,9 @@ def work(job: dict, out: Path) -> None:
         keep()
         cells.append(geometry(lmp)[0])
     arrays: dict = {}
-    if kept:
+    if frames:
         bodies = bodies_of(lmp, job["body_property"])
-        arrays = kept | {"bodies": bodies, "cells": cells, "periodic": periodic}
+        arrays = frames | {"bodies": bodies, "cells": cells, "periodic": periodic}
         arrays |= {"mass": masses(lmp)} if job["motion"] else {}
     version = lmp.version()
     lmp.close()

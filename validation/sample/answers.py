@@ -46,15 +46,15 @@ def table(summaries: Iterable[Mapping]) -> Table:
 
 def _ordered(summaries):
     """The summary with the best point of each scene, in the order of `SCENES`."""
-    ranked = sorted(filter(is_sample, summaries), key=lambda found: rivals.gains(_best(found)))
+    ranked = sorted(filter(is_sample, summaries), key=lambda summary: rivals.gains(_best(summary)))
     known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
 
 
 def _best(summary):
-    found = rivals.best(summary["rows"])
-    assert found is not None  # see `is_sample`
-    return found
+    point = rivals.best(summary["rows"])
+    assert point is not None  # see `is_sample`
+    return point
 
 
 def _name(summary):
@@ -83,14 +83,14 @@ def _answers(summary):
 
 def sentences(rows: Sequence[Mapping]) -> list[str]:
     """A sentence for each scene."""
-    told: dict[tuple, list[str]] = {}
+    gains_by_scheme: dict[tuple, list[str]] = {}
     for row in rows:
         gain = f"{row['average']} {speed_up(row['gain'])}"
-        told.setdefault((row["scene"], row["scheme"], row["dt"]), []).append(gain)
+        gains_by_scheme.setdefault((row["scene"], row["scheme"], row["dt"]), []).append(gain)
     return [
         f"{scene[0].upper()}{scene[1:]}: {scheme} at {dt:g} fs. Speed-up at the same error, over "
         f"the best of LAMMPS's fixes at its best step: {', '.join(gains)}."
-        for (scene, scheme, dt), gains in told.items()
+        for (scene, scheme, dt), gains in gains_by_scheme.items()
     ]
 
 
@@ -110,16 +110,16 @@ def defeats(rows: Sequence[Mapping]) -> list[str]:
     ]
 
 
-def kept(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
+def release_numbers(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
     """The numbers for the table of releases: {(scene, number): text}."""
-    found = {}
+    numbers = {}
     for row in table(summaries).rows:
         scene, average = row["scene"], row["average"]
-        found[scene, "step, fs"] = f"{row['dt']:g}"
-        found[scene, f"bias of {average}, {row['unit']}"] = Estimate.of(row["bias"]).text()
-        found[scene, f"speed-up at the same error of {average}"] = speed_up(row["gain"])
-        found[scene, "CPU time of a ps, s"] = f"{row['cost']['median']:.3g}"
-    return found
+        numbers[scene, "step, fs"] = f"{row['dt']:g}"
+        numbers[scene, f"bias of {average}, {row['unit']}"] = Estimate.of(row["bias"]).text()
+        numbers[scene, f"speed-up at the same error of {average}"] = speed_up(row["gain"])
+        numbers[scene, "CPU time of a ps, s"] = f"{row['cost']['median']:.3g}"
+    return numbers
 
 
 def figure(summaries: Iterable[Mapping]) -> dict:
@@ -127,7 +127,7 @@ def figure(summaries: Iterable[Mapping]) -> dict:
 
     ``x`` is the CPU time per ps in s, ``y`` the bias over its bound and ``m`` the margin of that.
     """
-    found: dict = {}
+    data: dict = {}
     for summary in _ordered(summaries):
         best = _best(summary)
         for key, bound in BOUNDS.items():
@@ -147,5 +147,5 @@ def figure(summaries: Iterable[Mapping]) -> dict:
                 for bias in [Estimate.of(row["biases"][key])]
             ]
             if points:
-                found.setdefault(_name(summary), {})[BY_KEY[key].title] = points
-    return found
+                data.setdefault(_name(summary), {})[BY_KEY[key].title] = points
+    return data

@@ -69,8 +69,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     short = not arguments.full
     if command_line.is_script(arguments.scene, scenes):
-        ask, out = loader.parse_options(arguments, arguments.scene, short)
-        plan = of_script(loader.load(ask, out, 1, arguments.silence))
+        options, out = loader.parse_options(arguments, arguments.scene, short)
+        plan = of_script(loader.load(options, out, 1, arguments.silence))
     else:
         arguments.usual = arguments.usual.replace("SCENE", arguments.scene)
         out = command_line.output_folder(arguments, short)
@@ -99,8 +99,8 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.to_zero:
         summary["rows"] = [row for row in summary["rows"] if row["scheme"] == points[0].scheme]
         summary["zero"] = extrapolation.extrapolate(summary["rows"], lengths.time)
-        failed = failed or any(one["why"] for one in summary["zero"].values())
-    said = extrapolation.said(summary) if arguments.to_zero else report.said(summary)
-    pages.write(said, summary, out)
-    pages.show(screen, said, summary, out)
+        failed = failed or any(average["why"] for average in summary["zero"].values())
+    result = extrapolation.describe(summary) if arguments.to_zero else report.describe(summary)
+    pages.write(result, summary, out)
+    pages.show(screen, result, summary, out)
     return command_line.exit_status(summary["interrupted"], failed)

@@ -59,12 +59,12 @@ def checks(summary: Mapping) -> list[Check]:
     if summary["settings"]["time"] < LEAST:
         return []
     today = summary["known"][0]["dt"]
-    made: list[Check] = []
+    results: list[Check] = []
     for row in summary["rows"]:
         longer = row["ours"] and row["dt"] > today
         if not row["error"] and (longer or row["engine"] in summary["others"]):
-            made += _averages(row, summary)
-    return [*made, *_gains(summary)]
+            results += _averages(row, summary)
+    return [*results, *_gains(summary)]
 
 
 def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
@@ -89,8 +89,8 @@ def _named(key: str) -> tuple[str, str]:
     """The description of a number with bounds, and its unit."""
     if key not in BY_KEY:
         return DEVIATION
-    one = BY_KEY[key]
-    return NAMES.get(key, f"bias of the mean {one.title}"), one.unit
+    observable = BY_KEY[key]
+    return NAMES.get(key, f"bias of the mean {observable.title}"), observable.unit
 
 
 def _gains(summary: Mapping) -> Iterator[Check]:
@@ -99,8 +99,8 @@ def _gains(summary: Mapping) -> Iterator[Check]:
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
-        found = rivals.estimate(gain, FASTER)
-        yield Check.of("cost", _subject(best), what, found, low=FASTER)
+        estimate = rivals.estimate(gain, FASTER)
+        yield Check.of("cost", _subject(best), what, estimate, low=FASTER)
 
 
 def _subject(row: Mapping) -> str:

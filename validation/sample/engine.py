@@ -131,7 +131,7 @@ class Engine:
         name: official name.
         install: how to install it.
         version: returns the installed version; None if there is none.
-        given: returns the worker's input for a run of water, plain data.
+        worker_input: returns the worker's input for a run of water, plain data.
         words: returns lines about that input for the page.
         samples: does the run in the worker, from the input and the folder.  Raises `Failed` if the
             engine ends it.
@@ -141,7 +141,7 @@ class Engine:
     name: str
     install: str
     version: Callable[[], str | None]
-    given: Callable[[EngineRun, Water], dict]
+    worker_input: Callable[[EngineRun, Water], dict]
     words: Callable[[dict], list[str]]
     samples: Callable[[dict, Path], Iterator[Sample]]
     same: bool = False
@@ -149,8 +149,8 @@ class Engine:
     def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:
         """A run; its files are written to ``folder``."""
         path = Path(str(sys.modules[self.samples.__module__].__file__))
-        told = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}
-        told |= {"volume": float(water.box.prod())}
+        settings = {"module": path.stem, "dt": course.dt, "atoms": len(water.x)}
+        settings |= {"volume": float(water.box.prod())}
         return run.Job(
             directory=str(folder),
             folder="",
@@ -160,7 +160,7 @@ class Engine:
             silence=silence,
             origin=digest(self.name, self.version(), machine.contents(path)),
             worker=WORKER,
-            given=told | self.given(course, water),
+            input=settings | self.worker_input(course, water),
         )
 
 
@@ -177,7 +177,7 @@ def versions(engines: Iterable[Engine | None]) -> dict[str, str]:
     Raises:
         SystemExit: one is not installed.
     """
-    found = {}
+    installed = {}
     for engine in dict.fromkeys(filter(None, engines)):
         version = engine.version()
         if version is None:
@@ -185,5 +185,5 @@ def versions(engines: Iterable[Engine | None]) -> dict[str, str]:
                 f"{engine.name} is not installed. Install it by: {engine.install}\n"
                 "Or leave its schemes out of --only"
             )
-        found[engine.name] = version
-    return found
+        installed[engine.name] = version
+    return installed

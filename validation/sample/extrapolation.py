@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 
 from ..experiment import Point
-from ..pages import Cell, Column, Figure, Said, Table
+from ..pages import Cell, Column, Figure, Report, Table
 from ..pages.figures import BLUE, INK, message, panels
 from ..statistics import limit
 from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
@@ -88,22 +88,22 @@ def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:
         ratio of the steps of a run at `BESIDE` to those of this.
     """
     good = {row["dt"]: row for row in rows if not row["error"]}
-    found: dict[str, dict] = {}
+    averages: dict[str, dict] = {}
     for key in CONFIGURATIONS:
         means = {dt: row["means"][key] for dt, row in good.items() if key in row["means"]}
-        kept = key == "pressure" and any("density" in row["means"] for row in good.values())
-        if means and not kept:
+        controlled = key == "pressure" and any("density" in row["means"] for row in good.values())
+        if means and not controlled:
             fit = limit.extrapolate({dt: Estimate.of(mean) for dt, mean in means.items()})
-            found[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
+            averages[key] = {"means": [*means.items()], "why": "only one step tells a mean"}
             if fit:
                 starts = {dt: row["starts"] for dt, row in good.items()}
-                found[key] |= _of_fit(
+                averages[key] |= _of_fit(
                     fit, {dt: time * starts[dt] for dt in means if dt in fit.points}
                 )
-    for one in found.values():
-        if one.get("left") and one["probability"] * len(found) < 1 - CONFIDENCE:
-            one["why"] = "the means fit no series in the square of the step"
-    return found
+    for average in averages.values():
+        if average.get("left") and average["probability"] * len(averages) < 1 - CONFIDENCE:
+            average["why"] = "the means fit no series in the square of the step"
+    return averages
 
 
 def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
@@ -126,34 +126,39 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
     }
 
 
-def _normal(one: Estimate) -> float:
+def _normal(estimate: Estimate) -> float:
     """The standard error of a normal variable with the same margin."""
-    return one.margin / margin(1.0)
+    return estimate.margin / margin(1.0)
 
 
 # ---- report
 
 
-def said(summary: Mapping) -> Said:
+def describe(summary: Mapping) -> Report:
     """The report on averages at step zero."""
     zero, rows = summary["zero"], summary["rows"]
     settings, lines = summary["settings"], {row["label"]: row["lines"] for row in rows}
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
     length = f"{settings['time']:g} ps of each step from {starts}"
     label, words = next(iter(lines.items()), ("No run has ended", []))
-    return Said(
+    return Report(
         f"Averages at step zero: {summary['title']}",
         "What are averages in the limit of small steps?",
-        " ".join(_answer(key, one) for key, one in zero.items()) or "No run tells an average.",
+        " ".join(_answer(key, average) for key, average in zero.items())
+        or "No run tells an average.",
         lines=[f"{label}, {length}, after {settings['settle']:g} ps of equilibration."]
-        + [_more(key, one) for key, one in zero.items() if not one["why"] and one["wide"]],
+        + [
+            _more(key, average)
+            for key, average in zero.items()
+            if not average["why"] and average["wide"]
+        ],
         tables=[_table(zero)] if zero else [],
         figures=[
             Figure("to-zero", lambda: figure(summary), " ".join((figure.__doc__ or "").split()))
         ],
         notes=NOTES | {"input": " / ".join(words)},
         failures=[
-            f"{one['label']}, {one['dt']:g} fs: {one['error']}" for one in rows if one["error"]
+            f"{row['label']}, {row['dt']:g} fs: {row['error']}" for row in rows if row["error"]
         ],
     )
 
@@ -163,26 +168,27 @@ def unit(key: str) -> str:
     return BY_KEY[key].of_mean if BY_KEY[key].relative else BY_KEY[key].unit
 
 
-def _answer(key: str, one: Mapping) -> str:
+def _answer(key: str, average: Mapping) -> str:
     title = BY_KEY[key].title
-    if not one["why"]:
-        return f"{title}: {Estimate.of(one).text()} {unit(key)}".strip() + "."
-    steps, chi2, advice = ", ".join(f"{dt:g}" for dt, _ in one["means"]), "", "add steps"
-    if "chi2" in one:
-        chi2 = f" (χ² is {one['chi2']:.1f} with {one['left']} degrees of freedom)"
+    if not average["why"]:
+        return f"{title}: {Estimate.of(average).text()} {unit(key)}".strip() + "."
+    steps, chi2, advice = ", ".join(f"{dt:g}" for dt, _ in average["means"]), "", "add steps"
+    if "chi2" in average:
+        chi2 = f" (χ² is {average['chi2']:.1f} with {average['left']} degrees of freedom)"
         advice = "leave out the longest step, or add a shorter one"
-    return f"{title}: no number, for {one['why']} at {steps} fs{chi2}: {advice} (--dt)."
+    return f"{title}: no number, for {average['why']} at {steps} fs{chi2}: {advice} (--dt)."
 
 
-def _more(key: str, one: Mapping) -> str:
+def _more(key: str, average: Mapping) -> str:
     return (
         f"{BY_KEY[key].title}: these steps leave open how large the term in h⁴ is, and much of the "
-        f"interval is for this: add a step, at best about {one['means'][0][0] / 2:.2g} fs (--dt)."
+        f"interval is for this: add a step, at best about {average['means'][0][0] / 2:.2g} fs "
+        "(--dt)."
     )
 
 
 def _table(zero: Mapping[str, Mapping]) -> Table:
-    dts = sorted({dt for one in zero.values() for dt, _ in one["means"]})
+    dts = sorted({dt for average in zero.values() for dt, _ in average["means"]})
     columns = [
         Column("title", "average", kind="text"),
         Column("unit", "unit", kind="text"),
@@ -193,13 +199,17 @@ def _table(zero: Mapping[str, Mapping]) -> Table:
         Column("fewer", "fewer steps", "times", "number", ".2g"),
     ]
     rows = []
-    for key, one in zero.items():
+    for key, average in zero.items():
         row: dict = {"title": BY_KEY[key].title, "unit": unit(key), "terms": "refused"}
-        row |= {f"{dt:g}": mean for dt, mean in one["means"]}
-        if "chi2" in one:
-            row["chi2"] = Cell(f"{one['chi2']:.1f} ({one['left']})", one["chi2"])
-        if not one["why"]:
-            row |= {"zero": one, "terms": "h⁴" if one["h4"] else "h²", "fewer": one["fewer"]}
+        row |= {f"{dt:g}": mean for dt, mean in average["means"]}
+        if "chi2" in average:
+            row["chi2"] = Cell(f"{average['chi2']:.1f} ({average['left']})", average["chi2"])
+        if not average["why"]:
+            row |= {
+                "zero": average,
+                "terms": "h⁴" if average["h4"] else "h²",
+                "fewer": average["fewer"],
+            }
         rows.append(row)
     return Table("Averages", columns, rows, "averages")
 
@@ -207,22 +217,22 @@ def _table(zero: Mapping[str, Mapping]) -> Table:
 def figure(summary: Mapping) -> Drawing | None:
     """Averages against the square of the step, and the fit. Whiskers: 95 % intervals, at zero that
     of the limit."""
-    some = {key: one for key, one in summary["zero"].items() if not one["why"]}
-    if not some:
+    averages = {key: average for key, average in summary["zero"].items() if not average["why"]}
+    if not averages:
         return None
-    drawn, axes = panels(len(some), 3, 3.6, 2.8, 0.5)
-    for (key, one), axis in zip(some.items(), axes):
-        steps = np.array([dt for dt, _ in one["means"]])
-        means = [Estimate.of(mean) for _, mean in one["means"]]
+    drawn, axes = panels(len(averages), 3, 3.6, 2.8, 0.5)
+    for (key, average), axis in zip(averages.items(), axes):
+        steps = np.array([dt for dt, _ in average["means"]])
+        means = [Estimate.of(mean) for _, mean in average["means"]]
         x = np.linspace(0, 1, 101)
-        curve = np.polynomial.Polynomial(one["curve"])(x)
+        curve = np.polynomial.Polynomial(average["curve"])(x)
         axis.plot(x * steps.max() ** 2, curve, color=BLUE, lw=1.2)
         how: dict = {"fmt": "o", "ms": 5, "lw": 1.2, "capsize": 2}
         values, margins = [mean.value for mean in means], [mean.margin for mean in means]
         axis.errorbar(steps**2, values, margins, color=BLUE, **how)
-        axis.errorbar([0], [one["value"]], [Estimate.of(one).margin], color=INK, **how)
+        axis.errorbar([0], [average["value"]], [Estimate.of(average).margin], color=INK, **how)
         axis.set(
             xlabel="step² (fs²)", ylabel=f"{BY_KEY[key].title} ({unit(key)})".replace(" ()", "")
         )
-    message(drawn, f"Step zero: {_answer(*next(iter(some.items())))[:-1]}")
+    message(drawn, f"Step zero: {_answer(*next(iter(averages.items())))[:-1]}")
     return drawn

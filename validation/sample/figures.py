@@ -44,8 +44,8 @@ def precision(summary: Mapping) -> Figure | None:
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(NullFormatter())
 
-    said = "speed-up at the same error of U/N, over {rival}:\n{gain}"
-    return _panels(summary, "noise", "total error", said, draw, scale)
+    title = "speed-up at the same error of U/N, over {rival}:\n{gain}"
+    return _panels(summary, "noise", "total error", title, draw, scale)
 
 
 def bias(summary: Mapping) -> Figure | None:
@@ -62,8 +62,8 @@ def bias(summary: Mapping) -> Figure | None:
             axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
         axis.set_xlabel("time step (fs)")
 
-    said = "U/N is off by {bias} kcal/mol"
-    return _panels(summary, "biases", "bias", said, draw, scale)
+    title = "U/N is off by {bias} kcal/mol"
+    return _panels(summary, "biases", "bias", title, draw, scale)
 
 
 def temperature(summary: Mapping) -> Figure | None:
@@ -71,15 +71,15 @@ def temperature(summary: Mapping) -> Figure | None:
     95 % intervals. The axis is linear up to 4 K, and logarithmic beyond."""
     limits, drawn = summary["limits"], []
     for rows in _lines([row for row in summary["rows"] if row["biases"]], summary["known"]):
-        found = [(row, warmer(row["biases"], limits)) for row in rows]
-        if some := [(row, one) for row, one in found if one]:
-            drawn.append(some)
+        pairs = [(row, warmer(row["biases"], limits)) for row in rows]
+        if line := [(row, change) for row, change in pairs if change]:
+            drawn.append(line)
     if not drawn:
         return None
     figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
     ends = []
-    for some, style in zip(drawn, STYLES):
-        rows, values = zip(*some)
+    for line, style in zip(drawn, STYLES):
+        rows, values = zip(*line)
         ends.append((*_bars(axis, rows, values, *style), rows[0]["label"], style[0]))
     axis.axhline(0, color=INK, lw=0.8)
     axis.set_yscale("symlog", linthresh=WARM)
@@ -102,13 +102,13 @@ def _bars(
 
 
 def _panels(
-    summary: Mapping, part: str, what: str, said: str, draw: Callable, scale: Callable
+    summary: Mapping, part: str, what: str, title: str, draw: Callable, scale: Callable
 ) -> Figure | None:
     """Draw a panel for each observable with a bound, and a line for each of `_lines`.
 
     Args:
         part: key of the numbers in a row.
-        what: their name; ``said``: the message on their value at the answer's step.
+        what: their name; ``title``: the message on their value at the answer's step.
         draw: draws a line, and returns its end.
         scale: sets the scales of an axis.
     """
@@ -120,9 +120,9 @@ def _panels(
     ends: dict[Axes, list] = {axis: [] for axis in axes}
     for key, axis in zip(keys, axes):
         for rows, (colour, marker) in zip(lines, STYLES):
-            if some := [row for row in rows if key in row[part]]:
-                end = draw(axis, key, some, colour, marker)
-                ends[axis].append((*end, some[0]["label"], colour))
+            if line := [row for row in rows if key in row[part]]:
+                end = draw(axis, key, line, colour, marker)
+                ends[axis].append((*end, line[0]["label"], colour))
         axis.axhline(BOUNDS[key], color=INK, lw=0.8, ls="--")
         scale(axis, key)
         axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
@@ -130,7 +130,7 @@ def _panels(
         words = {"gain": answers.speed_up(row["gain"])}
         words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
         words |= {"bias": Estimate.of(row["bias"]).text()}
-        message(figure, f"{row['scene']}, {row['dt']:g} fs: {said.format(**words)}")
+        message(figure, f"{row['scene']}, {row['dt']:g} fs: {title.format(**words)}")
     for axis, labels in ends.items():
         label_ends(axis, labels)
     return figure
@@ -141,7 +141,7 @@ def _lines(rows: list[dict], known: list[Mapping]) -> list[list[dict]]:
 
     def noise(scheme: str) -> float:
         known = [row["noise"] for row in by_scheme[scheme] if "potential" in row["noise"]]
-        return min((one["potential"]["value"] for one in known), default=np.inf)
+        return min((average["potential"]["value"] for average in known), default=np.inf)
 
     by_scheme: dict[str, list[dict]] = {}
     for row in rows:

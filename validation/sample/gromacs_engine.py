@@ -91,9 +91,9 @@ def version() -> str | None:
     """The version on PATH; None if there is none."""
     if not shutil.which(GMX):
         return None
-    said = subprocess.run([GMX, "--version"], capture_output=True, text=True).stdout
-    found = re.search(r"^GROMACS version: *(\S+)", said, re.M)
-    return found and found.group(1)
+    output = subprocess.run([GMX, "--version"], capture_output=True, text=True).stdout
+    match = re.search(r"^GROMACS version: *(\S+)", output, re.M)
+    return match and match.group(1)
 
 
 def settings(course: EngineRun) -> str:
@@ -138,25 +138,25 @@ def start(water: Water) -> str:
     lines = ["water", f"{len(water.x)}"]
     for i, place in enumerate(water.x * NM):
         number, name = i // 3 + 1, ("OW", "HW1", "HW2")[i % 3]
-        told = "".join(f"{one:15.10f}" for one in place)
-        lines.append(f"{number % 100000:5d}{'SOL':<5}{name:>5}{(i + 1) % 100000:5d}{told}")
-    return "\n".join([*lines, " ".join(f"{one:.10f}" for one in water.box * NM), ""])
+        digits = "".join(f"{coordinate:15.10f}" for coordinate in place)
+        lines.append(f"{number % 100000:5d}{'SOL':<5}{name:>5}{(i + 1) % 100000:5d}{digits}")
+    return "\n".join([*lines, " ".join(f"{length:.10f}" for length in water.box * NM), ""])
 
 
-def given(course: EngineRun, water: Water) -> dict:
+def worker_input(course: EngineRun, water: Water) -> dict:
     """See `Engine`: the files that GROMACS reads."""
     texts = settings(course), topology(water), start(water)
     return {"files": dict(zip(("run.mdp", "topol.top", "start.gro"), texts))}
 
 
-def words(given: dict) -> list[str]:
+def words(data: dict) -> list[str]:
     """See `Engine`."""
-    return given["files"]["run.mdp"].splitlines()
+    return data["files"]["run.mdp"].splitlines()
 
 
-def samples(given: dict, folder: Path) -> Iterator[Sample]:
+def samples(data: dict, folder: Path) -> Iterator[Sample]:
     """See `Engine`."""
-    for name, text in given["files"].items():
+    for name, text in data["files"].items():
         (folder / name).write_text(text)
     _gmx(folder, "grompp", "-f", "run.mdp", "-p", "topol.top", "-c", "start.gro", "-o", "run.tpr")
     # who watches the run looks at this log
@@ -166,7 +166,7 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
     shutil.copy(log, folder / "run.log")
     energy = "energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"
     _gmx(folder, *energy, typed="Potential\nPressure\n\n")
-    yield from read((folder / ENERGIES).read_text(), given["dt"])
+    yield from read((folder / ENERGIES).read_text(), data["dt"])
 
 
 def read(text: str, dt: float) -> Iterator[Sample]:
@@ -191,13 +191,13 @@ def _gmx(folder: Path, *words: str, typed: str = "") -> None:
     if status < 0 and -status not in OWN:
         raise ChildProcessError(f"gmx {words[0]} was ended by {by}")
     if status:
-        found = re.search(r"Fatal error:\n(.+?)\n\n", done.stdout, re.S)
+        match = re.search(r"Fatal error:\n(.+?)\n\n", done.stdout, re.S)
         raise Failed(
-            found.group(1) if found else f"gmx {words[0]} ended without a message, by {by}"
+            match.group(1) if match else f"gmx {words[0]} ended without a message, by {by}"
         )
 
 
-ENGINE = Engine("GROMACS", "apt-get install gromacs", version, given, words, samples)
+ENGINE = Engine("GROMACS", "apt-get install gromacs", version, worker_input, words, samples)
 _STEPS = (1.0, 2.0, 4.0, 6.0)
 SCHEMES = [
     Scheme(

@@ -97,20 +97,20 @@ def sample(
     Returns:
         plain data: circumstances, settings, and what `summarize` gives.
     """
-    plan, lengths, found = runs.plan, runs.lengths, Results()
+    plan, lengths, results = runs.plan, runs.lengths, Results()
     done = runs.perform(points, meter)
     lost = {n: why for n in runs.starts if (why := done.failed.get(start_name(n)))}
     if len(lost) == lengths.starts:
-        found.errors |= dict.fromkeys(points, f"all starts failed, start 1: {lost[1]}")
+        results.errors |= dict.fromkeys(points, f"all starts failed, start 1: {lost[1]}")
     every = plan.ordered([*points, *runs.left()])
     for point in every:
         for start in runs.starts:
             job = runs.job(point, start)
-            if point not in found.errors and run.is_there(job, failures=True):
-                _measure(found, plan, point, start, job)
-    interrupted = _timed(found, runs, meter, not done.interrupted)
+            if point not in results.errors and run.is_there(job, failures=True):
+                _measure(results, plan, point, start, job)
+    interrupted = _timed(results, runs, meter, not done.interrupted)
     summary = machine.circumstances()
-    engines = (plan.schemes[point.scheme].engine for point in found.good)
+    engines = (plan.schemes[point.scheme].engine for point in results.good)
     summary["versions"] |= machine.worker_versions(done.versions) | engine.versions(engines)
     return summary | {
         "scene": plan.scene.name,
@@ -121,7 +121,7 @@ def sample(
         "temperature": plan.temperature,
         "known": [point._asdict() for point in plan.known],
         "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
-        **summarize(found, runs, every, known),
+        **summarize(results, runs, every, known),
     }
 
 
@@ -137,19 +137,19 @@ def known_limits(folder: Path, scene: str) -> dict:
     return summary["limits"]
 
 
-def _measure(found: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
+def _measure(results: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
     """Store the averages of a completed run, or why it failed."""
     result, samples = table(job)
     if result.error:
-        found.errors.setdefault(point, result.error)
+        results.errors.setdefault(point, result.error)
         return
     numbers = of_series(samples, plan, plan.schemes[point.scheme])
     last = result.timings[-1]
     numbers.loop = last.seconds / last.steps
-    found.numbers.setdefault(point, {})[start] = numbers
+    results.numbers.setdefault(point, {})[start] = numbers
 
 
-def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
+def _timed(results: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
     """Store the cost of each point; return whether Ctrl-C was pressed.
 
     Args:
@@ -157,13 +157,13 @@ def _timed(found: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
     """
     # of LAMMPS, from the first start that a point has
     first = {
-        point: next(iter(found.numbers[point].items()))
-        for point in found.good
+        point: next(iter(results.numbers[point].items()))
+        for point in results.good
         if not runs.plan.schemes[point.scheme].engine
     }
     loops = {point: (start, numbers.loop) for point, (start, numbers) in first.items()}
     try:
-        found.costs = runs.costs(loops, meter, time)
+        results.costs = runs.costs(loops, meter, time)
     except KeyboardInterrupt:
         return True
     return False
@@ -204,21 +204,24 @@ def pool(starts: Sequence[Numbers]) -> Numbers:
     """Means over starts; correlation times of vectors from the components of all starts."""
 
     def over(name: str) -> dict[str, Estimate]:
-        some = [getattr(numbers, name) for numbers in starts]
-        return {key: measures.mean_of_starts([one[key] for one in some]) for key in some[0]}
+        estimates = [getattr(numbers, name) for numbers in starts]
+        return {
+            key: measures.mean_of_starts([estimate[key] for estimate in estimates])
+            for key in estimates[0]
+        }
 
     variances = [numbers.variances for numbers in starts]
     means = {key: float(np.mean([variance[key] for variance in variances])) for key in variances[0]}
-    made = Numbers(over("means"), over("remembers"), means)
+    pooled = Numbers(over("means"), over("remembers"), means)
     for key in starts[0].vectors:
         components = np.concatenate([numbers.vectors[key] for numbers in starts])
         memory = measures.autocorrelation_of_square(components)
-        made.remembers[key] = memory.times(starts[0].apart)
+        pooled.remembers[key] = memory.times(starts[0].apart)
     states = [numbers.state for numbers in starts if numbers.state]
     if states:
         values = np.hstack([state.values for state in states])
-        made.state = states[0]._replace(values=values)
-    return made
+        pooled.state = states[0]._replace(values=values)
+    return pooled
 
 
 # ---- rows
@@ -227,7 +230,7 @@ Fits = Mapping[str, Mapping[str, limit.Fit]]  # of each engine, of each observab
 
 
 def summarize(
-    found: Results, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]
+    results: Results, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]
 ) -> dict:
     """Rows of the points that were run, and the limits that they are compared with; plain data.
 
@@ -238,19 +241,19 @@ def summarize(
         ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
         the limits of its own points, see `limit_as_dict`; ``goals``, see `rivals.compare`.
     """
-    means = {point: pool([*found.numbers[point].values()]) for point in found.good}
+    means = {point: pool([*results.numbers[point].values()]) for point in results.good}
     fits = fit_limits(means, runs.plan, known)
     rows = [
-        _row(point, found, runs, means, fits)
+        _row(point, results, runs, means, fits)
         for point in points
-        if point in means or point in found.errors
+        if point in means or point in results.errors
     ]
-    own, *others = (
-        (name, {key: limit_as_dict(fit) for key, fit in some.items()})
-        for name, some in fits.items()
+    lammps, *others = (
+        (name, {key: limit_as_dict(fit) for key, fit in by_key.items()})
+        for name, by_key in fits.items()
     )
     goals = rivals.compare(rows, LEAST_ERRORS)
-    return {"rows": rows, "limits": own[1], "others": dict(others), "goals": goals}
+    return {"rows": rows, "limits": lammps[1], "others": dict(others), "goals": goals}
 
 
 def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
@@ -272,27 +275,29 @@ def _engine(scheme: Scheme) -> str:
 
 def _fit(means, key, plan, engine, known) -> limit.Fit | None:
     """The limit of an observable that an engine's schemes share."""
-    some = {point: numbers.means[key] for point, numbers in means.items() if key in numbers.means}
+    of_points = {
+        point: numbers.means[key] for point, numbers in means.items() if key in numbers.means
+    }
     if engine == LAMMPS and key in known:  # as if it were a separate point
-        return limit.Fit(some | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
-    steps = {point: (point.scheme, point.dt) for point in some}
+        return limit.Fit(of_points | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
+    steps = {point: (point.scheme, point.dt) for point in of_points}
     reaches = {
         name: scheme.reach
         for name, scheme in plan.schemes.items()
         if scheme.reach and _engine(scheme) == engine
     }
-    return limit.fit(some, steps, reaches)
+    return limit.fit(of_points, steps, reaches)
 
 
 def limit_as_dict(fit: limit.Fit) -> dict:
     """A limit as plain data: the estimate, the agreement of the points, and their weights."""
-    told = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
+    quality = {"chi2": fit.chi2, "left": fit.freedom, "probability": fit.probability}
     points = [[*point, weight] for point, weight in fit.weights.items() if abs(weight) > 1e-6]
-    return fit.limit.plain() | told | {"agrees": fit.agrees, "points": points}
+    return fit.limit.plain() | quality | {"agrees": fit.agrees, "points": points}
 
 
 def _row(
-    point: Point, found: Results, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
+    point: Point, results: Results, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
 ) -> dict:
     """A point's row.
 
@@ -303,7 +308,7 @@ def _row(
         ``clock``: of OpenMM, wall time per ps, s.  The others are of `_spent` and of
         `rivals.compare`.
     """
-    plan, error = runs.plan, found.errors.get(point)
+    plan, error = runs.plan, results.errors.get(point)
     scheme = plan.schemes[point.scheme]
     row: dict = {
         "scheme": scheme.name,
@@ -312,7 +317,7 @@ def _row(
         "ours": scheme.ours,
         "dt": point.dt,
         "lines": runs.lines(point),
-        "starts": 0 if error else len(found.numbers[point]),
+        "starts": 0 if error else len(results.numbers[point]),
         "error": error,
     }
     row |= {name: {} for name in NESTED}
@@ -321,35 +326,35 @@ def _row(
         return row
     numbers, biases = means[point], _biases(point, plan, means, fits)
     row["means"], row["biases"], row["remembers"] = (
-        {key: one.plain() for key, one in some.items()}
-        for some in (numbers.means, biases, numbers.remembers)
+        {key: estimate.plain() for key, estimate in estimates.items()}
+        for estimates in (numbers.means, biases, numbers.remembers)
     )
     row["slowest"] = slowest(numbers)
     row["deviation"] = deviation(point, plan, means)
-    far = [start.far for start in found.numbers[point].values() if start.far is not None]
+    far = [start.far for start in results.numbers[point].values() if start.far is not None]
     row["distribution"] = measures.spread(far) if far else None
     if scheme.engine:
-        loops = [start.loop for start in found.numbers[point].values()]
+        loops = [start.loop for start in results.numbers[point].values()]
         row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
-    if point in found.costs:
+    if point in results.costs:
         row |= _spent(
-            numbers, found.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
+            numbers, results.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}
         )
     return row
 
 
 def _biases(point, plan, means, fits) -> dict[str, Estimate]:
     """The bias of each observable, in its units."""
-    scheme, found = plan.schemes[point.scheme], {}
+    scheme, biases = plan.schemes[point.scheme], {}
     same = scheme.engine is None or scheme.engine.same
     limits = fits[LAMMPS if same else _engine(scheme)]
     for key, mean in means[point].means.items():
         exact = BY_KEY[key].exact(plan, scheme)
         if exact is not None:
-            found[key] = measures.difference(mean, Estimate(exact))
+            biases[key] = measures.difference(mean, Estimate(exact))
         elif key in limits and not scheme.first:  # the limit is that of the first state
-            found[key] = limits[key].bias(point).times(_unit(key, limits))
-    return found
+            biases[key] = limits[key].bias(point).times(_unit(key, limits))
+    return biases
 
 
 def _unit(key: str, limits: Mapping[str, limit.Fit]) -> float:
@@ -377,16 +382,16 @@ def _spent(numbers: Numbers, costs: Sequence[float], units: Mapping[str, float])
 
 def slowest(numbers: Numbers) -> str:
     """The observable of configurations with the longest correlation time."""
-    some = {key: one for key, one in numbers.remembers.items() if key in CONFIGURATIONS}
-    return max(some, key=lambda key: some[key].value)
+    times = {key: time for key, time in numbers.remembers.items() if key in CONFIGURATIONS}
+    return max(times, key=lambda key: times[key].value)
 
 
 def deviation(point: Point, plan: Plan, means: Mapping[Point, Numbers]) -> dict | None:
     """The deviation of a point at another state and of the first state from the exact ratio of
     their distributions, in standard deviations; None if it cannot be estimated."""
     first = means.get(Point(plan.schemes[point.scheme].first, point.dt))
-    states = [one.state for one in (first, means[point]) if one and one.state]
+    states = [numbers.state for numbers in (first, means[point]) if numbers and numbers.state]
     if len(states) < 2 or min(state.values.shape[1] for state in states) < LEAST_SAMPLES * DENSER:
         return None
-    found = structure.between_states(*states)
-    return None if found is None else Estimate(found).plain()
+    distance = structure.between_states(*states)
+    return None if distance is None else Estimate(distance).plain()

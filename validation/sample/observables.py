@@ -61,16 +61,16 @@ class Observable:
             return None
         step = float(np.median(np.diff(table["Time"])))
         how = step, BOLTZMANN * scheme.temperature, _freedom(table) - scheme.held
-        made = refined.series(a, table["PotEng"], table[SHADOW], *how)
-        return made / plan.scene.unit if self.extensive else made
+        averages = refined.series(a, table["PotEng"], table[SHADOW], *how)
+        return averages / plan.scene.unit if self.extensive else averages
 
 
 def _freedom(table: Table) -> int:
     """The degrees of freedom of bodies and of atoms in no body."""
-    found = [
+    freedoms = [
         2 * table[energy] / BOLTZMANN / table[warm] for energy, warm in MOTIONS if table[warm][0]
     ]
-    return round(float(np.sum([one[0] for one in found])))
+    return round(float(np.sum([values[0] for values in freedoms])))
 
 
 def _column(name: str, scale: Callable[[Plan], float] | None = None) -> Series:

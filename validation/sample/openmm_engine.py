@@ -41,7 +41,7 @@ def _ended(shift: Shift) -> str:
     return f"r^(-{shift.power}) - ({a / 3!r}+{b / 4!r}*{past})*{past}^3 - ({c!r})"
 
 
-def given(course: EngineRun, water: Water) -> dict:
+def worker_input(course: EngineRun, water: Water) -> dict:
     """See `Engine`: all numbers and the forces, in OpenMM's units (nm, ps, kJ/mol, g/mol)."""
     (oxygen, hydrogen), charge, bond = engine.MASS, engine.CHARGE, engine.BOND * NM
     return {
@@ -61,21 +61,21 @@ def given(course: EngineRun, water: Water) -> dict:
     }
 
 
-def words(given: dict) -> list[str]:
+def words(data: dict) -> list[str]:
     """See `Engine`."""
-    how = f"{given['temperature']:g} K, {given['friction']:g}/ps, STEP"
-    return [f"LangevinMiddleIntegrator({how})", f"CustomNonbondedForce({given['energy']})"]
+    how = f"{data['temperature']:g} K, {data['friction']:g}/ps, STEP"
+    return [f"LangevinMiddleIntegrator({how})", f"CustomNonbondedForce({data['energy']})"]
 
 
-def samples(given: dict, folder: Path) -> Iterator[Sample]:
+def samples(data: dict, folder: Path) -> Iterator[Sample]:
     """See `Engine`."""
     import openmm  # optional
 
     try:
-        context, barostat = begun(given)
-        for step in range(0, given["steps"] + 1, given["every"]):
+        context, barostat = create_context(data)
+        for step in range(0, data["steps"] + 1, data["every"]):
             if step:
-                context.getIntegrator().step(given["every"])
+                context.getIntegrator().step(data["every"])
             potential = context.getState(getEnergy=True).getPotentialEnergy()._value
             pressure = barostat.computeCurrentPressure(context)._value
             yield Sample(step, potential / KJ, pressure * BAR)
@@ -83,42 +83,48 @@ def samples(given: dict, folder: Path) -> Iterator[Sample]:
         raise Failed(str(error)) from None
 
 
-def begun(given: dict) -> tuple[Any, Any]:
-    """OpenMM's ``Context`` of rigid three-site molecules with the given forces, at the start, with
+def create_context(data: dict) -> tuple[Any, Any]:
+    """OpenMM's ``Context`` of rigid three-site molecules with these forces, at the start, with
     velocities of the temperature; and a barostat that only measures the pressure and never changes
     the box."""
     import openmm
 
-    system, force = openmm.System(), openmm.CustomNonbondedForce(given["energy"])
-    system.setDefaultPeriodicBoxVectors(*map(tuple, given["box"]))
+    system, force = openmm.System(), openmm.CustomNonbondedForce(data["energy"])
+    system.setDefaultPeriodicBoxVectors(*map(tuple, data["box"]))
     force.setNonbondedMethod(openmm.CustomNonbondedForce.CutoffPeriodic)
-    force.setCutoffDistance(given["cutoff"])
+    force.setCutoffDistance(data["cutoff"])
     for name in PARAMETERS:
         force.addPerParticleParameter(name)
-    for first in range(0, len(given["x"]), 3):
-        for mass, values in zip(given["mass"], given["parameters"]):
+    for first in range(0, len(data["x"]), 3):
+        for mass, values in zip(data["mass"], data["parameters"]):
             system.addParticle(mass)
             force.addParticle(values)
-        for (i, j), length in zip(((0, 1), (0, 2), (1, 2)), given["lengths"]):
+        for (i, j), length in zip(((0, 1), (0, 2), (1, 2)), data["lengths"]):
             system.addConstraint(first + i, first + j, length)
             force.addExclusion(first + i, first + j)
-    barostat = openmm.MonteCarloBarostat(1.0, given["temperature"], 0)
-    for one in force, barostat:
-        system.addForce(one)
-    how = given["temperature"], given["friction"], given["dt"] / 1e3
+    barostat = openmm.MonteCarloBarostat(1.0, data["temperature"], 0)
+    for term in force, barostat:
+        system.addForce(term)
+    how = data["temperature"], data["friction"], data["dt"] / 1e3
     integrator = openmm.LangevinMiddleIntegrator(*how)
     integrator.setConstraintTolerance(TOLERANCE)
-    integrator.setRandomNumberSeed(given["seed"])
-    platform = openmm.Platform.getPlatformByName(given["platform"])
-    one_core = {"Threads": "1"} if given["platform"] == "CPU" else {}
+    integrator.setRandomNumberSeed(data["seed"])
+    platform = openmm.Platform.getPlatformByName(data["platform"])
+    one_core = {"Threads": "1"} if data["platform"] == "CPU" else {}
     context = openmm.Context(system, integrator, platform, one_core)
-    context.setPositions([openmm.Vec3(*place) for place in given["x"]])
-    context.setVelocitiesToTemperature(given["temperature"], given["seed"])
+    context.setPositions([openmm.Vec3(*place) for place in data["x"]])
+    context.setVelocitiesToTemperature(data["temperature"], data["seed"])
     return context, barostat
 
 
 ENGINE = Engine(
-    "OpenMM", "pip install 'fix_nosquish[engines]'", version, given, words, samples, same=True
+    "OpenMM",
+    "pip install 'fix_nosquish[engines]'",
+    version,
+    worker_input,
+    words,
+    samples,
+    same=True,
 )
 SCHEMES = [
     Scheme(

@@ -162,19 +162,19 @@ class Plan:
         names = [name for name in self.schemes if name in (only or self.schemes)]
         usual = {name: scheme.steps for name, scheme in self.schemes.items()}
         if short:
-            usual |= {name: some for name, some in SHORT.items() if name in usual}
+            usual |= {name: dts for name, dts in SHORT.items() if name in usual}
         if not only:
             usual = {name: usual[name] for name in names if self.schemes[name].usual}
             names = [*usual]
             names = [name for name in names if not short or name in SHORT] or names
         firsts = [(name, self.schemes[name].first or name) for name in names]
-        found = [
-            Point(one, step)
+        points = [
+            Point(scheme, step)
             for name, first in firsts
             for step in sorted(dt or usual[name])
-            for one in (first, name)
+            for scheme in (first, name)
         ]
-        return list(dict.fromkeys(found))
+        return list(dict.fromkeys(points))
 
     def ordered(self, points: Collection[Point]) -> list[Point]:
         """The points, once each, by scheme and step."""
@@ -231,20 +231,20 @@ class Runs:
 
     def starts_of(self, point: Point, points: Collection[Point]) -> range:
         """The numbers of the starts from which one of these points runs."""
-        longer = point.dt > min(one.dt for one in points)
+        longer = point.dt > min(other.dt for other in points)
         return self.starts[: -(-self.lengths.starts // 2)] if self.fewer and longer else self.starts
 
     def trajectories(self, points: Collection[Point]) -> list[Trajectory]:
         """The runs that create starts, then all points from each start in turn."""
-        made = [
+        trajectories = [
             Trajectory(start_name(n), f"start {n}", partial(self.start, n)) for n in self.starts
         ]
         for n in self.starts:
-            said = f", start {n}" * (len(self.starts) > 1)
+            suffix = f", start {n}" * (len(self.starts) > 1)
             for point in (point for point in points if n in self.starts_of(point, points)):
-                job, label = partial(self.job, point, n), self.plan.label(point) + said
-                made.append(Trajectory(_name(n, point), label, job, point, start_name(n)))
-        return made
+                job, label = partial(self.job, point, n), self.plan.label(point) + suffix
+                trajectories.append(Trajectory(_name(n, point), label, job, point, start_name(n)))
+        return trajectories
 
     def perform(self, points: Collection[Point], meter: run.Meter) -> Outcome:
         """Run what has no result; a scheme that fails at a step may succeed at a longer one."""
@@ -262,12 +262,12 @@ class Runs:
     def left(self) -> list[Point]:
         """The points with runs in the folder."""
         names = {run.folder_name(name): name for name in self.plan.schemes}
-        found = []
+        points = []
         for path in self.folder.glob("start-*/*-fs/job.json"):
             name, _, dt = path.parent.name.removesuffix("-fs").rpartition("-")
             if name in names:
-                found.append(Point(names[name], float(dt)))
-        return found
+                points.append(Point(names[name], float(dt)))
+        return points
 
     def start(self, number: int) -> run.Job:
         """The run that creates a start."""
@@ -294,7 +294,7 @@ class Runs:
         """The input of a point, for the page."""
         scheme = self.plan.schemes[point.scheme]
         if scheme.engine:
-            return scheme.engine.words(self.job(point, 1).given)
+            return scheme.engine.words(self.job(point, 1).input)
         return scheme.commands(self.plan.scene)
 
     def costs(
@@ -315,7 +315,7 @@ class Runs:
         def make(name: str, number: int) -> run.Job:
             start, loop = loops[names[name]]
             stride = self.plan.schemes[names[name].scheme].stride
-            runs = [-(-one // stride) * stride for one in rounds.lengths(loop, SECONDS).runs]
+            runs = [-(-count // stride) * stride for count in rounds.lengths(loop, SECONDS).runs]
             folder = self.folder / TIMED / f"{name}-{number}"
             refined = self.plan.schemes[names[name].scheme].refined
             columns = run.thermo("vol", *REFINED) if refined else []
@@ -325,20 +325,20 @@ class Runs:
             if not time:
                 raise KeyboardInterrupt
             labels = {name: f"{self.plan.label(point)}, timed" for name, point in names.items()}
-            found, _, interrupted = rounds.in_turn(labels, make, ROUNDS, meter)
+            timings, _, interrupted = rounds.in_turn(labels, make, ROUNDS, meter)
             if interrupted:
                 raise KeyboardInterrupt
             return {
-                name: [cost(one.loop or 0.0, one.cpu, names[name].dt) for one in times]
-                for name, times in found.items()
+                name: [cost(timing.loop or 0.0, timing.cpu, names[name].dt) for timing in times]
+                for name, times in timings.items()
             }
 
         jobs = {name: make(name, 0) for name in names}
         origins = {name: [job.commands, job.origin] for name, job in jobs.items()}
         with self.store.locked(TIMED):
             origin = self.store.origin(ROUNDS, SECONDS, origins)
-            found = self.store.once(TIMED, origin, measure)
-        return {names[name]: times for name, times in found.items() if times}
+            stored = self.store.once(TIMED, origin, measure)
+        return {names[name]: times for name, times in stored.items() if times}
 
     def _job(
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
@@ -385,11 +385,11 @@ def _name(start: int, point: Point) -> str:
 def table(job: run.Job) -> tuple[run.Result, dict[str, np.ndarray]]:
     """The result of a run, and its samples after equilibration by column; none after an error."""
     result = run.collect(job.directory)
-    kept = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
-    found = {name: values[kept] for name, values in result.thermo.items()}
-    if not result.error and not all(np.isfinite(values).all() for values in found.values()):
+    sampled = result.thermo.get("Step", np.empty(0)) >= job.runs[0]
+    samples = {name: values[sampled] for name, values in result.thermo.items()}
+    if not result.error and not all(np.isfinite(values).all() for values in samples.values()):
         result.error = "energy is not finite"
-    return result, {} if result.error else found
+    return result, {} if result.error else samples
 
 
 def cost(loop: float, cpu: float | None, dt: float) -> float:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
-from ..pages import Column, Figure, Said, Table
+from ..pages import Column, Figure, Report, Table
 from ..statistics.check import VERDICTS
 from ..statistics.estimate import SURE, Estimate
 from . import answers, figures
@@ -19,8 +19,14 @@ POINT = (
 )
 BIASES = (
     *(
-        Column(f"biases {one.key}", one.title, one.unit, "estimate", wide=one.moves)
-        for one in OBSERVABLES
+        Column(
+            f"biases {observable.key}",
+            observable.title,
+            observable.unit,
+            "estimate",
+            wide=observable.moves,
+        )
+        for observable in OBSERVABLES
     ),
     Column("warmer", "T of U/N", "K", "estimate"),
     Column("rdf", "g(r)", "rms", "estimate"),  # of committed results
@@ -39,8 +45,10 @@ REMEMBERS = tuple(
 )
 SAMPLE = Column("sample", "sample of the slowest", "s", "estimate")
 WORKS = tuple(
-    Column(f"{what} {key}", f"{said}{BY_KEY[key].title}", unit, "interval", wide=what == "seconds")
-    for what, said, unit in (("faster", "", "times less"), ("seconds", "time of ", "s"))
+    Column(
+        f"{what} {key}", f"{heading}{BY_KEY[key].title}", unit, "interval", wide=what == "seconds"
+    )
+    for what, heading, unit in (("faster", "", "times less"), ("seconds", "time of ", "s"))
     for key in CONFIGURATIONS
 )
 GOALS = (
@@ -99,7 +107,7 @@ NOTES = {
 }
 
 
-def said(summary: dict) -> Said:
+def describe(summary: dict) -> Report:
     """The report on the averages of one scene, and on their cost."""
     rows = [_flat(row) | _as_temperature(row, summary["limits"]) for row in summary["rows"]]
     settings = summary["settings"]
@@ -111,13 +119,15 @@ def said(summary: dict) -> Said:
         "of equilibration."
     )
     drawn = figures.precision, figures.bias, figures.temperature
-    return Said(
+    return Report(
         f"What averages cost: {summary['title']}",
         "How large is the error of an average with each scheme and step, and what does it cost?",
         answer,
         lines=[length, *_limits(summary), *_lost(summary)],
         tables=[table for table in _tables(summary, rows) if table.rows],
-        figures=[Figure(one.__name__, partial(one, summary), _caption(one)) for one in drawn],
+        figures=[
+            Figure(figure.__name__, partial(figure, summary), _caption(figure)) for figure in drawn
+        ],
         checks=summary["checks"],
         parts=TITLES,
         notes=NOTES,
@@ -133,13 +143,13 @@ def _caption(figure: Callable) -> str:
 
 def _flat(row: dict) -> dict:
     """A row with the numbers of each observable at its top level."""
-    more = {f"{name} {key}": one for name in NESTED for key, one in row.get(name, {}).items()}
+    more = {f"{name} {key}": value for name in NESTED for key, value in row.get(name, {}).items()}
     return row | more | {"status": row["error"] or "ok"}
 
 
 def _as_temperature(row: dict, limits: Mapping) -> dict:
-    found = warmer(row.get("biases", {}), limits)
-    return {"warmer": found.plain()} if found else {}
+    change = warmer(row.get("biases", {}), limits)
+    return {"warmer": change.plain()} if change else {}
 
 
 def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
@@ -154,11 +164,11 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     }
     every = []
     for title, columns in parts.items():
-        some = [column for column in columns if any(row.get(column.key) for row in rows)]
-        every += some
-        if some:
-            yield Table(title, (*POINT, *some), rows)
-    ends = [one for one in ENDS if any(row.get(one.key) for row in rows)]
+        shown = [column for column in columns if any(row.get(column.key) for row in rows)]
+        every += shown
+        if shown:
+            yield Table(title, (*POINT, *shown), rows)
+    ends = [column for column in ENDS if any(row.get(column.key) for row in rows)]
     yield Table("", (*POINT, *every, *ends), rows, "table")
     goals = [
         goal
@@ -167,8 +177,8 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     ]
     yield Table("Errors to reach, and the best rival", GOALS, goals)
     lines = {row["label"]: row for row in rows}
-    told = Column("lines", "input lines", kind="code")
-    yield Table("Input of each scheme", (POINT[0], told), [*lines.values()], long=True)
+    lines_column = Column("lines", "input lines", kind="code")
+    yield Table("Input of each scheme", (POINT[0], lines_column), [*lines.values()], long=True)
 
 
 def _verdicts(summary: Mapping) -> str:
@@ -179,7 +189,7 @@ def _verdicts(summary: Mapping) -> str:
             "ps cannot be estimated."
         )
     verdicts = [check["verdict"] for check in summary["checks"]]
-    held, lost, unknown = (verdicts.count(one) for one in VERDICTS)
+    held, lost, unknown = (verdicts.count(verdict) for verdict in VERDICTS)
     return (
         f"{len(verdicts)} numbers have bounds: {held} within, {lost} outside, {unknown} undecided "
         "in runs of this length."
@@ -188,13 +198,15 @@ def _verdicts(summary: Mapping) -> str:
 
 def _limits(summary: Mapping) -> list[str]:
     """Describe the limits of small steps, and whether the points agree with a common one."""
-    some = {"": summary["limits"]} | {f"{name}, ": own for name, own in summary["others"].items()}
-    told = [
+    by_engine = {"": summary["limits"]} | {
+        f"{name}, ": limits for name, limits in summary["others"].items()
+    }
+    sentences = [
         _limit(f"{name}{BY_KEY[key].title}", limit)
-        for name, own in some.items()
-        for key, limit in own.items()
+        for name, limits in by_engine.items()
+        for key, limit in limits.items()
     ]
-    return told or [
+    return sentences or [
         "There is no limit of small steps: it needs a scheme with two short steps, or one "
         "without a time step error."
     ]

@@ -32,10 +32,10 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
     for row in rows:
         row["seconds"], row["faster"] = {}, {}
     for key in CONFIGURATIONS:
-        some = [row for row in rows if key in row["noise"] and key in row["biases"]]
-        rivals = [row for row in some if _is_rival(row)]
+        timed = [row for row in rows if key in row["noise"] and key in row["biases"]]
+        rivals = [row for row in timed if _is_rival(row)]
         if rivals:
-            goals[key] = _compare(key, some, rivals, bounds.get(key, 0.0))
+            goals[key] = _compare(key, timed, rivals, bounds.get(key, 0.0))
     return goals
 
 
@@ -74,12 +74,12 @@ def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: floa
     error = max(bound, min(_reach(row["biases"][key]) for row in rivals))
     aim = sqrt(2) * error
     for row in rows:
-        taken = NEVER if _fails(row, key, error) else seconds(_worth(row, key), aim)
-        row["seconds"][key] = taken.plain()
+        spent = NEVER if _fails(row, key, error) else seconds(_bias_and_noise(row, key), aim)
+        row["seconds"][key] = spent.plain()
     best = min(rivals, key=lambda row: _value(row["seconds"][key]))
     for row in rows:
         if row is not best:
-            gain = times(_worth(best, key), _worth(row, key), aim)
+            gain = times(_bias_and_noise(best, key), _bias_and_noise(row, key), aim)
             row["faster"][key] = (NOT_AT_ALL if _fails(row, key, error) else gain).plain()
     goal = {"error": error, "label": best["label"], "dt": best["dt"]}
     return goal | {"seconds": best["seconds"][key]}
@@ -95,5 +95,5 @@ def _fails(row: Mapping, key: str, error: float) -> bool:
     return abs(bias.value) - bias.margin > error
 
 
-def _worth(row: Mapping, key: str) -> BiasAndNoise:
+def _bias_and_noise(row: Mapping, key: str) -> BiasAndNoise:
     return BiasAndNoise(Estimate.of(row["biases"][key]), Estimate.of(row["noise"][key]))

@@ -49,7 +49,10 @@ BAROSTATS = Point("shake+npt", 2.0), Point("rigid/npt/small", 2.0)
 
 def _water(_: Path) -> Plan:
     scene, mass = smooth_water("water", TITLE, "water_512", "512", 512), 15.9994 + 2 * 1.008
-    heavy = {one: (f"mass 1 {mass - 2 * one:.8g}", f"mass 2 {one:g}") for one in HEAVY}
+    heavy = {
+        hydrogen: (f"mass 1 {mass - 2 * hydrogen:.8g}", f"mass 2 {hydrogen:g}")
+        for hydrogen in HEAVY
+    }
     schemes = constant_volume(Bodies(298.0, shake=True, equal=True, heavy=heavy))
     starter, others = schemes["langevin-20"], [*openmm_engine.SCHEMES, *gromacs_engine.SCHEMES]
     schemes |= by_name(others)
@@ -105,15 +108,15 @@ def of_script(script: UserScript) -> Plan:
     Raises:
         SystemExit: the script has no averages that can be compared with a limit.
     """
-    found, scene = script.rigid.state, script.scene
-    pressures = {float(start) for _, start, *_ in found.press}
-    if scene.units != "real" or not found.temp or len(pressures) > 1 or found.ramps or found.tilts:
+    state, scene = script.rigid.state, script.scene
+    pressures = {float(start) for _, start, *_ in state.press}
+    if scene.units != "real" or not state.temp or len(pressures) > 1 or state.ramps or state.tilts:
         raise SystemExit(
             f"{scene.subject}: sample needs units real and one constant temperature, and at most "
             "one constant pressure, kept by the fix whose place others take: give a run with fix "
             "nvt or npt, rigid/nvt or rigid/npt, nosquish/nvt or nosquish/npt"
         )
-    temperature, steps = float(found.temp[0]), tuple(factor * scene.dt for factor in OWN_FACTORS)
+    temperature, steps = float(state.temp[0]), tuple(factor * scene.dt for factor in OWN_FACTORS)
     schemes = by_name(
         Scheme.of(
             integrator,
@@ -144,13 +147,13 @@ def _turning(script: UserScript, groups: Sequence[BodyGroup]) -> int:
     """The degrees of freedom of all rotation; 0 if `plan.BODIES` cannot compute the torques: in two
     dimensions, for bodies without molecule numbers, if atoms in no body exist or something else
     acts on them, and in a script that uses such names itself."""
-    made = {split_words(line)[1] for line in BODIES}
+    names = {split_words(line)[1] for line in BODIES}
     if (
         script.rigid.bodies != "molecule"
         or script.reading["dimension"] == 2
         or (script.rigid.body == 0).any()
         or conserved_energy.acting_fixes(script)
-        or any(made.intersection(split_words(line)[1:2]) for line in script.reading["commands"])
+        or any(names.intersection(split_words(line)[1:2]) for line in script.reading["commands"])
     ):
         return 0
     return sum(kind.number * (kind.freedom - 3) for kind in shapes.body_kinds(script, groups))

@@ -226,7 +226,7 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
     inertia, and hybrid Monte Carlo."""
     # larger moments that depend on the step are only for such molecules
     choices = (OWN, *bodies.moments, *[OF_STEP] * bodies.equal)
-    made = [
+    schemes = [
         _middle(bodies, thermostat, moments) for thermostat in THERMOSTATS for moments in choices
     ]
     chance = f" temp {bodies.temperature:g} steps {HYBRID} seed {SEED}"
@@ -234,10 +234,12 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
     # with many bodies no long step is accepted without larger moments
     for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
         label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
-        made.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
-    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in made]
+        schemes.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
+    lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in schemes]
     whole = bool(bodies.rest)
-    return [replace(scheme, lines=own, whole=whole) for scheme, own in zip(made, lines)]
+    return [
+        replace(scheme, lines=commands, whole=whole) for scheme, commands in zip(schemes, lines)
+    ]
 
 
 def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
@@ -296,7 +298,7 @@ def _constrained(bodies: Bodies) -> list[Scheme]:
     chains = f"fix 1 {bodies.everywhere} nvt{usual}", shake.lines[1]
     csvr = (f"fix bath {bodies.everywhere} temp/csvr{usual.removeprefix(' temp')} {SEED}",)
     label = "shake + langevin"
-    made = [
+    schemes = [
         Scheme.of(shake, kicks, name="shake+langevin", label=label, **light),
         Scheme.of(shake, name="shake+nvt", label="shake + nvt", lines=chains, held=3, **light),
         Scheme.of(shake, csvr, name="shake+csvr", label="shake + csvr", held=3, **light),
@@ -310,7 +312,8 @@ def _constrained(bodies: Bodies) -> list[Scheme]:
         ),
     ]  # fmt: skip
     return [
-        replace(scheme, whole=True, reach=scheme.reach if bodies.alike else None) for scheme in made
+        replace(scheme, whole=True, reach=scheme.reach if bodies.alike else None)
+        for scheme in schemes
     ]
 
 
@@ -347,11 +350,11 @@ def _barostats(temperature: float) -> Iterator[Scheme]:
         ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", 3),
         ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", 3),
     ):
-        for ending, said, warmer, pressure in STATES:
+        for ending, suffix, warmer, pressure in STATES:
             first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0}
             other: dict = {"steps": (2.0, 6.0), "first": name}
             at = f"{state(temperature + warmer, DAMPING, pressure)} thermostat {words}"
             yield ours(
-                name + ending, label + said, at, "NPT", held=held, pressure=pressure,
+                name + ending, label + suffix, at, "NPT", held=held, pressure=pressure,
                 temperature=temperature + warmer, **other if ending else first,
             )  # fmt: skip

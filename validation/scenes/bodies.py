@@ -113,11 +113,11 @@ def scene(
     # a separate folder: other files in it would change the hash of the inputs of its runs
     folder = Path(folder) / name
     folder.mkdir(parents=True, exist_ok=True)
-    sizes = [len(one.mass) for one in bodies]
+    sizes = [len(body.mass) for body in bodies]
     mass, x, v = (
-        np.concatenate([getattr(one, key) for one in bodies]) for key in ("mass", "x", "v")
+        np.concatenate([getattr(body, key) for body in bodies]) for key in ("mass", "x", "v")
     )
-    charge = [np.zeros(len(one.mass)) if one.charge is None else one.charge for one in bodies]
+    charge = [np.zeros(len(body.mass)) if body.charge is None else body.charge for body in bodies]
     molecule = np.repeat(np.arange(1, len(bodies) + 1), sizes)
     kinds, kind = np.unique(mass, return_inverse=True)
     box, corner = np.broadcast_to(box, 3).astype(float), np.array(corner, float)
@@ -125,8 +125,10 @@ def scene(
     n = sum(size > 1 for size in sizes)
     atoms = [molecule, kind + 1, np.concatenate(charge), x - image * box, image]
     terms: dict[str, list] = {
-        "bonds": [(1, one + 1, one + 1 + other) for one in range(0, 3 * n, 3) for other in (1, 2)],
-        "angles": [(1, one + 2, one + 1, one + 3) for one in range(0, 3 * n, 3)],
+        "bonds": [
+            (1, atom + 1, atom + 1 + other) for atom in range(0, 3 * n, 3) for other in (1, 2)
+        ],
+        "angles": [(1, atom + 2, atom + 1, atom + 3) for atom in range(0, 3 * n, 3)],
     }
     bounds = np.stack([corner, corner + box], axis=1)
     content = data_file(

@@ -120,7 +120,9 @@ def assemble(
         velocities=[v * (u.length / u.time)],
     )
     groups: dict[str, list[int]] = {}
-    for number, name in sorted(enumerate((name for name, *_ in bodies), 1), key=lambda one: one[1]):
+    for number, name in sorted(
+        enumerate((name for name, *_ in bodies), 1), key=lambda pair: pair[1]
+    ):
         groups.setdefault(name, []).append(number)
     text = [
         f"units {units}",

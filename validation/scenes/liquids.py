@@ -119,9 +119,9 @@ def _herringbone() -> Rotation:
     first = np.array([[-0.0569, 0.1387, -0.0054], [-0.1335, 0.0460, 0.1264]]) * (7.44, 9.55, 6.92)
     mirrored = np.array([[1, 1, 1], [1, -1, -1], [-1, -1, 1], [-1, 1, -1]])[:, None] * first
     turns = []
-    for one, other in mirrored:
-        axis = one / np.linalg.norm(one)
-        normal = np.cross(one, other)
+    for corner, other in mirrored:
+        axis = corner / np.linalg.norm(corner)
+        normal = np.cross(corner, other)
         normal /= np.linalg.norm(normal)
         turns.append(np.stack([axis, np.cross(normal, axis), normal], axis=1))
     return Rotation.from_matrix(np.array(turns))

@@ -45,11 +45,11 @@ class Check:
 
     @classmethod
     def of(
-        cls, part: str, subject: str, what: str, found: Estimate | float | None, **more
+        cls, part: str, subject: str, what: str, value: Estimate | float | None, **more
     ) -> "Check":
         """The check of an `Estimate`, of a number without error, or of None."""
-        one = found if isinstance(found, Estimate) else Estimate(found)
-        number = {"value": None} if one.value is None else one.plain()
+        estimate = value if isinstance(value, Estimate) else Estimate(value)
+        number = {"value": None} if estimate.value is None else estimate.plain()
         return cls(part, subject, what, **number | more)
 
     @property

@@ -41,8 +41,8 @@ def combined(*parts: tuple[float, float | None]) -> tuple[float, float | None]:
     if not 0 < size < np.inf:
         return float(size), None
     error, wide = (
-        float(np.sqrt(sum(float(one / size) ** 2 for one in some)))
-        for some in zip(*((one, margin(one, freedom)) for one, freedom in parts))
+        float(np.sqrt(sum(float(value / size) ** 2 for value in values)))
+        for values in zip(*((error, margin(error, freedom)) for error, freedom in parts))
     )
     times = wide / error
     if times <= margin(1.0) * (1 + 1e-9):
@@ -100,10 +100,10 @@ def rounded(value: float, margin: float) -> str:
     return f"{value:.{digits}f} ± {margin:.{digits}f}"
 
 
-def plain(found: Mapping[str, Any]) -> dict:
+def plain(values: Mapping[str, Any]) -> dict:
     """Plain data of estimates and other values; None is left out, except for ``error``."""
     return {
         key: value.plain() if isinstance(value, Estimate) else value
-        for key, value in found.items()
+        for key, value in values.items()
         if value is not None or key == "error"
     }

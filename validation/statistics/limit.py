@@ -52,7 +52,7 @@ class Fit:
     def bias(self, key: Hashable) -> Estimate:
         """The value of a point minus U0."""
         parts = self.distance(key)
-        value = sum(weight * self.points[one].value for one, weight in parts.items())
+        value = sum(weight * self.points[other].value for other, weight in parts.items())
         return Estimate(float(value), *self._error(parts))
 
     def distance(self, key: Hashable) -> dict:
@@ -61,7 +61,7 @@ class Fit:
         Points are independent, but a point of the fit contributes to U0: with these weights the
         error of the difference needs no covariance.
         """
-        parts = {one: -weight for one, weight in self.weights.items()}
+        parts = {other: -weight for other, weight in self.weights.items()}
         parts[key] = parts.get(key, 0.0) + 1.0
         return parts
 
@@ -93,7 +93,7 @@ def fit(
             describe; infinite for a scheme without error of the step.
     """
     used = [point for point in points if _is_in(steps[point], reaches) and points[point].error > 0]
-    terms = _terms([steps[one] for one in used], reaches)
+    terms = _terms([steps[point] for point in used], reaches)
     return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
 
 
@@ -108,29 +108,29 @@ def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit |
     Args:
         powers: of x.
     """
-    told = {dt: one for dt, one in sorted(points.items()) if 0 < one.error < np.inf}
-    if len(told) < 2:
+    means = {dt: mean for dt, mean in sorted(points.items()) if 0 < mean.error < np.inf}
+    if len(means) < 2:
         return None
-    shortest, *_, longest = told
-    squares = {dt: (dt / longest) ** 2 for dt in told}
-    slope = difference(told[longest], told[shortest]).times(1 / (1 - squares[shortest]))
+    shortest, *_, longest = means
+    squares = {dt: (dt / longest) ** 2 for dt in means}
+    slope = difference(means[longest], means[shortest]).times(1 / (1 - squares[shortest]))
     seen = float(np.hypot(slope.value, slope.error))
     higher = {f"h^{2 * n}": Estimate(0.0, seen * SHARE ** (n - 1)) for n in range(2, powers + 1)}
     rows = [[x**n for n in range(powers + 1)] for x in squares.values()]
-    return _fitted(told | higher, [*told, *higher], np.array([*rows, *np.eye(powers + 1)[2:]]))
+    return _fitted(means | higher, [*means, *higher], np.array([*rows, *np.eye(powers + 1)[2:]]))
 
 
 def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
     """The weighted least-squares fit, with U0 in the first column; None if it is not determined."""
     # an error that few values tell is uncertain: its margin weighs it as a normal one
-    size = np.array([points[one].margin / margin(1.0) for one in used])
+    size = np.array([points[key].margin / margin(1.0) for key in used])
     if not len(used):
         return None
     scaled = design / size[:, None]
     inverse = np.linalg.pinv(scaled)
     if abs((inverse @ scaled)[0] - np.eye(len(scaled[0]))[0]).max() > 1e-6:
         return None  # no scheme has two steps
-    values = np.array([points[one].value for one in used]) / size
+    values = np.array([points[key].value for key in used]) / size
     terms = inverse @ values
     left = values - scaled @ terms
     freedom = len(used) - np.linalg.matrix_rank(scaled)
@@ -146,11 +146,11 @@ def _is_in(step: tuple[str, float], reaches: Mapping[str, float]) -> bool:
 def _terms(steps: list[tuple[str, float]], reaches: Mapping[str, float]) -> list[np.ndarray]:
     """Columns of h^2 for each scheme, and of h^4 for one with enough steps."""
     columns = []
-    for scheme in dict.fromkeys(one for one, _ in steps):
+    for scheme in dict.fromkeys(name for name, _ in steps):
         reach = reaches[scheme]
         if math.isinf(reach):
             continue
-        square = np.array([(dt / reach) ** 2 * (one == scheme) for one, dt in steps])
-        number = len({dt for one, dt in steps if one == scheme})
+        square = np.array([(dt / reach) ** 2 * (name == scheme) for name, dt in steps])
+        number = len({dt for name, dt in steps if name == scheme})
         columns += [square, square**2][: 2 if number >= ENOUGH else 1]
     return columns

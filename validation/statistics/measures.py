@@ -33,8 +33,8 @@ def autocorrelation(x: np.ndarray) -> Estimate:
     correlation = _products(x)
     g, window = _windowed(correlation / correlation[0])
     part = (2 * window + 1) / n
-    found = max(1.0, float(g) * (1 + part))
-    return Estimate(found, found * float(np.sqrt(2 * part)))
+    inefficiency = max(1.0, float(g) * (1 + part))
+    return Estimate(inefficiency, inefficiency * float(np.sqrt(2 * part)))
 
 
 def autocovariance(x: np.ndarray) -> np.ndarray:
@@ -64,10 +64,10 @@ def autocorrelation_of_square(covariances: np.ndarray) -> Estimate:
         covariances: (components of all runs, lags), see `autocovariance`; at least three.
     """
     parts = [np.delete(covariances, i, axis=0) for i in range(len(covariances))]
-    found, number = _of_square(covariances), len(parts)
+    inefficiency, number = _of_square(covariances), len(parts)
     values = np.array([_of_square(part) for part in parts])
     error = np.sqrt((number - 1) * np.var(values))
-    return Estimate(found, float(error), number - 1)
+    return Estimate(inefficiency, float(error), number - 1)
 
 
 def _of_square(covariances: np.ndarray) -> float:
@@ -119,7 +119,7 @@ def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
     total = squares.sum()
     if not total > 0:
         return apart
-    parts = [square**2 / one.freedom for square, one in zip(squares, starts) if one.freedom]
+    parts = [square**2 / start.freedom for square, start in zip(squares, starts) if start.freedom]
     freedom = total**2 / sum(parts) if sum(parts) > 0 else SURELY
     ratio = apart.error**2 / (total / len(starts) ** 2)
     if special.fdtrc(len(starts) - 1, freedom, ratio) < 1 - CONFIDENCE:
@@ -147,7 +147,7 @@ def mean(x: np.ndarray) -> Estimate:
     return max(
         Estimate(x.mean(), float(smooth), freedom),
         blocks._replace(value=x.mean()),
-        key=lambda one: one.margin,
+        key=lambda estimate: estimate.margin,
     )
 
 
@@ -298,10 +298,10 @@ def without_noise(off: np.ndarray) -> Estimate:
         off: independent measurements of the difference, as rows; the error is their jackknife's.
     """
     products = off @ off.T / off.shape[1]
-    n, own = len(products), np.diag(products)
-    pairs = products.sum() - own.sum()
+    n, diagonal = len(products), np.diag(products)
+    pairs = products.sum() - diagonal.sum()
     square = pairs / (n * (n - 1))
-    without = (pairs - 2 * (products.sum(axis=1) - own)) / ((n - 1) * (n - 2))  # one of them
+    without = (pairs - 2 * (products.sum(axis=1) - diagonal)) / ((n - 1) * (n - 2))  # one of them
     error = np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2))
     reach = margin(error, n - 1)
     ends = [square, square - reach, max(square, 0.0) + reach]
@@ -345,8 +345,10 @@ class Spread(TypedDict):
 
 def spread(values: Iterable[float]) -> Spread:
     """The `Spread` of values."""
-    some = [float(value) for value in values]
-    return Spread(median=float(np.median(some)), min=min(some), max=max(some), values=some)
+    numbers = [float(value) for value in values]
+    return Spread(
+        median=float(np.median(numbers)), min=min(numbers), max=max(numbers), values=numbers
+    )
 
 
 def ratio(first: Sequence[float], second: Sequence[float]) -> Estimate:

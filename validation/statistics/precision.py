@@ -54,12 +54,14 @@ class Interval(NamedTuple):
         """The interval of equally likely numbers."""
         ends = 50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)
         # a rank, not a mean of two: one of these may be infinite
-        found = np.percentile(draws, (50, *ends), method="nearest")
-        return cls(*map(float, found))
+        percentiles = np.percentile(draws, (50, *ends), method="nearest")
+        return cls(*map(float, percentiles))
 
     def plain(self) -> dict:
         """As a dictionary; what is infinite is None."""
-        return {name: one if np.isfinite(one) else None for name, one in self._asdict().items()}
+        return {
+            name: value if np.isfinite(value) else None for name, value in self._asdict().items()
+        }
 
 
 def _seconds(bias, noise, error):
@@ -75,7 +77,7 @@ def seconds(average: BiasAndNoise, error: float) -> Interval:
 
 def times(known: BiasAndNoise, other: BiasAndNoise, error: float) -> Interval:
     """CPU time until a total error, divided by that of the other scheme."""
-    if np.isnan([one.value for average in (known, other) for one in average]).any():
+    if np.isnan([estimate.value for average in (known, other) for estimate in average]).any():
         return Interval(np.nan, np.nan, np.nan)
     first, second = known.draws(1), other.draws(2)
     spent, other_spent = _seconds(*first, error), _seconds(*second, error)

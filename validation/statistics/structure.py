@@ -56,14 +56,14 @@ class Motion:
 
     def turning(self, dimension: int) -> int:
         """Rotational degrees of freedom of all bodies."""
-        found = 0
+        freedom = 0
         for group in self.groups:
             bodies, atoms = group.shape
             if atoms > 1 and dimension == 2:
-                found += bodies
+                freedom += bodies
             elif atoms > 1:
-                found += 3 * bodies - int(_straight(self._parts(self.x[0], group)[1]).sum())
-        return found
+                freedom += 3 * bodies - int(_straight(self._parts(self.x[0], group)[1]).sum())
+        return freedom
 
 
 def _straight(r):
@@ -164,8 +164,8 @@ def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held
     """
     # two atoms' degrees of freedom are six, a body's
     data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
-    found = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
-    return max(abs(distance) for distance in found)
+    deviations = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
+    return max(abs(distance) for distance in deviations)
 
 
 class Sampled(NamedTuple):
@@ -190,7 +190,7 @@ def between_states(first: Sampled, second: Sampled) -> float | None:
         for temperature, pressure, (energies, volumes) in (first, second)
     ]
     try:
-        (found,) = _quiet(physical_validation.ensemble.check, *runs, **INDEPENDENT)
+        (deviation,) = _quiet(physical_validation.ensemble.check, *runs, **INDEPENDENT)
     except (physical_validation.util.error.InputError, np.linalg.LinAlgError):
         return None
-    return found
+    return deviation

@@ -77,7 +77,7 @@ def run(arguments: Namespace) -> int:
     with console.Meter(screen, len(rows), "rows") as meter:
         summary = measure.stress(CASES, names, out, full, arguments.silence, meter, only)
     breaks, _ = measure.worse(summary["cases"]).values()
-    said = report.said(summary)
-    pages.write(said, summary, out)
-    pages.show(screen, said, summary, out)
+    result = report.describe(summary)
+    pages.write(result, summary, out)
+    pages.show(screen, result, summary, out)
     return command_line.exit_status(summary["interrupted"], bool(breaks))

@@ -9,7 +9,7 @@ from ..scenes import bodies
 from ..scenes.units import NS_OF_REDUCED
 from ..statistics import motion
 from . import molecules
-from .measure import EXACT, Case, Number, Stand, of_parts
+from .measure import EXACT, Case, Number, Runner, of_parts
 
 REPULSIVE = (
     "pair_style lj/cut 1.122462048309373",
@@ -23,22 +23,22 @@ DT = 0.004
 WHOLE = bodies.MASSES.sum()
 
 
-def _liquid(stand, name, corner):
+def _liquid(runner, name, corner):
     """Bent triatomics on a lattice of 4³ sites with random orientations, at temperature 1."""
-    rng, found = np.random.default_rng(4), []
+    rng, members = np.random.default_rng(4), []
     moments, axes = bodies.moments(bodies.BENT, bodies.MASSES)
     for site in np.ndindex(4, 4, 4):
         turn = bodies.Rotation.from_quat(rng.normal(size=4))
         spin = turn.apply(axes @ (rng.normal(size=3) / np.sqrt(moments)))
         place, velocity = BOX / 4 * (np.array(site) + 0.5) + corner, rng.normal(size=3)
         how: dict = {"place": place, "turn": turn, "velocity": velocity / np.sqrt(WHOLE)}
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, spin=spin, **how))
-    return _scene(stand, name, found, [*REPULSIVE, "neighbor 0.4 bin"], BOX, corner)
+        members.append(bodies.body(bodies.BENT, bodies.MASSES, spin=spin, **how))
+    return _scene(runner, name, members, [*REPULSIVE, "neighbor 0.4 bin"], BOX, corner)
 
 
-def _scene(stand, name, found, setup, box, corner):
-    folder, ends = stand.folder.parent, {"box": box, "corner": np.full(3, corner)}
-    return bodies.scene(folder, found, setup, dt=DT, name=name, bonded=True, **ends)
+def _scene(runner, name, members, setup, box, corner):
+    folder, ends = runner.folder.parent, {"box": box, "corner": np.full(3, corner)}
+    return bodies.scene(folder, members, setup, dt=DT, name=name, bonded=True, **ends)
 
 
 @Case.of(
@@ -48,13 +48,13 @@ def _scene(stand, name, found, setup, box, corner):
     500_000,
     **molecules.OF_DRIFT,
 )
-def gradient(stand: Stand, steps: int) -> Number:
+def gradient(runner: Runner, steps: int) -> Number:
     """Measure dipoles in a field that varies over their length, and in a harmonic trap."""
-    charge, rng, found = np.array([-2.0, 1.0, 1.0]), np.random.default_rng(9 + stand.start), []
+    charge, rng, members = np.array([-2.0, 1.0, 1.0]), np.random.default_rng(9 + runner.start), []
     for k in range(20):
-        turn, keys = bodies.turned(k + 20 * stand.start), ("place", "velocity", "spin")
+        turn, keys = bodies.turned(k + 20 * runner.start), ("place", "velocity", "spin")
         how = {key: rng.normal(size=3) for key in keys}
-        found.append(bodies.body(bodies.BENT, bodies.MASSES, turn=turn, charge=charge, **how))
+        members.append(bodies.body(bodies.BENT, bodies.MASSES, turn=turn, charge=charge, **how))
     setup = (
         *bodies.FREE,
         "neighbor 6.0 bin",
@@ -66,8 +66,8 @@ def gradient(stand: Stand, steps: int) -> Number:
         "fix field all addforce v_fx v_fy v_fz energy v_e",
         "fix_modify field energy yes",
     )
-    scene = _scene(stand, f"dipoles-{stand.start}", found, setup, 100.0, -50.0)
-    return molecules.drift(stand, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
+    scene = _scene(runner, f"dipoles-{runner.start}", members, setup, 100.0, -50.0)
+    return molecules.drift(runner, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
 
 
 @Case.of(
@@ -79,12 +79,12 @@ def gradient(stand: Stand, steps: int) -> Number:
     "pressure; each over its bound",
     bars=EXACT,
 )
-def far_away(stand: Stand, steps: int) -> Number:
+def far_away(runner: Runner, steps: int) -> Number:
     """Measure the same bodies in a box at the origin and in one far from it."""
     ends, pressures = [], []
     for name, corner in ("near", 0.0), ("far", FAR * BOX):
-        scene, more = _liquid(stand, name, corner), motion.dump(steps)
-        result, folder = stand.run(scene, name, [steps], dt=DT, every=1, more=more)
+        scene, more = _liquid(runner, name, corner), motion.dump(steps)
+        result, folder = runner.run(scene, name, [steps], dt=DT, every=1, more=more)
         ends.append(motion.frames(folder)[2][-1] - corner)
         pressures.append(result.thermo["Press"])
     distance = np.linalg.norm(ends[1] - ends[0], axis=1).max()

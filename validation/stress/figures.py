@@ -26,8 +26,8 @@ READ = (
 
 def matrix(cases: Sequence[dict]) -> Figure | None:
     """Draw cases by integrators, coloured by verdict."""
-    found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
-    shown = [name for name in ALL if name in found]
+    label_of = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    shown = [name for name in ALL if name in label_of]
     if not shown:
         return None
     size = 2.4 + 0.62 * len(shown), 2.2 + 0.3 * len(cases)
@@ -39,7 +39,7 @@ def matrix(cases: Sequence[dict]) -> Figure | None:
             ink = "white" if row["verdict"] == "blow-up" else INK
             axis.text(x, y, sign, ha="center", va="center", color=ink)
     names = [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases]
-    labels = ["ours" if name == OURS else found[name].replace(" + nve", "") for name in shown]
+    labels = ["ours" if name == OURS else label_of[name].replace(" + nve", "") for name in shown]
     axis.set_xticks(range(len(shown)), labels, rotation=45, ha="left")
     axis.set_yticks(range(len(cases)), names)
     axis.xaxis.tick_top()

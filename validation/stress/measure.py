@@ -1,7 +1,7 @@
 """Limits of stability: cases with a number each, run with fix_nosquish's schemes and with LAMMPS's
 rigid and constraint fixes.
 
-A case is a function of a `Stand` and a length that runs LAMMPS and returns a `Number`; `stress`
+A case is a function of a `Runner` and a length that runs LAMMPS and returns a `Number`; `stress`
 runs cases with integrators, row by row.  A row stores the numbers of each start, and is judged
 against the bounds of ``criteria`` each time it is shown.  Several processes may run with the same
 output folder: a case is locked by one of them, and each summary has the rows of all.
@@ -114,7 +114,7 @@ class Case:
         physics: what happens, in a sentence.
         criterion: the number, in words.
         bars: meaning of the number's error, or why there is none.
-        measure: returns the number, from a stand and a length.
+        measure: returns the number, from a runner and a length.
         short, full: lengths, in a unit of the function.
         compared: names of the integrators to run; with --short those of `FEW`.
         starts: largest number of starts: a row gets more until its verdict is significant.
@@ -126,7 +126,7 @@ class Case:
     physics: str
     criterion: str
     bars: str
-    measure: Callable[["Stand", Any], Number]
+    measure: Callable[["Runner", Any], Number]
     short: Any
     full: Any
     compared: tuple[str, ...] = ALL
@@ -143,7 +143,9 @@ class Case:
     def criteria(self) -> dict[str, Criterion]:
         """All criteria for its numbers, by name."""
         return self.bounds or {
-            key: some for key, some in criteria.CRITERIA.items() if self.name in some.cases.split()
+            key: criterion
+            for key, criterion in criteria.CRITERIA.items()
+            if self.name in criterion.cases.split()
         }
 
     @property
@@ -155,8 +157,10 @@ class Case:
     @property
     def inner(self) -> dict[str, float]:
         """Bounds that the measured number depends on."""
-        found = {name: some.bound for name, some in self.criteria.items() if some.inner}
-        return found | {"rounding": criteria.rounding(1)}
+        bounds = {
+            name: criterion.bound for name, criterion in self.criteria.items() if criterion.inner
+        }
+        return bounds | {"rounding": criteria.rounding(1)}
 
     def length(self, full: bool) -> Any:
         """The length of a full run or of a short one."""
@@ -181,15 +185,15 @@ class Case:
     def verdict(self, numbers: Sequence[Number]) -> str:
         """Return pass, fail, or cannot tell if the interval of the number contains the bound.  Each
         of the `looks` is a test, so the intervals are those of 95 % for all looks together."""
-        found = self.number(numbers)
+        result = self.number(numbers)
         confidence = 1 - (1 - CONFIDENCE) / len(self.looks)
-        wider = margin(1.0, found.freedom, confidence) / margin(1.0, found.freedom)
-        number = found.value, found.error * wider, *self.bound.within()
-        return _WORDS[Check("", "", "", *number, freedom=found.freedom).holds]
+        wider = margin(1.0, result.freedom, confidence) / margin(1.0, result.freedom)
+        number = result.value, result.error * wider, *self.bound.within()
+        return _WORDS[Check("", "", "", *number, freedom=result.freedom).holds]
 
 
 @dataclass
-class Stand:
+class Runner:
     """The place where a case is run with one integrator.
 
     Attributes:
@@ -238,7 +242,7 @@ class Stand:
             label: of the run's folder.
             more: LAMMPS commands before the first run; ``{folder}`` is the run's.
             files: files besides the scene that the run depends on.
-            by: another integrator than the stand's.
+            by: another integrator than the runner's.
             how: arguments of ``run.job``.
 
         Returns:
@@ -279,42 +283,42 @@ class Rows:
 
     def place(self, case: str, integrator: str) -> tuple[str, str]:
         """A row's name in the store and its origin: code, length and inner bounds."""
-        found = self.cases[case]
-        settings = found.length(self.full), found.inner, self.scenes
+        entry = self.cases[case]
+        settings = entry.length(self.full), entry.inner, self.scenes
         return f"{case}/{run.folder_name(integrator)}", self.store.origin(*settings)
 
-    def kept(self, case: str, integrator: str) -> dict | None:
+    def load(self, case: str, integrator: str) -> dict | None:
         """The row that was measured with this code, or None."""
-        found = self.store.kept(*self.place(case, integrator))
-        return found and found["record"]
+        record = self.store.load(*self.place(case, integrator))
+        return record and record["record"]
 
-    def keep(self, case: str, row: dict) -> None:
+    def save(self, case: str, row: dict) -> None:
         """Store a row, as far as it is known."""
         place = self.place(case, row["integrator"])
-        self.store.keep(*place, row, _enough(self.cases[case], row))
+        self.store.save(*place, row, _enough(self.cases[case], row))
 
     def summary(self) -> dict:
         """All rows of the folder, including those of other processes.  A row that was not measured
         with this code is read from the folder's summary.json, if it has the same length and inner
         bounds: each row states the code of its measurement."""
-        told = (json_files.read(self.out / "summary.json") or {}).get("cases", ())
-        before = {(case["name"], row["integrator"]): row for case in told for row in case["rows"]}
-        found = []
+        stored = (json_files.read(self.out / "summary.json") or {}).get("cases", ())
+        before = {(case["name"], row["integrator"]): row for case in stored for row in case["rows"]}
+        summaries = []
         for case in self.cases.values():
-            rows = [self.kept(case.name, name) or before.get((case.name, name)) for name in ALL]
+            rows = [self.load(case.name, name) or before.get((case.name, name)) for name in ALL]
             shown = [judged(case, row) for row in rows if row and self._is_of(case, row)]
             if shown:
-                found.append(_plain(case, self.full) | {"rows": shown})
-        named = [case["name"] for case in found if len(found) < len(self.cases)]
+                summaries.append(_plain(case, self.full) | {"rows": shown})
+        named = [case["name"] for case in summaries if len(summaries) < len(self.cases)]
         words = ["stress", *named, "--full" if self.full else "--short"]
         command = shlex.join([COMMAND, *words])
-        return {"full": self.full, "cases": found, "command": command}
+        return {"full": self.full, "cases": summaries, "command": command}
 
     def _is_of(self, case: Case, row: dict) -> bool:
         """Whether a row has a result of this length and these inner bounds."""
         same = row["length"], row["inner"]
-        told = bool(row["ended"] or row["numbers"])
-        return told and same == (case.length(self.full), case.inner)
+        measured = bool(row["ended"] or row["numbers"])
+        return measured and same == (case.length(self.full), case.inner)
 
 
 def _plain(case: Case, full: bool) -> dict:
@@ -322,7 +326,10 @@ def _plain(case: Case, full: bool) -> dict:
     low, high = case.bound.within()
     sign, value = ("≥", low) if high is None else ("≤", high)
     words = {key: getattr(case, key) for key in ("name", "part", "physics", "criterion", "bars")}
-    bounds = [{"quantity": some.quantity, "text": some.text()} for some in case.criteria.values()]
+    bounds = [
+        {"quantity": criterion.quantity, "text": criterion.text()}
+        for criterion in case.criteria.values()
+    ]
     numbers = {"bound": f"{sign} {value:g}", "low": low, "high": high, "unit": case.bound.unit}
     runs = {"length": case.length(full), "integrators": case.integrators(full)}
     return words | numbers | runs | {"criteria": bounds}
@@ -354,10 +361,10 @@ def stress(
         for case in rows.store.shared(names):
             for _, name in plan(cases, [case], full, only):
                 meter.begin(f"{case}, {COMPARED[name].label}", 1)
-                stand = Stand(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
+                runner = Runner(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
                 ended = None
-                for row in grown(stand, name, full, rows.kept(case, name)):
-                    rows.keep(case, row)
+                for row in grown(runner, name, full, rows.load(case, name)):
+                    rows.save(case, row)
                     ended = row["ended"] and row["ended"][1]
                 meter.end(ended)
     except KeyboardInterrupt:
@@ -375,19 +382,19 @@ def plan(
     return [(case, name) for case, name in planned if not only or name in only]
 
 
-def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
+def grown(runner: Runner, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
     """Run a case with an integrator of that name in `COMPARED`.  After each new start yield the
-    row, as far as it is known, as plain data without verdict.  The stand has the case's folder, and
-    gets a folder there."""
-    case, length = stand.case, stand.case.length(full)
-    stand.ranks = 1 if full else 2  # with full lengths, parallel cases use the cores better
-    stand.folder /= run.folder_name(name)
-    stand.folder.mkdir(parents=True, exist_ok=True)
+    row, as far as it is known, as plain data without verdict.  The runner has the folder of the
+    case, and gets a folder there."""
+    case, length = runner.case, runner.case.length(full)
+    runner.ranks = 1 if full else 2  # with full lengths, parallel cases use the cores better
+    runner.folder /= run.folder_name(name)
+    runner.folder.mkdir(parents=True, exist_ok=True)
     words = ["stress", case.name, "--only", name, "--full" if full else "--short"]
     row = row or {
         "integrator": name,
-        "label": stand.integrator.label,
-        "kind": stand.integrator.kind,
+        "label": runner.integrator.label,
+        "kind": runner.integrator.kind,
         "numbers": [],
         "ended": None,
         "length": length,
@@ -397,9 +404,9 @@ def grown(stand: Stand, name: str, full: bool, row: dict | None = None) -> Itera
         "command": shlex.join([COMMAND, *words]),
     }
     while not _enough(case, row):
-        stand.start, before = len(row["numbers"]), stand.seconds
-        row = row | {"date": machine.now()} | _measured(stand, length, row["numbers"])
-        row["seconds"] += stand.seconds - before
+        runner.start, before = len(row["numbers"]), runner.seconds
+        row = row | {"date": machine.now()} | _measured(runner, length, row["numbers"])
+        row["seconds"] += runner.seconds - before
         yield row
 
 
@@ -411,43 +418,43 @@ def _enough(case: Case, row: dict) -> bool:
     return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
 
 
-def _measured(stand: Stand, length: Any, before: list[dict]) -> dict:
+def _measured(runner: Runner, length: Any, before: list[dict]) -> dict:
     """What one more start adds to a row."""
     try:
         with np.errstate(all="ignore"):  # runs that fail overflow: the number shows it
-            number = stand.case.measure(stand, length)
+            number = runner.case.measure(runner, length)
         if not np.isfinite(number.value):
             raise BlowUp(f"not finite; {number.note}")
         estimate = Estimate(number.value, number.error, number.freedom)
         return {"numbers": [*before, asdict(number) | estimate.plain()]}
-    except BlowUp as found:
-        return {"ended": ["blow-up", str(found)]}
-    except CannotRun as found:
-        return {"ended": ["cannot run", str(found)]}
+    except BlowUp as error:
+        return {"ended": ["blow-up", str(error)]}
+    except CannotRun as error:
+        return {"ended": ["cannot run", str(error)]}
     # the analysis of a failed trajectory raises these (in new numpys a LinAlgError is a ValueError)
-    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as found:
-        return {"ended": ["blow-up", f"analysis: {type(found).__name__}: {found}"]}
+    except (ValueError, IndexError, ArithmeticError, np.linalg.LinAlgError) as error:
+        return {"ended": ["blow-up", f"analysis: {type(error).__name__}: {error}"]}
 
 
 def judged(case: Case, row: dict) -> dict:
     """A row with its number, verdict and note, by the current bounds."""
     if row["ended"]:
         verdict, note = row["ended"]
-        found = {"value": None, "error": None, "freedom": None, "note": note}
-        return row | found | {"verdict": verdict}
+        result = {"value": None, "error": None, "freedom": None, "note": note}
+        return row | result | {"verdict": verdict}
     numbers = [Number(**plain) for plain in row["numbers"]]
     number = asdict(case.number(numbers))
-    found = {key: number[key] for key in ("value", "error", "freedom", "note")}
-    return row | found | {"verdict": case.verdict(numbers)}
+    result = {key: number[key] for key in ("value", "error", "freedom", "note")}
+    return row | result | {"verdict": case.verdict(numbers)}
 
 
 def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
     """Where ours is worse than LAMMPS's fixes: names of cases by kind of failure."""
-    found: dict[str, list[str]] = {
+    kinds: dict[str, list[str]] = {
         "Ours breaks where a LAMMPS fix does not": [],
         "Ours does not pass what a LAMMPS fix passes": [],
     }
-    breaks, behind = found.values()
+    breaks, behind = kinds.values()
     for case in cases:
         theirs = {row["verdict"] for row in case["rows"] if row["kind"] != "ours"}
         for row in (row for row in case["rows"] if row["integrator"] == OURS):
@@ -455,4 +462,4 @@ def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
                 breaks.append(case["name"])
             if row["verdict"] != "pass" and "pass" in theirs:
                 behind.append(case["name"])
-    return found
+    return kinds

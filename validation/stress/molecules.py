@@ -18,7 +18,7 @@ from .measure import (
     LINE,
     Case,
     Number,
-    Stand,
+    Runner,
     of_parts,
 )
 
@@ -43,25 +43,25 @@ DRIFT = "|drift of the energy| over the mean kinetic energy"
 OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": STARTS}
 
 
-def halved(stand: Stand, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
+def halved(runner: Runner, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
     """Find the time step up to which a `change` in runs of up to `MOST` steps is allowed, by
     bisection; then try half of it.  If that is bad, the limit is below it.
 
     Args:
         dts: time steps, ascending.  time: that each run covers.
-        how: arguments of ``Stand.run``.
+        how: arguments of ``Runner.run``.
     """
 
     def why(k: int) -> str:
         """Why a step is bad; empty if it is good."""
-        off, error = change(stand, scene, dts[k], min(time, MOST * dts[k]), **how)
-        told = error or f"energy off by {off:.2g} of the kinetic energy"
-        return "" if off < ALLOWED else told
+        off, error = change(runner, scene, dts[k], min(time, MOST * dts[k]), **how)
+        reason = error or f"energy off by {off:.2g} of the kinetic energy"
+        return "" if off < ALLOWED else reason
 
     bad = bisect.bisect_left(range(len(dts)), True, key=lambda k: bool(why(k)))
     half = int(np.searchsorted(dts, dts[max(bad - 1, 0)] / 2, side="right")) - 1
     if half >= 0 and why(half):
-        return halved(stand, scene, dts[: half + 1], time, **how)
+        return halved(runner, scene, dts[: half + 1], time, **how)
     return _between(dts, bad, why(bad) if bad < len(dts) else "")
 
 
@@ -71,8 +71,8 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
         return Number(0.0, note=f"not even at {dts[0]:.4g} fs, the shortest step tried: {error}")
     longest = dts[first - 1]
     if first == len(dts):
-        told = "the longest step tried, so no error: the limit is at least that"
-        return Number(longest, note=f"stable at {longest:.4g} fs, {told}")
+        meaning = "the longest step tried, so no error: the limit is at least that"
+        return Number(longest, note=f"stable at {longest:.4g} fs, {meaning}")
     return Number(
         (dts[first] + longest) / 2,
         (dts[first] - longest) / 4,
@@ -80,7 +80,7 @@ def _between(dts: np.ndarray, first: int, error: str) -> Number:
     )
 
 
-def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[float, str | None]:
+def change(runner: Runner, scene: Scene, dt: float, time: float, **how) -> tuple[float, str | None]:
     """The change of the energy from the first to the last fifth of a run, relative to the kinetic
     energy at the start, and why the run ended.  The run ends at `GIVEN_UP` times the allowed
     change; a run that is not complete has an infinite change."""
@@ -93,7 +93,7 @@ def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[f
         f"fix far all halt {every} v_far > 0.5 error hard",
     ]
     runs, label = [SAMPLES * every], f"{dt:g} fs"
-    result, _ = stand.attempt(scene, label, runs, more=lines, dt=dt, every=every, **how)
+    result, _ = runner.attempt(scene, label, runs, more=lines, dt=dt, every=every, **how)
     fifth, total = SAMPLES // 5, result.thermo["TotEng"]
     if "Fix halt" in (result.error or ""):
         return np.inf, f"energy off by {GIVEN_UP * ALLOWED:g} of the kinetic energy"
@@ -103,33 +103,33 @@ def change(stand: Stand, scene: Scene, dt: float, time: float, **how) -> tuple[f
 
 
 def drift(
-    stand: Stand, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
+    runner: Runner, scene: Scene, steps: int, ns: float, every: int, note: str = "", **how
 ) -> Number:
     """The slope of the energy over the mean kinetic energy, per ns, which is ``ns`` of the scene's
     units of time; the note has places for the temperature at start and end."""
     how = {"dt": scene.dt, **how}
-    result, _ = stand.run(scene, f"start {stand.start + 1}", [steps], every=every, **how)
+    result, _ = runner.run(scene, f"start {runner.start + 1}", [steps], every=every, **how)
     thermo = result.thermo
     slope = measures.drift(thermo["Time"], thermo["TotEng"]).times(ns / thermo["KinEng"].mean())
     return Number.of(slope, note.format(thermo["Temp"][0], thermo["Temp"][-1]))
 
 
 def later(
-    stand: Stand,
+    runner: Runner,
     scene: Scene,
     steps: int,
     dt: float,
     more: Iterable[str],
     **how,
 ) -> tuple[Scene, Path]:
-    """The scene of the stand's start, and its file: so many steps later, as ours moves it, and
+    """The scene of the runner's start, and its file: so many steps later, as ours moves it, and
     again so many for each further start; the same for all integrators."""
-    outer = replace(stand, folder=stand.folder.parent)
+    outer = replace(runner, folder=runner.folder.parent)
     state = (outer.folder / "start" / "state.dump").resolve()
     more = [*more, *scene_starts.to_dump(state, steps)]
     how = {"by": COMPARED["nosquish"], "dt": dt, "every": steps // 20, "more": more, **how}
     outer.run(scene, "start", [STARTS * steps], **how)
-    return scene_starts.from_dump(scene, state, (stand.start + 1) * steps), state
+    return scene_starts.from_dump(scene, state, (runner.start + 1) * steps), state
 
 
 def coarse(scene: Scene) -> Scene:
@@ -137,9 +137,9 @@ def coarse(scene: Scene) -> Scene:
     return scene.on_mesh("1e-4")
 
 
-def water(stand: Stand) -> Scene:
+def water(runner: Runner) -> Scene:
     """Some water, the same for all integrators."""
-    folder = stand.folder.parent / "data"
+    folder = runner.folder.parent / "data"
     return coarse(scene_starts.of_size(SCENES["water"], BODIES, folder))
 
 
@@ -151,23 +151,23 @@ def water(stand: Stand) -> Scene:
     criterion=LONGEST.format(ALLOWED, "0.2 ps", UP_TO),
     bars=ONE,
 )
-def water_dt(stand: Stand, length: list[float]) -> Number:
+def water_dt(runner: Runner, length: list[float]) -> Number:
     """Measure the longest step. Args: length: the time, and the spacing of the steps tried."""
     steps = np.arange(0.5, 12.1, length[1])
-    return halved(stand, water(stand), steps, length[0], ranks=stand.ranks)
+    return halved(runner, water(runner), steps, length[0], ranks=runner.ranks)
 
 
-def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
+def _water_drift(runner, temperature, time, dt, warm_time, warm_dt, damping):
     """The `drift` of water after Langevin dynamics.
 
     The cutoff is smooth and there is no mesh: the energy change by a mesh of 1e-4 at 1 K, the same
     with all integrators, is a hundred times the bound.
     """
     bath, steps = f"{temperature} {temperature} {damping} 4928", round(warm_time / warm_dt)
-    more, how = [f"fix heat all langevin {bath}"], {"ranks": stand.ranks}
-    scene, state = later(stand, SMOOTH, steps, warm_dt, more, **how)
+    more, how = [f"fix heat all langevin {bath}"], {"ranks": runner.ranks}
+    scene, state = later(runner, SMOOTH, steps, warm_dt, more, **how)
     how |= {"dt": dt, "files": [state], "note": "{:.3g} K at the start, {:.3g} K at the end"}
-    return drift(stand, scene, round(time / dt), 1000 * FS_PER_PS, 5, **how)
+    return drift(runner, scene, round(time / dt), 1000 * FS_PER_PS, 5, **how)
 
 
 @Case.of(
@@ -177,9 +177,9 @@ def _water_drift(stand, temperature, time, dt, warm_time, warm_dt, damping):
     40 * FS_PER_PS,
     **OF_DRIFT,
 )
-def water_hot(stand: Stand, time: float) -> Number:
+def water_hot(runner: Runner, time: float) -> Number:
     """Measure the drift after heating for 0.2 ps."""
-    return _water_drift(stand, 1500.0, time, 2.0, 200.0, 0.5, 50.0)
+    return _water_drift(runner, 1500.0, time, 2.0, 200.0, 0.5, 50.0)
 
 
 @Case.of(
@@ -189,9 +189,9 @@ def water_hot(stand: Stand, time: float) -> Number:
     100 * FS_PER_PS,
     **OF_DRIFT,
 )
-def water_cold(stand: Stand, time: float) -> Number:
+def water_cold(runner: Runner, time: float) -> Number:
     """Measure the drift after cooling for 10 ps."""
-    return _water_drift(stand, 1.0, time, 4.0, 10_000.0, 4.0, 200.0)
+    return _water_drift(runner, 1.0, time, 4.0, 10_000.0, 4.0, 200.0)
 
 
 @Case.of(
@@ -203,9 +203,9 @@ def water_cold(stand: Stand, time: float) -> Number:
     "the kinetic energy; relative changes of momenta and of distances; each over its bound",
     bars=EXACT,
 )
-def long_dimer(stand: Stand, steps: int) -> Number:
+def long_dimer(runner: Runner, steps: int) -> Number:
     """Measure the conservation laws of two molecules that stay bound."""
-    result, folder = stand.run(
+    result, folder = runner.run(
         SCENES["dimer"],
         "run",
         [steps],
@@ -221,14 +221,14 @@ def long_dimer(stand: Stand, steps: int) -> Number:
     for vectors, each in zip(motion.conserved(mass, x, v)[1:], (p, np.cross(x[0], p))):
         size = np.linalg.norm(each, axis=1).sum()
         lost.append(np.linalg.norm(vectors - vectors[0], axis=1).max() / size)
-    pairs = [motion.distances(x[:, some]) for some in (slice(3), slice(3, None))]
+    pairs = [motion.distances(x[:, atoms]) for atoms in (slice(3), slice(3, None))]
     shape = max(np.abs(d / d[0] - 1).max() for d in pairs)
     keys = "energy", "momentum", "angular momentum", "|q|, by the distances"
-    told = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
+    numbers = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
     momenta = criteria.in_a_step(max(lost), steps)
-    asked = stand.integrator.tolerance or criteria.rounding(steps)
-    parts = {"long run": heat, "rounding": momenta, "shape": shape / asked}
-    return of_parts(parts, ", ".join(told))
+    tolerance = runner.integrator.tolerance or criteria.rounding(steps)
+    parts = {"long run": heat, "rounding": momenta, "shape": shape / tolerance}
+    return of_parts(parts, ", ".join(numbers))
 
 
 CASES = water_dt, water_hot, water_cold, long_dimer

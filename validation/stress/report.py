@@ -6,7 +6,7 @@ from functools import partial
 
 from rich.console import Console
 
-from ..pages import Cell, Column, Figure, Said, Table, show_table
+from ..pages import Cell, Column, Figure, Report, Table, show_table
 from ..scenes.integrators import OURS
 from ..statistics.estimate import Estimate
 from .criteria import CRITERIA
@@ -23,7 +23,7 @@ KEYS = (
 )
 
 
-def said(summary: dict) -> Said:
+def describe(summary: dict) -> Report:
     """The report on what fails and where."""
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
@@ -32,7 +32,7 @@ def said(summary: dict) -> Said:
     waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
     if waiting:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")
-    return Said(
+    return Report(
         "What breaks, where",
         "Which integrator fails at long steps, in hot or cold systems, with unusual shapes, far "
         "from the origin, and in the cases that users have reported?",
@@ -56,8 +56,8 @@ def said(summary: dict) -> Said:
             for case, row in every
             if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
         ]
-        + [told for case in extreme for told in _longer(case)],
-        kept={"cases": _answer(cases)},
+        + [text for case in extreme for text in _longer(case)],
+        release_numbers={"cases": _answer(cases)},
     )
 
 
@@ -67,9 +67,9 @@ def _longer(case: dict) -> list[str]:
     if ours is None or ours["value"] is None or case["low"] is None:
         return []
     most = ours["value"] + Estimate.of(ours).margin
-    told = f"ours {_found(ours).text} {case['unit']}"
+    text = f"ours {_number_cell(ours).text} {case['unit']}"
     return [
-        f"{case['name']}: {row['label']} runs with {_found(row).text} {case['unit']}, {told}."
+        f"{case['name']}: {row['label']} runs with {_number_cell(row).text} {case['unit']}, {text}."
         for row in case["rows"]
         if row["value"] is not None and row["value"] - Estimate.of(row).margin > most
     ]
@@ -84,18 +84,20 @@ def _answer(cases: Iterable[dict]) -> str:
     theirs = [label for label in ran if kinds[label] != "ours"]
     best = max(theirs, key=lambda label: passed[label] / ran[label], default=None)
     ours = next((row["label"] for row in rows if row["integrator"] == OURS), None)
-    told = []
+    sentences = []
     if ours:
-        told.append(f"{ours} passes {passed[ours]} of the {ran[ours]} cases that it can run.")
+        sentences.append(f"{ours} passes {passed[ours]} of the {ran[ours]} cases that it can run.")
     if best:
-        told.append(f"The best of LAMMPS's fixes, {best}, passes {passed[best]} of {ran[best]}.")
-    return " ".join(told)
+        sentences.append(
+            f"The best of LAMMPS's fixes, {best}, passes {passed[best]} of {ran[best]}."
+        )
+    return " ".join(sentences)
 
 
 def _labels(cases: Iterable[dict]) -> dict[str, str]:
     """Names and labels of the integrators that have rows, in order."""
-    found = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
-    return {name: found[name] for name in ALL if name in found}
+    label_of = {row["integrator"]: row["label"] for case in cases for row in case["rows"]}
+    return {name: label_of[name] for name in ALL if name in label_of}
 
 
 def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
@@ -110,11 +112,10 @@ def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
 
 def _package(row: Mapping) -> str:
     """The version of the package with which a row was measured."""
-    found = row["versions"]
-    return f"fix_nosquish {found['fix_nosquish']} ({found['package']}), LAMMPS {found['lammps']}"
+    return "fix_nosquish {fix_nosquish} ({package}), LAMMPS {lammps}".format(**row["versions"])
 
 
-def _found(row: Mapping | None) -> Cell:
+def _number_cell(row: Mapping | None) -> Cell:
     """A row's number, with its verdict."""
     if row is None:
         return Cell("not run")
@@ -132,9 +133,9 @@ def _table(title: str, cases: list[dict]) -> Table:
     """A table of cases by integrators."""
     labels, rows = _labels(cases), []
     for case in cases:
-        found = {row["integrator"]: row for row in case["rows"]}
+        by_name = {row["integrator"]: row for row in case["rows"]}
         bound = f"{case['bound']} {case['unit']}".strip()
-        numbers = (_found(found.get(name)) for name in labels)
+        numbers = (_number_cell(by_name.get(name)) for name in labels)
         rows.append([case["name"], case["physics"], bound, *numbers])
     return Table.of(title, ["case", "what happens", "bound", *labels.values()], rows)
 
@@ -143,8 +144,14 @@ def _bounds() -> Table:
     """A table of every bound, with its derivation."""
     head = "quantity, bound, derived from, whose need, cases"
     rows = [
-        (some.quantity, some.text(), some.derivation, some.need, some.cases.replace(" ", ", "))
-        for some in CRITERIA.values()
+        (
+            criterion.quantity,
+            criterion.text(),
+            criterion.derivation,
+            criterion.need,
+            criterion.cases.replace(" ", ", "),
+        )
+        for criterion in CRITERIA.values()
     ]
     return Table.of(
         "Bounds, each derived from physics or from what users need, not from results",

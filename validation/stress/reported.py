@@ -14,7 +14,7 @@ from ..running.store import digest
 from ..scenes import Scene, boxes
 from ..scenes.boxes import Result, System, apart, mixture
 from .criteria import Criterion
-from .measure import EXACT, REPORTED, Case, Number, Stand
+from .measure import EXACT, REPORTED, Case, Number, Runner
 
 FIXES = "nosquish", "rigid/nve", "rigid/nve/small"
 ROUNDING = "rounding, after the motion has made it grow"
@@ -25,8 +25,8 @@ MEASURES: dict[str, Callable[[Simulate], float | Number]] = {}  # of the cases, 
 CASES: list[Case] = []
 
 
-def simulated(stand: Stand) -> Simulate:
-    """The way to run a box with a stand's integrator."""
+def simulated(runner: Runner) -> Simulate:
+    """The way to run a box with a runner's integrator."""
 
     def simulate(
         system: System,
@@ -38,7 +38,7 @@ def simulated(stand: Stand) -> Simulate:
         columns: str = "",
         after: str = "",
     ) -> Result:
-        folder = stand.folder / "boxes" / digest(system.files)[:12]
+        folder = runner.folder / "boxes" / digest(system.files)[:12]
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in system.files.items():
             (folder / name).write_text(text)
@@ -57,7 +57,7 @@ def simulated(stand: Stand) -> Simulate:
         more = [f"run {steps}", *filter(None, [after])]
         how: dict = {"dt": dt * system.dt, "every": every, "keeps": "motion", "more": more}
         label = digest(system.files, scene.setup, how)[:12]
-        result, _ = stand.run(scene, label, [], **how)
+        result, _ = runner.run(scene, label, [], **how)
         end = result.positions
         assert end
         return Result(end.x[-1], end.v[-1], result.thermo, "")
@@ -73,9 +73,9 @@ def case(name: str, most: float, why: str = ROUNDING) -> Callable:
         MEASURES[name] = measure
         physics, _, number = " ".join(measure.__doc__.split()).rpartition(": ")
 
-        def measured(stand, _):
-            found = measure(simulated(stand))
-            return found if isinstance(found, Number) else Number(float(found))
+        def measured(runner, _):
+            number = measure(simulated(runner))
+            return number if isinstance(number, Number) else Number(float(number))
 
         CASES.append(
             Case(
@@ -103,12 +103,12 @@ def tops() -> System:
 
 def _worst(system, first, second):
     """The largest distance between atoms, and the kind of body that has it."""
-    found = {}
+    distances = {}
     for kind, molecules in re.findall(r"^group (\w+) molecule (.*)$", system.setup, re.M):
         mine = np.isin(system.molecule, [int(number) for number in molecules.split()])
         here, there = (result._replace(x=result.x[mine]) for result in (first, second))
-        found[kind] = apart(here, there, system.h)
-    largest, kind = max((value, kind) for kind, value in found.items())
+        distances[kind] = apart(here, there, system.h)
+    largest, kind = max((value, kind) for kind, value in distances.items())
     return Number(float(largest), note=f"the largest is of {kind}")
 
 
@@ -140,8 +140,8 @@ def _out_of_the_plane(simulate):
     bodies = mixture("planar pair row", side=4, dimension=2)
     before = 'variable out atom "abs(z)+abs(vz)"\ncompute out all reduce max v_out\n'
     before += "fix 7 all langevin 1.0 1.0 1.0 9371\n"
-    found = simulate(bodies, 10000, before=before, columns="c_out", every=500)
-    return found.thermo["c_out"].max()
+    result = simulate(bodies, 10000, before=before, columns="c_out", every=500)
+    return result.thermo["c_out"].max()
 
 
 @case("respa-order", 0.09, why="1/16 in the limit of short steps, for a scheme of second order")

@@ -6,7 +6,7 @@ import numpy as np
 from ..scenes import bodies
 from ..statistics import motion
 from . import criteria
-from .measure import EXACT, Case, Number, Stand, of_parts
+from .measure import EXACT, Case, Number, Runner, of_parts
 
 TURN = 0.05  # radians in a step, as in practice
 # about the principal axes: a mixture of all three
@@ -26,7 +26,7 @@ def _place(k):
     return np.array([GAP * (k + 0.5), GAP / 2, GAP / 2])
 
 
-def _scene(stand, moments):
+def _scene(runner, moments):
     """Tops with these moments side by side."""
     tops = [
         bodies.body(
@@ -39,30 +39,30 @@ def _scene(stand, moments):
     ]
     setup = *bodies.FREE, "comm_modify cutoff 3.0", "neighbor 1.0 bin", "neigh_modify once yes"
     box = GAP * len(tops), GAP, GAP
-    return bodies.scene(stand.folder.parent, tops, setup, box=box, dt=1.0, name="tops")
+    return bodies.scene(runner.folder.parent, tops, setup, box=box, dt=1.0, name="tops")
 
 
-def _kept(stand, moments, labels, steps):
+def _measure_tops(runner, moments, labels, steps):
     """Measure the largest change of a body's energy and angular momentum, and the distance from the
     exact motion after `COMPARED_AT` steps."""
     every = max(1, steps // 200)
     how: dict = {"dt": 1.0, "every": every, "more": motion.dump(every)}
-    _, folder = stand.run(_scene(stand, moments), "run", [steps], **how)
+    _, folder = runner.run(_scene(runner, moments), "run", [steps], **how)
     _, mass, x, v = motion.frames(folder)
-    frame, found = min(steps, COMPARED_AT) // every, []
+    frame, errors = min(steps, COMPARED_AT) // every, []
     for k, moment in enumerate(moments):
         atoms = slice(6 * k, 6 * k + 6)
         energy, _, momentum = motion.conserved(mass[atoms], x[:, atoms], v[:, atoms])
         turn = bodies.symmetric_top(ATTITUDE, TURN * SPIN, moment, frame * every)
         off = x[frame, atoms] - _place(k) - turn.apply(bodies.three_rods(moment)[0])
         far = np.linalg.norm(off, axis=1).max()
-        found.append((np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), far))
+        errors.append((np.abs(energy / energy[0] - 1).max(), motion.relative(momentum), far))
     keys = "energy", "angular momentum", "distance from the exact motion, σ,"
     note = ", ".join(
         f"{key} {max(values):.1e} ({labels[int(np.argmax(values))]})"
-        for key, values in zip(keys, zip(*found))
+        for key, values in zip(keys, zip(*errors))
     )
-    energy, momentum, far = np.max(found, axis=0)
+    energy, momentum, far = np.max(errors, axis=0)
     rounding = criteria.in_a_step(momentum, steps)
     return of_parts({"top's energy": energy, "rounding": rounding, "orientation": far}, note)
 
@@ -72,10 +72,10 @@ def _kept(stand, moments, labels, steps):
     "Free tops from a sphere to a needle, I₃/I₁ from 1 to 1e-12, 0.05 rad a step.",
     **OF_TOPS,
 )
-def needles(stand: Stand, steps: int) -> Number:
+def needles(runner: Runner, steps: int) -> Number:
     """Measure tops with moments (1, 1, r)."""
     moments = [np.array([1, 1, r]) for r in RATIOS]
-    return _kept(stand, moments, [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
+    return _measure_tops(runner, moments, [f"I₃/I₁ = {r:g}" for r in RATIOS], steps)
 
 
 @Case.of(
@@ -83,10 +83,10 @@ def needles(stand: Stand, steps: int) -> Number:
     "Free tops from a sphere to a disk, (I₁ + I₂ − I₃)/I₃ from 1 to 1e-12, 0.05 rad a step.",
     **OF_TOPS,
 )
-def disks(stand: Stand, steps: int) -> Number:
+def disks(runner: Runner, steps: int) -> Number:
     """Measure tops with moments (1 + t, 1 + t, 2): a ball of six atoms for t = 1."""
     moments = [np.array([1 + t, 1 + t, 2]) for t in RATIOS]
-    return _kept(stand, moments, [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
+    return _measure_tops(runner, moments, [f"(I₁ + I₂ − I₃)/I₃ = {t:g}" for t in RATIOS], steps)
 
 
 CASES = needles, disks

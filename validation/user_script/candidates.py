@@ -53,10 +53,12 @@ def integrators(rigid: RigidAtoms, units: str) -> tuple[list[Integrator], str, l
         notes.append("No rigid: LAMMPS's rigid fixes do not change the angles of a box.")
     if rigid.kind == "plain":  # the script's own integrator moves points
         return others, OURS, notes
-    own = script_integrator(rigid)
-    same = next((other for other in others if _effect(other, rigid) == _effect(own, rigid)), None)
+    original = script_integrator(rigid)
+    same = next(
+        (other for other in others if _effect(other, rigid) == _effect(original, rigid)), None
+    )
     if same is None:
-        return [own, *others], YOURS, notes
+        return [original, *others], YOURS, notes
     return [same, *(other for other in others if other is not same)], same.name, notes
 
 
@@ -194,8 +196,8 @@ def _rigid(rigid: RigidAtoms) -> Iterator[Integrator]:
         # a separate fix langevin: the keyword of rigid/small adds uninitialized memory to the
         # forces of a run's first step, and has no energy
         bath = f"fix own_bath {{group}} langevin {' '.join(state.temp or ())} {SEED} tally yes"
-        for one in _of_style(rigid, "rigid/small", "", [*rest, bath]):
-            yield replace(one, name="rigid/small+langevin", label="rigid/small + langevin")
+        for integrator in _of_style(rigid, "rigid/small", "", [*rest, bath]):
+            yield replace(integrator, name="rigid/small+langevin", label="rigid/small + langevin")
 
 
 def _missing_keywords(rigid: RigidAtoms, family: str) -> list[str]:
@@ -214,7 +216,9 @@ def _of_style(
         return
     if _missing_keywords(rigid, "small" if small else "rigid"):
         return
-    words += "".join(f" {one}" for one in rigid.keywords if not one.startswith("reinit"))
+    words += "".join(
+        f" {keyword}" for keyword in rigid.keywords if not keyword.startswith("reinit")
+    )
     line = f"fix {_id(rigid)} {{group}} {style} {{bodies}}{words}"
     yield Integrator(style, style, (*before, line), small, "rigid")
 
@@ -251,8 +255,8 @@ def commands_naming(ids: Collection[str], commands: Sequence[str]) -> list[str]:
 
 def _names_fix(line: str, ids: Collection[str], computes: Collection[str]) -> bool:
     word, *rest = split_words(line)
-    references = {*(f"f_{one}" for one in ids), *(f"c_{one}" for one in computes)}
-    if any(re.search(rf"(?<!\w){re.escape(one)}\b", line) for one in references):
+    references = {*(f"f_{name}" for name in ids), *(f"c_{name}" for name in computes)}
+    if any(re.search(rf"(?<!\w){re.escape(reference)}\b", line) for reference in references):
         return True
     if word in ("fix_modify", "compute_modify"):
         return not {*computes}.isdisjoint(rest)
@@ -278,8 +282,8 @@ def removal_notice(
     Args:
         replaced: fixes by ID.  lines: those that replace them.
     """
-    kept = {split_words(line)[1]: style_of(line) for line in _fixes(lines)}
-    removed = {fix_id for fix_id, line in replaced.items() if kept.get(fix_id) != style_of(line)}
+    styles = {split_words(line)[1]: style_of(line) for line in _fixes(lines)}
+    removed = {fix_id for fix_id, line in replaced.items() if styles.get(fix_id) != style_of(line)}
     naming = [
         line
         for line in commands
@@ -357,9 +361,9 @@ def _describe_reading(reading: Mapping) -> Iterator[str]:
     if reading["skipped"]:
         yield f"{reading['skipped']} runs or minimizations before it were executed as they are."
     if later := reading["later"]:
-        some = ", ".join(map(repr, later[:3])) + " ..." * (len(later) > 3)
+        following = ", ".join(map(repr, later[:3])) + " ..." * (len(later) > 3)
         yield (
-            f"After it the script has {some}: --run {reading['at'] + 1} takes the next run in "
+            f"After it the script has {following}: --run {reading['at'] + 1} takes the next run in "
             "which a fix keeps atoms rigid."
         )
     if reading["step"]:

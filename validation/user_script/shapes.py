@@ -69,7 +69,7 @@ def body_groups(script: UserScript) -> tuple[list[BodyGroup], float]:
         np.array(script.reading["cell"]),
         script.reading["periodic"],
     )
-    found, gap = [], 0.0
+    groups, gap = [], 0.0
     for every in measures.body_groups(script.rigid.body):
         names = np.array([_name(row) for row in np.sort(atoms["type"][every], axis=1)])
         for name in dict.fromkeys(names):
@@ -84,8 +84,8 @@ def body_groups(script: UserScript) -> tuple[list[BodyGroup], float]:
             tensor = np.einsum("bn,bnk,bnk,ij->bij", mass, r, r, np.eye(3))
             tensor -= np.einsum("bn,bni,bnj->bij", mass, r, r)
             moments, axes = np.linalg.eigh(tensor)
-            found.append(BodyGroup(str(name), group, r, moments[:, ::-1], axes[:, :, ::-1]))
-    return found, gap
+            groups.append(BodyGroup(str(name), group, r, moments[:, ::-1], axes[:, :, ::-1]))
+    return groups, gap
 
 
 def _name(types) -> str:
@@ -95,7 +95,7 @@ def _name(types) -> str:
 
 def body_kinds(script: UserScript, groups: Sequence[BodyGroup]) -> list[BodyKind]:
     """The bodies by kind."""
-    found, flat = [], script.reading["dimension"] == 2
+    kinds, flat = [], script.reading["dimension"] == 2
     for name, group, r, moments, _ in groups:
         mean = moments.mean(axis=0)
         shape, freedom = _shape(mean, flat)
@@ -111,12 +111,12 @@ def body_kinds(script: UserScript, groups: Sequence[BodyGroup]) -> list[BodyKind
         size = 2 * float(np.linalg.norm(r, axis=2).max())
         moment = tuple(map(float, mean))
         number, atoms = group.shape
-        found.append(
+        kinds.append(
             BodyKind(
                 name, number, atoms, shape, freedom, mass, size, moment, float(off), float(turning)
             )
         )
-    return found
+    return kinds
 
 
 def _shape(moments, flat) -> tuple[str, int]:
@@ -160,14 +160,16 @@ def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str
         that have no force.
     """
     squares = _squares(script, groups)
-    most = {name: max((one for one, _ in some), default=0.0) for name, some in squares.items()}
-    return {name: float(np.sqrt(one)) for name, one in most.items() if one > 0}
+    most = {
+        name: max((square for square, _ in pairs), default=0.0) for name, pairs in squares.items()
+    }
+    return {name: float(np.sqrt(square)) for name, square in most.items() if square > 0}
 
 
 def mean_square_frequency(script: UserScript, groups: Sequence[BodyGroup]) -> float:
     """The mean of the squares of `fastest_motions` over all degrees of freedom, 1/time^2."""
-    every = [pair for some in _squares(script, groups).values() for pair in some]
-    return float(sum(one * n for one, n in every) / max(sum(n for _, n in every), 1))
+    every = [pair for pairs in _squares(script, groups).values() for pair in pairs]
+    return float(sum(square * n for square, n in every) / max(sum(n for _, n in every), 1))
 
 
 def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]:
@@ -182,11 +184,11 @@ def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
         centre = (f.sum(axis=1) ** 2).mean() / mass[group].sum(axis=1).mean()
         squares["centres"].append((centre / unit, axes_of_space * number))
-        some = mean > THIN * max(mean[0], 1e-300)
+        rotating = mean > THIN * max(mean[0], 1e-300)
         if axes_of_space == 2:
-            some[1:] = False
-        turning = (torque**2).mean(axis=0)[some] / mean[some] / unit
-        squares["turning"] += [(one, number) for one in turning]
+            rotating[1:] = False
+        turning = (torque**2).mean(axis=0)[rotating] / mean[rotating] / unit
+        squares["turning"] += [(square, number) for square in turning]
     for kind in np.unique(script.atoms["type"][free]):
         mine = free & (script.atoms["type"] == kind)
         square = (force[mine] ** 2).mean() / mass[mine].mean() / unit
@@ -196,10 +198,10 @@ def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:
     """Masks of the atoms that each fix of the script moves, by ID."""
-    found: dict[str, np.ndarray] = {}
-    for one, line in script.reading["fixes"].items():
+    masks: dict[str, np.ndarray] = {}
+    for fix_id, line in script.reading["fixes"].items():
         style = rigid_atoms.style_of(line)
         mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move", "nosquish")
         if mover or style == "python/move" or style.startswith("brownian"):
-            found[one] = rigid_atoms.atoms_of_fix(script.reading, script.atoms, line)
-    return found
+            masks[fix_id] = rigid_atoms.atoms_of_fix(script.reading, script.atoms, line)
+    return masks

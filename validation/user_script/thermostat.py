@@ -41,7 +41,7 @@ def kind_of(lines: Iterable[str]) -> str | None:
     return "nh" if chains else None
 
 
-def asked(script: UserScript) -> dict | None:
+def of_script(script: UserScript) -> dict | None:
     """The script's thermostat, as plain data: ``kind``, ``damp`` with its unit, and the commands
     that read ``dynamics``; None if the bodies' fixes have none."""
     kind = kind_of(script.rigid.lines)
@@ -56,14 +56,14 @@ def asked(script: UserScript) -> dict | None:
     return {"kind": kind, "damp": damp, "dynamics": read}
 
 
-def said(thermostat: Mapping) -> str:
+def describe(thermostat: Mapping) -> str:
     """Say what the answer keeps, and why."""
     kind, read = thermostat["kind"], thermostat["dynamics"]
-    kept = f"{NAMES[kind]} with a damping time of {thermostat['damp']}"
+    text = f"{NAMES[kind]} with a damping time of {thermostat['damp']}"
     if read:
         why = f"Your script reads dynamics ({', '.join(read)})"
-        return f"{why}, so the answer keeps its thermostat: {kept}."
-    return f"The answer keeps your thermostat: {kept}."
+        return f"{why}, so the answer keeps its thermostat: {text}."
+    return f"The answer keeps your thermostat: {text}."
 
 
 def of_averages(kind: str | None) -> str:

@@ -22,8 +22,8 @@ SITES = [  # type, charge and one atom of each kind, in cells
 def alike(site):
     """All places in a cell that the cube's 48 symmetry operations make of one."""
     signs = product((1, -1), repeat=3)
-    made = [sign * np.array(place) for sign in signs for place in permutations(site)]
-    return np.unique(np.round(np.array(made) % 1, 6) % 1, axis=0)
+    images = [sign * np.array(place) for sign in signs for place in permutations(site)]
+    return np.unique(np.round(np.array(images) % 1, 6) % 1, axis=0)
 
 
 corners = np.array(list(product(range(CELLS), repeat=3)))

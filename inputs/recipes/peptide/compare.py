@@ -36,9 +36,9 @@ def run(folder, way, dt, start, warm, time):
     log = folder / "log.lammps"
     if not log.exists() or "Total wall time" not in log.read_text():
         folder.mkdir(parents=True, exist_ok=True)
-        given = {"inputs": HERE.parents[1], "way": way, "dt": dt, "seed": 4928 + start}
-        given |= {"warm": warm, "time": time}
-        words = [word for name, value in given.items() for word in ("-var", name, str(value))]
+        variables = {"inputs": HERE.parents[1], "way": way, "dt": dt, "seed": 4928 + start}
+        variables |= {"warm": warm, "time": time}
+        words = [word for name, value in variables.items() for word in ("-var", name, str(value))]
         subprocess.run(["lmp", "-in", HERE / "in.compare", *words], cwd=folder, check=True)
     rows = lammps_log.thermo(log.read_text())
     late = rows["Step"] * dt > 1000 * warm
@@ -61,21 +61,21 @@ def summary(runs):
                 "label": f"{NAMES[way]}, {dt:g} fs",
                 "means": plain(means),
                 "speed": measures.spread(speeds),
-                "times": measures.spread(own / first for own, first in zip(speeds, firsts)),
+                "times": measures.spread(speed / first for speed, first in zip(speeds, firsts)),
             }
         )
     return {"starts": len(firsts), "rows": rows}
 
 
 def main(folder, starts=5, warm=10.0, time=100.0):
-    said, runs = machine.circumstances() | {"warm": warm, "time": time}, {way: [] for way in WAYS}
+    record, runs = machine.circumstances() | {"warm": warm, "time": time}, {way: [] for way in WAYS}
     for start in range(starts):
         for way, dt in WAYS:
-            own = folder / f"{way}-{dt:g}-{start}"
-            runs[way, dt].append(run(own, way, dt, start, warm, time))
-        given = f"FOLDER {start + 1} {warm:g} {time:g}"
-        said["command"] = f"python inputs/recipes/peptide/compare.py {given}"
-        (folder / "summary.json").write_text(json.dumps(said | summary(runs), indent=1) + "\n")
+            place = folder / f"{way}-{dt:g}-{start}"
+            runs[way, dt].append(run(place, way, dt, start, warm, time))
+        usage = f"FOLDER {start + 1} {warm:g} {time:g}"
+        record["command"] = f"python inputs/recipes/peptide/compare.py {usage}"
+        (folder / "summary.json").write_text(json.dumps(record | summary(runs), indent=1) + "\n")
 
 
 if __name__ == "__main__":

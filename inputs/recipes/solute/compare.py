@@ -37,11 +37,11 @@ def main(folder, starts=5, steps=2000):
         for label, script in WAYS.items():
             speeds[label].append(run(folder / f"{script}-{start}", script, steps))
     first, second = speeds.values()
-    rows = [{"label": label, "speed": measures.spread(found)} for label, found in speeds.items()]
+    rows = [{"label": label, "speed": measures.spread(values)} for label, values in speeds.items()]
     rows[1]["times"] = measures.spread(ours / usual for usual, ours in zip(first, second))
-    said = machine.circumstances() | {"dt": 1000 * STEP, "starts": starts, "rows": rows}
-    said["command"] = f"python inputs/recipes/solute/compare.py FOLDER {starts} {steps}"
-    (folder / "summary.json").write_text(json.dumps(said, indent=1) + "\n")
+    record = machine.circumstances() | {"dt": 1000 * STEP, "starts": starts, "rows": rows}
+    record["command"] = f"python inputs/recipes/solute/compare.py FOLDER {starts} {steps}"
+    (folder / "summary.json").write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -280,7 +280,7 @@ def summary_of(targets, *rows, **more):
 
 def told(summary):
     """The answer, and further sentences."""
-    result = report.said(summary)
+    result = report.describe(summary)
     return result.answer, list(result.lines)
 
 
@@ -349,11 +349,11 @@ def test_one_rule_and_one_number():
     silence about a busy machine."""
     rows = [row(dt, cost=[5 / dt, 4 / dt, 8 / dt], drift=(0.1, 0.6)) for dt in (1.0, 2.0, 3.0)]
     rows[2]["errors"]["drift"] = Estimate(0.1, 0.1).plain()  # by itself it would be met
-    result = report.said(summary_of({"drift": 1.0}, *rows))
+    result = report.describe(summary_of({"drift": 1.0}, *rows))
     verdicts = [one["verdict"] for one in result.tables[1].rows]
     assert result.answer.startswith("Not sure") and verdicts == ["cannot tell"] * 3
     rows[2] |= {"alone": True, "share": 40.0}
-    result = report.said(summary_of({"drift": 1.0}, *rows))
+    result = report.describe(summary_of({"drift": 1.0}, *rows))
     assert [one["verdict"] for one in result.tables[1].rows] == ["met"] * 3
     shown = result.tables[1].columns[2].cell(result.tables[1].rows[2], short=True).text
     assert result.tables[1].columns[2].heading == "CPU time (s/ns)"
@@ -557,7 +557,7 @@ def test_what_is_said_of_lists():
     def told(*ratios):
         results = [{"lines": [f"line {k}"], "ratio": measures.spread(one)}
                  for k, one in enumerate(ratios)]  # fmt: skip
-        return [*lists.said(results)]
+        return [*lists.advise(results)]
 
     assert told() == [] and "not faster" in told((0.9, 0.8, 0.99))[0]
     assert "by 10 % (5 to 20 %" in told((0.9, 0.8, 0.95))[0]

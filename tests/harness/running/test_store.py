@@ -98,9 +98,9 @@ def test_interrupted(tmp_path):
     kept.once("first", kept.origin(1), lambda: {"value": 1})
     with pytest.raises(KeyboardInterrupt):
         kept.once("second", kept.origin(1), stop)
-    assert kept.kept("second", kept.origin(1)) is None
-    assert kept.kept("first", kept.origin(1))["record"] == {"value": 1}
-    kept.keep("second", kept.origin(1), {"value": 2}, complete=False)
+    assert kept.load("second", kept.origin(1)) is None
+    assert kept.load("first", kept.origin(1))["record"] == {"value": 1}
+    kept.save("second", kept.origin(1), {"value": 2}, complete=False)
     assert kept.once("second", kept.origin(1), lambda: {"value": 3}) == {"value": 3}
 
 

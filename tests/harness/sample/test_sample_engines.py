@@ -40,8 +40,8 @@ def test_openmm_has_the_scenes_forces(tmp_path):
     subprocess.run(words, cwd=tmp_path, check=True, timeout=60)
     expected = float((tmp_path / "pe.txt").read_text())
     forces = np.loadtxt(tmp_path / "forces.txt", skiprows=9)
-    given = openmm_engine.ENGINE.job(COURSE, WATER, tmp_path, 1.0).given
-    place, _ = openmm_engine.begun(given | {"platform": "Reference"})
+    given = openmm_engine.ENGINE.job(COURSE, WATER, tmp_path, 1.0).input
+    place, _ = openmm_engine.create_context(given | {"platform": "Reference"})
     state = place.getState(getEnergy=True, getForces=True)
     assert state.getPotentialEnergy()._value / KJ == pytest.approx(expected, rel=1e-8)
     found = np.array(state.getForces(asNumpy=True)._value) / KJ / 10
@@ -90,7 +90,7 @@ def test_gromacs_has_the_forces_that_are_told():
 def test_gromacs_inputs():
     """Locks out a start that is rounded or has another order, a topology of other molecules, and
     settings that are not those of the course."""
-    made = gromacs_engine.given(COURSE, WATER)["files"]
+    made = gromacs_engine.worker_input(COURSE, WATER)["files"]
     lines = made["start.gro"].splitlines()
     assert len(lines) == 3 + len(WATER.x) and lines[2][10:15].strip() == "OW"
     x = np.array([[line[20:35], line[35:50], line[50:65]] for line in lines[2:-1]], float)
