@@ -20,7 +20,7 @@ from support import (
     scripts,
 )
 from support.harness import take, with_lines
-from support.running import ROOT
+from support.running import ROOT, read_thermo
 from validation.__main__ import main
 from validation.check import measure as check
 from validation.check import parts, report
@@ -197,7 +197,7 @@ def test_lists_that_are_in_time_for_longer_steps(commands, changes):
     assert time_step.lists_in_time(commands) == [time_step.LISTS] * changes
 
 
-def test_bodies_beside_a_barostat_get_one_line(tmp_path, capsys):
+def test_bodies_beside_a_barostat_get_one_line(tmp_path, run_lammps):
     """Locks out silence on bodies that the barostat of other atoms does not scale, and a line that
     LAMMPS refuses."""
     path = scripts.solute(tmp_path)
@@ -207,11 +207,26 @@ def test_bodies_beside_a_barostat_get_one_line(tmp_path, capsys):
                         "fix bodies water rigid/nvt/small molecule temp 300 300 100")  # fmt: skip
     text = text.replace(fixes[1], "fix box solute npt temp 300 300 100 iso 1 1 1000")
     path.write_text(text)
-    assert main(["check", str(path), "--out", str(tmp_path / "out")]) in (0, 1)
-    told = capsys.readouterr().out
-    (line,) = [one.strip() for one in told.splitlines() if "flexible solute" in one]
+    told = [*check._barostat(take(path, tmp_path / "out"))]
+    (line,) = [one.strip() for one in told if "flexible solute" in one]
     assert "nosquish/npt molecule temp 300 300 100 iso 1 1 1000" in line
-    assert "thermostat nh" in line and "replace fix bodies (rigid/nvt/small) and fix box" in told
+    assert "thermostat nh" in line and "replace fix bodies (rigid/nvt/small) and fix box" in told[0]
+    columns = "thermo_style custom step vol\nrun 20"
+    followed = with_lines(re.sub(r"(?m)^run \d+$", columns, text), "\n".join(told))
+    rows = read_thermo(run_lammps(followed).log)
+    assert rows["Volume"][0] != rows["Volume"][-1]  # the box follows
+
+
+def test_the_suffix_acts_as_it_is_said(tmp_path, run_lammps):
+    """Locks out a command that does not replace the fix, and a quoted line that no log has."""
+    path = scripts.rings(tmp_path)
+    own = take(path, tmp_path / "out")
+    (told,) = check._suffix(own, tmp_path / "out", 1, 300.0)
+    suffix, line = re.fullmatch(r"'lmp (.*) -in SCRIPT' replaces .*has the line '(.*)' then.*",
+                                told).groups()  # fmt: skip
+    text = path.read_text().replace("run 1000", "run 1")
+    assert line not in run_lammps(text).log
+    assert line in run_lammps(text, options=suffix.split()).log
 
 
 # ---- which parts can be rigid

@@ -610,3 +610,5 @@ def test_targets_of_bodies_at_rest_are_refused(tmp_path):
     path.write_text(GAS + "fix 1 a rigid/nve  single\nrun  1\n")
     with pytest.raises(LookupError, match="the atoms are at rest at 'run 1'"):
         of(take(path, tmp_path / "out"), {})
+    path.write_text(GAS + "velocity all create 1 5\nfix 1 a rigid/nve  single\nrun  1\n")
+    assert of(take(path, tmp_path / "out"), {})  # as advised

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from support.harness import GAS, refused, take
+from support.running import read_thermo
 from validation.running import run, starts
 from validation.user_script import loader
 
@@ -205,6 +206,32 @@ def test_another_system_than_the_scripts_is_told(tmp_path, change):
     text = LENNARD + RIGID + change + "run 3\n" + "unfix ad\n" * bool(change) + "run 5\n"
     notes = take(written(tmp_path, text), tmp_path / "out", at=2).notes
     assert any("this is another system" in one for one in notes) is bool(change)
+
+
+@pytest.mark.parametrize(
+    ("told", "change", "more"),
+    [
+        ("this is another system",
+         "fix ad all adapt 1 pair lj/cut epsilon 1 1 v_e reset no\nrun 3\nunfix ad\n", ""),
+        ("the largest is 4",
+         "run 3\ngroup c id 3\ndelete_atoms group c compress no\n", "reset_atoms id\n"),
+    ],
+)  # fmt: skip
+def test_what_runs_have_made_is_read_from_a_file(tmp_path, run_lammps, told, change, more):
+    """Locks out advice that does not help: write_data after runs that change coefficients or delete
+    atoms, and a script that reads that file."""
+    before = LENNARD + "variable e equal 3.0\n" + RIGID + change
+    try:
+        notes = take(written(tmp_path, before + "run 5\n"), tmp_path / "out", at=2).notes
+    except SystemExit as end:
+        notes = [str(end)]
+    assert any(told in one and "write_data" in one for one in notes), notes
+    done = run_lammps(before + "thermo_style custom step pe\nwrite_data made.data\nrun 0\n")
+    start = f"units lj\natom_modify map yes\npair_style lj/cut 2.0\nread_data made.data\n{more}"
+    own = take(written(tmp_path, f"{start}group a id 1 2\n{RIGID}run 5\n"), tmp_path / "again")
+    assert not any("write_data" in one for one in own.notes)
+    energy = read_thermo(done.log[done.log.rindex("   Step") :])["PotEng"][0] * len(own.atoms["x"])
+    assert own.reading["potential"] == pytest.approx(energy, rel=1e-6)
 
 
 def test_fixes_that_change_the_step_are_left_out(tmp_path):

@@ -135,9 +135,15 @@ def test_points_that_fit_no_series_are_refused():
     assert "no series" in result["why"]
     said = extrapolation._answer("torque", result)
     assert "at 4, 6, 8, 10 fs" in said and "leave out the longest step" in said
+    del means[10.0]  # as advised
+    again = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
+    assert not again["why"] and "no number" not in extrapolation._answer("torque", again)
     some = {4.0: Estimate(45.0, 0.1), 6.0: Estimate(45.0, np.inf), 8.0: Estimate(45.0)}
     one = extrapolation.extrapolate(rows_of(some), 300.0)["torque"]
     assert one["why"] == "only one step tells a mean" and "value" not in one
+    assert "add steps (--dt)" in extrapolation._answer("torque", one)
+    some |= {6.0: Estimate(44.0, 0.1)}
+    assert not extrapolation.extrapolate(rows_of(some), 300.0)["torque"]["why"]
 
 
 def test_what_a_short_step_would_cost():
