@@ -19,7 +19,13 @@ for A > B, with the modulus k^2 = B / A and u = sqrt(A) h (otherwise A and B are
     psi = 2 T h / |L| + c N J
 
 M, the angular momentum after the time h, follows from the addition theorem of the elliptic
-functions.  Both q and p are multiplied from the right by the unit quaternion
+functions, with Delta = 1 - a_1 a_3 L_2^2 S^2:
+
+    M_1 = (L_1 C + a_1 L_2 L_3 S D) / Delta
+    M_2 = (L_2 C D - a_2 L_3 L_1 S) / Delta
+    M_3 = (L_3 D + a_3 L_1 L_2 S C) / Delta
+
+Both q and p are multiplied from the right by the unit quaternion
 
     r_0 = cos(psi) sqrt(E / F)             E = 1 - N S^2,   F = 1 - a_1 a_3 M_2^2 S^2
     r_1 = M_1 (G - a_3 S H) C              G = C D sin(psi) - c S cos(psi),  H = |L| E cos(psi)
