@@ -230,9 +230,13 @@ def report_of(folder):
 
 
 def table(folder, title, *keys):
-    """The table of a committed summary whose title begins so, with the columns of these keys."""
+    """The table of a committed summary whose title begins so, with the columns of these keys.
+
+    A key that begins with a minus sign leaves out the rows whose label begins with the rest."""
     (chosen,) = (entry for entry in report_of(folder).all_tables if entry.title.startswith(title))
-    return styled(pages.markdown(chosen, keys))
+    dropped = tuple(key[1:] for key in keys if key.startswith("-"))
+    rows = [row for row in chosen.rows if not (dropped and row["label"].startswith(dropped))]
+    return styled(pages.markdown(replace(chosen, rows=rows), keys))
 
 
 def checks(folder, *titles):
