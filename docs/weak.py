@@ -17,12 +17,11 @@ def relax(parameters, state, k, dt):
 
 
 class Berendsen(Rescaling):
-    acts = scaling_by(relax)
+    acts, keywords = scaling_by(relax), ("separate",)
     method = "Berendsen's thermostat"
 
 
 class BerendsenNVT(NVT):
-    keywords = "temp", "separate"
     thermostats = {"berendsen": Berendsen}
 
 

@@ -201,10 +201,8 @@ class Keyword(NamedTuple):
 
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
-THERMOSTATS = "langevin", "csvr", "nh"
 TILTS = "xy", "xz", "yz"
 PRESSURES = "iso", "aniso", "tri", "x", "y", "z", *TILTS
-BAROSTATS = "crescale", "mtk"
 COUPLES = "none", "xyz", "xy", "yz", "xz"
 _FILE = "a file: its name, or v_NAME of a string-style variable"
 _NUMBER = "a number, or v_NAME of an equal-style variable"
@@ -265,7 +263,7 @@ OWN_KEYWORDS = {
     "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
     "steps": Keyword(_COUNT, _integer),
     "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number),
-    "thermostat": _one_of(THERMOSTATS),
+    "thermostat": Keyword("the name of a thermostat", _Words.take),
     "seed": Keyword("a whole number from 1 to 2147483647", _integer),
     "tchain": Keyword(
         f"the length of the chain, {_COUNT}",
@@ -285,7 +283,7 @@ OWN_KEYWORDS = {
         Keyword(f"PSTART, PSTOP and PDAMP, each {_NUMBER}", _Words.numbers, "pressure"),
     ),
     "couple": _one_of(COUPLES),
-    "barostat": _one_of(BAROSTATS),
+    "barostat": Keyword("the name of a barostat", _Words.take),
     "every": Keyword(_COUNT, _integer),
     "dilate": Keyword(
         "the ID of a group, whose atoms, of those in no body, move with the box", _Words.take
@@ -377,11 +375,12 @@ class Command:
         gravity: ID of the fix gravity that gives the weight of the bodies, or None.
         temp: (TSTART, TSTOP, TDAMP) or (T,), numbers as words, or ().
         steps: length of a trajectory, 0 for none.  mix: a number as a word.
-        thermostat: one of `THERMOSTATS`.  seed: or None.  tchain: length of the thermostat chain.
+        thermostat, barostat: names, None for the integrator's first one.
+        seed: or None.  tchain: length of the thermostat chain, or None.
         separate: whether translation and rotation have separate thermostats.
         moments: choice of the principal moments, None for those of the atoms.
         pressure: dictionary from some of `PRESSURES` to (PSTART, PSTOP, PDAMP), numbers as words.
-        couple: one of `COUPLES`.  barostat: one of `BAROSTATS`.
+        couple: one of `COUPLES`.
         every: steps between two changes of the box, None for a fraction of PDAMP.
         dilate: ID of the group whose atoms, of those in no body, move with the box, or None.
         compressibility: a number as a word, None for the default.
@@ -407,14 +406,14 @@ class Command:
     temp: tuple[str, ...] = ()
     steps: int = 0
     mix: str = "1"
-    thermostat: str = THERMOSTATS[0]
+    thermostat: str | None = None
     seed: int | None = None
-    tchain: int = 3
+    tchain: int | None = None
     separate: bool = False
     moments: Moments | None = None
     pressure: dict[str, tuple[str, ...]] = field(default_factory=dict)
     couple: str = "none"
-    barostat: str = BAROSTATS[0]
+    barostat: str | None = None
     every: int | None = None
     dilate: str | None = None
     compressibility: str | None = None
@@ -440,6 +439,17 @@ class Command:
         """Raise an error unless a number, of this name on the fix line, is above zero."""
         if not value > 0:
             raise self.wrong(f"{name} is {value:g}, and must be above zero")
+
+    def refuse_missing(self, *entries: str, reason: str = "") -> None:
+        """Raise an error that names those of these keywords, in `OWN_KEYWORDS`, that are missing.
+
+        Args:
+            reason: why the last one must be given.
+        """
+        expected = {entry.split()[0]: OWN_KEYWORDS[entry].expected for entry in entries}
+        given = [name for name in expected if getattr(self, name)]
+        expected[[*expected][-1]] += reason
+        _refuse_missing(self.line, given, expected)
 
     def wrong(self, what: str) -> RunError:
         """An error about arguments that these bodies or this integrator cannot have."""
@@ -484,11 +494,7 @@ class Command:
                 "keyword infile says how bodies begin, and they go on from run to run as they "
                 "are: leave out reinit yes"
             )
-        if "thermostat" in known:
-            _check_thermostat(line, values, "barostat" in known)
-        given = values.keys() | values.get("own", {}).keys()
-        needed = *(("temp", "steps", "seed") if "steps" in known else ()), *own
-        _refuse_missing(line, given, {name: known[name].expected for name in needed})
+        _refuse_missing(line, values.get("own", {}), {name: known[name].expected for name in own})
         if "iso" in known:
             _check_pressure(line, values)
         return cls(line, group, style, arguments, **values)
@@ -588,32 +594,5 @@ def _check_pressure(line: Line, values: dict[str, Any]) -> None:
         (
             not (couple == "none" or given & {"aniso", "tri"} or given >= set(couple)),
             f"keyword couple {couple}: give each of these axes",
-        ),
-        (
-            "compressibility" in values and values.get("barostat") == "mtk",
-            "keyword compressibility has no effect with this barostat: leave it out",
-        ),
-    )
-
-
-def _check_thermostat(line: Line, values: dict[str, Any], has_barostat: bool) -> None:
-    """Raise an error if the arguments of a thermostat contradict each other."""
-    thermostat = values.get("thermostat", THERMOSTATS[0])
-    chains = thermostat == "nh"
-    rescales = has_barostat and values.get("barostat", BAROSTATS[0]) == "crescale"
-    draws = "barostat" if rescales else "" if chains else "thermostat"
-    no_use = "keyword {} has no effect with this thermostat: leave it out"
-    expected = {name: OWN_KEYWORDS[name].expected for name in ("temp", "seed")[: 1 + bool(draws)]}
-    if draws:
-        expected["seed"] += f", because this {draws} draws random numbers"
-    _refuse_missing(line, values, expected)
-    _refuse(
-        line,
-        ("seed" in values and not draws, no_use.format("seed")),
-        ("tchain" in values and not chains, no_use.format("tchain")),
-        (
-            values.get("separate") and thermostat == "langevin",
-            "keyword separate is for thermostats csvr and nh: "
-            "langevin acts on each motion by itself",
         ),
     )

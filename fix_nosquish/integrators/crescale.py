@@ -199,7 +199,7 @@ def rescale_cell(
 class Crescale(Barostat):
     """Keyword barostat crescale."""
 
-    method = ", and stochastic cell rescaling"
+    method, keywords = ", and stochastic cell rescaling", ("seed", "compressibility")
 
     def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
         seen, moved = self.loops_of_others(run, cells)

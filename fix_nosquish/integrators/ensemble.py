@@ -9,7 +9,6 @@ and temperature and pressure are computed from these.
 """
 
 from collections.abc import Mapping
-from importlib import import_module
 from typing import Any
 from zlib import crc32
 
@@ -33,14 +32,15 @@ Kept: Any = record(
     pending=F,  # `Run.pending_half_kick`, nan for None
 )  # in a restart file, followed by the states of barostat and thermostat
 OWN = len(Kept.dtype.fields or ())
-TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # words
+TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # keywords
+OPTIONAL = "seed", "tchain", "separate", "compressibility"  # that some of the parts use
 
 
 class Ensemble(Integrator):
     """An integrator with a thermostat, a barostat, or both.
 
-    A derived class maps the values of a keyword to thermostats and barostats: classes, or, for this
-    package, "module.Class".  With only one entry no keyword is needed.
+    A derived class maps the values of a keyword to the classes of thermostats and barostats.  The
+    first one is the default.
 
     Attributes:
         thermostats, barostats: see above.
@@ -55,18 +55,26 @@ class Ensemble(Integrator):
             freedom.
     """
 
-    thermostats: Mapping[str, Any] = {}
-    barostats: Mapping[str, Any] = {}
+    thermostats: Mapping[str, type[Thermostat]] = {}
+    barostats: Mapping[str, type[EnsemblePart]] = {}
     mid_step = True
     restart_state: np.ndarray
 
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for barostat in cls.barostats.values():  # make the loops of all combinations
+            for thermostat in cls.thermostats.values() or (Thermostat,):
+                barostat.step_with(thermostat, cls.__module__)
+
     def __init__(self, command: Command, dimension: int) -> None:
         super().__init__(command, dimension)
-        self.thermostat: Thermostat | None = self._made(self.thermostats, "thermostat")
-        self.barostat: EnsemblePart = self._made(self.barostats, "barostat") or EnsemblePart(self)
-        kind = type(self.thermostat) if self.thermostat else Thermostat
+        thermostat = self._choice(self.thermostats, "thermostat")
+        self.thermostat: Thermostat | None = thermostat and thermostat(self)
+        self.barostat = (self._choice(self.barostats, "barostat") or EnsemblePart)(self)
+        self._check_keywords()
+        kind = thermostat or Thermostat
         self.momentum = Momentum(kind.keeps_momentum, self.thermostat)
-        self.scheme, self.prepares = self.barostat.step_with(kind)
+        self.scheme, self.prepares = self.barostat.step_with(kind, self.__module__)
         self.numbers, self.work = self.scheme.numbers, self.scheme.work
         of_ensemble = [self.barostat, *([self.thermostat] if self.thermostat else [])]
         self.parts = [self.momentum, *of_ensemble]
@@ -82,21 +90,34 @@ class Ensemble(Integrator):
         self._energy = 0.0  # transferred before this run, summed over ranks
         self._targets = 0.0, 0.0, 0.0
 
-    def _made(self, choices: Mapping[str, Any], keyword: str) -> Any:
-        """The thermostat or barostat that a keyword selects; None if there are no choices."""
-        if not choices:
-            return None
-        word = getattr(self.command, keyword)
-        if len(choices) == 1 and word == getattr(Command, keyword):  # the default of another choice
-            (word,) = choices
-        if word not in choices:
-            known = " or ".join(choices)
-            raise self.command.wrong(f"keyword {keyword} is {word}, and this fix has {known}")
-        kind = choices[word]
-        if isinstance(kind, str):
-            module, _, name = kind.partition(".")
-            kind = getattr(import_module(f".{module}", __package__), name)
-        return kind(self)
+    def _choice(self, choices: Mapping[str, type], keyword: str) -> Any:
+        """The class that a keyword selects, by default the first one; None without choices."""
+        word = getattr(self.command, keyword) or next(iter(choices), None)
+        if word and word not in choices:
+            raise self.command.wrong(
+                f"keyword {keyword}: '{word}' was given where one of {', '.join(choices)} is "
+                "expected"
+            )
+        return word and choices[word]
+
+    def _check_keywords(self) -> None:
+        """Raise an error for keywords that are missing, or that no part uses."""
+        thermostat, barostat = self.thermostat, self.barostat
+        used = {*barostat.keywords, *(thermostat.keywords if thermostat else ())}
+        for word in OPTIONAL:
+            if word not in used and getattr(self.command, word):
+                with_these = f"{thermostat.method if thermostat else ''}{barostat.method}"
+                raise self.command.wrong(
+                    f"keyword {word} has no effect with {with_these}: leave it out"
+                )
+        if not thermostat:
+            return
+        if "seed" not in used.intersection(self.keywords):
+            self.command.refuse_missing("temp")
+            return
+        part = "thermostat" if "seed" in thermostat.keywords else "barostat"
+        reason = f", because this {part} draws random numbers"
+        self.command.refuse_missing("temp", "seed", reason=reason)
 
     @property
     def has_piston(self) -> bool:
@@ -105,11 +126,10 @@ class Ensemble(Integrator):
     @property
     def _kind(self) -> float:
         """A hash of the kind of thermostat and barostat, to which the state belongs."""
-        command = self.command
-        length = command.tchain if command.thermostat == "nh" else 0
-        thermostat = type(self.thermostat)
-        words = thermostat.__module__, thermostat.__qualname__, length, command.separate
-        words = *words, *self.barostat.kind_of_state()
+        thermostat = self.thermostat
+        state = thermostat.kind_of_state() if thermostat else (0, False)
+        kind = type(thermostat)
+        words = kind.__module__, kind.__qualname__, *state, *self.barostat.kind_of_state()
         return 1.0 + crc32(" ".join(map(str, (OWN, *words))).encode())
 
     def failure(self, found: int, run: Any) -> str:

@@ -272,6 +272,7 @@ class HMC(NVE):
 
     def __init__(self, command: Command, dimension: int) -> None:
         super().__init__(command, dimension)
+        command.refuse_missing("temp T", "steps", "seed")
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
         self.kept_state = Kept.of(self.restart_state)
         self.parts = (Trajectory(self),)

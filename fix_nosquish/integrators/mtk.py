@@ -294,36 +294,31 @@ def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox)
 
 # ---------------------------------------------------------------- with a thermostat
 
-# the step with a piston for each step at constant volume; the loop before D for each thermostat
-_SCHEMES: dict[Scheme | None, Scheme] = {}
-_PREPARES: dict[type[Thermostat], Loop] = {}
+# of each thermostat, and of `Thermostat` for none
+_STEPS: dict[type[Thermostat], tuple[Scheme, Loop]] = {}
 
 
-def put_in(thermostat: type[Thermostat], module: str) -> None:
-    """Make the loops of the step B A D O A B with a thermostat, or of B A D A B without one.
+def _step(thermostat: type[Thermostat], owner: tuple[str, str]) -> tuple[Scheme, Loop]:
+    """The step B A D O A B with a thermostat, or B A D A B without one, and the loop before D.
 
     Args:
-        thermostat: a class derived from `Thermostat`, or `Thermostat` for none.
-        module: name of the module that the loops belong to.
+        owner: the module that the loops belong to, and the prefix of their names.
     """
-    owner = module, f"{thermostat.__qualname__}Piston"
     letters, operations, measures = "B A D A B", NVE.operations, measure_along
-    of_volume = None
     if letter := thermostat.operation:
-        letters, of_volume = "B A D O A B", thermostat.scheme
+        letters = "B A D O A B"
         operations = {**operations, "O": letter._replace(prepared=False, measures=None)}
         measures = _both(letter.measures) if letter.measures else measures
-    if of_volume not in _SCHEMES:
-        dilation = Operation(dilate, prepared=True, measures=measures)
-        _SCHEMES[of_volume] = Scheme(
-            owner,
-            letters,
-            {**operations, "D": dilation},
-            record(owner[1], thermostat.numbers, **STRAINS),
-            work=thermostat.work,
-            ends=(NVE.scheme.lead, NVE.scheme.tail),
-        )
-    _PREPARES[thermostat] = _prepares(thermostat, _SCHEMES[of_volume].numbers, owner)
+    dilation = Operation(dilate, prepared=True, measures=measures)
+    scheme = Scheme(
+        owner,
+        letters,
+        {**operations, "D": dilation},
+        record(owner[1], thermostat.numbers, **STRAINS),
+        work=thermostat.work,
+        ends=(NVE.scheme.lead, NVE.scheme.tail),
+    )
+    return scheme, _prepares(thermostat, scheme.numbers, owner)
 
 
 def _both(measures: Callable) -> Callable:
@@ -373,16 +368,18 @@ class Mtk(Barostat):
     method, of_numbers = ", and the piston of Martyna, Tobias and Klein", PistonNumbers
     state_size = Piston.dtype.itemsize // 8
 
-    def step_with(self, thermostat: type[Thermostat]) -> tuple[Scheme, Loop]:
-        of_volume = thermostat.scheme if thermostat.operation else None
-        return _SCHEMES[of_volume], _PREPARES[thermostat]
+    @classmethod
+    def step_with(cls, thermostat: type[Thermostat], module: str) -> tuple[Scheme, Loop]:
+        if thermostat not in _STEPS:
+            _STEPS[thermostat] = _step(thermostat, (module, f"{thermostat.__qualname__}Piston"))
+        return _STEPS[thermostat]
 
     @property
     def piston(self) -> Any:
         return Piston.of(self.state)
 
-    def kind_of_state(self) -> list:
-        return ["mtk", *self.axes]
+    def kind_of_state(self) -> tuple:
+        return "mtk", *self.axes
 
     def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
         seen, moved = self.loops_of_others(run, cells)

@@ -11,6 +11,7 @@ _W = 1.0 / (2.0 - 2.0 ** (1.0 / 3.0))
 SUZUKI_YOSHIDA = _W, 1.0 - 2.0 * _W, _W  # fractions of a step of the chain
 # return value if the factor of a chain, or its inverse, exceeds MOST
 UNSTABLE, MOST = -4, 1000.0
+LENGTH = 3  # of a chain, by default
 STEPS = 20  # time steps per TDAMP with which chains are stable
 
 
@@ -86,13 +87,22 @@ class NoseHoover(Rescaling):
 
     acts, on_piston = scaling_by(factor_of_chain), move_chain_of_piston
     method, reversible = "Nose-Hoover chains", True
+    keywords = "tchain", "separate"
+
+    @property
+    def length(self) -> int:
+        """The number of thermostats in a chain."""
+        return self.command.tchain or LENGTH
 
     @property
     def state_size(self) -> int:
-        return 2 * self.command.tchain * (3 if self.ensemble.has_piston else 2)
+        return 2 * self.length * (3 if self.ensemble.has_piston else 2)
+
+    def kind_of_state(self) -> tuple:
+        return self.length, self.command.separate
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
-        return {**super().extra_parameters(run), "chain": 2 * self.command.tchain}
+        return {**super().extra_parameters(run), "chain": 2 * self.length}
 
     def failure(self, found: int, run: Any) -> str:
         if found != UNSTABLE:

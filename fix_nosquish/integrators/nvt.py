@@ -5,17 +5,21 @@ from typing import Any
 
 import numpy as np
 
+from .csvr import Csvr
 from .ensemble import TEMPERATURE, Ensemble
+from .langevin import Langevin
+from .nose_hoover import NoseHoover
+from .thermostat import Thermostat
 
-# module and class in this package, by the value of keyword thermostat
-THERMOSTATS = {"langevin": "langevin.Langevin", "csvr": "csvr.Csvr", "nh": "nose_hoover.NoseHoover"}
+# by the value of keyword thermostat; the first one is the default
+THERMOSTATS: dict[str, type[Thermostat]] = {"langevin": Langevin, "csvr": Csvr, "nh": NoseHoover}
 
 
 class NVT(Ensemble):
     """fix ID group nosquish/nvt BODYSTYLE temp TSTART TSTOP TDAMP ..."""
 
     keywords = TEMPERATURE
-    thermostats: Mapping[str, Any] = THERMOSTATS
+    thermostats: Mapping[str, type[Thermostat]] = THERMOSTATS
     values: Mapping[str, bool] = {"shadow": True}
 
     def extra_values(self, run: Any) -> tuple[float, ...]:

@@ -148,7 +148,7 @@ class Rescaling(Thermostat):
     merged: ClassVar[Operation | None] = Operation(
         move_and_scale, moves=True, prepared=True, measures=measure, exact=True
     )
-    numbers, work = Scales, WORK
+    numbers, work, keywords = Scales, WORK, ("seed", "separate")
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
         return {"degrees": self._degrees(), "separate": self.command.separate}

@@ -156,10 +156,12 @@ class EnsemblePart(Part):
         ensemble: the `ensemble.Ensemble` that it belongs to.
 
     Attributes:
+        keywords: which of `ensemble.OPTIONAL` it uses; a seed must then be given.
         state_size: number of values that a restart needs.
         state: these values, a view of `Ensemble.restart_state`.
     """
 
+    keywords: ClassVar[tuple[str, ...]] = ()
     state: np.ndarray
 
     def __init__(self, ensemble: Any) -> None:
@@ -174,13 +176,18 @@ class EnsemblePart(Part):
     def state_size(self) -> int:
         return 0
 
-    def step_with(self, thermostat: type["Thermostat"]) -> tuple[Scheme, Loop]:
-        """The step with a thermostat, and the loop that prepares it."""
+    @classmethod
+    def step_with(cls, thermostat: type["Thermostat"], module: str) -> tuple[Scheme, Loop]:
+        """The step with a thermostat, and the loop that prepares it.
+
+        Args:
+            module: name of the module that new loops belong to.
+        """
         return thermostat.scheme, thermostat.prepares
 
-    def kind_of_state(self) -> list:
-        """Words that identify the kind of its state."""
-        return []
+    def kind_of_state(self) -> tuple:
+        """What identifies the kind of its state, besides its class."""
+        return ()
 
     def with_energy(self, scalar: float) -> float:
         """The scalar plus the energy of this part; collective."""
@@ -224,6 +231,7 @@ class Thermostat(EnsemblePart):
     on_piston: ClassVar[Callable] = not_on_piston
     scheme: ClassVar[Scheme]
     prepares: ClassVar[Loop]
+    keywords: ClassVar[tuple[str, ...]] = ("seed",)
     keeps_momentum, reversible, takes_zero = True, False, False
     freedom_note = ""
 
@@ -242,6 +250,9 @@ class Thermostat(EnsemblePart):
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and own & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
+
+    def kind_of_state(self) -> tuple:
+        return 0, self.command.separate
 
     def extra_warnings(self, run: Any) -> Iterable[str]:
         """A warning of an unusual TDAMP."""

@@ -74,7 +74,10 @@ OF_THERMOSTATS = [
     ("temp 2 2 1 thermostat nh seed 5", "keyword seed has no effect"),
     ("temp 2 2 1 tchain 5 seed 5", "keyword tchain has no effect"),
     ("temp 2 2 1 thermostat nh tchain 4294967296", "'4294967296' was given where"),
-    ("temp 2 2 1 seed 5 separate yes", "keyword separate is for thermostats csvr and nh"),
+    (
+        "temp 2 2 1 seed 5 separate yes",
+        "keyword separate has no effect with Langevin's",
+    ),
 ]
 BESIDE_THERMOSTATS = [
     ("fix 2 all langevin 2 2 1 5", "fix 2 (style langevin) keeps a temperature of atom"),
@@ -116,7 +119,7 @@ OF_PISTONS = [
     ("NPT all molecule temp 2 2 1 iso 1 1 1 barostat mtk", "keyword seed is missing"),
     (
         "NPT all molecule temp 2 2 1 seed 3 iso 1 1 1 barostat mtk compressibility 8",
-        "keyword compressibility has no effect with this barostat",
+        "keyword compressibility has no effect with Langevin's thermostat, and the piston of",
     ),
     ("NPT all molecule temp 2 2 1 seed 3 iso 1 1 1 barostat nh", "one of crescale, mtk"),
     ("NPH all molecule temp 2 2 1 iso 1 1 1", "this integrator has no thermostat"),

@@ -77,7 +77,7 @@ run.run_passes("close")
 run.bodies.v[:] *= -1
 run.bodies.p[:] *= -1
 if integrator.thermostat:
-    integrator.thermostat.state.reshape(-1, 2, fix.command.tchain)[:, 1] *= -1
+    integrator.thermostat.state.reshape(-1, 2, integrator.thermostat.length)[:, 1] *= -1
 if getattr(integrator, "has_piston", False):
     integrator.barostat.piston.rates *= -1
 run.passes.level_dt.set(-run.dt)
