@@ -110,8 +110,6 @@ def _library() -> ctypes.CDLL:
         ("has_id", c_int, [c_void_p, c_char_p, c_char_p]),
         ("id_name", c_int, [c_void_p, c_char_p, c_int, c_char_p, c_int]),
         ("is_running", c_int, [c_void_p]),
-        ("fix_external_set_virial_global", None, [c_void_p, c_char_p, ctypes.POINTER(c_double)]),
-        ("set_fix_external_callback", None, [c_void_p, c_char_p, c_void_p, c_void_p]),
     ):
         function = getattr(lib, "lammps_" + name)
         function.restype, function.argtypes = result, arguments
@@ -488,28 +486,3 @@ class Lammps:
         """Write lines to screen and log with LAMMPS's command print; collective."""
         for line in text.splitlines():
             self.lib.lammps_command(self.handle, f'print "{line}"'.encode())
-
-    def call_in_post_force(self, fix: str, function: Callable[[], None]) -> Any:
-        """Have a `fix external ... pf/callback` call a function as soon as the forces are known."""
-        prototype = ctypes.CFUNCTYPE(None, c_void_p, c_int64, c_int, c_void_p, c_void_p, c_void_p)
-
-        def call(_: int, step: int, natoms: int, tags: int, x: int, forces: int) -> None:
-            if natoms:  # the fix adds an array of forces that it does not initialize
-                ctypes.memset(
-                    c_void_p.from_address(forces).value or 0,
-                    0,
-                    natoms * 3 * ctypes.sizeof(c_double),
-                )
-            function()
-
-        callback = prototype(call)
-        self.lib.lammps_set_fix_external_callback(
-            self.handle, fix.encode(), ctypes.cast(callback, c_void_p), None
-        )
-        return callback
-
-    def set_external_virial(self, fix: str, virial: np.ndarray) -> None:
-        """Set the virial of a fix external (xx yy zz xy xz yz), summed over all ranks."""
-        self.lib.lammps_fix_external_set_virial_global(
-            self.handle, fix.encode(), virial.ctypes.data_as(ctypes.POINTER(c_double))
-        )

@@ -7,8 +7,8 @@ hooks of a fix in the same way as the plugin.
 import ctypes
 import sys
 import traceback
-import weakref
 from collections.abc import Callable, Sequence
+from functools import wraps
 from typing import Any
 
 import numpy as np
@@ -25,8 +25,6 @@ from .command import Line
 from .hosts import Host, Phase
 from .lammps import Lammps
 
-EXTERNAL = "nosquish_virial"  # ID of the fix external that passes the virial to such a LAMMPS
-_callbacks: dict[int, Any] = {}  # LAMMPS's address -> callback of its fix external
 # features that this host lacks, and what to use instead
 MISSING = {
     "trajectories": "LAMMPS's own fix python/move gives no potential energy in the steps that need "
@@ -36,8 +34,8 @@ MISSING = {
     "where its plugin can be used, or use fix nosquish/nvt or fix nosquish/nve",
     "end of the run": "keyword temp: TSTART and TSTOP must be the same, because LAMMPS's own fix "
     "python/move does not tell where a run ends",
-    "end of a step": "keyword output cannot be used with run_style respa and LAMMPS's own fix "
-    "python/move, which knows no end of a step: install this package where its plugin can be used",
+    "levels": "run_style respa cannot be used with LAMMPS's own fix python/move: install this "
+    "package where its plugin can be used, or use run_style verlet",
     "gravity": "keyword gravity cannot be used with LAMMPS's own fix python/move: remove 'disable' "
     "from fix gravity instead",
 }
@@ -63,8 +61,6 @@ class OwnFix(Host):
         machine_code.load(communicator, mpi.__name__)
         # the world's number is not known: use the universe's rank of this world's first rank
         self.world = communicator.share(lammps.setting("universe_rank"))
-        self._problem: BaseException | None = None
-        self._builds = 0.0
         lammps.cells["membership"].set(np.full(len(lammps.tags), UNDECIDED))
         self.carry(lammps, None)
 
@@ -95,11 +91,10 @@ class OwnFix(Host):
 
     def advice(self, removed: int) -> Sequence[str]:
         return (
-            "  this LAMMPS's own fix python/move cannot report degrees of freedom and virial. "
-            "For temp to be right:",
+            "  LAMMPS's own fix python/move reports no degrees of freedom. For temp to be right:",
             f"    compute_modify thermo_temp extra/dof {removed + self.lammps.dimension}",
-            "  and for press to be right, after all other fixes:",
-            f"    fix {EXTERNAL} all external pf/callback 1 1",
+            "  and no virial, so press lacks the forces that hold the bodies rigid: for pressures "
+            "install this package where its plugin can be used",
         )
 
     def carry(self, lammps: Any, bodies: Any) -> None:
@@ -156,36 +151,8 @@ class OwnFix(Host):
         origins[np.flatnonzero(~stayed)[known]] = -2 - np.arange(known.sum())
         self.lammps.cells["arrived"].set(came[known].view(float))
 
-    def atoms_moved(self) -> bool:
-        """Whether LAMMPS has re-neighbored since the last call."""
-        if self._problem:
-            raise self._problem
-        before, self._builds = self._builds, self.lammps.neighbor_builds
-        return self._builds != before
-
-    def count_virial(self, virial: Callable[[], np.ndarray]) -> None:
-        """If there is a fix external for the virial, have it read the virial whenever forces are
-        new."""
-        self._builds = 0.0  # LAMMPS counts from zero in each run
-        if not self.lammps.has("fix", EXTERNAL):
-            return
-        method = weakref.WeakMethod(virial)  # the fix external may outlive the driver
-
-        def report() -> None:
-            try:
-                found = method()
-                self.lammps.set_external_virial(EXTERNAL, found() if found else np.zeros(6))
-            except BaseException as error:
-                self._problem = error  # cannot be raised from a callback: the next hook raises it
-
-        _callbacks[self.lammps.handle] = self.lammps.call_in_post_force(EXTERNAL, report)
-
     def end(self, error: BaseException) -> None:
-        """Print the message once and end the run on all ranks; with a single rank, return."""
-        if getattr(error, "printed", False):
-            return
-        # not stored: its traceback refers to this object, too
-        vars(error)["printed"] = True
+        """Print the message and end the run on all ranks; with a single rank, return."""
         text, everywhere = self._line.naming(str(error)), getattr(error, "everywhere", False)
         several = self.communicator.size > 1
         if not isinstance(error, RunError):
@@ -194,16 +161,12 @@ class OwnFix(Host):
                 traceback.print_exception(error)
         if self.communicator.rank == 0 or not everywhere:
             where = f" on proc {self.communicator.rank}" if several and not everywhere else ""
-            print(f"ERROR{where}: {text}", file=sys.stderr)
-        sys.stderr.flush()
+            print(f"ERROR{where}: {text}", file=sys.stderr, flush=True)
         ctypes.CDLL(None).fflush(None)
         if everywhere:
             self.communicator.any(True)  # rank 0 has printed
         if isinstance(self.communicator, Communicator):
             self.communicator.abort()
-
-
-_drivers: "weakref.WeakSet[Driver]" = weakref.WeakSet()
 
 
 def driven(
@@ -219,93 +182,65 @@ def driven(
     return Driver(make, OwnFix(lammps, communicator, line))
 
 
+def _hook(method: Callable) -> Callable:
+    """A method that LAMMPS calls; an exception in it ends the run on all ranks."""
+
+    @wraps(method)
+    def call(self: Any, *arguments: Any) -> None:
+        try:
+            method(self, *arguments)
+        except BaseException as error:
+            self.host.end(error)
+            raise
+
+    return call
+
+
 class Driver:
-    """Object that LAMMPS's own fix python/move calls; an exception in it ends the run on all ranks.
+    """Object that LAMMPS's own fix python/move calls.
 
     Args:
         make: creates the `fix.Fix`.  host: the `OwnFix`.
     """
 
     def __init__(self, make: Callable[[], Any], host: OwnFix) -> None:
-        self._host = host
-        self.fix = self._guarded(make)
-        self.fix.host = host
+        self.host = host
+        self._define(make)
+
+    @_hook
+    def _define(self, make: Callable[[], Any]) -> None:
+        self.fix = fix = make()
+        fix.host = self.host
         try:
-            self._guarded(self.fix.define_bodies)
+            fix.define_bodies()
             # LAMMPS accepts commands, and therefore text for its log, only between runs
-            self._guarded(self.fix.report_definition)
+            fix.report_definition()
         except BaseException:
-            self.fix.host = None  # Python keeps the last traceback: no other fix may find this one
-            raise
-        _drivers.add(self)
-
-    def _guarded(self, function: Callable[..., Any], *arguments: Any) -> Any:
-        try:
-            return function(*arguments)
-        except BaseException as error:
-            self._host.end(error)
+            fix.host = None  # Python keeps the last traceback: no other fix may find this one
             raise
 
+    @_hook
     def init(self) -> None:
-        self._guarded(self.fix.init)
-        self._host.count_virial(self._virial_of_all)
+        if self.host.lammps.respa_dt:
+            self.host.need("levels")
+        self._builds = 0.0  # LAMMPS counts from zero in each run
+        self.fix.init()
 
+    @_hook
     def initial_integrate(self, vflag: int) -> None:
-        self._guarded(self._begin, vflag)
-
-    def _begin(self, vflag: int) -> None:
-        if self._host.phase == Phase.NEW:
+        if self.host.phase == Phase.NEW:
             self.fix.push()
         self.fix.initial_integrate(vflag)
 
+    @_hook
     def final_integrate(self) -> None:
-        self._guarded(self._end)
-
-    def _end(self) -> None:
-        self._follow_atoms()
+        builds = self.host.lammps.neighbor_builds
+        if builds != self._builds:
+            self._builds = builds
+            self.fix.post_neighbor()
         self.fix.push()
         self.fix.final_integrate()
 
-    def initial_integrate_respa(self, vflag: int, level: int, loop: int) -> None:
-        self._guarded(self._begin_level, vflag, level, loop)
-
-    def _begin_level(self, vflag: int, level: int, loop: int) -> None:
-        if self._host.phase == Phase.NEW:
-            self.fix.push()
-        elif not self.fix.run.is_outermost(level):
-            self._follow_atoms()
-        self.fix.initial_integrate_respa(vflag, level, loop)
-
-    def final_integrate_respa(self, level: int, loop: int) -> None:
-        self._guarded(self._end_level, level, loop)
-
-    def _end_level(self, level: int, loop: int) -> None:
-        self._follow_atoms()
-        self.fix.final_integrate_respa(level, loop)
-
+    @_hook
     def reset_dt(self) -> None:
-        self._guarded(self.fix.reset_dt)
-
-    def _follow_atoms(self) -> None:
-        if self._host.atoms_moved():
-            self.fix.post_neighbor()
-
-    def _virial_of_all(self) -> np.ndarray:
-        """The virial of all bodies, summed over ranks, after LAMMPS's forces and before
-        final_integrate."""
-        virial, handle = np.zeros(6), self._host.lammps.handle
-        drivers = [one for one in _drivers if one._host.lammps.handle == handle]
-        for driver in sorted(drivers, key=lambda one: one.fix.number):
-            driver._guarded(driver._add_virial, virial)
-        return self._host.communicator.total(virial)
-
-    def _add_virial(self, virial: np.ndarray) -> None:
-        host = self._host
-        begun = host.phase == Phase.HALF
-        if begun and not host.vflag:
-            return
-        if host.atoms_moved() or not begun:
-            self.fix.post_neighbor()
-        host.lammps.cells["virial"].set(virial)
-        host.lammps.cells["atom_virial"].set(np.empty((0, 9)))
-        self.fix.run.count_virial(ends=begun)
+        self.fix.reset_dt()

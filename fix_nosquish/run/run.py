@@ -473,16 +473,6 @@ class Run:
 
         return self.cached("kinetic", at_end, forces=False), now
 
-    def count_virial(self, *, ends: bool) -> None:
-        """Add the constraint virial to LAMMPS's cell `virial`; the bodies stay as they are.
-
-        Args:
-            ends: whether a step ends with the forces of now.
-        """
-        with _restored(self.bodies):
-            self.run_passes("close" if ends and not self.conditions.mid_step else "gather")
-            self.run_passes("constraint_virial")
-
 
 @contextmanager
 def _restored(bodies: Bodies) -> Iterator[None]:
