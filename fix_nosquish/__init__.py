@@ -42,16 +42,11 @@ NO_FIRE = (
 )
 
 
-def _fix_of(find: Callable[[str], type]) -> Any:
-    """What gives, for the name of a class that `find` finds, a function (ptr, line) that makes the
-    fix."""
+def _maker(kind: type) -> Callable[[Any, Any], Any]:
+    """A function (ptr, line) that makes the fix of an integrator."""
+    from .run.fix import fix_of
 
-    def of_name(name: str) -> Callable[[Any, Any], Any]:
-        from .run.fix import fix_of
-
-        return partial(fix_of, find(name))
-
-    return of_name
+    return partial(fix_of, kind)
 
 
 def _integrator(name: str) -> type:
@@ -59,7 +54,7 @@ def _integrator(name: str) -> type:
     return getattr(import_module(f"{__name__}.integrators.{INTEGRATORS[name]}"), name)
 
 
-_of_line = quoted.line_lookup(__name__, INTEGRATORS, _fix_of(_integrator))
+_of_line = quoted.line_lookup(__name__, INTEGRATORS, lambda name: _maker(_integrator(name)))
 
 
 def __getattr__(text: str) -> Any:
@@ -74,8 +69,8 @@ def of_fix_line(*classes: type) -> Callable[[str], Any]:
     Args:
         classes: the module's integrators.
     """
-    named = {one.__name__: one for one in classes}
-    return quoted.line_lookup(classes[0].__module__, named, _fix_of(named.__getitem__))
+    names = {kind.__name__: kind for kind in classes}
+    return quoted.line_lookup(classes[0].__module__, names, lambda name: _maker(names[name]))
 
 
 def of_style(style: str, words: Collection[str] = ()) -> Any:
@@ -90,7 +85,7 @@ def of_style(style: str, words: Collection[str] = ()) -> Any:
 
 def fix_of_style(style: str, words: Collection[str] = ()) -> Callable[[Any, Any], Any]:
     """A function (ptr, line) that makes the fix of a style of the plugin, with these words."""
-    return _fix_of(lambda _: of_style(style, words))(style)
+    return _maker(of_style(style, words))
 
 
 def body_table(lmp: Any, fix_id: str) -> "np.ndarray":

@@ -7,11 +7,10 @@ For
 LAMMPS's own fix python/move imports the module before the last '.', gets the attribute whose name
 is the rest of the text, and calls it with its pointer.  It does not support arguments of a class.
 Therefore the `__getattr__` of a module with integrators, created by `line_lookup`, accepts a class
-with arguments.  The plugin's fix python/move splits the line at the first space instead, so numbers
-may have a decimal point there.
+with arguments.  The text must have no other '.', or Python finds no such module.  The plugin's
+fix python/move splits the line at the first space instead, so numbers may have a decimal point.
 """
 
-import sys
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -19,30 +18,30 @@ from ..errors import RunError
 
 
 def line_lookup(
-    module: str, names: Collection[str], find: Callable[[str], type]
+    module: str, names: Collection[str], find: Callable[[str], Callable[[Any, Any], Any]]
 ) -> Callable[[str], Any]:
     """The `__getattr__` of a module with integrators.
 
     Args:
         module: name of the module.
         names: names of the classes.
-        find: returns the class of a name.
+        find: returns, for the name of a class, a function (ptr, line) that makes the fix.
     """
 
     def getattr_of_module(text: str) -> Any:
         """A function from LAMMPS's pointer to the integrator of a line."""
         if text.startswith("__"):
             raise AttributeError(text)
-        made = find(_class_name(text, names, module))
+        make = find(_class_name(text, names, module))
         from .command import Line
 
-        return lambda ptr: made(ptr, Line.quoted(text, f"{module}."))
+        return lambda ptr: make(ptr, Line.quoted(text, f"{module}."))
 
     return getattr_of_module
 
 
-def _class_name(text: str, known: Collection[str], module: str) -> str:
-    """The first word of a line, if it is a known class.
+def _class_name(text: str, names: Collection[str], module: str) -> str:
+    """The first word of a line, if it is one of these classes.
 
     Raises:
         RunError: if it is not, or if the line contains a variable.
@@ -58,28 +57,10 @@ def _class_name(text: str, known: Collection[str], module: str) -> str:
             f"name, v_{name if name.isidentifier() else 'NAME'}",
             everywhere=True,
         )
-    if not words or words[0] not in known:
+    if not words or words[0] not in names:
         first = " ".join(words[:1])
         problem = (
-            f"there is no integrator '{first}' in {module}: expected one of {', '.join(known)}"
+            f"there is no integrator '{first}' in {module}: expected one of {', '.join(names)}"
         )
         raise RunError(problem, everywhere=True) if len(words) > 1 else AttributeError(problem)
     return words[0]
-
-
-class _DecimalPoint:
-    """Import finder that refuses text before a decimal point, which LAMMPS's own fix takes for a
-    module."""
-
-    @staticmethod
-    def find_spec(name: str, path: object = None, target: object = None) -> None:
-        if " " in name:
-            raise RunError(
-                f"LAMMPS's own fix python/move splits the text in quotes at its last '.', after "
-                f"'{name}': write numbers without a decimal point, such as 29815e-2 for 298.15, "
-                "and file names as v_NAME of a string-style variable",
-                everywhere=True,
-            )
-
-
-sys.meta_path.insert(0, _DecimalPoint)

@@ -16,6 +16,7 @@ from ..run.other_fixes import READERS, WITH_SWITCHES
 from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 
 AXES = "xyz"
+PARTS_OF_BOX = *AXES, *TILTS
 # changes of the box per PDAMP, by default and at least without a warning: with rare, large changes
 # the fast fluctuations of a liquid's pressure make the volume fluctuate too much
 PARTS, FEWEST_PARTS = 50, 20
@@ -39,6 +40,7 @@ class Barostat(EnsemblePart):
     Attributes:
         of_numbers: type of the record of parameters.
         numbers: that record; see `cell`.
+        axes: the groups of coupled axes and tilts, (6,): see `cell.BarostatNumbers`.
         has_others: whether there are atoms in no body.
         dampings: (6,) PDAMP of each group of coupled axes and of each tilt.
 
@@ -53,6 +55,24 @@ class Barostat(EnsemblePart):
     has_others = False
     box_every = 1  # until a run begins
     reversible = False
+
+    def __init__(self, ensemble: Any) -> None:
+        super().__init__(ensemble)
+        command = self.command
+        coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
+        groups = zip(PARTS_OF_BOX, (*coupled, 3, 4, 5), strict=True)
+        flat = "" if ensemble.dimension == 3 else "z"
+        self.axes = np.array(
+            [
+                group if command.pressure_of(part) and not (flat and flat in part) else -1
+                for part, group in groups
+            ]
+        )
+        self.changing_tilts = [tilt for tilt, group in zip(TILTS, self.axes[XY:]) if group >= 0]
+
+    @property
+    def flips(self) -> bool:
+        return bool(self.changing_tilts)
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
         self._refuse(run)
@@ -165,7 +185,7 @@ class Barostat(EnsemblePart):
             "kspace_style msm gives the mean pressure of all axes only, and this box has more "
             "than one to follow: use iso, or kspace_modify pressure/scalar no",
         )
-        for part, group in zip((*AXES, *TILTS), self.axes, strict=True):
+        for part, group in zip(PARTS_OF_BOX, self.axes, strict=True):
             fixed = [axis for axis in part if not lammps.box.periodic[AXES.index(axis)]]
             if group >= 0 and fixed:
                 raise RunError(
@@ -263,24 +283,6 @@ class Barostat(EnsemblePart):
         """The loop for the virial of the forces about the bodies' centres of mass."""
         return cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
 
-    @property
-    def axes(self) -> np.ndarray:
-        """The groups of coupled axes and tilts, (6,): see `cell.BarostatNumbers`."""
-        command = self.command
-        coupled = COUPLED["xyz" if "iso" in command.pressure else command.couple]
-        groups = zip((*AXES, *TILTS), (*coupled, 3, 4, 5), strict=True)
-        flat = "" if self.ensemble.dimension == 3 else "z"
-        return np.array(
-            [
-                group if command.pressure_of(part) and not (flat and flat in part) else -1
-                for part, group in groups
-            ]
-        )
-
-    @property
-    def flips(self) -> bool:
-        return bool((self.axes[XY:] >= 0).any())
-
     def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
         return {"flip": [flip.bind_to(cells)]} if self.flips else {}
 
@@ -295,7 +297,7 @@ class Barostat(EnsemblePart):
         lammps, numbers = run.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
         self.dampings = np.full(len(self.axes), self.damping(lammps))
-        for k, (part, group) in enumerate(zip((*AXES, *TILTS), self.axes, strict=True)):
+        for k, (part, group) in enumerate(zip(PARTS_OF_BOX, self.axes, strict=True)):
             if group >= 0:
                 words = self.command.pressure_of(part)
                 start, stop, damping = given = tuple(lammps.number(word) for word in words or ())
@@ -311,9 +313,8 @@ class Barostat(EnsemblePart):
         numbers.unit, numbers.box_every = lammps.mvv2e, self.box_every
         numbers.dimension, numbers.tilted = lammps.dimension, self.flips
         # stretching an axis stretches tilts along it, and reduces tilts of which it is the second
-        changing = [tilt for tilt, group in zip(TILTS, self.axes[XY:], strict=True) if group >= 0]
         for k, axis in enumerate(AXES):
-            along, across = (sum(tilt[n] == axis for tilt in changing) for n in (0, 1))
+            along, across = (sum(tilt[n] == axis for tilt in self.changing_tilts) for n in (0, 1))
             numbers.weight[k] = 1.0 + along - across
         return numbers
 

@@ -132,7 +132,7 @@ LATER = (
 # with another message: here other fixes are not known, and the text is split at a point
 FOUND_LATER = {
     "box changed by a barostat": ("the box has changed by step 1", "fix_nosquish.NPT"),
-    "value with a point": ("splits the text in quotes at its last '.'", "molecule mrot 2'"),
+    "value with a point": ("No module named", "NVE all molecule mrot 2'"),
 }
 
 
