@@ -54,7 +54,7 @@ class Line(NamedTuple):
         python/move comes without these styles."""
         if self.before is not None:
             return text
-        return re.sub(r"fix nosquish/(\w+)", lambda one: f"fix_nosquish.{one[1].upper()}", text)
+        return re.sub(r"fix nosquish/(\w+)", lambda style: f"fix_nosquish.{style[1].upper()}", text)
 
     def wrong(self, what: str, word: int | None = None) -> RunError:
         """An error that shows the line.
@@ -62,11 +62,11 @@ class Line(NamedTuple):
         Args:
             what: the message.  word: index of the wrong one of `words`, None for none of them.
         """
-        said, argument = f'"{self.prefix}{self.text}"', None
+        line, argument = f'"{self.prefix}{self.text}"', None
         if word is not None and self.before is not None:
             argument = word - 1 + self.before
-            said = f"word {argument + 2} of {said}"
-        return RunError(f"{self.naming(what)} (in {said})", everywhere=True, argument=argument)
+            line = f"word {argument + 2} of {line}"
+        return RunError(f"{self.naming(what)} (in {line})", everywhere=True, argument=argument)
 
 
 _WHOLE = re.compile(r"0*[1-9]\d*")
@@ -384,7 +384,7 @@ class Command:
         every: steps between two changes of the box, None for a fraction of PDAMP.
         dilate: ID of the group whose atoms, of those in no body, move with the box, or None.
         compressibility: a number as a word, None for the default.
-        own: dictionary from additional keywords of the class to numbers as words.
+        extra: dictionary from additional keywords of the class to numbers as words.
     """
 
     line: Line
@@ -417,7 +417,7 @@ class Command:
     every: int | None = None
     dilate: str | None = None
     compressibility: str | None = None
-    own: dict[str, str] = field(default_factory=dict)
+    extra: dict[str, str] = field(default_factory=dict)
 
     @property
     def text(self) -> str:
@@ -440,16 +440,15 @@ class Command:
         if not value > 0:
             raise self.wrong(f"{name} is {value:g}, and must be above zero")
 
-    def refuse_missing(self, *entries: str, reason: str = "") -> None:
+    def refuse_missing(self, *entries: str, **reasons: str) -> None:
         """Raise an error that names those of these keywords, in `OWN_KEYWORDS`, that are missing.
 
         Args:
-            reason: why the last one must be given.
+            reasons: by keyword, why it is needed.
         """
-        expected = {entry.split()[0]: OWN_KEYWORDS[entry].expected for entry in entries}
-        given = [name for name in expected if getattr(self, name)]
-        expected[[*expected][-1]] += reason
-        _refuse_missing(self.line, given, expected)
+        names = {entry.split()[0]: OWN_KEYWORDS[entry].expected for entry in entries}
+        expected = {name: text + reasons.get(name, "") for name, text in names.items()}
+        _refuse_missing(self.line, [name for name in names if getattr(self, name)], expected)
 
     def wrong(self, what: str) -> RunError:
         """An error about arguments that these bodies or this integrator cannot have."""
@@ -457,13 +456,16 @@ class Command:
 
     @classmethod
     def parse(
-        cls, line: Line, keywords: Iterable[str] = (), own: Mapping[str, str] = MappingProxyType({})
+        cls,
+        line: Line,
+        keywords: Iterable[str] = (),
+        extra: Mapping[str, str] = MappingProxyType({}),
     ) -> "Command":
         """Parse a `Line`.
 
         Args:
             line: the line.  keywords: which of `OWN_KEYWORDS` the class has.
-            own: as `Integrator.extra_keywords`.
+            extra: as `Integrator.extra_keywords`.
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
@@ -472,7 +474,8 @@ class Command:
         style, arguments = _body_style(words)
         known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *keywords)}
         known |= {
-            name: Keyword(f"{what}, {_NUMBER}", _Words.number, "own") for name, what in own.items()
+            name: Keyword(f"{what}, {_NUMBER}", _Words.number, "extra")
+            for name, what in extra.items()
         }
         if line.replaces:
             more = OWN_KEYWORDS | OF_RIGID_FIXES
@@ -494,7 +497,9 @@ class Command:
                 "keyword infile says how bodies begin, and they go on from run to run as they "
                 "are: leave out reinit yes"
             )
-        _refuse_missing(line, values.get("own", {}), {name: known[name].expected for name in own})
+        _refuse_missing(
+            line, values.get("extra", {}), {name: known[name].expected for name in extra}
+        )
         if "iso" in known:
             _check_pressure(line, values)
         return cls(line, group, style, arguments, **values)
@@ -546,8 +551,8 @@ def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keywor
 
 def _refuse(line: Line, *problems: tuple[object, str]) -> None:
     """Raise an error with the message of the first problem that is true."""
-    for there, message in problems:
-        if there:
+    for problem, message in problems:
+        if problem:
             raise line.wrong(message)
 
 

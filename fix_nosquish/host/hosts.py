@@ -57,8 +57,8 @@ class Host:
         remap_group: bit of the group whose velocities change at periodic faces by these rates, as
             with its remap v; 0 for none.
         pushes: whether the method `push` is called when the forces of a step are known.
-        told: (7,) energy of external forces and their virial on this rank (xx yy zz xy xz yz), for
-            LAMMPS; None where LAMMPS does not read them.
+        external_sums: (7,) energy of external forces and their virial on this rank (xx yy zz xy xz
+            yz), for LAMMPS; None where LAMMPS does not read them.
         rotor: whether the rotation is exact (1) or split (0), where the present bodies would
             choose otherwise, else -1; stored in restart files.
     """
@@ -91,7 +91,7 @@ class Host:
     remap_group: int
     orient_atom: np.ndarray | None
     pushes: int
-    told: np.ndarray | None
+    external_sums: np.ndarray | None
     rotor: int
 
     def need(self, feature: str) -> None:

@@ -264,11 +264,10 @@ class Lammps:
         """The current box; the same object as long as it does not change."""
         now = b"".join(bound.tobytes() for bound in self._bounds)
         if now != self._box_then:
-            lo, hi, *tilt, periodic = self._bounds
+            lo, hi, *tilts, periodic = self._bounds
             self._box_then = now
-            self._box = Box(
-                lo.copy(), hi.copy(), [one.item() for one in tilt], periodic.astype(bool)
-            )
+            shape = lo.copy(), hi.copy(), [tilt.item() for tilt in tilts]
+            self._box = Box(*shape, periodic.astype(bool))
         return self._box
 
     def per_atom(self, name: str, dtype: type = float, columns: int = 0) -> np.ndarray | None:
@@ -363,19 +362,19 @@ class Lammps:
             (natoms,) the message for each atom (see `_Kind.what`), '' for atoms that can be moved;
             None if the atom style has no such atoms.
         """
-        found = {}
+        reasons = {}
         for kind in (*(_WITH_SHAPE if shapes is None else ()), *_UNKNOWN):
             values = self.per_atom(kind.array, kind.dtype, kind.columns)
             if values is not None:
-                found[kind.what] = kind.which(values) if kind.which else True
+                reasons[kind.what] = kind.which(values) if kind.which else True
         if self.per_atom("vest", columns=3) is not None:
             styles = (
                 what for name, what in _EXTRAPOLATED.items() if self.per_atom(name) is not None
             )
             if what := next(styles, _TDPD):
-                found[what] = True
-        which = [np.broadcast_to(one, self._natoms.value) for one in found.values()]
-        return np.select(which, list(found), "") if found else None
+                reasons[what] = True
+        which = [np.broadcast_to(atoms, self._natoms.value) for atoms in reasons.values()]
+        return np.select(which, list(reasons), "") if reasons else None
 
     def has(self, category: str, name: str) -> bool:
         """Whether a group, variable, fix … of this ID is defined."""
@@ -434,14 +433,14 @@ class Lammps:
         """
         if word[:2] != "v_":
             return float(word)
-        return self._taken(self._evaluate(self._named(word), None, _EQUAL))
+        return self._read(self._evaluate(self._named(word), None, _EQUAL))
 
     def scalar_of_fix(self, fix_id: str) -> float:
         """The current value f_ID of a fix; collective."""
         place = self.lib.lammps_extract_fix(self.handle, fix_id.encode(), 0, 0, 0, 0)
-        return self._taken(place)
+        return self._read(place)
 
-    def _taken(self, place: int) -> float:
+    def _read(self, place: int) -> float:
         """A number that LAMMPS has allocated, and free it."""
         value = c_double.from_address(place).value
         self.lib.lammps_free(place)

@@ -48,7 +48,7 @@ class OwnFix(Host):
         lammps: the `Lammps`.  communicator: the `Communicator` or `ALONE`.  line: the fix line.
     """
 
-    fix_id = group = next_output = span = told = None
+    fix_id = group = next_output = span = external_sums = None
     forces_virial = set_box = flip_box = deformed_box = find_clusters = None
     orient_atom = rate = None
     phase = facts = vflag = changes = pushes = remap_group = held = counts = dmax = 0
@@ -135,9 +135,9 @@ class OwnFix(Host):
         left = np.ones(len(self._tags), bool)
         left[before[stayed]] = False
         if communicator.any(left.any() or not stayed.all()):
-            told = np.column_stack([np.zeros(left.sum(), np.int64), self._membership[left]])
-            told = look_up(communicator, self._tags[left], told, tags[~stayed])
-            membership[~stayed] = np.where(told[:, 0] == 0, told[:, 1], UNDECIDED)
+            memberships = np.column_stack([np.zeros(left.sum(), np.int64), self._membership[left]])
+            memberships = look_up(communicator, self._tags[left], memberships, tags[~stayed])
+            membership[~stayed] = np.where(memberships[:, 0] == 0, memberships[:, 1], UNDECIDED)
         self.lammps.cells["membership"].set(membership)
         self.lammps.cells["origins"].set(origins)
         if self._bodies is None:

@@ -1,6 +1,6 @@
 """Barostats: keywords, parameters and checks that `crescale` and `mtk` have in common."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, ClassVar
 
 import numpy as np
@@ -11,7 +11,7 @@ from ..errors import RunError, refuse
 from ..host.command import PRESSURES, TILTS
 from ..host.hosts import OtherFix
 from ..host.lammps import Lammps
-from ..loops.compiled import F1, L1, Cell, I, Kind
+from ..loops.compiled import F1, L1, Cell, I, Kind, Loop
 from ..run.other_fixes import READERS, WITH_SWITCHES
 from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 
@@ -39,6 +39,7 @@ class Barostat(EnsemblePart):
 
     Attributes:
         of_numbers: type of the record of parameters.
+        forces_known: the loop that uses the virial of the bodies' forces.
         numbers: that record; see `cell`.
         axes: the groups of coupled axes and tilts, (6,): see `cell.BarostatNumbers`.
         has_others: whether there are atoms in no body.
@@ -51,6 +52,7 @@ class Barostat(EnsemblePart):
 
     modules = cell.__name__, free_atoms.__name__
     of_numbers: ClassVar[Kind] = BarostatNumbers
+    forces_known: ClassVar[Loop]
     numbers: Any = None
     has_others = False
     box_every = 1  # until a run begins
@@ -104,7 +106,7 @@ class Barostat(EnsemblePart):
             if not fix.post_force or fix.virial_in_press or harmless:
                 continue
             if run.acts_on_bodies(fix):
-                remedy = (
+                advice = (
                     f"use 'fix_modify {fix.id} virial yes'"
                     if fix.has_virial
                     else "it has none that fix_modify could add: use constant volume, or take the "
@@ -112,7 +114,7 @@ class Barostat(EnsemblePart):
                 )
                 yield (
                     f"WARNING: fix {fix.id} (style {fix.style}) changes forces, and the virial "
-                    f"lacks these: the box follows a wrong pressure: {remedy}"
+                    f"lacks these: the box follows a wrong pressure: {advice}"
                 )
         lammps, every = run.lammps, self.box_every
         damping, dt = self.damping(lammps), lammps.dt
@@ -145,9 +147,9 @@ class Barostat(EnsemblePart):
     def _refuse(self, run: Any) -> None:
         """Raise an error for a system whose box this fix cannot change; collective."""
         run.host.need("box")
-        for one in run.conditions.siblings:
+        for sibling in run.conditions.siblings:
             raise RunError(
-                f'fix {one.host.fix_id} ("{one.command.text}") has bodies, too, which would '
+                f'fix {sibling.host.fix_id} ("{sibling.command.text}") has bodies, too, which would '
                 "not follow the box that this fix changes: have one fix move all bodies, or "
                 "move the other atoms with one of LAMMPS's fixes",
                 everywhere=True,
@@ -263,28 +265,34 @@ class Barostat(EnsemblePart):
         if not self.has_others:
             return False
         groups = run.lammps.groups
-        some = (groups & (int(self._dilated(run.lammps)) & 0xFFFFFFFF) != 0) == moving
-        some[run.bodies.index] = False
-        return run.ranks.any(fix.has(groups[some]).any())
-
-    def loops_of_others(self, run: Any, cells: dict[str, Cell]) -> tuple[list, list]:
-        """Loops for atoms in no body: for their contribution to the pressure, and for remapping
-        them; two lists, empty if there are no such atoms."""
-        if not self.has_others:
-            return [], []
-        cells = cells | {"dilated": Cell(I, self._dilated(run.lammps))}
-        seen = [free_atoms.virial_of_others.bind_to(_counted(cells, run.host.counts))]
-        if run.host.held:
-            finder = {"cluster_finder": run.host.find_clusters}
-            seen = [free_atoms.find_clusters.bind_to(cells, **finder), *seen]
-        return seen, [free_atoms.move_others.bind_to(cells)]
-
-    def virial_of_bodies(self, cells: dict[str, Cell]) -> Callable[[], int]:
-        """The loop for the virial of the forces about the bodies' centres of mass."""
-        return cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
+        atoms = (groups & (int(self._dilated(run.lammps)) & 0xFFFFFFFF) != 0) == moving
+        atoms[run.bodies.index] = False
+        return run.ranks.any(fix.has(groups[atoms]).any())
 
     def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
-        return {"flip": [flip.bind_to(cells)]} if self.flips else {}
+        host, moving = run.host, []
+        of_bodies = cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
+        lists = {"pressure": [of_bodies]}
+        if self.has_others:
+            cells = cells | {"dilated": Cell(I, self._dilated(run.lammps))}
+            if host.held:
+                finder = {"cluster_finder": host.find_clusters}
+                lists["pressure"].append(free_atoms.find_clusters.bind_to(cells, **finder))
+            virial = free_atoms.virial_of_others.bind_to(_counted(cells, host.counts))
+            lists["pressure"].append(virial)
+            moving.append(free_atoms.move_others.bind_to(cells))
+        lists["pressure"].append(self.forces_known.bind_to(cells))
+        if self.flips:
+            lists["flip"] = [flip.bind_to(cells)]
+        return lists | self.box_lists(cells, moving)
+
+    def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
+        """The lists that change the box.
+
+        Args:
+            moving: loops that remap atoms in no body, after the box has changed.
+        """
+        raise NotImplementedError
 
     def damping(self, lammps: Lammps) -> float:
         """PDAMP, the shortest of all axes."""

@@ -130,16 +130,16 @@ def note_work(mpi, parameters, cell):
     tilts = (
         xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
     )  # fmt: skip
-    axes, given = (x, y, z), 0.0
+    axes, heat = (x, y, z), 0.0
     for k in range(3):
-        given += axes[k] * spread[k]
+        heat += axes[k] * spread[k]
         if tilted:
-            given += tilts[k] * spread[XY + k]
+            heat += tilts[k] * spread[XY + k]
         if mpi.rank == 0:
-            given -= axes[k] * cell.forces_virial[k]
+            heat -= axes[k] * cell.forces_virial[k]
             if tilted:
-                given -= tilts[k] * cell.forces_virial[XY + k]
-    parameters.heat += 0.5 * given / numbers.unit
+                heat -= tilts[k] * cell.forces_virial[XY + k]
+    parameters.heat += 0.5 * heat / numbers.unit
 
 
 @inlined
@@ -200,12 +200,10 @@ class Crescale(Barostat):
     """Keyword barostat crescale."""
 
     method, keywords = ", and stochastic cell rescaling", ("seed", "compressibility")
+    forces_known = end_change
 
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
-        seen, moved = self.loops_of_others(run, cells)
-        pressure = [self.virial_of_bodies(cells), *seen, end_change.bind_to(cells)]
-        cell = [rescale_cell.bind_to(cells), *moved]
-        return super().extra_lists(run, cells) | {"pressure": pressure, "cell": cell}
+    def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
+        return {"cell": [rescale_cell.bind_to(cells), *moving]}
 
     def new_numbers(self, run: Any) -> np.record:
         numbers, lammps = super().new_numbers(run), run.lammps

@@ -23,15 +23,15 @@ from ..run.integrator import Integrator
 from .momentum import Momentum
 from .thermostat import EnsemblePart, Thermostat, key_of
 
-Kept: Any = record(
-    "Kept",
+RestartState: Any = record(
+    "RestartState",
     kind=F,  # hash of the kind of thermostat and barostat
     energy=F,  # transferred from the bodies to the thermostat
     times_back=F,  # how often the step counter was set back, and its last value
-    was_at=F,
+    last_step=F,
     pending=F,  # `Run.pending_half_kick`, nan for None
 )  # in a restart file, followed by the states of barostat and thermostat
-OWN = len(Kept.dtype.fields or ())
+FIELDS = len(RestartState.dtype.fields or ())
 TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # keywords
 OPTIONAL = "seed", "tchain", "separate", "compressibility"  # that some of the parts use
 
@@ -48,7 +48,7 @@ class Ensemble(Integrator):
             an `EnsemblePart` that does nothing.
         momentum: the `Momentum`.
         restart_state: (n,) contents of a restart file; its energy is nan if none was read.
-        kept_state: the record at its beginning; the states of piston and thermostat follow.
+        restart_record: the record at its beginning; the states of piston and thermostat follow.
 
     Raises:
         RunError: for keywords that cannot be combined, and if the thermostat has no degrees of
@@ -84,7 +84,7 @@ class Ensemble(Integrator):
         self.respa = not self.barostats
         states = [np.zeros(part.state_size) for part in of_ensemble]
         self.restart_state = np.concatenate([[self._kind, np.nan, 0.0, -1.0, np.nan], *states])
-        self.kept_state, rest = Kept.of(self.restart_state), self.restart_state[OWN:]
+        self.restart_record, rest = RestartState.of(self.restart_state), self.restart_state[FIELDS:]
         for part in of_ensemble:
             part.state, rest = rest[: part.state_size], rest[part.state_size :]
         self._energy = 0.0  # transferred before this run, summed over ranks
@@ -101,23 +101,18 @@ class Ensemble(Integrator):
         return word and choices[word]
 
     def _check_keywords(self) -> None:
-        """Raise an error for keywords that are missing, or that no part uses."""
-        thermostat, barostat = self.thermostat, self.barostat
-        used = {*barostat.keywords, *(thermostat.keywords if thermostat else ())}
+        """Raise an error for keywords that no part uses, or that are missing."""
+        thermostat, barostat = self.thermostat or EnsemblePart(self), self.barostat
+        used = "temp", *thermostat.keywords, *barostat.keywords
         for word in OPTIONAL:
             if word not in used and getattr(self.command, word):
-                with_these = f"{thermostat.method if thermostat else ''}{barostat.method}"
                 raise self.command.wrong(
-                    f"keyword {word} has no effect with {with_these}: leave it out"
+                    f"keyword {word} has no effect with {thermostat.method}{barostat.method}: "
+                    "leave it out"
                 )
-        if not thermostat:
-            return
-        if "seed" not in used.intersection(self.keywords):
-            self.command.refuse_missing("temp")
-            return
+        needed = [word for word in ("temp", "seed") if word in used and word in self.keywords]
         part = "thermostat" if "seed" in thermostat.keywords else "barostat"
-        reason = f", because this {part} draws random numbers"
-        self.command.refuse_missing("temp", "seed", reason=reason)
+        self.command.refuse_missing(*needed, seed=f", because this {part} draws random numbers")
 
     @property
     def has_piston(self) -> bool:
@@ -130,7 +125,7 @@ class Ensemble(Integrator):
         state = thermostat.kind_of_state() if thermostat else (0, False)
         kind = type(thermostat)
         words = kind.__module__, kind.__qualname__, *state, *self.barostat.kind_of_state()
-        return 1.0 + crc32(" ".join(map(str, (OWN, *words))).encode())
+        return 1.0 + crc32(" ".join(map(str, (FIELDS, *words))).encode())
 
     def failure(self, found: int, run: Any) -> str:
         return "".join(part.failure(found, run) for part in self.parts)
@@ -156,9 +151,9 @@ class Ensemble(Integrator):
             run.host.need("end of the run")
         if run.mask is not None and lammps.dimension == 3:
             _refuse_parts_of_rotations(run.mask, run.ranks)
-        self._take_kept_state(run)
+        self._continue_state(run)
         unit = lammps.boltz / lammps.mvv2e
-        key_0, key_1 = key_of(self.command, self.kept_state.times_back, run.host.world)
+        key_0, key_1 = key_of(self.command, self.restart_record.times_back, run.host.world)
         return {
             "rate": rate, "start": unit * start, "stop": unit * stop, "kt": unit * start,
             "step": -1, "key_0": key_0, "key_1": key_1, "factor": 1.0,
@@ -168,28 +163,28 @@ class Ensemble(Integrator):
         begin, end = run.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         return {
             "step": run.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "own_state": Cell(F1, self.parts[-1].state),
+            "thermostat_state": Cell(F1, self.parts[-1].state),
         }  # fmt: skip
 
-    def _take_kept_state(self, run: Any) -> None:
+    def _continue_state(self, run: Any) -> None:
         """Continue with the state of a restart file, or of the last run."""
-        kept = self.kept_state
-        if kept.kind != self._kind:
+        state = self.restart_record
+        if state.kind != self._kind:
             run.host.log(
                 "WARNING: the restart file has the state of another thermostat or barostat: "
                 "this one begins anew\n"
             )
-            kept.kind = self._kind
+            state.kind = self._kind
         elif run.parameters is not None:  # the state in a restart file may be of an earlier step
             self._energy, run.parameters.heat = self._energy_given(run), 0.0
             if run.parameters.step >= 0:  # otherwise there was no step since the last call
-                kept.was_at = run.parameters.step
-        elif np.isfinite(kept.energy):
-            self._energy = kept.energy
-            run.pending_half_kick = None if np.isnan(kept.pending) else kept.pending
-        if run.lammps.step < kept.was_at:
-            kept.times_back += 1
-            kept.was_at = run.lammps.step
+                state.last_step = run.parameters.step
+        elif np.isfinite(state.energy):
+            self._energy = state.energy
+            run.pending_half_kick = None if np.isnan(state.pending) else state.pending
+        if run.lammps.step < state.last_step:
+            state.times_back += 1
+            state.last_step = run.lammps.step
 
     def _energy_given(self, run: Any) -> float:
         """The energy transferred from the bodies to the thermostat, in mass times velocity squared;
@@ -208,12 +203,12 @@ class Ensemble(Integrator):
         return self.barostat.with_energy(scalar)
 
     def prepare_restart(self, run: Any) -> None:
-        kept = self.kept_state
-        kept.energy, kept.was_at = self._energy_given(run), run.lammps.step
+        state = self.restart_record
+        state.energy, state.last_step = self._energy_given(run), run.lammps.step
         run.stepped |= run.steps_made
         run.note_pending()
         pending = run.pending_half_kick
-        kept.pending = np.nan if pending is None else pending
+        state.pending = np.nan if pending is None else pending
 
 
 def _refuse_parts_of_rotations(mask: np.ndarray, ranks: Alone) -> None:

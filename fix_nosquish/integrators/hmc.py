@@ -45,17 +45,17 @@ from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
 
 # rows of the state: stored X to P of a body, and stored image flags
-WAS, WAS_IMAGE = ROWS, ROWS + P + 4 - X
-KEPT = WAS_IMAGE + 3 - ROWS
-Kept: Any = record(
-    "Kept",
+STORED, STORED_IMAGE = ROWS, ROWS + P + 4 - X
+STORED_ROWS = STORED_IMAGE + 3 - ROWS
+RestartState: Any = record(
+    "RestartState",
     kind=F,  # identifies the record
     tried=F,  # number of trajectories
     accepted=F,
     change=F,  # energy change of the last trajectory
     last=F,  # whether it was accepted
     times_back=F,  # how often the step counter was set back, and its last value
-    was_at=F,
+    last_step=F,
 )  # in a restart file
 
 
@@ -73,8 +73,8 @@ draw_momenta = make_pass("draw_momenta", thermalise, P + 4, (__name__, ""), Bath
 @loop
 def keep_bodies(layout: Layout):
     """Store the state of the bodies at the start of a trajectory."""
-    copy_rows(layout.state, X, P + 4, WAS)
-    copy_rows(layout.state, IMAGE, IMAGE + 3, WAS_IMAGE)
+    copy_rows(layout.state, X, P + 4, STORED)
+    copy_rows(layout.state, IMAGE, IMAGE + 3, STORED_IMAGE)
 
 
 @loop
@@ -85,11 +85,11 @@ def go_back(layout: Layout, images: Images, h: F2, atom_x: F2, atom_v: F2):
     The displacements of the atoms are written to atom_v.
     """
     state = layout.state
-    copy_rows(state, WAS, WAS_IMAGE, X)
+    copy_rows(state, STORED, STORED_IMAGE, X)
     for b in range(state.shape[1]):
         for k in range(3):
             for c in range(k, 3):
-                state[X + k, b] += h[k, c] * (state[WAS_IMAGE + c, b] - state[IMAGE + c, b])
+                state[X + k, b] += h[k, c] * (state[STORED_IMAGE + c, b] - state[IMAGE + c, b])
             state[V + k, b] *= -1.0
         for k in range(4):
             state[P + k, b] *= -1.0
@@ -178,14 +178,14 @@ class Trajectory(Part):
 
     def end_trajectory(self, run: Any) -> None:
         """Test the trajectory, and restore the stored state if it is rejected."""
-        parameters, kept = run.parameters, self._integrator.kept_state
+        parameters, state = run.parameters, self._integrator.restart_record
         change = run.ranks.share(_total_energy(run) - self._before)
         key_1 = parameters.key_1 | ALL_BODIES
         word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
         accepted = change <= run.lammps.mvv2e * parameters.kt * minus_log(word)
-        kept.change, kept.last, kept.was_at = change, accepted, run.lammps.step
-        kept.tried += 1
-        kept.accepted += accepted
+        state.change, state.last, state.last_step = change, accepted, run.lammps.step
+        state.tried += 1
+        state.accepted += accepted
         self._plan(run, run.lammps.step)
         if not accepted:
             run.run_passes("back")
@@ -234,18 +234,18 @@ def _refuse(run: Any) -> None:
         "which tests the energy of all forces: use a fix with an energy instead, such as efield, "
         "spring or addforce with fix_modify energy yes",
     )
-    for one in run.conditions.siblings:
+    for sibling in run.conditions.siblings:
         raise RunError(
-            f'fix {one.host.fix_id} ("{one.command.text}") moves bodies besides hybrid '
+            f'fix {sibling.host.fix_id} ("{sibling.command.text}") moves bodies besides hybrid '
             "Monte Carlo, which tests all motion at once: have one fix move all bodies",
             everywhere=True,
         )
-    if found := run.conditions.other_fixes.without_energy():
-        fix, remedy = found
+    if untested := run.conditions.other_fixes.without_energy():
+        fix, advice = untested
         raise RunError(
             f"fix {fix.id} (style {fix.style}) may change positions, momenta or forces "
             "with no energy that hybrid Monte Carlo could test: "
-            f"{remedy}, or use fix nosquish/nvt",
+            f"{advice}, or use fix nosquish/nvt",
             everywhere=True,
         )
 
@@ -256,7 +256,7 @@ class HMC(NVE):
     A trajectory ends in each step that is a multiple of N.
 
     Attributes:
-        restart_state, kept_state: contents of a restart file, as an array and as a record.
+        restart_state, restart_record: contents of a restart file, as an array and as a record.
 
     Raises:
         RunError: for an invalid temperature or mix, for a run that ends within a trajectory, and
@@ -264,7 +264,7 @@ class HMC(NVE):
     """
 
     keywords = "temp T", "steps", "seed", "mix", "moments"
-    kept, work, respa, numbers = KEPT, WORK, False, Bath
+    kept, work, respa, numbers = STORED_ROWS, WORK, False, Bath
     supports_remap_v = False
     method = "hybrid Monte Carlo with NO_SQUISH"
     kind: ClassVar = float(crc32(b"HMC 7"))
@@ -274,27 +274,27 @@ class HMC(NVE):
         super().__init__(command, dimension)
         command.refuse_missing("temp T", "steps", "seed")
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
-        self.kept_state = Kept.of(self.restart_state)
+        self.restart_record = RestartState.of(self.restart_state)
         self.parts = (Trajectory(self),)
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
-        kept, command, lammps = self.kept_state, self.command, run.lammps
-        if kept.kind != self.kind:
+        state, command, lammps = self.restart_record, self.command, run.lammps
+        if state.kind != self.kind:
             run.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
-            kept.kind = self.kind
+            state.kind = self.kind
         temperature, mix = (lammps.number(word) for word in (*command.temp, command.mix))
         command.refuse_unless_positive("keyword temp: T", temperature)
         if not 0 < mix <= 1:
             raise command.wrong(f"keyword mix is {mix:g}, and must be above 0 and at most 1")
-        kept.times_back += lammps.step < kept.was_at
+        state.times_back += lammps.step < state.last_step
         kt = lammps.boltz / lammps.mvv2e * temperature
         rate = -0.5 * log1p(-mix) if mix < 1 else inf  # friction, for dt = 1
-        key_0, key_1 = key_of(command, kept.times_back, run.host.world)
+        key_0, key_1 = key_of(command, state.times_back, run.host.world)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
     def extra_values(self, run: Any) -> tuple[float, ...]:
         """The acceptance rate; the energy change of the last trajectory, and whether it was
         accepted."""
-        kept = self.kept_state
-        accepted = kept.accepted / kept.tried if kept.tried else 0.0
-        return accepted, kept.change, kept.last
+        state = self.restart_record
+        accepted = state.accepted / state.tried if state.tried else 0.0
+        return accepted, state.change, state.last

@@ -33,7 +33,7 @@ from ..motion.philox import normal_pair, words
 from ..motion.step import Operation
 from .thermostat import BODY, Thermostat, thermalise_piston
 
-NOISE, GIVEN, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six deviates; heat
+NOISE, HEAT, WORK = BLOCK_ROWS, BLOCK_ROWS + 6, 7  # rows of a block: six deviates; heat
 
 
 @inlined
@@ -60,7 +60,7 @@ def thermalise(block, kind, dt, parameters):
         v = y + f2 * (push * a2 - lost * y)
         w = z + f3 * (push * a3 - lost * z)
         write(block, V, b, (u, v, w))
-        block[GIVEN, b] = 0.5 * mass * ((u * u + v * v + w * w) - (x * x + y * y + z * z))
+        block[HEAT, b] = 0.5 * mass * ((u * u + v * v + w * w) - (x * x + y * y + z * z))
     if kind != POINT:
         draw(block, parameters, 1)
         about = 0.0 if kind == PLANAR else 1.0  # axes 1 and 2
@@ -74,14 +74,14 @@ def thermalise(block, kind, dt, parameters):
             n2 = l2 + free * about * (noise * sqrt(i2) * a2 - lost * l2)
             n3 = l3 + free * (noise * sqrt(i3) * a3 - lost * l3)
             write(block, P, b, quaternion_momentum(q, n1, n2, n3))
-            given = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
-            given += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
-            given += (n3 * n3 - l3 * l3) / i3 if i3 > 0.0 else 0.0
-            block[GIVEN, b] += 0.5 * given
-    given = 0.0
+            heat = (n1 * n1 - l1 * l1) / i1 if i1 > 0.0 else 0.0
+            heat += (n2 * n2 - l2 * l2) / i2 if i2 > 0.0 else 0.0
+            heat += (n3 * n3 - l3 * l3) / i3 if i3 > 0.0 else 0.0
+            block[HEAT, b] += 0.5 * heat
+    heat = 0.0
     for b in range(LANES):
-        given += block[COUNTED, b] * block[GIVEN, b]
-    parameters.heat += given
+        heat += block[COUNTED, b] * block[HEAT, b]
+    parameters.heat += heat
 
 
 class Langevin(Thermostat):

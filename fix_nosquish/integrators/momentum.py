@@ -23,19 +23,19 @@ class Momentum(Part):
     """The total momentum of an ensemble's bodies.
 
     Args:
-        kept: whether the ensemble conserves it.
+        conserved: whether the ensemble conserves it.
         thermostat: gets a note on its degrees of freedom; None for no thermostat.
 
     Attributes:
-        held: degrees of freedom of the total momentum if it is conserved, taken as zero; else 0.
+        freedom: degrees of freedom of the total momentum if it is conserved, taken as zero; else 0.
     """
 
-    held = 0
+    freedom = 0
     _part = 0.0  # fraction of the kinetic energy in the total momentum at the start of a run
     _run: Any = None
 
-    def __init__(self, kept: bool, thermostat: Any) -> None:
-        self._kept, self._thermostat = kept, thermostat
+    def __init__(self, conserved: bool, thermostat: Any) -> None:
+        self._conserved, self._thermostat = conserved, thermostat
 
     def begin(self, run: Any) -> None:
         self._run = weakref.proxy(run)
@@ -55,23 +55,23 @@ class Momentum(Part):
         missing = dimension * owned.sum() - free[0] + len(run.lammps.groups) - len(bodies.index)
         *free, missing = run.ranks.total(np.array([*free, missing]))
         pushed_by = "atoms in no body, or components that are off" if missing else _pushed_by(run)
-        self.held = held = dimension if self._kept and not pushed_by else 0
-        self._left = sum(free) - held
-        if self._kept and self._thermostat:
+        self.freedom = freedom = dimension if self._conserved and not pushed_by else 0
+        self._left = sum(free) - freedom
+        if self._conserved and self._thermostat:
             others = f"with the total momentum, because of {pushed_by}"
             momentum = others if pushed_by else "without the total momentum"
             note = f"\n  thermostat: {self._left:.0f} of these, {momentum}"
             self._thermostat.freedom_note = note
         refuse(
-            not sum(free) > held and not run.command.mol,
+            not sum(free) > freedom and not run.command.mol,
             f"the bodies have {sum(free):.0f} degrees of freedom, of which the total "
-            f"momentum takes {held}: there is none to keep at a temperature",
+            f"momentum takes {freedom}: there is none to keep at a temperature",
         )
-        return np.array([max(free[0] - held, 0.0), free[1]])
+        return np.array([max(free[0] - freedom, 0.0), free[1]])
 
     def extra_warnings(self, run: Any) -> Iterator[str]:
         """A warning if the total momentum is taken as zero but is not zero."""
-        self._part = run.thermo.momentum_part() if self.held else 0.0
+        self._part = run.thermo.momentum_part() if self.freedom else 0.0
         if self._part > DRIFT:
             yield (
                 f"WARNING: the bodies' total momentum has {self._part:.2g} of their kinetic "
@@ -81,9 +81,9 @@ class Momentum(Part):
 
     def end(self, run: Any) -> None:
         """Warn if the total momentum was taken as conserved but has changed in the run."""
-        if not self._thermostat or not self.held or self._part > DRIFT:
+        if not self._thermostat or not self.freedom or self._part > DRIFT:
             return
-        part, of_heat = run.thermo.momentum_part(), self.held / (self.held + self._left)
+        part, of_heat = run.thermo.momentum_part(), self.freedom / (self.freedom + self._left)
         if part > 4.0 * self._part + CHANGED * of_heat:
             run.host.log(
                 "WARNING: something has changed the bodies' total momentum in this run, which has "
@@ -102,8 +102,8 @@ def _pushed_by(run: Any) -> str | None:
     if style := pushing_pair_style(run.host, run.lammps.setting("newton_pair")):
         return f"pair style {style}"
     pushing = run.conditions.other_fixes.pushing()
-    found = next((fix for fix in pushing if _pushes(fix, run.membership)), None)
-    return found and f"fix {found.id}"
+    changing = next((fix for fix in pushing if _pushes(fix, run.membership)), None)
+    return changing and f"fix {changing.id}"
 
 
 def _pushes(fix: OtherFix, membership: Membership) -> bool:

@@ -162,8 +162,10 @@ def strain(parameters, cell, box, part, dt):
             stretch_shear(parameters.slow_shear, k, factor)
             for n in range(3):
                 along[XY + n] *= factor if FIRST[n] == k or SECOND[n] == k else 1.0
-    much = dt * total
-    longer = dt * (1.0 + 0.5 * much) if abs(much) < 1e-7 else (exp(much) - 1.0) / total
+    expansion = dt * total
+    longer = (
+        dt * (1.0 + 0.5 * expansion) if abs(expansion) < 1e-7 else (exp(expansion) - 1.0) / total
+    )
     cell.piston.work += against * volume * longer
 
 
@@ -339,7 +341,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
     @untyped
     def prepares(
         mpi: Mpi, images: Images, parameters: numbers, dt: F, steps: Steps, cell: PistonBox,
-        box: PeriodicBox, own_state: F1,
+        box: PeriodicBox, thermostat_state: F1,
     ) -> I:  # fmt: skip
         """Move the piston, if the box changes, and set the parameters of letters D and O.
 
@@ -350,10 +352,10 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         gained = begin_move(mpi, parameters, due, cell, box, part, dt)
         bursts = due and not is_in_bounds(cell.barostat)
         if due:
-            on_piston(mpi, parameters, cell, own_state, dt)
-        wrong = acts(mpi, parameters, own_state, dt, gained)
+            on_piston(mpi, parameters, cell, thermostat_state, dt)
+        error = acts(mpi, parameters, thermostat_state, dt, gained)
         moved = end_move(parameters, due, cell, box, images.shift, part, dt)
-        return moved if bursts else min(wrong, moved)  # report the box: it also breaks chains
+        return moved if bursts else min(error, moved)  # report the box: it also breaks chains
 
     return Loop(prepares, owner)
 
@@ -366,7 +368,7 @@ class Mtk(Barostat):
     """
 
     method, of_numbers = ", and the piston of Martyna, Tobias and Klein", PistonNumbers
-    state_size = Piston.dtype.itemsize // 8
+    state_size, forces_known = Piston.dtype.itemsize // 8, see_virial
 
     @classmethod
     def step_with(cls, thermostat: type[Thermostat], module: str) -> tuple[Scheme, Loop]:
@@ -381,10 +383,8 @@ class Mtk(Barostat):
     def kind_of_state(self) -> tuple:
         return "mtk", *self.axes
 
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
-        seen, moved = self.loops_of_others(run, cells)
-        pressure = [self.virial_of_bodies(cells), *seen, see_virial.bind_to(cells)]
-        return super().extra_lists(run, cells) | {"pressure": pressure, "after_motion": moved}
+    def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
+        return {"after_motion": moving}
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
         return super().extra_parameters(run) | {"shears": self.flips}

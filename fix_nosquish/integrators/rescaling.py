@@ -117,7 +117,7 @@ def scaling_by(factor_of: Callable) -> Callable:
 
     @inlined
     def acts(mpi, parameters, state, dt, gained):
-        energies, factor, given = parameters.energies, parameters.factor, 0.0
+        energies, factor, heat = parameters.energies, parameters.factor, 0.0
         add_up(mpi, parameters.twice, energies)
         parameters.twice[0], parameters.twice[1] = 0.0, 0.0
         if not parameters.separate:
@@ -128,12 +128,12 @@ def scaling_by(factor_of: Callable) -> Callable:
             degrees = parameters.degrees[k]
             # a motion at rest cannot be scaled: the thermostat waits
             if degrees > 0.0 and energies[k] > REST * degrees * parameters.kt:
-                factor[k], wrong = factor_of(parameters, state, k, dt)
-                if wrong:
-                    return wrong
-            given += 0.5 * energies[k] * (factor[k] * factor[k] - 1.0)
+                factor[k], error = factor_of(parameters, state, k, dt)
+                if error:
+                    return error
+            heat += 0.5 * energies[k] * (factor[k] * factor[k] - 1.0)
         if mpi.rank == 0:
-            parameters.heat += given
+            parameters.heat += heat
         if not parameters.separate:
             factor[1] = factor[0]
         return 0

@@ -134,8 +134,8 @@ def thermalise_piston(mpi, parameters, cell, state, dt):
 def note_heat(mpi, parameters, numbers, group, before, after):
     """Add the energy that a thermostat adds to a strain rate to the heat of rank 0."""
     if mpi.rank == 0:
-        given = 0.5 * numbers.inertia[group] * (after * after - before * before)
-        parameters.heat += given / numbers.unit
+        heat = 0.5 * numbers.inertia[group] * (after * after - before * before)
+        parameters.heat += heat / numbers.unit
 
 
 def far_off(name: str, time: float, lammps: Any, most: float) -> Iterable[str]:
@@ -156,7 +156,7 @@ class EnsemblePart(Part):
         ensemble: the `ensemble.Ensemble` that it belongs to.
 
     Attributes:
-        keywords: which of `ensemble.OPTIONAL` it uses; a seed must then be given.
+        keywords: which of `ensemble.OPTIONAL` it uses; a seed is then required.
         state_size: number of values that a restart needs.
         state: these values, a view of `Ensemble.restart_state`.
     """
@@ -260,7 +260,7 @@ class Thermostat(EnsemblePart):
         return far_off("TDAMP", damping, run.lammps, MOST_STEPS)
 
     def resume(self, run: Any) -> None:
-        last = max(run.parameters.step, self.ensemble.kept_state.was_at)
+        last = max(run.parameters.step, self.ensemble.restart_record.last_step)
         refuse(
             self.command.seed is not None and run.lammps.step <= last,
             "the step counter has gone back, and with it random numbers: "
@@ -281,10 +281,11 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
 
     @untyped
     def prepares(
-        mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps, own_state: F1
+        mpi: Mpi, parameters: thermostat.numbers, dt: F, steps: Steps,
+        thermostat_state: F1,
     ) -> I:  # fmt: skip
         """Set the temperature of the step, and the parameters of letter O."""
         prepare(parameters, steps)
-        return acts(mpi, parameters, own_state, dt, 0.0)
+        return acts(mpi, parameters, thermostat_state, dt, 0.0)
 
     return Loop(prepares, owner)

@@ -58,8 +58,9 @@ class Host(hosts.Host):
         self._bridge, self._words = bridge, 0
         steps = bridge.begin_step, bridge.end_step
         self.span = tuple(array(address, (1,), np.int64) for address in steps)
-        for name, size in ("forces_virial", 6), ("rate", 6), ("told", 7):
-            setattr(self, name, array(getattr(bridge, name), (size,), float))
+        self.forces_virial = array(bridge.forces_virial, (6,), float)
+        self.rate = array(bridge.rate, (6,), float)
+        self.external_sums = array(bridge.told, (7,), float)
         self.deformed_box = array(bridge.deformed_box, (9,), float)
         for name in "set_box", "flip_box", "find_clusters", "orient_atom":
             function = cast(getattr(bridge, name), c_void_p).value

@@ -229,10 +229,10 @@ class ExternalForces:
                 energy = value.sum()
             else:
                 wrenches[:, column] += value
-        if host.told is not None:
+        if host.external_sums is not None:
             box, force = self._lammps.box, wrenches[:, :3]
             counted = _virial(bodies, box, ids, force, about_centre) if words.virial else 0.0
-            host.told[0], host.told[1:] = energy, counted
+            host.external_sums[0], host.external_sums[1:] = energy, counted
         host.pushes = bool(words.named or words.virial)  # else nothing changes
 
 

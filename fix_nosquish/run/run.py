@@ -124,7 +124,7 @@ class Run:
 
     def number(self, keyword: str) -> float:
         """The number of one of `extra_keywords`, or the value of its variable now."""
-        return self.lammps.number(self.command.own[keyword])
+        return self.lammps.number(self.command.extra[keyword])
 
     def acts_on_bodies(self, fix: OtherFix) -> bool:
         """Whether atoms of the bodies are in another fix's group."""
