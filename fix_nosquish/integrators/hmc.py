@@ -16,7 +16,6 @@ rejection the atoms' positions are set from it; LAMMPS then migrates atoms, rebu
 and recomputes the forces within the same step, so all its output is of the state that is kept.
 """
 
-import weakref
 from collections.abc import Mapping
 from math import inf, log1p
 from typing import Any, ClassVar
@@ -103,15 +102,15 @@ class Trajectory(Part):
     """Begins and tests trajectories.
 
     Args:
-        integrator: the `HMC`.
+        steps: length of a trajectory.
+        record: the `RestartState`, which it updates.
     """
 
     needs_energy = True
     _has_warned = False
 
-    def __init__(self, integrator: Any) -> None:
-        self._integrator: Any = weakref.proxy(integrator)
-        self._steps = integrator.command.steps
+    def __init__(self, steps: int, record: Any) -> None:
+        self._steps, self._record = steps, record
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
         """Check the run, and plan the first trajectory."""
@@ -178,7 +177,7 @@ class Trajectory(Part):
 
     def end_trajectory(self, run: Any) -> None:
         """Test the trajectory, and restore the stored state if it is rejected."""
-        parameters, state = run.parameters, self._integrator.restart_record
+        parameters, state = run.parameters, self._record
         change = run.ranks.share(_total_energy(run) - self._before)
         key_1 = parameters.key_1 | ALL_BODIES
         word, *_ = words(0.0, parameters.step, 0, parameters.key_0, key_1)
@@ -275,7 +274,7 @@ class HMC(NVE):
         command.refuse_missing("temp T", "steps", "seed")
         self.restart_state = np.array([self.kind, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0])
         self.restart_record = RestartState.of(self.restart_state)
-        self.parts = (Trajectory(self),)
+        self.parts = (Trajectory(command.steps, self.restart_record),)
 
     def extra_parameters(self, run: Any) -> dict[str, Any]:
         state, command, lammps = self.restart_record, self.command, run.lammps

@@ -1,6 +1,7 @@
 """The documentation: what it quotes is what the programs print."""
 
 import ast
+import importlib
 import re
 import subprocess
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from fix_nosquish import INTEGRATORS
+from fix_nosquish.errors import RunError
+from fix_nosquish.host.command import Command, Line
 from support.running import ROOT
 
 DOCS = ROOT / "docs"
@@ -290,6 +293,43 @@ def test_thermostats_of_the_documentation(run_lammps, name, words):
         thermo = run_lammps(lines, files=given, ranks=ranks, timeout=250).thermo
         assert thermo["f_1[3]"][0] > 1.5 and thermo["f_1[3]"][-1] == pytest.approx(1.0, rel=0.2)
         assert np.ptp(thermo["Econserve"]) < 0.01 * np.ptp(thermo["TotEng"])
+
+
+@pytest.mark.quick
+@pytest.mark.parametrize(
+    "name, words, says",
+    [
+        (
+            "weak.BerendsenNVT",
+            "seed 7",
+            "keyword seed has no effect with Berendsen's thermostat: leave it out",
+        ),
+        (
+            "weak.BerendsenNVT",
+            "tchain 7",
+            "keyword tchain has no effect with Berendsen's thermostat",
+        ),
+        ("andersen.AndersenNVT", "part 0.7", "keyword seed is missing"),
+        (
+            "andersen.AndersenNVT",
+            "part 0.7 seed 7 separate yes",
+            "separate has no effect with Andersen's",
+        ),
+        (
+            "andersen.AndersenNVT",
+            "seed 7 thermostat nh part 0.7",
+            "'nh' was given where one of andersen",
+        ),
+    ],
+)
+def test_keywords_of_a_thermostat(monkeypatch, name, words, says):
+    """Locks out a keyword that a thermostat of one's own ignores in silence, and a missing seed."""
+    monkeypatch.syspath_prepend(DOCS)
+    module, _, kind_name = name.partition(".")
+    kind = getattr(importlib.import_module(module), kind_name)
+    line = Line.quoted(f"{kind_name} all molecule temp 1 1 1 {words}")
+    with pytest.raises(RunError, match=re.escape(says)):
+        kind(Command.parse(line, kind.keywords, kind.extra_keywords), 3)
 
 
 OWN = "andersen.AndersenNVT"
