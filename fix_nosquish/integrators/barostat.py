@@ -149,8 +149,8 @@ class Barostat(EnsemblePart):
         run.host.need("box")
         for sibling in run.conditions.siblings:
             raise RunError(
-                f'fix {sibling.host.fix_id} ("{sibling.command.text}") has bodies, too, which would '
-                "not follow the box that this fix changes: have one fix move all bodies, or "
+                f'fix {sibling.host.fix_id} ("{sibling.command.text}") has bodies, too, which '
+                "would not follow the box that this fix changes: have one fix move all bodies, or "
                 "move the other atoms with one of LAMMPS's fixes",
                 everywhere=True,
             )
