@@ -237,8 +237,8 @@ class Thermostat(EnsemblePart):
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        own, owner = vars(cls).keys(), (cls.__module__, cls.__qualname__)
-        if cls.operation and own & {"operation", "merged", "numbers", "work"}:
+        declared, owner = vars(cls).keys(), (cls.__module__, cls.__qualname__)
+        if cls.operation and declared & {"operation", "merged", "numbers", "work"}:
             letters, operations = "B A O A B", {"O": cls.operation}
             if cls.merged:
                 letters, operations = "B A B", {"A": cls.merged}
@@ -248,7 +248,7 @@ class Thermostat(EnsemblePart):
             )  # fmt: skip
         # a class that measures bodies may leave `acts` to a derived class
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
-        if complete and own & {"acts", "numbers", "operation"}:
+        if complete and declared & {"acts", "numbers", "operation"}:
             cls.prepares = _prepares(cls, owner)
 
     def kind_of_state(self) -> tuple:
