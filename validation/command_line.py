@@ -1,6 +1,7 @@
 """The command lines of the verbs: types of arguments, shared options, exit status."""
 
 import argparse
+import math
 import shlex
 import shutil
 import sys
@@ -232,7 +233,7 @@ def add_targets(parser: argparse.ArgumentParser, text: str, **more: Any) -> None
         measure, equals, value = word.partition("=")
         if not equals:
             raise argparse.ArgumentTypeError(f"{word}: MEASURE=VALUE is expected")
-        return measure, positive_number(value)
+        return measure, math.inf if value == "none" else positive_number(value)
 
     parser.add_argument(
         "--target", nargs="+", type=target, metavar="MEASURE=VALUE", help=text, **more

@@ -262,11 +262,12 @@ def _lost(script: UserScript) -> dict[str, str]:
 
 
 def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
-    """The largest errors allowed, by name; default targets that are meaningless for the case are
-    omitted.
+    """The largest errors allowed, by name; default targets that are meaningless for the case, and
+    those that are infinite, are omitted.
 
     Raises:
-        LookupError: a target does not exist (the message lists all), or is meaningless.
+        LookupError: a target does not exist (the message lists all), or is meaningless; or none is
+            left.
     """
     for name in wanted:
         if name not in TARGETS:

@@ -31,7 +31,8 @@ def add(verbs: command_line.Verbs) -> None:
         help=f"{', '.join(SCENES)}, or a LAMMPS input script of yours",
     )
     text = (
-        "largest acceptable errors, such as energy=0.05 drift=0.01; an unknown name lists all "
+        "largest acceptable errors, such as energy=0.05 drift=0.01, or rdf=none; an unknown name "
+        "lists all "
         "(default: those of drift, temperature, energy, density and rdf that can be measured)"
     )
     command_line.add_targets(parser, text)

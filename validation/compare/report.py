@@ -256,8 +256,8 @@ def _lines(answer: Answer) -> Iterator[str]:
         yield f"The answer is therefore by {', '.join(answer.targets)} only."
     if "rdf" in answer.targets and not any("rdf" in point["errors"] for point in answer.points):
         yield (
-            "The error of g(r) is not known, because too few runs are complete. --target without "
-            "rdf gives an answer without it."
+            "The error of g(r) is not known, because too few runs are complete. --target rdf=none "
+            "gives an answer without it."
         )
     for point in answer.points:
         if point["alone"]:

@@ -38,7 +38,7 @@ PEPTIDE_TURNS = 4439
 OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # in units of a script's step
 # longest step times the frequency of the stiffest motion, from the forces: for water, with its
 # libration, this is 8 fs, about two thirds of the step at which it fails
-REACH = 0.95
+REACH = 1.15
 # the words before a seed in a script's lines: the keyword, or a temperature with its damping
 SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
 # what users have today: for molecules that shake can constrain, for others, at constant pressure

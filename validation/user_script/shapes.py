@@ -16,6 +16,11 @@ from .loader import UserScript
 THIN = 1e-7  # relative to the largest moment: a smaller one counts as zero, as in fix_nosquish
 # (kinetic energy in LAMMPS's units) over (mass x velocity^2), which LAMMPS calls mvv2e
 MVV2E = {"real": 2390.0573615334906, "metal": 1.0364269e-4, "electron": 1.06657236}
+# a force counts as at most this times its rms: one close contact in a start is no estimate
+MOST = 5.0
+# of `Motion.contacts`: its standard error times the root of the number of bodies; between which
+# values motion is no longer harmonic, and how much faster than by mean squares contacts are then
+NOISE, CONTACTS, FASTER = 1.63, (1.1, 1.4), (1.0, 3.0)
 
 
 @dataclass(frozen=True)
@@ -149,51 +154,93 @@ def thermal_energy(script: UserScript) -> float:
     return script.reading["boltzmann"] * temperature(script)
 
 
-def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, float]:
-    """Angular frequencies (1/time) of the stiffest motions, from the forces of the start.
+class Motion(NamedTuple):
+    """A kind of motion, from the forces of the start.
 
-    For harmonic motions in equilibrium mean square force = kT x spring constant.  The forces do not
-    include the noise of thermostats.
+    Attributes:
+        square: mean square of the angular frequency, 1/time^2.  For harmonic motions in equilibrium
+            mean square force = kT x spring constant.
+        number: of degrees of freedom.
+        contacts: <f^4> / (3 <f^2>^2) less its noise, at least 1, as for harmonic motion.  It is
+            larger where forces act in short contacts, whose frequency is higher than the mean.
+    """
+
+    square: float
+    number: int
+    contacts: float
+
+    @classmethod
+    def of(cls, force: np.ndarray, inertia: np.ndarray | float) -> list["Motion"]:
+        """The motions along the axes, or one for all of them.
+
+        Args:
+            force: forces or torques, (bodies, axes).
+            inertia: mass or moments times kT, (axes,), or one for all axes.
+        """
+        contacts = max(1.0, _fourth(force) - NOISE / max(len(force), 1) ** 0.5)
+        square = (force**2).mean(axis=0) / inertia
+        if np.ndim(inertia):
+            return [cls(float(one), len(force), contacts) for one in square]
+        return [cls(float(square.mean()), force.size, contacts)]
+
+    @property
+    def fastest(self) -> float:
+        """The angular frequency by which a run becomes unstable."""
+        faster = float(np.interp(self.contacts, CONTACTS, FASTER))
+        return faster * self.contacts * self.square**0.5
+
+
+def _fourth(force: np.ndarray) -> float:
+    """<f^4> / (3 <f^2>^2), mean over the columns that have forces; 1 without any."""
+    if not force.any():
+        return 1.0
+    some = force[:, force.any(axis=0)]
+    square = (some**2).mean(axis=0)
+    relative = np.minimum(some**2 / square, MOST**2)
+    return float((relative**2).mean() / 3)
+
+
+def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, float]:
+    """Angular frequencies (1/time) of the stiffest motions, from the forces of the start, which do
+    not include the noise of thermostats.
 
     Returns:
         of ``centres``, ``turning`` (about the stiffest axis) and ``other atoms``, without those
         that have no force.
     """
-    squares = _squares(script, groups)
-    most = {
-        name: max((square for square, _ in pairs), default=0.0) for name, pairs in squares.items()
-    }
-    return {name: float(np.sqrt(square)) for name, square in most.items() if square > 0}
+    every = motions(script, groups)
+    most = {name: max((one.fastest for one in some), default=0.0) for name, some in every.items()}
+    return {name: float(one) for name, one in most.items() if one > 0}
 
 
 def mean_square_frequency(script: UserScript, groups: Sequence[BodyGroup]) -> float:
-    """The mean of the squares of `fastest_motions` over all degrees of freedom, 1/time^2."""
-    every = [pair for pairs in _squares(script, groups).values() for pair in pairs]
-    return float(sum(square * n for square, n in every) / max(sum(n for _, n in every), 1))
+    """The mean square of the angular frequency over all degrees of freedom, 1/time^2."""
+    every = [one for some in motions(script, groups).values() for one in some]
+    total = sum(one.square * one.number for one in every)
+    return float(total / max(sum(one.number for one in every), 1))
 
 
-def _squares(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list]:
-    """Squares of angular frequencies, 1/time^2, each with its number of degrees of freedom."""
+def motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list[Motion]]:
+    """The kinds of motion of ``centres``, ``turning`` and ``other atoms``."""
     mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
     unit, axes_of_space = thermal_energy(script) * mvv2e(script), script.reading["dimension"]
-    squares: dict[str, list] = {"centres": [], "turning": [], "other atoms": []}
+    found: dict[str, list[Motion]] = {"centres": [], "turning": [], "other atoms": []}
     if not unit > 0:
-        return squares
+        return found
     for _, group, r, moments, axes in groups:
-        f, mean, number = force[group], moments.mean(axis=0), len(group)
+        f, mean = force[group], moments.mean(axis=0)
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
-        centre = (f.sum(axis=1) ** 2).mean() / mass[group].sum(axis=1).mean()
-        squares["centres"].append((centre / unit, axes_of_space * number))
+        whole = mass[group].sum(axis=1).mean() * unit
+        found["centres"] += Motion.of(f.sum(axis=1)[:, :axes_of_space], whole)
         rotating = mean > THIN * max(mean[0], 1e-300)
         if axes_of_space == 2:
             rotating[1:] = False
-        turning = (torque**2).mean(axis=0)[rotating] / mean[rotating] / unit
-        squares["turning"] += [(square, number) for square in turning]
+        found["turning"] += Motion.of(torque[:, rotating], mean[rotating] * unit)
     for kind in np.unique(script.atoms["type"][free]):
         mine = free & (script.atoms["type"] == kind)
-        square = (force[mine] ** 2).mean() / mass[mine].mean() / unit
-        squares["other atoms"].append((square, axes_of_space * int(mine.sum())))
-    return squares
+        each = mass[mine].mean() * unit
+        found["other atoms"] += Motion.of(force[mine, :axes_of_space], each)
+    return found
 
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:

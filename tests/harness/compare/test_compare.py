@@ -448,6 +448,34 @@ def test_the_same_command_runs_nothing_again(rings):
         assert alone["time"] > summary["time"]  # of which as much is left out
 
 
+@pytest.mark.timeout(900)
+def test_steps_and_budgets_that_are_advised(rings, tmp_path, monkeypatch):
+    """Locks out options of an answer that do not help: shorter steps where none is good, longer
+    ones where the longest is, an unknown g(r) that is left out, and a budget that decides."""
+    steady(monkeypatch, 1e-3)
+    path = rings[1].parent / "in.rings"
+
+    def compare(words):
+        place = tmp_path / words.replace(" ", "-")
+        more = ["--only", "nosquish", "--out", str(place), *("--budget 0.05 " + words).split()]
+        status = main(["compare", str(path), *more])
+        return status, " ".join(json.loads((place / "summary.json").read_text())["answer"])
+
+    def follow(words, option):
+        """The answer to a command, and what the option that it advises comes to."""
+        answer = compare(words)[1]
+        (advised,) = re.findall(rf"{option} [^ ]*\w", answer)
+        return answer, compare(re.sub(rf" {option} [^ ]+|$", f" {advised}", words, count=1))
+
+    wide = "--target drift=1e5 temperature=9 rdf=none energy="
+    answer, (status, _) = follow(f"{wide}0.01 --steps 30", "--steps")
+    assert answer.startswith("No step that was tried") and status == 0
+    answer, (status, _) = follow(f"{wide}0.2 --steps 4", "--steps")
+    assert "the longest step that was tried" in answer and status == 0
+    answer, (status, _) = follow(f"{wide}0.2 --steps 4".replace("=9", "=0.4"), "--budget")
+    assert answer.startswith("Not sure") and status == 0
+
+
 @pytest.mark.timeout(600)
 def test_a_scene_goes_the_same_way(tmp_path, monkeypatch):
     """Locks out a scene whose errors are not those of the square of the step, that is held against

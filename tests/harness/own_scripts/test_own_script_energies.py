@@ -39,6 +39,24 @@ def test_fastest_motions(tmp_path):
     assert results["other atoms"] == pytest.approx(2.0 / np.sqrt(free * unit))
 
 
+def test_contacts_are_faster_than_their_mean():
+    """Locks out a step for liquids and colloids, whose forces act in short contacts, that is
+    several times too long: nitrogen fails at 60 fs, by the mean of its forces at 180; and a close
+    contact, or a few bodies, that count as such."""
+    random = np.random.default_rng(3)
+    harmonic = random.normal(size=(1000, 3))
+    (one,) = shapes.Motion.of(harmonic, 1.0)
+    assert one.fastest == pytest.approx(1.0, rel=0.03) and one.number == 3000
+    touching = harmonic * (random.random((1000, 1)) < 0.25)  # a quarter of the time
+    (other,) = shapes.Motion.of(touching, 1.0)
+    assert 3.2 < other.contacts < 4.1  # 4, but the largest forces are cut
+    assert other.fastest == pytest.approx(3 * other.contacts * 0.5, rel=0.03)
+    harmonic[0, 0] = 30.0
+    assert shapes.Motion.of(harmonic, 1.0)[0].fastest < 1.3
+    few = shapes.Motion.of(touching[:4], np.ones(3))
+    assert [motion.fastest for motion in few] == [motion.square**0.5 for motion in few]
+
+
 def test_units_are_lammpss():
     """Locks out a temperature that is a thousand times too low in units electron."""
     code = (
