@@ -278,11 +278,14 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
     bounds = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
     if case.bath and "drift" in bounds:
         bounds["drift"] = HEATED
-    return {
+    kept = {
         name: wanted.get(name, most)
         for name, most in bounds.items()
-        if name in wanted or name not in ASKED
+        if (name in wanted or name not in ASKED) and wanted.get(name) != math.inf
     }
+    if not kept:
+        raise LookupError(f"no target is left. There are {', '.join(bounds)}")
+    return kept
 
 
 def about(case: Case) -> dict[str, dict]:

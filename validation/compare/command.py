@@ -56,7 +56,7 @@ def run(arguments: Namespace) -> int:
     """Run the verb; return the exit status."""
     from .. import pages
     from ..pages import console
-    from ..user_script import loader, pair_shift, time_step
+    from ..user_script import atom_number, loader, pair_shift, time_step
     from . import case as cases
     from . import measure, plan, report  # slow to import: not for --help
 
@@ -64,9 +64,8 @@ def run(arguments: Namespace) -> int:
     try:
         if command_line.is_script(arguments.scene, lambda: SCENES):
             options, out = loader.parse_options(arguments, arguments.scene)
-            script = pair_shift.with_shifted_pairs(
-                loader.load(options, out, arguments.ranks, silence)
-            )
+            script = loader.load(options, out, arguments.ranks, silence)
+            script = pair_shift.with_shifted_pairs(atom_number.with_constant_atoms(script))
             script = time_step.with_lists_in_time(script)
             loader.refuse_ramps(script)
             case = cases.of_script(script)

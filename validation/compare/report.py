@@ -221,6 +221,8 @@ def _answer(answer: Answer) -> str:
             f"{answer.named(chosen.perhaps)}. Their error bars, or those of shorter steps, reach "
             f"across a target. {longer}"
         )
+    if all(point["failed"] for point in answer.points):
+        return f"All runs failed, also with the shortest step: {answer.points[0]['failed']}"
     shortest = min(point["dt"] for point in answer.points)
     return (
         f"No step that was tried is within the targets. Try shorter ones: --steps "

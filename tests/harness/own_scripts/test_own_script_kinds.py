@@ -17,6 +17,7 @@ from support.harness import Silent, take
 from validation.check import measure as check
 from validation.compare import case as cases
 from validation.running import lammps_log, run
+from validation.user_script import atom_number
 
 KINDS = ("spce", "co2", "rings", "polymer", "clusters")
 BODIES = {"spce": 64, "co2": 125, "rings": 64, "polymer": 27, "clusters": 64}
@@ -112,6 +113,23 @@ def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path, insert):
         assert counted > len(own.atoms["x"]), name  # molecules came
     assert "mol g" in own.integrators["nosquish"].lines[-1]
     assert not any("mol g" in note for note in own.notes if note.startswith("Keywords"))
+
+
+def test_compare_leaves_out_what_inserts_molecules(tmp_path):
+    """Locks out a comparison whose runs all fail, because atoms come, and the advice to try shorter
+    steps."""
+    (tmp_path / "mol.co2").write_text(LINEAR)
+    path = tmp_path / "in.gas"
+    path.write_text(GCMC)
+    own = take(path, tmp_path / "out")
+    told: list[str] = []
+    same = atom_number.with_constant_atoms(own, told.append)
+    assert "Left out" in told[0] and "fix mc all gcmc 5 9" in told[0] and told[0] in same.notes
+    assert "mol g" in same.integrators[own.reference].lines[-1]
+    job = check._job(same, same.integrators[own.reference], tmp_path / "run", 9)
+    assert run.run(job).error is None
+    log = (tmp_path / "run" / "log.lammps").read_text()
+    assert lammps_log.timings(log)[-1].atoms == len(own.atoms["x"])
 
 
 BESIDE = """units lj
