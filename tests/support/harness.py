@@ -62,6 +62,12 @@ def with_lines(text, advice):
     (place,) = re.findall(r"These lines.* replace .*", advice)
     for named in re.findall(r"or its computes: (.*)\.", advice):
         lost += named.split("; ")
+    for named in re.findall(r"Write these computes with /nosquish: (.*)\.", advice):
+        written = {line.split()[1]: line for line in named.split("; ")}
+        kept = [
+            written.get(line.split()[1], line) if line.startswith("compute ") else line
+            for line in kept
+        ]
     ids = re.findall(r"fix (\S+) \(", place)
     fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
     assert ids and {line.split()[1] for line in fixes} == set(ids)

@@ -15,6 +15,7 @@ from . import rigid_atoms
 from .commands import (
     OUTPUT,
     RIGID_COMPUTES,
+    SUFFIX,
     commands_between,
     join_words,
     rigid_reports,
@@ -276,8 +277,8 @@ def replacement_notice(replaced: Mapping[str, str]) -> str:
 def removal_notice(
     replaced: Mapping[str, str], commands: Sequence[str], lines: Sequence[str]
 ) -> list[str]:
-    """A sentence on commands that must be removed with the replaced fixes, because they name them
-    or their computes; none if there are no such commands.
+    """Sentences on commands that must be changed or removed with the replaced fixes, because they
+    name them or their computes; none if there are no such commands.
 
     Args:
         replaced: fixes by ID.  lines: those that replace them.
@@ -290,12 +291,23 @@ def removal_notice(
         if split_words(line)[0] == "fix_modify" and split_words(line)[1] in removed
     ]
     naming += commands_naming(removed, commands)
-    if not naming:
-        return []
-    return [
-        "Remove these commands, too: they use a fix that is replaced, or its computes: "
-        f"{'; '.join(naming)}."
-    ]
+    notices, reports = [], rigid_reports(commands, removed)
+    computes = [line for line in reports if line in naming]
+    if computes and any(style.startswith("nosquish") for style in styles.values()):
+        written = (
+            join_words((*words[:3], words[3] + SUFFIX, *words[4:]))
+            for words in map(split_words, computes)
+        )
+        notices.append(f"Write these computes with {SUFFIX}: {'; '.join(written)}.")
+        naming = [line for line in naming if line not in computes]
+    else:
+        naming += [line for line in reports if line not in naming]
+    if naming:
+        notices.append(
+            "Remove these commands, too, and what thermo_style has of them: they use a fix that is "
+            f"replaced, or its computes: {'; '.join(naming)}."
+        )
+    return notices
 
 
 def _ensemble(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray]) -> str:

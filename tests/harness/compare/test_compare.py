@@ -210,6 +210,10 @@ def test_g_is_the_same_in_each_unit_of_length(unit):
 WATER = "fix 1 all python/move 'fix_nosquish.NVT water molecule temp 298 298 100 seed 9'"
 
 
+RIGID_COMPUTE = """fix 1 all rigid/nvt/small molecule temp 298 298 100
+compute k all ke/rigid 1
+variable twice equal 2*c_k
+fix out all ave/time 1 1 1 v_twice"""
 PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts`` and words
     "two fixes": ("spce", {}, {}),
     "in quotes": ("spce", {"fix": f"group water type 1 2\n{WATER}\nfix_modify 1 virial yes"}, {}),
@@ -221,6 +225,7 @@ PRINTED = {  # of scripts whose integrators are printed, a function of ``scripts
     "others beside bodies": ("solute", {}, {}),
     "points of ours": ("staged", {}, {}),
     "pressure": ("co2", {}, {}),
+    "computes of rigid fixes": ("spce", {"fix": RIGID_COMPUTE}, {}),
 }
 
 
