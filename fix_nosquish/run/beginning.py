@@ -55,10 +55,7 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
     refuse_constraints(conditions.other_fixes, run.ours, host)
     run.take_time_step()
     run.cards = cards.find(lammps, conditions.other_fixes.packages)
-    problem = run.cards.problem(
-        energy=run.needs_energy, levels=conditions.levels, counts=bool(host.counts)
-    )
-    refuse(problem, problem)
+    run.cards.refuse(energy=run.needs_energy, levels=conditions.levels, counts=bool(host.counts))
     if command.output and not setting.table:
         setting.table = _open_table(command.output.file, run)
     _plan(run)

@@ -4,6 +4,7 @@ host, and which combinations are refused."""
 from collections.abc import Collection
 from typing import NamedTuple
 
+from ..errors import refuse
 from ..host.lammps import Lammps
 
 _PRECISIONS = "double", "mixed", "single"
@@ -23,39 +24,37 @@ class Cards(NamedTuple):
     kokkos: str = ""
     number: int = 0
 
-    def problem(self, *, energy: bool, levels: bool, counts: bool) -> str:
-        """Why a run would be wrong; empty if it is not.
+    def refuse(self, *, energy: bool, levels: bool, counts: bool) -> None:
+        """End a run that would be wrong with these packages.
 
         Args:
             energy: whether the integrator needs the potential energy within a run.
             levels: whether the run has the levels of run_style respa.
             counts: see `hosts.Host`.
         """
-        if self.gpu and counts:
-            return (
-                "the package GPU adds its forces where fixes add theirs. Another fix changes "
-                "forces here that the pressure must not count, and nothing tells the two apart: "
-                "use pair styles without the suffix gpu, or leave that fix out"
-            )
-        if self.gpu and levels:
-            return (
-                "with run_style respa the package GPU begins a run with the forces of pairs in the "
-                "outermost level, whichever they belong to: use pair styles without the suffix gpu"
-            )
-        if self.kokkos not in ("", "double"):
-            return (
-                f"this KOKKOS has {self.kokkos} precision, and rounds the positions that this fix "
-                "gives atoms: use one that was built with KOKKOS_PREC=double"
-            )
-        if self.number and (energy or levels):
-            what = "hybrid Monte Carlo has forces computed anew within a step"
-            if levels:
-                what = "run_style respa has forces computed by levels"
-            return (
-                f"{what}, and KOKKOS then leaves them on the card: start LAMMPS without -k on, or "
-                "use a KOKKOS that was built for the host only"
-            )
-        return ""
+        refuse(
+            self.gpu and counts,
+            "the package GPU adds its forces where fixes add theirs. Another fix changes "
+            "forces here that the pressure must not count, and nothing tells the two apart: "
+            "use pair styles without the suffix gpu, or leave that fix out",
+        )
+        refuse(
+            self.gpu and levels,
+            "with run_style respa the package GPU begins a run with the forces of pairs in the "
+            "outermost level, whichever they belong to: use pair styles without the suffix gpu",
+        )
+        refuse(
+            self.kokkos not in ("", "double"),
+            f"this KOKKOS has {self.kokkos} precision, and rounds the positions that this fix "
+            "gives atoms: use one that was built with KOKKOS_PREC=double",
+        )
+        needs_energy = "hybrid Monte Carlo has forces computed anew within a step"
+        refuse(
+            self.number and (energy or levels),
+            f"{'run_style respa has forces computed by levels' if levels else needs_energy}, and "
+            "KOKKOS then leaves them on the card: start LAMMPS without -k on, or use a KOKKOS that "
+            "was built for the host only",
+        )
 
     def copies(self, places: int) -> list[str]:
         """Lines for the log, none where nothing is copied.

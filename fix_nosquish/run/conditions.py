@@ -65,11 +65,10 @@ def conditions_of(setting: Setting) -> Conditions:
         f"the integrator {name} does not support run_style respa: use run_style verlet",
     )
     ours = {host.fix_id, *(sibling.host.fix_id for sibling in siblings)}
-    fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step)
-    reading = any(sibling.external.may_read_atoms(ours) for sibling in siblings)
-    if reading:  # it may end its step after this one
-        fixes.velocities_every = (1,)
-    reading |= setting.external.may_read_atoms(ours)
+    # a sibling may end its step after this fix
+    siblings_read = any(sibling.external.may_read_atoms(ours) for sibling in siblings)
+    fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step, siblings_read)
+    reads = siblings_read or setting.external.may_read_atoms(ours)
     follows = fixes.report_box and not box_every(integrator.parts) and not levels
     deformed_box = host.deformed_box if follows else None
     remaps = deformed_box is not None and bool(host.remap_group)
@@ -89,7 +88,7 @@ def conditions_of(setting: Setting) -> Conditions:
         levels=levels,
         mid_step=integrator.mid_step and not levels and not host.dmax,
         goes_on=setting.maker.goes_on,
-        half_step=bool(fixes.half_step or reading or reading_pair_style(host)),
+        half_step=bool(fixes.half_step or reads or reading_pair_style(host)),
         deformed_box=deformed_box,
         remaps_velocities=remaps,
         gravity=gravity.acceleration(

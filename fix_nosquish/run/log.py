@@ -391,14 +391,11 @@ def forces_at_start(thermo: Thermo, name: Callable[[int], str]) -> StartDiagnosi
     if not many:
         return start
     # forces on few bodies that are much too high suggest the start, on many the time step
-    causes = ["atoms overlap at the start", "the time step is too long"]
-    advice = [APART, "use a shorter time step"]
-    first, second = (0, 1) if many <= 0.1 * of else (1, 0)
-    diagnosis = (
-        f"{causes[first]}, or {causes[second]}: the force on "
-        f"{name(furthest)} moves it by {pushed:.3g} in the first step"
-    )
-    return start._replace(diagnosis=diagnosis, advice=f"{advice[first]}, or {advice[second]}")
+    order = slice(None, None, 1 if many <= 0.1 * of else -1)
+    causes = ", or ".join(("atoms overlap at the start", "the time step is too long")[order])
+    advice = ", or ".join((APART, "use a shorter time step")[order])
+    moved = f"the force on {name(furthest)} moves it by {pushed:.3g} in the first step"
+    return start._replace(diagnosis=f"{causes}: {moved}", advice=advice)
 
 
 def of_infinite_forces(

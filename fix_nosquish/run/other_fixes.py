@@ -98,6 +98,7 @@ class OtherFixes(list[OtherFix]):
         ours: IDs of this package's.
         command: the words of LAMMPS's last command.
         step: the step at which the run begins.
+        siblings_read: whether fixes of this package read atoms' velocities in each step.
 
     Attributes:
         packages: styles of fixes that are left out, by which accelerator packages compute forces.
@@ -117,6 +118,7 @@ class OtherFixes(list[OtherFix]):
         ours: Collection[str | None] = (),
         command: Sequence[str] = (),
         step: int = 0,
+        siblings_read: bool = False,
     ) -> None:
         unknown = self.unknown = fixes is None
         known = [fix for fix in fixes or () if fix.id not in ours]
@@ -131,8 +133,9 @@ class OtherFixes(list[OtherFix]):
         between = [fix for fix in self if fix.between or fix.style == _OF_GROUP]
         blind = [fix.style.startswith(_BLIND_BETWEEN) and not fix.varies for fix in between]
         self.half_step = unknown or not all(blind)
-        each = any(fix.integrates and not fix.style.startswith(_BLIND) for fix in self)
-        self.velocities_every = (1,) if unknown or each else tuple({fix.nevery for fix in ending})
+        reading = any(fix.integrates and not fix.style.startswith(_BLIND) for fix in self)
+        each = unknown or reading or siblings_read
+        self.velocities_every = (1,) if each else tuple({fix.nevery for fix in ending})
         changes = [fix for fix in self if fix.box_change]
         self.change_box = unknown or bool(changes)
         moving = [fix for fix in self if fix.moves or fix.style.startswith(_LATE_MOVING)]

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from fix_nosquish.errors import RunError
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.cards import Cards
 from fix_nosquish.run.other_fixes import OtherFixes
@@ -48,16 +49,20 @@ def test_what_would_be_wrong(asked, refused):
     """Locks out a run on a card that goes wrong without a word, and one that is refused for what
     does no harm with other packages."""
     for cards in NONE, GPU, HOST, CARD:
-        problem = cards.problem(**FREE | ({asked: True} if asked else {}))
-        assert (refused[cards] in problem) if cards in refused else (problem == "")
+        needs = FREE | ({asked: True} if asked else {})
+        if cards not in refused:
+            cards.refuse(**needs)
+            continue
+        with pytest.raises(RunError, match=refused[cards]):
+            cards.refuse(**needs)
 
 
 @pytest.mark.parametrize("word", ["mixed", "single"])
 def test_precision_of_kokkos(word):
     """Locks out bodies whose atoms LAMMPS has elsewhere, by rounding."""
     for cards in HOST, CARD:
-        problem = cards._replace(kokkos=word).problem(**FREE)
-        assert f"this KOKKOS has {word} precision" in problem
+        with pytest.raises(RunError, match=f"this KOKKOS has {word} precision"):
+            cards._replace(kokkos=word).refuse(**FREE)
 
 
 def test_fixes_of_packages():
