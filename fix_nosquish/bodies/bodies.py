@@ -5,14 +5,14 @@ momentum p, with its mass and principal moments.  Each rank stores the bodies of
 atom, with only its own atoms.  `build` makes them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from typing import NamedTuple
 from weakref import WeakMethod
 
 import numpy as np
 
-from ..errors import RunError
+from ..errors import refuse
 from ..host.lammps import Box, Lammps
 from ..loops.compiled import F2, L1, Cell, I
 from ..loops.memory import Memory
@@ -138,12 +138,10 @@ class Bodies:
         communicator: Alone = ALONE,
         chosen: int = 0,
     ) -> None:
-        self.planar, self.spin, self.oriented = planar, spin, oriented
-        self.chosen, self.start = chosen, StartDiagnosis()
-        self.tolerates_shifts, self.possible_causes = False, ""
-        self._communicator = communicator
+        self.planar, self.spin, self.oriented, self.chosen = planar, spin, oriented, chosen
+        self.start, self.tolerates_shifts, self.possible_causes = StartDiagnosis(), False, ""
+        self._communicator, self._memory = communicator, memory
         self._box: Box | None = None
-        self._memory = memory
         for name, values in ("body", body), ("here", here), ("place", np.arange(len(here))):
             memory.put(name, values)
         rows, columns = len(memory.cells["state"].array), len(memory.cells["displace"].array)
@@ -236,10 +234,7 @@ class Bodies:
             RunError: on all ranks, if atoms are not at their positions in the bodies.
         """
         self.update_box(lammps.box)
-        problem = self.following()
-        if problem == migration.OFF:
-            self._refuse_off()
-        return problem != migration.CHANGED
+        return self._run(self.following) != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
         """Remove bodies whose atoms are gone, and add others; collective.
@@ -259,15 +254,11 @@ class Bodies:
                 -2 - len(arrived.array) - np.arange(len(rows))
             )
             arrived.set(np.concatenate([arrived.array, rows]))
-        problem = self._following_fewer()
-        if problem == migration.OFF:
-            self._refuse_off()
-        elif problem:
-            raise RunError(
-                f"atoms came into bodies by step {lammps.step} that this fix does not know: "
-                "unfix it and define it again",
-                everywhere=True,
-            )
+        refuse(
+            self._run(self._following_fewer) == migration.CHANGED,
+            f"atoms came into bodies by step {lammps.step} that this fix does not know: "
+            "unfix it and define it again",
+        )
 
     def settle(self, lammps: Lammps) -> None:
         """Find atoms that LAMMPS stores in another periodic image than their bodies; collective.
@@ -276,8 +267,7 @@ class Bodies:
             RunError: see `follow`.
         """
         self.update_box(lammps.box)
-        if self._settle():
-            self._refuse_off()
+        self._run(self._settle)
 
     def refuse_moved_atoms(self, lammps: Lammps) -> None:
         """Raise an error if an atom is not at its position in its body; collective.
@@ -308,18 +298,15 @@ class Bodies:
         here, came = origins >= 0, origins < -1
         here &= places(origins) < len(self.body)
         atom, row = places(origins[here]), -2 - origins[came]
-        body, height = self.body[atom], len(self.state)
-        of_body = [block.NATOMS, *range(block.Q, block.Q + 4)]
-        known = np.zeros((len(of_body) + len(self.displace), len(origins)))
-        for k, values in enumerate(known):
-            column = of_body[k] if k < len(of_body) else height + k - len(of_body)
-            mine = (
-                self.state[column, body]
-                if k < len(of_body)
-                else self.displace[column - height, atom]
-            )
-            values[here], values[came] = mine, arrived[row, OF_BODY + column]
-        return PreviousBodies(here | came, known[0], known[1:5], known[5:], followed)
+        height, n = len(self.state), len(origins)
+        natoms, q, displace = np.zeros(n), np.zeros((4, n)), np.zeros((len(self.displace), n))
+        natoms[here], q[:, here] = self.natoms[self.body[atom]], self.q[:, self.body[atom]]
+        displace[:, here] = self.displace[:, atom]
+        if len(row):
+            columns = arrived[row, OF_BODY:].T
+            natoms[came], q[:, came] = columns[block.NATOMS], columns[Q]
+            displace[:, came] = columns[height:]
+        return PreviousBodies(here | came, natoms, q, displace, followed)
 
     def rows_of_atoms(self, which: slice | np.ndarray = slice(None)) -> np.ndarray:
         """The rows that move with these atoms to other ranks, one each, without their origins."""
@@ -337,8 +324,14 @@ class Bodies:
                 self.cells[name].set(copy(value))  # a copy, because a barostat changes it in place
             self.cells["near"].set(near)
 
-    def _refuse_off(self) -> None:
-        """Raise an error because an atom of some rank is off its body; collective."""
+    def _run(self, passes: Callable[[], int]) -> int:
+        """Run passes of `follow`, and return what they return, 0 or CHANGED; collective.
+
+        Raises:
+            RunError: on all ranks, if an atom of some rank is off its body.
+        """
+        if (result := passes()) != migration.OFF:
+            return result
         far, atom = self.cells["off"].array
         self._communicator.refuse(
             np.array([not far <= self.cells["near"].number]),
@@ -349,6 +342,7 @@ class Bodies:
                 "it, and without reinit no or infile, which keep the bodies of the last run"
             ),
         )
+        return result
 
     # ------------------------------------------------------------- motion
 
@@ -373,14 +367,13 @@ class Bodies:
                 have another shape, if ranks pass different arguments, and in a run that began
                 without external forces.
         """
-        take = self.force_receiver()
-        if take is None:  # nobody holds the integrator any more
-            raise RunError(
-                "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
-                "closed): call rigid_bodies for a fix that exists",
-                everywhere=True,
-            )
-        take(ids, force, torque)
+        receive = self.force_receiver()
+        refuse(
+            receive is None,  # nobody holds the fix any more
+            "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
+            "closed): call rigid_bodies for a fix that exists",
+        )
+        receive(ids, force, torque)
 
     def take_velocities(
         self,

@@ -1,8 +1,7 @@
 """Make bodies from LAMMPS's atoms: images, mass, centre of mass, inertia, principal frame."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -97,11 +96,11 @@ class BuildReport:
 
     kinetic: float
     removed: float
+    rebuilt: int
     stray: int
     still: bool
-    rebuilt: int = 0
-    prescribed_ids: np.ndarray = field(default_factory=partial(np.empty, 0, np.int64))
-    warnings: list[str] = field(default_factory=list)
+    prescribed_ids: np.ndarray
+    warnings: list[str]
 
 
 class Built(NamedTuple):
@@ -133,6 +132,7 @@ def build(
     mass, centre = members.mass.copy(), unwrapped.centre.copy()
     mass[prescribed.which], centre[:, prescribed.which] = prescribed.mass, prescribed.centre
     members.refuse(~(mass > 0), lambda k: f"has mass {mass[k]:g}: give its atoms a mass above zero")
+    _refuse_negative_moments(members, prescribed)
     r, correction = unwrapped.delta, ShapeCorrection()
     r -= centre[:, members.body].T  # in place, because there may be many atoms
     if previous is not None and recipe.keeps_shapes:
@@ -150,10 +150,8 @@ def build(
     particles = particles_of(lammps, recipe.shapes, bodies.index) if bodies.spin else None
     places = np.argsort(bodies.id)[prescribed.which]
     bodies.take_velocities(lammps, particles, places, prescribed.momenta)
-    report = _report(bodies, members, particles)
-    report.rebuilt = members.communicator.count(unwrapped.rebuilt[members.owned].sum())
-    report.prescribed_ids = prescribed.ids
-    report.warnings = unwrapped.warnings + prescribed.warnings + warnings
+    warnings = unwrapped.warnings + prescribed.warnings + warnings
+    report = _report(bodies, members, particles, unwrapped.rebuilt, prescribed.ids, warnings)
     return Built(bodies, report, correction)
 
 
@@ -189,6 +187,21 @@ def _set_shapes(
     state[MASS], state[NATOMS], state[MOMENT] = mass, members.natoms, moment
     state[HOME], state[ID], state[Q] = members.sharers.home, members.ids, quaternions(axes)
     return warnings
+
+
+def _refuse_negative_moments(members: Members, prescribed: Prescribed) -> None:
+    """Raise an error if a prescribed inertia has a negative principal moment; collective."""
+    lowest, wrong = np.zeros(len(members.ids)), np.zeros(len(members.ids), bool)
+    moments = np.linalg.eigvalsh(prescribed.inertia)
+    lowest[prescribed.which] = moments[:, 0]
+    wrong[prescribed.which] = moments[:, 0] < -1e-7 * np.abs(moments).max(axis=1, initial=0.0)
+    members.refuse(
+        wrong,
+        lambda k: (
+            f"has a negative principal moment of inertia, {lowest[k]:g}, in the infile or in its "
+            "molecule template"
+        ),
+    )
 
 
 def _refuse_points(members: Members, inertia: np.ndarray, prescribed: Prescribed) -> None:
@@ -321,27 +334,35 @@ def count(membership: Membership) -> int | None:
     return membership.communicator.count(owned.sum()) or None
 
 
-def _report(bodies: Bodies, members: Members, particles: Particles | None) -> BuildReport:
+def _report(
+    bodies: Bodies,
+    members: Members,
+    particles: Particles | None,
+    rebuilt: np.ndarray,
+    prescribed_ids: np.ndarray,
+    warnings: list[str],
+) -> BuildReport:
     """The `BuildReport` of bodies that were just made; collective.
 
     Args:
         particles: spins of their atoms, in the bodies' order; None if all are points.
+        rebuilt: (n,) bool, see `UnwrappedPositions`.
+        prescribed_ids, warnings: see `BuildReport`.
     """
-    owned, lammps = bodies.sharers.owned, members.lammps
-    own = np.zeros(1) if particles is None else particles.kinetic()
-    finite = 0 if particles is None else np.count_nonzero(particles.moment.any(axis=0))
+    owned, mvv2e = bodies.sharers.owned, members.lammps.mvv2e
+    spin = finite = 0.0
+    if particles is not None:
+        spin, finite = particles.kinetic().sum(), particles.moment.any(axis=0).sum()
     zero = owned & (bodies.id == 0) & (members.membership.command.style == "molecule")
-    before = bodies.kinetic_of_atoms(lammps).sum() + own.sum()
+    before = bodies.kinetic_of_atoms(members.lammps).sum() + spin
     after, stray = bodies.kinetic()[:, owned].sum(), bodies.natoms[zero].sum()
-    before, after, stray, spinning, finite = members.communicator.total(
-        np.array([before, after, stray, own.sum(), finite])
+    before, after, put_together, stray, spin, finite = members.communicator.total(
+        [before, after, rebuilt[members.owned].sum(), stray, spin, finite]
     )
     return BuildReport(
-        kinetic=lammps.mvv2e * before,
-        removed=lammps.mvv2e * (before - after),
-        stray=round(stray),
-        still=finite > 0 and spinning == 0,
-    )
+        mvv2e * before, mvv2e * (before - after), round(put_together), round(stray),
+        finite > 0 and spin == 0, prescribed_ids, warnings,
+    )  # fmt: skip
 
 
 def _with_atoms(memory: Memory, recipe: Recipe, members: Members, r: np.ndarray) -> Bodies:

@@ -24,7 +24,7 @@ from .unwrap import UnwrappedPositions
 
 _COLUMNS = 20
 _OFF_CENTRE = 2.0  # largest distance of the centre from that of the atoms, in radii of gyration
-_OFF_POINT = 1e-3  # the same from a single atom, in box sizes: the file has few digits
+_ROUNDED = 1e-3  # distances below this fraction of the box are ignored: the file has few digits
 
 
 def read(path: str, counts: bool, unwrapped: UnwrappedPositions) -> Prescribed:
@@ -98,10 +98,7 @@ def _off_centre(unwrapped: UnwrappedPositions, off: np.ndarray) -> list[str]:
     )
     trace = np.trace(unwrapped.inertia())
     off, radius = np.linalg.norm(off, axis=0), np.sqrt(0.5 * trace / members.mass)  # of gyration
-    point = radius < 1e-6 * off  # a single atom, up to rounding
-    radius[point] = 0.0
-    limit = np.where(point, _OFF_POINT * box.size, _OFF_CENTRE * radius)
-    odd = members.owned & (off > limit)
+    odd = members.owned & (off > np.maximum(_ROUNDED * box.size, _OFF_CENTRE * radius))
     count = members.communicator.count(odd.sum())
     if not count:
         return []
@@ -133,14 +130,14 @@ def _parse(path: str) -> np.ndarray:
                 f"the line of body {line[0]} has {len(line)} values, where {_COLUMNS} are expected"
             )
     rows = np.array(lines, float).reshape(count, _COLUMNS)
-    numbers, times = np.unique(rows[:, 0], return_counts=True)
+    ids, mass = rows[:, 0], rows[:, 1]
+    numbers, times = np.unique(ids, return_counts=True)
 
     def refuse(wrong: np.ndarray, text: Callable[[int], str]) -> None:
         """Raise an error if a row is wrong, with the text for the first such row."""
         if wrong.any():
             raise ValueError(text(int(wrong.argmax())))
 
-    ids, mass = rows[:, 0], rows[:, 1]
     refuse(np.isin(ids, numbers[times > 1]), lambda k: f"body {ids[k]:.0f} is in it twice")
     refuse(
         ~np.isfinite(rows).all(axis=1),
@@ -150,13 +147,6 @@ def _parse(path: str) -> np.ndarray:
     refuse(
         ~(mass > 0),
         lambda k: f"body {ids[k]:.0f} has mass {mass[k]:g} there: give it one above zero",
-    )
-    moment = np.linalg.eigvalsh(_tensors(rows))
-    refuse(
-        moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1),
-        lambda k: (
-            f"the inertia of body {ids[k]:.0f} has a negative principal moment, {moment[k, 0]:g}"
-        ),
     )
     return rows
 

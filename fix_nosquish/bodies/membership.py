@@ -280,24 +280,13 @@ class Membership:
     def changes(self) -> str:
         """How many atoms have changed group, molecule-ID or value since they were assigned, for
         messages; "" for none; collective."""
-        kept, now = self.kept, self._by_rule(self._standing())
-        rigid = (kept > OUT) & (kept < FLEXIBLE)
-        now[rigid & (now == _UNKNOWN)] = kept[rigid & (now == _UNKNOWN)]
-        changed, several = (kept != now) & (kept != UNDECIDED), len(self._groups) > 1
-        groups = f"{'groups' if several else 'group'} {', '.join(self._groups)}"
-        value = f"value of {self.command.arguments[0]}" if self.command.arguments else "molecule-ID"
-        moved = (now == FLEXIBLE) | (kept == FLEXIBLE) | (self.command.style == "group")
-        kinds = {
-            f"that came into {groups}": kept == OUT,
-            f"that left {groups}": now == OUT,
-            f"that went from one to another of {groups}": (kept != OUT) & (now != OUT) & moved,
-            f"with another {value}": (kept != OUT) & (now != OUT) & ~moved,
-        }
-        many = self.communicator.total(
-            np.array([(changed & kind).sum() for kind in kinds.values()])
-        )
-        pairs = zip(many, kinds, strict=True)
-        return ", ".join(f"{what}: {count:.0f}" for count, what in pairs if count)
+        kept, now, style = self.kept, self._by_rule(self._standing()), self.command.style
+        in_same_body = (now == _UNKNOWN) & (kept > OUT) & (kept < FLEXIBLE)
+        changed = (kept != now) & (kept != UNDECIDED) & ~in_same_body
+        value = f"value of {' '.join(self.command.arguments)} or " if style == "custom" else ""
+        value = "molecule-ID or " if style == "molecule" else value
+        count = self.communicator.count(changed.sum())
+        return f"with another {value}group: {count}" if count else ""
 
     def exceptions(self) -> np.ndarray | None:
         """The atoms whose assignment differs from the rule, for a restart file: (n, 3), see

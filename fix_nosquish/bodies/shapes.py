@@ -58,8 +58,8 @@ def keep(
         RunError: on all ranks, if a body was torn apart.
     """
     communicator, atoms, body = members.communicator, members.atoms, members.body
-    columns = previous.displace[:, atoms]
-    same = _of_the_same_atoms(members, previous)
+    columns, before = previous.displace[:, atoms], np.where(previous.known, previous.natoms, 0)
+    same = members.lowest(before[atoms])[0] == members.natoms
     new = communicator.any(not same.all())
     weight, d = members.atom_mass * same[body], columns[:3]
     mass, *moments = members.total([weight, *(weight * d)])
@@ -92,12 +92,6 @@ def keep(
     return members, placed, ShapeCorrection(atoms[here], shift, text, turned, new)
 
 
-def _of_the_same_atoms(members: Members, previous: PreviousBodies) -> np.ndarray:
-    """Which bodies have the same atoms as before, (n,) bool; collective."""
-    before = np.where(previous.known, previous.natoms, 0)[members.atoms]
-    return members.lowest(before)[0] == members.natoms
-
-
 def _turns(
     members: Members,
     previous: PreviousBodies,
@@ -121,9 +115,9 @@ def _turns(
     turn[moved] = best_turns(products[moved], plane)
     if particles is not None and not plane:
         directions = _directions(particles, previous.displace[:, members.atoms]).reshape(9, -1)
-        told = members.total(directions).T.reshape(n, 3, 3)
+        of_particles = members.total(directions).T.reshape(n, 3, 3)
         before = matrices(members.highest(*previous.q[:, members.atoms])).transpose(2, 0, 1)
-        turn[moved] = twist(turn[moved], products[moved], told[moved], before[moved])
+        turn[moved] = twist(turn[moved], products[moved], of_particles[moved], before[moved])
     return turn
 
 
@@ -199,10 +193,10 @@ def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.nda
     left_out = size[:, 1] <= _LINE * size[:, 0]
     along = left[:, :, :1] @ left[:, :, :1].transpose(0, 2, 1)
     across, turn = np.eye(3) - along, turn.copy()
-    for told in others:
-        told = told @ turn.transpose(0, 2, 1)
-        size = np.linalg.norm(told, axis=(1, 2))[:, None, None]
-        about = across @ told @ across
+    for other in others:
+        other = other @ turn.transpose(0, 2, 1)
+        size = np.linalg.norm(other, axis=(1, 2))[:, None, None]
+        about = across @ other @ across
         which = left_out & (np.linalg.norm(about, axis=(1, 2)) > _WEAK * size[:, 0, 0])
         turn[which] = best_turns((about + size * along)[which]) @ turn[which]
         left_out &= ~which

@@ -12,7 +12,7 @@ from .principal import weights
 
 _DIFFERENT = 1e-3  # deviation / size of the body that rounding in a data file does not explain
 _OTHER = 0.3  # deviation above which a body is a different fragment, not a deformed molecule
-_SAID = 5  # largest number of warnings
+_WARNINGS = 5  # largest number of warnings
 _SHAPES = "three-dimensional", "planar", "linear"
 
 
@@ -50,28 +50,24 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     communicator, owned = membership.communicator, bodies.sharers.owned
     place, key = _places_and_keys(bodies, membership.lammps)
     compared = (bodies.natoms > 1) & (key >= 0)
-    found = _species(bodies, communicator, key, compared & owned)
-    if not len(found.key):
+    all_species = _species(bodies, communicator, key, compared & owned)
+    keys, counts = all_species.key, all_species.counts
+    if not len(keys):
         return []
-    species = np.searchsorted(found.key, key).clip(max=len(found.key) - 1)
-    species[~compared | (found.key[species] != key)] = -1
-    far = _deviations(bodies, communicator, species, place, found)
-    other = (far > _DIFFERENT) & owned
-    of_each = [species[other], species[(far > _OTHER) & owned]]
-    counts = [np.bincount(which, minlength=len(found.key)) for which in of_each]
-    differ, fragments = communicator.total(np.concatenate(counts)).astype(int).reshape(2, -1)
-    # the body of each species that differs most
-    rows = _of_each(np.array([species, -far, bodies.id], float)[:, other].T)
-    furthest = np.zeros((len(found.key), 2))
-    rows = _of_each(communicator.gather_to_all(rows))
-    furthest[rows[:, 0].astype(int)] = rows[:, 1:] * [-1.0, 1.0]
-    mixed = np.count_nonzero(found.counts, axis=1) > 1
-    alike = 10 * fragments < found.counts.sum(axis=1)
-    said = np.flatnonzero(alike & ((differ > 0) | mixed))
-    said = said[np.argsort(-furthest[said, 0], kind="stable")]
-    lines = [_line(membership, found, k, differ[k], *furthest[k]) for k in said[:_SAID]]
-    if len(said) > _SAID:
-        lines.append(f"WARNING: bodies of {len(said) - _SAID} other kinds differ in shape, too")
+    species = np.searchsorted(keys, key).clip(max=len(keys) - 1)
+    species[~compared | (keys[species] != key)] = -1
+    far = _deviations(bodies, communicator, species, place, all_species)
+    rows = np.column_stack([species, -far, bodies.id, far > _DIFFERENT, far > _OTHER])
+    rows = _of_each(communicator.gather_to_all(_of_each(rows[owned & (species >= 0)])))
+    differ, fragments = rows[:, 3:].T
+    mixed = np.count_nonzero(counts, axis=1) > 1
+    odd = (10 * fragments < counts.sum(axis=1)) & ((differ > 0) | mixed)
+    order = np.flatnonzero(odd)[np.argsort(rows[odd, 1], kind="stable")]
+    lines = [_line(membership, all_species, k, *rows[k, 1:4]) for k in order[:_WARNINGS]]
+    if len(order) > _WARNINGS:
+        lines.append(
+            f"WARNING: bodies of {len(order) - _WARNINGS} other kinds differ in shape, too"
+        )
     return lines
 
 
@@ -84,22 +80,26 @@ def _of_each(rows: np.ndarray) -> np.ndarray:
 
 
 def _deviations(
-    bodies: Bodies, communicator: Alone, species: np.ndarray, place: np.ndarray, found: Species
+    bodies: Bodies,
+    communicator: Alone,
+    species: np.ndarray,
+    place: np.ndarray,
+    all_species: Species,
 ) -> np.ndarray:
     """Deviation of each body from the first of its species, divided by its size, (n,); collective.
 
     Args:
-        species: (n,) index of each body's species in `found`; -1 if the body is not compared.
+        species: (n,) index in `all_species` of each body; -1 if the body is not compared.
         place: (m,) index of each atom within its body.
     """
-    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(found.natoms)])
+    sharers, start = bodies.sharers, np.concatenate([[0], np.cumsum(all_species.natoms)])
     mine = species[bodies.body] >= 0
     body, d = bodies.body[mine], bodies.displace[:3, mine]
     where = start[species[body]] + place[mine]
-    of_first = bodies.id[body] == found.first[species[body]]
-    told = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
+    of_first = bodies.id[body] == all_species.first[species[body]]
+    rows = communicator.gather_to_all(np.concatenate([[where], d])[:, of_first].T)
     model = np.empty((3, start[-1]))
-    model[:, told[:, 0].astype(int)] = told[:, 1:].T
+    model[:, rows[:, 0].astype(int)] = rows[:, 1:].T
     size = np.maximum.reduceat(np.linalg.norm(model, axis=0), start[:-1])
 
     model = model[:, where]
@@ -169,25 +169,24 @@ def _shapes(bodies: Bodies) -> np.ndarray:
 
 
 def _line(
-    membership: Membership, found: Species, k: int, differ: int, far: float, furthest: float
+    membership: Membership, species: Species, k: int, nearness: float, body: float, differ: float
 ) -> str:
     """The warning of one species.
 
     Args:
-        k: index of the species in `found`.
+        k: index in `species`.
+        nearness: minus the largest deviation.  body: ID of the body with it.
         differ: number of bodies that differ from the first.
-        far, furthest: largest deviation, and the ID of that body.
     """
-    name, counts = membership.name(int(found.first[k])), found.counts[k]
+    name, counts = membership.name(int(species.first[k])), species.counts[k]
     text = (
-        f"WARNING: the {counts.sum()} bodies of {found.natoms[k]} atoms that have the same atom "
+        f"WARNING: the {counts.sum()} bodies of {species.natoms[k]} atoms that have the same atom "
         f"types as {name}, in the same order, differ in shape"
     )
     if differ:
-        other = membership.name(int(furthest))
         text += (
-            f": {differ} differ from it by more than {_DIFFERENT:g} of its size, {other} the most, "
-            f"by {far:.2g}"
+            f": {differ:.0f} differ from it by more than {_DIFFERENT:g} of its size, "
+            f"{membership.name(int(body))} the most, by {-nearness:.2g}"
         )
     if np.count_nonzero(counts) > 1:
         text += "; " + " and ".join(f"{n} are {what}" for n, what in zip(counts, _SHAPES) if n)

@@ -13,7 +13,6 @@ from ..host.hosts import Host
 from ..motion.frames import matrices
 from ..ranks.communicator import Alone
 from .build import Prescribed
-from .members import Members
 from .unwrap import UnwrappedPositions
 
 # tolerances for agreement with the atoms, as fractions of the body's and of the box's size
@@ -57,11 +56,11 @@ def inserted(host: Host, communicator: Alone) -> Molecules | None:
     natoms = communicator.total(rows[:, 1]).round().astype(int)
     template, warnings = np.full((len(rows), _COLUMNS), np.nan), []
     for number in np.unique(rows[:, 2]):
-        told = host.molecule(int(number))
-        if told is None:
+        values = host.molecule(int(number))
+        if values is None:
             warnings = [_UNKNOWN]
         else:
-            template[rows[:, 2] == number] = told
+            template[rows[:, 2] == number] = values
     return Molecules(rows[:, 0], natoms, rows[:, 3:6].T, rows[:, 6:].T, template, warnings)
 
 
@@ -69,7 +68,7 @@ def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
     """The properties of inserted bodies whose template differs from their atoms; collective.
 
     Raises:
-        RunError: on all ranks, if a molecule is not one body, or has a negative moment of inertia.
+        RunError: on all ranks, if a molecule is not one body.
     """
     members, box = unwrapped.members, unwrapped.members.lammps.box
     which, inside = _molecule_of_body(molecules, unwrapped)
@@ -83,22 +82,21 @@ def read(molecules: Molecules, unwrapped: UnwrappedPositions) -> Prescribed:
     of_atoms = unwrapped.inertia()
     size = np.sqrt(np.trace(of_atoms) / np.where(members.mass > 0, members.mass, 1.0))
     near = _SAME * size + _ROUNDED * box.size + 8 * np.spacing(box.farthest)
-    own = _differs(mass, members.mass, _SAME * members.mass)
-    own |= _differs(centre, unwrapped.centre, near)
-    own |= _differs(inertia, of_atoms, members.mass * near * (2 * size + near))
-    _refuse_negative(members, own, inertia)
+    differs = _differs(mass, members.mass, _SAME * members.mass)
+    differs |= _differs(centre, unwrapped.centre, near)
+    differs |= _differs(inertia, of_atoms, members.mass * near * (2 * size + near))
 
-    def told(by_template: np.ndarray, by_atoms: np.ndarray) -> np.ndarray:
+    def value(by_template: np.ndarray, by_atoms: np.ndarray) -> np.ndarray:
         """The value of the template; where it gives none, the value from the atoms."""
-        return np.where(np.isnan(by_template), by_atoms, by_template)[..., own]
+        return np.where(np.isnan(by_template), by_atoms, by_template)[..., differs]
 
-    mass, v = told(mass[0], members.mass), molecules.v[:, which[own]]
+    mass, v = value(mass[0], members.mass), molecules.v[:, which[differs]]
     return Prescribed(
-        which=own,
-        ids=np.unique(members.communicator.gather_to_all(members.ids[own])),
+        which=differs,
+        ids=np.unique(members.communicator.gather_to_all(members.ids[differs])),
         mass=mass,
-        centre=told(centre, unwrapped.centre),
-        inertia=told(inertia, of_atoms).transpose(2, 0, 1),
+        centre=value(centre, unwrapped.centre),
+        inertia=value(inertia, of_atoms).transpose(2, 0, 1),
         momenta=np.concatenate([mass * v, np.zeros_like(v)]),
         warnings=molecules.warnings,
     )
@@ -129,18 +127,7 @@ def _molecule_of_body(
     return which, inside
 
 
-def _differs(told: np.ndarray, other: np.ndarray, bound: np.ndarray) -> np.ndarray:
+def _differs(by_template: np.ndarray, by_atoms: np.ndarray, bound: np.ndarray) -> np.ndarray:
     """Which bodies (n,) differ from the template, for values (..., n); NaN does not differ."""
-    off = np.abs(told - other) > bound
+    off = np.abs(by_template - by_atoms) > bound
     return off.any(axis=tuple(range(off.ndim - 1)))
-
-
-def _refuse_negative(members: Members, own: np.ndarray, inertia: np.ndarray) -> None:
-    """End the run if the template of a body in `own` (n,) bool has a negative principal moment;
-    collective."""
-    tensors = np.where(own, np.nan_to_num(inertia), 0.0).transpose(2, 0, 1)
-    moment = np.linalg.eigvalsh(tensors)
-    members.refuse(
-        moment[:, 0] < -1e-7 * np.abs(moment).max(axis=1, initial=0.0),
-        lambda k: f"has a negative principal moment, {moment[k, 0]:g}, in the molecule template",
-    )

@@ -33,11 +33,11 @@ Both q and p are multiplied from the right by the unit quaternion
     r_3 = M_3 (G + a_1 S H) D
 
 For a symmetric top a_1 or a_3 is zero and all functions are elementary.  Where A h^2 and B h^2 are
-small, S and J are computed by power series, for all bodies of a block at once.  Otherwise whole
-periods of the angular momentum are done first, and the rest is divided into parts that are small.
+small, S and J are computed by power series, for all bodies of a block at once.  Otherwise the time
+is divided into parts that are small.
 """
 
-from math import ceil, cos, factorial, floor, pi, sin, sqrt
+from math import ceil, cos, factorial, sin, sqrt
 
 from ..loops.compiled import contracted, inlined
 from .block import LANES, MOMENT, OWN, P, Q, four, three, write
@@ -46,10 +46,7 @@ from .rotor import s_times, series, turn
 
 LITTLE = 1 / 32  # up to this (A + B) h^2 the power series are exact to rounding
 SMALL = 0.5  # up to this psi so are the series of sine and cosine; see `rotor.SMALL`
-PARTS = 8  # with more parts than this, whole periods are cheaper
-LEAST = 2.0**-52  # least d (distance from the separatrix) relative to its terms: less is rounding
-AGM, ROUNDS = 1e-8, 40  # tolerance of the arithmetic-geometric mean, squared by its last iteration
-MOST = 1e6  # largest number of parts
+MOST = 1e4  # largest number of parts; a body that rotates faster becomes NaN, which ends the run
 FAR = OWN  # row: 1.0 for a body that the power series cannot advance in one part
 
 # S / h, for powers of x = (A + B) h^2, y = A B h^4: coefficients of x^n y^k, from S'' = -(A + B) S
@@ -167,81 +164,12 @@ def turned(q, rotation):
 
 
 @inlined
-def complete(kc, p, a, b):
-    """Bulirsch's complete elliptic integral, for kc and p above zero (Numer. Math. 13, 305, 1969).
-
-    The integrand is (a cos^2 + b sin^2) / ((cos^2 + p sin^2) sqrt(cos^2 + kc^2 sin^2)), 0 to pi/2.
-    """
-    e, m, p = kc, 1.0, sqrt(p)
-    b = b / p
-    for _ in range(ROUNDS):
-        f = a
-        a, g = a + b / p, e / p
-        b, p = 2.0 * (b + f * g), p + g
-        g, m = m, m + kc
-        if abs(g - kc) <= g * AGM:
-            break
-        kc = 2.0 * sqrt(e)
-        e = kc * m
-    return 0.5 * pi * (a * m + b) / (m * (m + p))
-
-
-@inlined
-def whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt):
-    """Advance by a whole number of half periods of the angular momentum.
-
-    After a half period, 2 K / sqrt(A) or 2 K / sqrt(B), L returns except for two signs: the body
-    has turned by pi about the axis (3 or 1) that L circles about, and by 2 psi - pi about L.
-
-    Returns:
-        q, p and the rest of dt.
-    """
-    l1, l2, l3 = angular_momentum(q, p)
-    a1, a2, a3 = inverse_3 - inverse_2, inverse_3 - inverse_1, inverse_2 - inverse_1
-    x1, x2, x3 = l1 * l1, l2 * l2, l3 * l3
-    square = x1 + x2 + x3
-    size, x, y = sqrt(square), a3 * x2 + a2 * x3, a2 * x1 + a1 * x2
-    d = a1 * x3 - a3 * x1
-    far = max(abs(d), LEAST * (a1 * x3 + a3 * x1))
-    above = d > 0.0  # the angular momentum circles about axis 3, otherwise about axis 1
-    larger, a = (a1 * x, a1) if above else (a3 * y, a3)
-    kc, ratio, rate = sqrt(a2 * far / larger), far / (a * square), sqrt(larger)
-    quarter = complete(kc, 1.0, 1.0, 1.0) / rate
-    n = floor(0.5 * dt / quarter + 0.5)
-    third = complete(kc, ratio, 0.0, 1.0) / (larger * rate)
-    psi = (x1 * inverse_1 + x2 * inverse_2 + x3 * inverse_3) / size * quarter
-    psi += (far if above else -far) / size * x * y / square * third
-    angle, quarters = n * (psi - 0.5 * pi), n - 4.0 * floor(0.25 * n)
-    s, c = sin(angle) / size, cos(angle)
-    about = (1.0 - c, s * l1, s * l2, s * l3)
-    side = 1.0 if quarters == 1.0 else -1.0 if quarters == 3.0 else 0.0
-    side = -side if (l3 if above else l1) < 0.0 else side
-    versine = 2.0 if quarters == 2.0 else 0.0 if quarters == 0.0 else 1.0
-    flip = (versine, 0.0, 0.0, side) if above else (versine, side, 0.0, 0.0)
-    return turned(turned(q, about), flip), turned(turned(p, about), flip), dt - 2.0 * n * quarter
-
-
-@inlined
-def parts_of(q, p, inverse_1, inverse_2, inverse_3, dt):
-    """Into how many parts dt is divided, so that (A + B) h^2 <= LITTLE in each."""
-    l1, l2, l3 = angular_momentum(q, p)
-    a1, a2, a3 = inverse_3 - inverse_2, inverse_3 - inverse_1, inverse_2 - inverse_1
-    x1, x2, x3 = l1 * l1, l2 * l2, l3 * l3
-    e = a1 * (a3 * x2 + a2 * x3) + a3 * (a2 * x1 + a1 * x2)
-    return ceil(0.5 * abs(dt) * sqrt(e / LITTLE))
-
-
-@inlined
 def free_top(q, p, moment_1, moment_2, moment_3, dt):
-    """Advance (q, p) by dt, of any length; moment_1 >= moment_2 >= moment_3 > 0."""
+    """Advance (q, p) by dt, in parts with (A + B) h^2 <= LITTLE."""
     inverse_1, inverse_2, inverse_3 = 1.0 / moment_1, 1.0 / moment_2, 1.0 / moment_3
-    l1, _, l3 = angular_momentum(q, p)
-    if l1 == 0.0 and l3 == 0.0:  # rotation about axis 2: no period, the same as for a sphere
-        inverse_1 = inverse_3 = inverse_2
-    parts = parts_of(q, p, inverse_1, inverse_2, inverse_3, dt)
-    if parts > PARTS:
-        q, p, dt = whole_periods(q, p, inverse_1, inverse_2, inverse_3, dt)
-        parts = parts_of(q, p, inverse_1, inverse_2, inverse_3, dt)
+    l1, l2, l3 = angular_momentum(q, p)
+    _, little, _ = rotation_of(l1, l2, l3, inverse_1, inverse_2, inverse_3, 0.5 * dt, False)
+    parts = ceil(sqrt(little / LITTLE))
     number = int(parts) if 1.0 < parts < MOST else 1  # parts is NaN in a run that has blown up
     half = 0.5 * dt / number
     for _ in range(number):

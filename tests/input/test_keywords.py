@@ -450,7 +450,7 @@ WRONG_FILES = {
     "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), NOT_FINITE),
     "negative moment": (
         "1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",
-        ("inertia of body 9", "negative principal moment, -1"),
+        ("the body of molecule 9 has", "negative principal moment of inertia, -1"),
     ),
     "inertia not finite": ("1\n9 3 1 1 1 nan 1 1 0 0 0 0 0 0 0 0 0 0 0 0", NOT_FINITE),
     "velocity not finite": ("1\n9 3 1 1 1 1 1 1 0 0 0 nan 0 0 0 0 0 0 0 0", NOT_FINITE),

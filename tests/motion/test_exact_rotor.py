@@ -113,8 +113,8 @@ def turning(moments, angle, n=30, seed=1):
 )
 def test_equals_the_equations_of_motion(shape, angle):
     """Locks out a power series too short or with a wrong term, a wrong sign or branch on either
-    side of the separatrix, a loss of digits there and where moments are nearly equal, whole periods
-    or parts of a large angle missed, and a division by what may be zero."""
+    side of the separatrix, a loss of digits there and where moments are nearly equal, parts
+    of a large angle missed, and a division by what may be zero."""
     moments = SHAPES[shape]
     q, p, time = turning(moments, angle)
     off, response = apart_from_reference(q, p, moments, time)
@@ -124,9 +124,9 @@ def test_equals_the_equations_of_motion(shape, angle):
 
 @pytest.mark.parametrize("time", [10.0, -30.0])
 @pytest.mark.parametrize("axis", [0, 2])
-def test_whole_periods(axis, time):
-    """Locks out periods that are too long or too many, backward ones, and an angle about the
-    angular momentum that loses whole turns: many turns at once."""
+def test_many_parts(axis, time):
+    """Locks out parts that are too long or too many, backward ones, and an angle about the angular
+    momentum that loses whole turns: many turns at once."""
     q, p = tops(8, ASYMMETRIC, 3)
     L = body_momentum(q, p)[1:]
     L[axis] *= 3
@@ -157,7 +157,7 @@ def test_each_lane_for_itself():
 
 
 def test_broken_runs_end():
-    """Locks out a search for a period that never ends where a run has broken."""
+    """Locks out a division into parts that never ends where a run has broken."""
     q, p = tops(4, ASYMMETRIC, 8)
     p[:, 0], p[:, 1], p[:, 2] = np.nan, np.inf, 1e200
     advance_exactly(q, p, ASYMMETRIC, 0.3)

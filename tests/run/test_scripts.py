@@ -341,21 +341,21 @@ def test_reactions(run_lammps, ranks):
     for name in "again", "other":
         for column in "Temp", "KinEng", "TotEng":
             np.testing.assert_allclose(tables[name][column], ours[column][-2:], rtol=1e-7)
-    assert "since this fix was defined (with another molecule-ID: " in logs["ours"]
+    assert "since this fix was defined (with another molecule-ID or group: " in logs["ours"]
     assert "27 rigid bodies with 108 atoms" in logs["again"]
 
 
 TOLD = {
-    "molecule": ("set atom 4*9 mol 1", "with another molecule-ID: 6"),
-    "custom i_f": ("set atom 4 i_f 7", "with another value of i_f: 1"),
-    "single": ("group a id 40 41", "that came into group a: 2"),
+    "molecule": ("set atom 4*9 mol 1", "with another molecule-ID or group: 6"),
+    "custom i_f": ("set atom 4 i_f 7", "with another value of i_f or group: 1"),
+    "single": ("group a id 40 41", "with another group: 2"),
     "group 2 b c": (
         "group d subtract c e\ngroup b id 7\ngroup c clear\ngroup c union d\ngroup a id 40",
-        "that went from one to another of groups a, b, c: 1",
+        "with another group: 1",
     ),
     "molecule flexible f": (
         "group e union all\ngroup f clear\ngroup f id 40",
-        "that came into groups a, f: 1, that left groups a, f: 3",
+        "with another molecule-ID or group: 4",
     ),
     "custom v_m": ("variable m delete\nvariable m atom 1", ""),
 }
