@@ -147,7 +147,7 @@ class Bodies:
         rows, columns = len(memory.cells["state"].array), len(memory.cells["displace"].array)
         self.sharers = Sharers(communicator)
         self.kinds = block.Kinds(planar=planar, own_moments=chosen)
-        own = {
+        others = {
             "kinds": self.kinds,
             "block": aligned((block.BLOCK_ROWS + rows, block.LANES)),
             "counts": np.zeros(len(migration.COUNTS)),
@@ -157,9 +157,9 @@ class Bodies:
         }
         kinds = migration.follow.kinds
         self.cells = self._memory.cells | self.sharers.cells | {"mask": Cell(F2, np.empty((6, 0)))}
-        self.cells |= {name: Cell(kinds[name], value) for name, value in own.items()}
-        nothing = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
-        migration.follow.bind_to(nothing | self.cells, what=ARRANGE)()
+        self.cells |= {name: Cell(kinds[name], value) for name, value in others.items()}
+        unused = {name: Cell(kind) for name, kind in kinds.items() if name not in self.cells}
+        migration.follow.bind_to(unused | self.cells, what=ARRANGE)()
 
     state, displace, index, body = (_View(name) for name in ("state", "displace", "index", "body"))
     mass, natoms = (_View("state", row) for row in (block.MASS, block.NATOMS))
@@ -278,7 +278,7 @@ class Bodies:
             RunError: on all ranks.
         """
         tags = lammps.tags
-        now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # 0 is no atom's ID
+        now = np.append(tags, 0)[np.minimum(self.index, len(tags))]  # no atom has ID 0
         self._communicator.refuse(
             now != self.tag,
             lambda k: (
@@ -287,9 +287,9 @@ class Bodies:
                 "arrays, or has another ID. Use 'run N pre yes'"
             ),
         )
-        kept = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
+        before = {name: self.cells[name].array.copy() for name in ("state", "away", "shift")}
         self.settle(lammps)
-        for name, values in kept.items():
+        for name, values in before.items():
             self._memory.put(name, values)
 
     def as_previous(self, lammps: Lammps, followed: bool = True) -> PreviousBodies:
@@ -319,8 +319,8 @@ class Bodies:
             self._box = box
             near = OFF_BODY * box.size + 8 * np.spacing(box.farthest)
             near = np.inf if self.tolerates_shifts else near
-            known = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
-            for name, value in known.items():
+            values = {"h": box.h, "inverse": box.inverse, "lo": box.lo, "periodic": box.wrap}
+            for name, value in values.items():
                 self.cells[name].set(copy(value))  # a copy, because a barostat changes it in place
             self.cells["near"].set(near)
 

@@ -327,11 +327,9 @@ def _chosen(members: Members, moment: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def count(membership: Membership) -> int | None:
     """The number of bodies; None if there are none, because their number may change; collective."""
-    kept = membership.kept
-    owned = sharers_of(
-        membership.communicator, np.unique(kept[(kept > OUT) & (kept < FLEXIBLE)])
-    ).owned
-    return membership.communicator.count(owned.sum()) or None
+    assigned, communicator = membership.assigned, membership.communicator
+    ids = np.unique(assigned[(assigned > OUT) & (assigned < FLEXIBLE)])
+    return communicator.count(sharers_of(communicator, ids).owned.sum()) or None
 
 
 def _report(

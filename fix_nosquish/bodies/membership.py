@@ -90,27 +90,27 @@ class Membership:
         self.masks = {name: np.uint32(mask).view(np.int32).item() for name, mask in masks.items()}
 
     @property
-    def kept(self) -> np.ndarray:
+    def assigned(self) -> np.ndarray:
         """The assignment of each of this rank's atoms, (natoms,): the ID of its body, `FLEXIBLE`,
         `OUT` or `UNDECIDED`."""
         return self.lammps.cells["membership"].array
 
     def atoms(self) -> np.ndarray:
         """Indices of this rank's atoms that are in bodies, or flexible."""
-        return np.flatnonzero(self.kept > OUT)
+        return np.flatnonzero(self.assigned > OUT)
 
     def define(self, listed: np.ndarray) -> None:
         """Assign all atoms when the fix is defined; collective.
 
         Args:
-            listed: (n, 3) exceptions from a restart file: atom ID, entry of `kept`, and entry by
-                the rule when the file was written; the first row has the total number of atoms in
-                column 1.
+            listed: (n, 3) exceptions from a restart file: atom ID, entry of `assigned`, and entry
+                by the rule when the file was written; the first row has the total number of atoms
+                in column 1.
         Raises:
             RunError: on all ranks, if the rule gives a different entry now; see also `ids`.
         """
-        kept, tags = self.kept, self.lammps.tags.astype(np.int64)
-        kept[:] = UNDECIDED
+        assigned, tags = self.assigned, self.lammps.tags.astype(np.int64)
+        assigned[:] = UNDECIDED
         natoms = [*listed[:, 1], self.lammps.natoms][0]
         refuse(
             natoms != self.lammps.natoms,
@@ -119,10 +119,10 @@ class Membership:
             "or deleted; to replicate them, or to have bodies decided anew, give it another ID",
         )
         place = find(listed[:, 0].astype(np.int64), tags)
-        here, now = place >= 0, self._by_rule(self._standing())
-        _, kept[here], then = listed[place[here]].T
+        here, now = place >= 0, self._by_rule(self._current_values())
+        _, assigned[here], then = listed[place[here]].T
         self.communicator.refuse(
-            (now[here] != then) & (now[here] != kept[here]),
+            (now[here] != then) & (now[here] != assigned[here]),
             lambda k: (
                 f"atom {tags[here][k]} is not the one of the restart file, or has another "
                 "molecule-ID, value or group than there, so its body is not known: define this fix "
@@ -130,7 +130,7 @@ class Membership:
             ),
         )
         self.decide()
-        kept[kept == UNDECIDED] = OUT
+        assigned[assigned == UNDECIDED] = OUT
 
     def decide(self) -> None:
         """Assign the atoms in the fix line's groups that were added since; collective.
@@ -138,8 +138,8 @@ class Membership:
         Raises:
             RunError: on all ranks, see `ids`.
         """
-        ids, kept = self.ids(), self.kept
-        kept[:] = np.where(ids > FLEXIBLE, FLEXIBLE, ids)
+        ids, assigned = self.ids(), self.assigned
+        assigned[:] = np.where(ids > FLEXIBLE, FLEXIBLE, ids)
 
     def ids(self) -> np.ndarray:
         """The body ID of each atom, (natoms,), with added atoms assigned by the rule; collective.
@@ -150,24 +150,24 @@ class Membership:
             RunError: on all ranks, for an added atom that is in two bodies or in one that is
                 complete, and if the molecule-ID, value or variable does not exist.
         """
-        ids, by_rule = self.kept.copy(), self._by_rule(None)
-        came = np.flatnonzero((ids == UNDECIDED) & (by_rule != OUT))
-        if self.communicator.any(len(came)):
+        ids, by_rule = self.assigned.copy(), self._by_rule(None)
+        added = np.flatnonzero((ids == UNDECIDED) & (by_rule != OUT))
+        if self.communicator.any(len(added)):
             if self.command.style in ("molecule", "custom"):
                 by_rule = self._by_rule(self._values())
-            ids[came] = by_rule[came]
-            self._refuse(came, ids[came])
-            self._number_anew(ids, came)
+            ids[added] = by_rule[added]
+            self._refuse(added, ids[added])
+            self._number_anew(ids, added)
         return np.where(ids == FLEXIBLE, FLEXIBLE + self.lammps.tags.astype(np.int64), ids)
 
-    def _refuse(self, came: np.ndarray, ids: np.ndarray) -> None:
+    def _refuse(self, added: np.ndarray, ids: np.ndarray) -> None:
         """Raise an error if added atoms cannot be in their bodies; collective.
 
         Args:
-            came: (n,) their indices.  ids: (n,) their entries, see `kept`.
+            added: (n,) their indices.  ids: (n,) their entries, see `assigned`.
         """
-        groups, tags = self.lammps.groups[came], self.lammps.tags[came]
-        rigid, flexible = (some[came] for some in self._rigid_and_flexible())
+        groups, tags = self.lammps.groups[added], self.lammps.tags[added]
+        rigid, flexible = (some[added] for some in self._rigid_and_flexible())
         inside = np.array([groups & bit != 0 for bit in self._bits])
         names, refuse_atoms, name = np.array(self._of_bodies), self.communicator.refuse, self.name
         refuse_atoms(
@@ -189,46 +189,46 @@ class Membership:
             lambda k: f"{name(ids[k])} has too large an ID: less than 2^52 is possible",
         )
 
-    def _number_anew(self, ids: np.ndarray, came: np.ndarray) -> None:
+    def _number_anew(self, ids: np.ndarray, added: np.ndarray) -> None:
         """Renumber added bodies whose ID by the rule belongs to an existing body.  This occurs if
         the atoms of that body have since got other IDs, for example by reset_atoms mol; collective.
 
         Args:
-            ids: (natoms,) see `kept`; changed in place.
-            came: (n,) indices of the added atoms.
+            ids: (natoms,) see `assigned`; changed in place.
+            added: (n,) indices of the added atoms.
         Raises:
             RunError: on all ranks, if only some atoms of that body have got another ID.
         """
-        gathered, kept = self.communicator.gather_to_all, self.kept
-        now, known = self._by_rule(self._standing()), (kept > OUT) & (kept < FLEXIBLE)
-        renamed = gathered(np.unique(kept[known & (kept != now) & (now > _UNKNOWN)]))
-        clashes = np.isin(ids[came], renamed)
+        gathered, assigned = self.communicator.gather_to_all, self.assigned
+        now, known = self._by_rule(self._current_values()), (assigned > OUT) & (assigned < FLEXIBLE)
+        renamed = gathered(np.unique(assigned[known & (assigned != now) & (now > _UNKNOWN)]))
+        clashes = np.isin(ids[added], renamed)
         if not self.communicator.any(clashes.any()):
             return  # so that insertion in a run does not gather all IDs
         self.communicator.refuse(
-            clashes & np.isin(ids[came], gathered(np.unique(now[known]))),
+            clashes & np.isin(ids[added], gathered(np.unique(now[known]))),
             lambda k: (
-                f"atom {self.lammps.tags[came[k]]} came into {self.name(ids[came[k]])}, some of "
+                f"atom {self.lammps.tags[added[k]]} came into {self.name(ids[added[k]])}, some of "
                 "whose atoms were given another ID since this fix was defined: give new bodies "
                 "IDs that no body of this fix has, or unfix this fix and define it again"
             ),
         )
-        taken = np.unique(gathered(ids[came[clashes]]))
+        taken = np.unique(gathered(ids[added[clashes]]))
         bodies = (ids > OUT) & (ids < FLEXIBLE)
         highest = gathered(ids[bodies].max(initial=0, keepdims=True)).max()
-        which = came[clashes]
+        which = added[clashes]
         ids[which] = highest + 1 + np.searchsorted(taken, ids[which])
 
     def _rigid_and_flexible(self) -> tuple[np.ndarray, np.ndarray]:
         """Which of this rank's atoms are in bodies and which are flexible by the rule, (natoms,)
         bool each."""
-        one, other, flexible = (
+        in_fix, in_bodies, flexible = (
             self.lammps.groups.view(np.int32) & mask != 0 for mask in self.masks.values()
         )
-        return one & other, flexible
+        return in_fix & in_bodies, flexible
 
     def _by_rule(self, values: np.ndarray | None) -> np.ndarray:
-        """The assignment of each atom by the rule at present, (natoms,), see `kept`.
+        """The assignment of each atom by the rule at present, (natoms,), see `assigned`.
 
         Args:
             values: (natoms,) molecule-IDs or custom values; None for `_UNKNOWN`.
@@ -241,7 +241,7 @@ class Membership:
             ids = 1 + np.argmax([groups & bit != 0 for bit in self._bits], axis=0)
         return np.where(rigid, ids, np.where(flexible, FLEXIBLE, OUT))
 
-    def _standing(self) -> np.ndarray | None:
+    def _current_values(self) -> np.ndarray | None:
         """The atoms' molecule-IDs or custom values, (natoms,); None if there are none, or if they
         are from a variable, which is evaluated only once."""
         style, lammps = self.command.style, self.lammps
@@ -260,29 +260,30 @@ class Membership:
             values = np.trunc(self.lammps.variable(self.variable, self.command.group))
             rigid, _ = self._rigid_and_flexible()
             self.communicator.refuse(
-                rigid & (self.kept == UNDECIDED) & ~np.isfinite(values),
+                rigid & (self.assigned == UNDECIDED) & ~np.isfinite(values),
                 lambda k: (
                     f"variable {self.variable} is not finite for every atom of the group, "
                     "so it cannot tell bodies apart"
                 ),
             )
             return np.where(np.abs(values) < FLEXIBLE, values, FLEXIBLE).astype(np.int64)
-        style, found = self.command.style, self._standing()
+        style, values = self.command.style, self._current_values()
         what = (
             "molecule-IDs, which this atom style does not have: "
             "use atom_style molecular or full, or another body style"
             if style == "molecule"
             else f"{self.command.arguments[0]}: define it with fix property/atom before the fix"
         )
-        self.communicator.agree(None if found is not None else f"body style {style} needs {what}")
-        return cast(np.ndarray, found).astype(np.int64)
+        self.communicator.agree(None if values is not None else f"body style {style} needs {what}")
+        return cast(np.ndarray, values).astype(np.int64)
 
     def changes(self) -> str:
         """How many atoms have changed group, molecule-ID or value since they were assigned, for
         messages; "" for none; collective."""
-        kept, now, style = self.kept, self._by_rule(self._standing()), self.command.style
-        in_same_body = (now == _UNKNOWN) & (kept > OUT) & (kept < FLEXIBLE)
-        changed = (kept != now) & (kept != UNDECIDED) & ~in_same_body
+        assigned, style = self.assigned, self.command.style
+        now = self._by_rule(self._current_values())
+        in_same_body = (now == _UNKNOWN) & (assigned > OUT) & (assigned < FLEXIBLE)
+        changed = (assigned != now) & (assigned != UNDECIDED) & ~in_same_body
         value = f"value of {' '.join(self.command.arguments)} or " if style == "custom" else ""
         value = "molecule-ID or " if style == "molecule" else value
         count = self.communicator.count(changed.sum())
@@ -291,17 +292,18 @@ class Membership:
     def exceptions(self) -> np.ndarray | None:
         """The atoms whose assignment differs from the rule, for a restart file: (n, 3), see
         `define`, on rank 0; None on other ranks, and if there are none; collective."""
-        kept, now, communicator = self.kept, self._by_rule(self._standing()), self.communicator
-        which = (kept != now) & (kept != UNDECIDED)
-        bodies = communicator.gather_to_all(np.unique(kept[which & (kept > OUT)]))
-        which |= np.isin(kept, bodies)  # whole bodies, so that the IDs in use are known
+        assigned, communicator = self.assigned, self.communicator
+        now = self._by_rule(self._current_values())
+        which = (assigned != now) & (assigned != UNDECIDED)
+        bodies = communicator.gather_to_all(np.unique(assigned[which & (assigned > OUT)]))
+        which |= np.isin(assigned, bodies)  # whole bodies, so that the IDs in use are known
         many = communicator.count(which.sum())
         refuse(
             many > _MOST,
             f"the restart file has room for {_MOST} atoms whose bodies the fix line does not tell: "
             "use body style molecule",
         )
-        rows = communicator.gather(np.array([self.lammps.tags, kept, now], float).T[which])
+        rows = communicator.gather(np.array([self.lammps.tags, assigned, now], float).T[which])
         head = np.array([[0.0, self.lammps.natoms, 0.0]])
         return np.concatenate([head, rows]) if many and rows is not None else None
 

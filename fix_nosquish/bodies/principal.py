@@ -114,7 +114,7 @@ def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
     equal, frames = equal[:, chosen], axes[chosen]
     # all moments are equal; moments 1 and 2 are equal, so axis 3 is unique
     both, last = equal[0] & equal[1], equal[0] & ~equal[1]
-    one, two = sums[chosen, 0], sums[chosen, 1]
+    sum_1, sum_2 = sums[chosen, 0], sums[chosen, 1]
     alone = np.where(last[:, None], frames[:, :, 2], frames[:, :, 0])
 
     def dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -126,15 +126,15 @@ def _choose_axes(axes: np.ndarray, equal: np.ndarray, sums: np.ndarray) -> None:
             a - np.divide(dot(a, b), dot(b, b), out=np.zeros((len(a), 1)), where=dot(b, b) > 0) * b
         )
 
-    first = np.where(both[:, None], one, alone)
-    one, two = without(one, alone), without(two, first)
-    second = np.where(both[:, None] | (dot(one, one) < 1e-6 * dot(two, two)), two, one)
+    first = np.where(both[:, None], sum_1, alone)
+    sum_1, sum_2 = without(sum_1, alone), without(sum_2, first)
+    second = np.where(both[:, None] | (dot(sum_1, sum_1) < 1e-6 * dot(sum_2, sum_2)), sum_2, sum_1)
     # a sphere has no direction: keep its axes
-    found = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
-    found &= dot(first, first)[:, 0] > 0
-    first, second = (a[found] / np.sqrt(dot(a, a)[found]) for a in (first, second))
+    determined = dot(second, second)[:, 0] > 1e-20 * (sums[chosen] ** 2).sum(axis=(1, 2))
+    determined &= dot(first, first)[:, 0] > 0
+    first, second = (a[determined] / np.sqrt(dot(a, a)[determined]) for a in (first, second))
     third = np.cross(first, second)
-    last = last[found, None, None]
-    axes[chosen[found]] = np.where(
+    last = last[determined, None, None]
+    axes[chosen[determined]] = np.where(
         last, np.stack([second, third, first], axis=2), np.stack([first, second, third], axis=2)
     )

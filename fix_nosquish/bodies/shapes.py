@@ -82,7 +82,7 @@ def keep(
     if communicator.any(deformed.any()):
         size = np.maximum(members.highest(np.linalg.norm(d, axis=0))[0], bound)
         most = _TORN if previous.followed else _MISTAKEN
-        text = _say(members, far, size, deformed & members.owned, most)
+        text = _deformation_line(members, far, size, deformed & members.owned, most)
     if particles is not None:
         particles, others = _turned(particles, moved[body], turn[body], columns)
         members, turned = members._replace(particles=particles), communicator.count(others)
@@ -203,7 +203,7 @@ def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.nda
     return turn
 
 
-def _say(
+def _deformation_line(
     members: Members, far: np.ndarray, size: np.ndarray, which: np.ndarray, most: float
 ) -> str:
     """The line for the log on bodies that were deformed; collective.

@@ -62,12 +62,10 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     differ, fragments = rows[:, 3:].T
     mixed = np.count_nonzero(counts, axis=1) > 1
     odd = (10 * fragments < counts.sum(axis=1)) & ((differ > 0) | mixed)
-    order = np.flatnonzero(odd)[np.argsort(rows[odd, 1], kind="stable")]
-    lines = [_line(membership, all_species, k, *rows[k, 1:4]) for k in order[:_WARNINGS]]
-    if len(order) > _WARNINGS:
-        lines.append(
-            f"WARNING: bodies of {len(order) - _WARNINGS} other kinds differ in shape, too"
-        )
+    worst = np.flatnonzero(odd)[np.argsort(rows[odd, 1], kind="stable")]
+    lines = [_line(membership, all_species, k, *rows[k, 1:4]) for k in worst[:_WARNINGS]]
+    if more := len(worst[_WARNINGS:]):
+        lines.append(f"WARNING: bodies of {more} other kinds differ in shape, too")
     return lines
 
 

@@ -28,11 +28,11 @@ def update_bodies(bodies: Bodies, recipe: Recipe) -> tuple[list[str], np.ndarray
     dropped = _without_atoms(bodies, membership)
     membership.decide()
     atoms = membership.atoms()
-    came = atoms[lammps.cells["origins"].array[atoms] == IN_NO_BODY]
-    if not communicator.any(len(came)):
+    added = atoms[lammps.cells["origins"].array[atoms] == IN_NO_BODY]
+    if not communicator.any(len(added)):
         bodies.change(lammps, dropped)
         return [], np.empty(0, np.int64)
-    new, report, _ = build(recipe, atoms=came)
+    new, report, _ = build(recipe, atoms=added)
     refuse(
         new.spin > bodies.spin or new.oriented > bodies.oriented,
         f"by step {lammps.step} atoms of finite size or with a dipole came, but the bodies had "
@@ -62,12 +62,12 @@ def _without_atoms(bodies: Bodies, membership: Membership) -> np.ndarray:
     lost = lost[np.argsort(bodies.tag[lost])]
     communicator.refuse(
         wrong[bodies.body[lost]],
-        lambda k: _of_lost(bodies, lost[k], membership),
+        lambda k: _loss_message(bodies, lost[k], membership),
     )
     return missing > 0
 
 
-def _of_lost(bodies: Bodies, atom: int, membership: Membership) -> str:
+def _loss_message(bodies: Bodies, atom: int, membership: Membership) -> str:
     """The message for an atom, by its index among the bodies' atoms, that its body has lost."""
     lammps, body = membership.lammps, bodies.body[atom]
     name = membership.name(int(bodies.id[body]))
@@ -86,10 +86,10 @@ def _refuse_joining(ids: np.ndarray, new: Bodies, membership: Membership) -> Non
     """Raise an error if atoms were added to an existing body; `ids` (n,) of these; collective."""
     communicator = membership.communicator
     of_new = communicator.gather_to_all(new.id)
-    taken = communicator.gather_to_all(np.intersect1d(ids, of_new))
+    in_use = communicator.gather_to_all(np.intersect1d(ids, of_new))
     body = new.id[new.body]
     communicator.refuse(
-        np.isin(body, taken),
+        np.isin(body, in_use),
         lambda k: (
             f"atom {new.tag[k]} came into {membership.name(int(body[k]))} by step "
             f"{membership.lammps.step}, which has its atoms already: what inserts atoms in a run "

@@ -81,18 +81,22 @@ def unwrap(members: Members) -> UnwrappedPositions:
 def _gaps(
     members: Members, delta: np.ndarray, low: np.ndarray, width: np.ndarray, which: np.ndarray
 ) -> np.ndarray:
-    """The widest gap inside each body, in box lengths, (3, n), if it suggests that a face cuts the
-    body; else 0; collective.
+    """The widest gap inside each body, in box lengths rounded down, (3, n), if it suggests that a
+    face cuts the body; else 0; collective.
 
     Args:
         delta: (m, 3) the atoms' positions, as in `UnwrappedPositions`.
         low, width: (3, n) lowest fractional coordinate of each body's atoms, and its width.
         which: (3, n) bool, where a body may be cut.
     """
-    gap = np.zeros_like(width)
-    parts = _fractional(members, delta) - low[:, members.body]
+    gap, fractional = np.zeros_like(width), _fractional(members, delta) - low[:, members.body]
     for k in np.flatnonzero(members.lammps.box.periodic):
-        gap[k] = _widest_gap(members, parts[k])
+        cell = (fractional[k] * _CELLS).astype(int).clip(0, _CELLS - 1)
+        filled = np.zeros((_CELLS, len(members.ids)))
+        filled[cell, members.body] = cell
+        members.sharers.combine(filled, np.maximum)
+        last = np.maximum.accumulate(filled)  # the last cell with an atom; the first cell has one
+        gap[k] = (np.diff(last, axis=0).max(axis=0) - 1.0).clip(0.0) / _CELLS
     gap[~which | (gap <= np.maximum(1.0 - width, _GAP))] = 0.0
     return gap
 
@@ -129,12 +133,12 @@ def _extent(members: Members, columns: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 def _doubt(members: Members, first: np.ndarray, width: np.ndarray, gap: np.ndarray) -> list[str]:
-    """The warning for bodies that may be cut, none if there is no such body; collective.
+    """The warning for bodies that a face may cut, if there are any; collective.
 
     Args:
         first: (n,) ID of each body's first atom.
-        width: (3, n) of each body along the box vectors, of these.
-        gap: (3, n) the widest gap inside it where it may be cut, else 0.
+        width: (3, n) of each body along the box vectors, in box lengths.
+        gap: (3, n) the result of `_gaps`.
     """
     widest, along = gap.max(axis=0), gap.argmax(axis=0)
     wide = np.take_along_axis(width, along[None, :], axis=0)[0]
@@ -151,18 +155,3 @@ def _doubt(members: Members, first: np.ndarray, width: np.ndarray, gap: np.ndarr
         + (f" (as are those of {several - 1} more)" if several > 1 else "")
         + ". If they are wrong, set them (set ... image, or in the data file) before the first run"
     ]
-
-
-def _widest_gap(members: Members, parts: np.ndarray) -> np.ndarray:
-    """Widest stretch inside each body without atoms, (n,), rounded down; collective.
-
-    Args:
-        parts: (m,) the atoms' distances from the end of their body, 0 to 1 (further ones count
-            as at 1).
-    """
-    filled, cell = np.zeros((_CELLS, len(members.ids))), (parts * _CELLS).astype(int)
-    cell = cell.clip(0, _CELLS - 1)
-    filled[cell, members.body] = cell
-    members.sharers.combine(filled, np.maximum)
-    last = np.maximum.accumulate(filled)  # the last cell with an atom so far; the first has one
-    return (np.diff(last, axis=0).max(axis=0) - 1.0).clip(0.0) / _CELLS

@@ -159,14 +159,14 @@ def stretch_box(cell, box, shift):
             shift[i, k] *= factor
     if numbers.tilted:
         shear_box(numbers, h, lo, shift)
-    tell_box(box, cell.new_box)
+    update_new_box(box, cell.new_box)
     call(cell.set_box[0], cell.set_box[1], address(cell.new_box))
     numbers.open = 1
     return 0
 
 
 @inlined
-def tell_box(box, new_box):
+def update_new_box(box, new_box):
     """Update the inverse of the box vectors, and `new_box` for LAMMPS."""
     h, lo = box.h, box.lo
     for k in range(3):
@@ -244,7 +244,7 @@ def flip(state: F2, cell: ChangingBox, box: PeriodicBox) -> I:
     h[1, 2] += yz * h[1, 1]
     h[0, 1] += xy * h[0, 0]
     reflag(state, IMAGE, xy, xz, yz)
-    tell_box(box, new)
+    update_new_box(box, new)
     new[9], new[10], new[11] = xy, xz, yz
     call(cell.flip_box[0], cell.flip_box[1], address(new))
     return 0

@@ -35,7 +35,7 @@ def edges(deformed_box):
 
 
 @inlined
-def images_of(inverse, shift, a):
+def image_numbers(inverse, shift, a):
     """The shift of an atom's image in numbers of box vectors.
 
     Args:
@@ -47,14 +47,14 @@ def images_of(inverse, shift, a):
 
 
 @inlined
-def know(images, box, deformed_box):
+def set_box(images, box, deformed_box):
     """Set the box to LAMMPS's present box.
 
     The shift of an atom in another image than its body keeps its numbers of box vectors.
     """
     h, shift = box.h, images.shift
     for a in range(shift.shape[0]):
-        shift[a, 0], shift[a, 1], shift[a, 2] = images_of(box.inverse, shift, a)
+        shift[a, 0], shift[a, 1], shift[a, 2] = image_numbers(box.inverse, shift, a)
     h[0, 0], h[1, 1], h[2, 2] = edges(deformed_box)
     h[0, 1], h[0, 2], h[1, 2] = three_of(deformed_box[6:])
     invert(h, box.inverse)
@@ -76,7 +76,7 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, a
     for b in range(state.shape[1]):
         x, y, z = state[X, b] - lo[0], state[X + 1, b] - lo[1], state[X + 2, b] - lo[2]
         state[X, b], state[X + 1, b], state[X + 2, b] = fractional(box.inverse, x, y, z)
-    know(images, box, deformed_box)
+    set_box(images, box, deformed_box)
     for b in range(state.shape[1]):
         x, y, z = cartesian(box.h, state[X, b], state[X + 1, b], state[X + 2, b])
         state[X, b], state[X + 1, b], state[X + 2, b] = lo[0] + x, lo[1] + y, lo[2] + z
@@ -90,7 +90,7 @@ def stream(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, a
     for a in range(images.away.size):
         for c in range(3):
             atom_x[layout.index[images.away[a]], c] -= images.shift[a, c]
-    know(images, box, deformed_box)
+    set_box(images, box, deformed_box)
     move_to_images(layout, images, atom_x)
 
 
@@ -103,7 +103,7 @@ def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign:
     """
     for a in range(images.away.size):
         i = layout.index[images.away[a]]
-        n1, n2, n3 = images_of(box.inverse, images.shift, a)
+        n1, n2, n3 = image_numbers(box.inverse, images.shift, a)
         vx, vy, vz = image_velocity(box.rate, n1, n2, n3)
         atom_v[i, 0] += sign * vx
         atom_v[i, 1] += sign * vy
@@ -133,5 +133,5 @@ def flipped(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, 
         return 1
     reflag(layout.state, IMAGE, xy, xz, yz)
     reflag(arrived.T, OF_BODY + IMAGE, xy, xz, yz)
-    know(images, box, deformed_box)
+    set_box(images, box, deformed_box)
     return 0

@@ -87,25 +87,18 @@ def move_others(
     """
     numbers = cell.barostat
     if is_due(step, cell):
-        shear = three_of(numbers.shear)
+        shear, (f1, f2, f3) = three_of(numbers.shear), three_of(numbers.stretch)
+        c1, c2, c3 = three_of(numbers.centre)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
                 (dx, dy, dz), (ux, uy, uz) = of_cluster(clusters, atom_v, i)
                 x, y, z = vector(atom_x, i)
-                x, y, z = stretched(numbers, x - dx, y - dy, z - dz)
-                sx, sy = sheared(shear, y - numbers.centre[1], z - numbers.centre[2])
+                x, y, z = c1 + f1 * (x - dx - c1), c2 + f2 * (y - dy - c2), c3 + f3 * (z - dz - c3)
+                sx, sy = sheared(shear, y - c2, z - c3)
                 atom_x[i, 0], atom_x[i, 1], atom_x[i, 2] = x + sx + dx, y + sy + dy, z + dz
                 vx, vy, vz = vector(atom_v, i)
                 vx, vy, vz = vx - ux, vy - uy, vz - uz  # about the centre
                 sx, sy = sheared(undone(shear), uy, uz)
-                atom_v[i, 0] = (ux + sx) / numbers.stretch[0] + vx
-                atom_v[i, 1] = (uy + sy) / numbers.stretch[1] + vy
-                atom_v[i, 2] = uz / numbers.stretch[2] + vz
-
-
-@inlined
-def stretched(numbers, x, y, z):
-    """The position (x, y, z) after the axes of the box are stretched."""
-    c1, c2, c3 = three_of(numbers.centre)
-    f1, f2, f3 = three_of(numbers.stretch)
-    return c1 + f1 * (x - c1), c2 + f2 * (y - c2), c3 + f3 * (z - c3)
+                atom_v[i, 0] = (ux + sx) / f1 + vx
+                atom_v[i, 1] = (uy + sy) / f2 + vy
+                atom_v[i, 2] = uz / f3 + vz

@@ -1,7 +1,7 @@
 """The passes of a step over a rank's bodies, generated from an integrator's splitting."""
 
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 from ..loops.compiled import F2, F, I, Kind, Loop, contracted, inlined, loop, untyped
@@ -266,12 +266,12 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
     _check_letters(splitting, letters, operations)
     operations = {**operations, FORCES: Operation(nothing, named=False)}
     steps = [operations[letter] for letter in letters]
-    movers = [k for k, one in enumerate(steps) if one.moves]
+    movers = [k for k, operation in enumerate(steps) if operation.moves]
     if not movers:
         raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
-    prepared = [k for k, one in enumerate(steps) if one.prepared]
+    prepared = [k for k, operation in enumerate(steps) if operation.prepared]
     if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
         raise ValueError(
             f"splitting {splitting!r}: "
@@ -285,7 +285,8 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
             middle = _chain((*shares[first:k], (measures, 1.0))), _chain(shares[k:cut])
     return Stages(
         _chain(shares[:first]), middle, _chain(shares[cut:]),
-        any(one.moves for one in steps[cut:]), bool(prepared), any(one.named for one in steps),
+        any(operation.moves for operation in steps[cut:]), bool(prepared),
+        any(operation.named for operation in steps),
     )  # fmt: skip
 
 
@@ -300,11 +301,11 @@ def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, 
             f"splitting {splitting!r}: there is no operation {unknown[0]}, "
             f"only {', '.join(operations)}"
         )
-    for letter, one in operations.items():
-        if one.does not in INLINED:
+    for letter, operation in operations.items():
+        if operation.does not in INLINED:
             raise ValueError(
-                f"the function {one.does.__name__} of operation {letter} is not marked @inlined, "
-                "as it and all that it calls must be"
+                f"the function {operation.does.__name__} of operation {letter} is not marked "
+                "@inlined, as it and all that it calls must be"
             )
 
 
@@ -356,20 +357,22 @@ class Scheme:
         self.operations, self.numbers, self.work = operations, numbers, work
         parts = stages(splitting, operations)
         self.prepared = parts.prepared
-
-        def alone(name: str, does: Callable, until: int, named: bool, places: bool = False) -> Loop:
-            return make_pass(name, does, until, owner, numbers, named, places, rows)
+        of_all = partial(make_pass, owner=owner, numbers=numbers, rows=rows)
 
         self.advance = _make_advance(parts, owner, numbers, rows)
         if ends:
             self.lead, self.tail = ends
         else:
-            self.lead = self.tail = alone("lead", parts.lead, TORQUE + 3, parts.named)
+            self.lead = self.tail = of_all("lead", parts.lead, TORQUE + 3, named=parts.named)
         if not ends and (parts.tail is not parts.lead or parts.tail_moves):
-            self.tail = alone("tail", parts.tail, TORQUE + 3, parts.named, parts.tail_moves)
-        second, measured = parts.middle[-1], len(parts.middle) > 1
-        self.go_on = alone("go_on", second, P + 4, parts.named, True) if measured else None
-        self.start = alone("start", starts, TORQUE + 3, True) if starts else None
+            self.tail = of_all(
+                "tail", parts.tail, TORQUE + 3, named=parts.named, places=parts.tail_moves
+            )
+        self.go_on = self.start = None
+        if len(parts.middle) > 1:
+            self.go_on = of_all("go_on", parts.middle[1], P + 4, named=parts.named, places=True)
+        if starts:
+            self.start = of_all("start", starts, TORQUE + 3)
 
 
 @inlined
