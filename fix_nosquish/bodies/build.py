@@ -174,7 +174,7 @@ def _set_shapes(
     Raises:
         RunError: on all ranks, naming the body.
     """
-    inertia = members.inertia(members.atom_mass, r)
+    inertia = members.inertia(r)
     _refuse_points(members, inertia, prescribed)
     inertia = inertia.transpose(2, 0, 1)
     inertia[prescribed.which] = prescribed.inertia

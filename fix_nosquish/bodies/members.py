@@ -1,4 +1,4 @@
-"""Which atoms bodies are made of, and sums over those of each body."""
+"""The atoms that bodies are made of, and sums over the atoms of each body."""
 
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
@@ -14,14 +14,15 @@ from .particles import Particles, particles_of
 
 
 class Members(NamedTuple):
-    """The atoms of which this rank's bodies are made.
+    """This rank's atoms that are in bodies.
 
     Attributes:
-        ids: (n,) IDs of the bodies that have an atom here, ascending.
-        natoms, mass: (n,) number of atoms of each body and their mass, on all ranks.
-        atoms, body, tag, atom_mass: (m,) each atom's index in LAMMPS's arrays, the place of its
-            body in `ids`, its ID, its mass.
-        particles: what the atoms are besides point masses; None if this atom style has only these.
+        ids: (n,) IDs of the bodies that have an atom on this rank, ascending.
+        natoms, mass: (n,) number and total mass of each body's atoms on all ranks.
+        atoms, body, tag, atom_mass: (m,) index of each atom in LAMMPS's arrays, index of its body
+            in `ids`, atom ID, and mass.
+        particles: size, orientation and spin of the atoms; None if this atom style has only point
+            masses.
         sharers: the `Sharers` of these bodies.
         membership: the `Membership`.
     """
@@ -47,45 +48,44 @@ class Members(NamedTuple):
 
     @property
     def owned(self) -> np.ndarray:
-        """(n,) bool, which bodies are to be counted on this rank."""
+        """(n,) bool, the bodies that this rank counts in sums over bodies."""
         return self.sharers.owned
 
     def total(self, columns: Iterable[np.ndarray]) -> np.ndarray:
-        """Sums of columns (m,) over the atoms of each body, (columns, n); collective."""
+        """Sums of columns (m,) over each body's atoms on all ranks, (columns, n); collective."""
         return self.sharers.total(self.body, columns)
 
     def lowest(self, *columns: np.ndarray) -> np.ndarray:
-        """The lowest number of each body's atoms, (len(columns), n); collective."""
+        """Minima of columns (m,) over each body's atoms, (columns, n); collective."""
         return self.sharers.lowest(self.body, *columns)
 
     def highest(self, *columns: np.ndarray) -> np.ndarray:
-        """The highest number of each body's atoms, (len(columns), n); collective."""
+        """Maxima of columns (m,) over each body's atoms, (columns, n); collective."""
         return self.sharers.highest(self.body, *columns)
 
-    def inertia(self, mass: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """Tensors of inertia, (3, 3, n), space frame; collective.
+    def inertia(self, r: np.ndarray) -> np.ndarray:
+        """Inertia tensors of the bodies, (3, 3, n), space frame; collective.
 
         Args:
-            mass: (m,) of the atoms.
-            r: (m, 3) their places from the point about which the tensor of their body is.
+            r: (m, 3) positions of the atoms relative to the reference point of their body.
         """
-        pairs = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)
+        pairs, mass = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), self.atom_mass
         xx, yy, zz, xy, xz, yz = self.total(mass * (r[:, a] * r[:, b]) for a, b in pairs)
         tensors = np.array([[yy + zz, -xy, -xz], [-xy, xx + zz, -yz], [-xz, -yz, xx + yy]])
         if self.particles is not None:
-            own = self.particles.inertia().reshape(9, -1)
-            tensors = tensors + self.total(own).reshape(3, 3, -1)
+            of_particles = self.particles.inertia().reshape(9, -1)
+            tensors = tensors + self.total(of_particles).reshape(3, 3, -1)
         return tensors
 
     def furthest(self, which: np.ndarray, far: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """Of some bodies of all ranks, the one that is furthest; collective.
+        """The body of all ranks with the largest value; collective.
 
         Args:
-            which: (n,) bool, these bodies here; there is one on some rank.
-            far: (n,) how far each is.
-            columns: (n,) each, other numbers of the bodies.
+            which: (n,) bool, the bodies to consider; at least one on some rank.
+            far: (n,) the values.
+            columns: (n,) each, other values of the bodies.
         Returns:
-            how far it is, and its number in each column.
+            its value, and its values in the columns.
         """
         k = np.flatnonzero(which)
         k = k[[far[k].argmax()]] if len(k) else k
@@ -94,11 +94,11 @@ class Members(NamedTuple):
         return rows[rows[:, 0].argmax()]
 
     def refuse(self, wrong: np.ndarray, text: Callable[[int], str]) -> None:
-        """End the run if a body is wrong; collective.
+        """Raise an error if a body on any rank is wrong; collective.
 
         Args:
-            wrong: (n,) bool, which ones are.
-            text: what to say of the first of them, behind its name, by its place in `ids`.
+            wrong: (n,) bool.
+            text: returns the message, without the body's name, for a body by its index in `ids`.
         Raises:
             RunError: on all ranks.
         """
@@ -148,10 +148,10 @@ def _refuse_odd_atoms(
     mass: np.ndarray,
     unknown: np.ndarray | None,
 ) -> None:
-    """End the run if an atom cannot be in a body; collective.
+    """Raise an error if an atom cannot be in a body; collective.
 
     Args:
-        atoms, tag, mass: (m,) index, ID and mass of each.
+        atoms, tag, mass: (m,) index, ID and mass of the atoms.
         unknown: see `Lammps.unknown`.
     """
     communicator = membership.communicator
@@ -159,7 +159,7 @@ def _refuse_odd_atoms(
         tag <= 0,
         lambda k: "the fix needs atom IDs, which this script turns off (atom_modify id no)",
     )
-    # a point's ID is calculated with as a real number
+    # IDs of flexible atoms are stored as floating-point numbers
     communicator.refuse(
         tag >= FLEXIBLE,
         lambda k: f"atom {tag.max()} has too large an ID: less than 2^52 is possible",
@@ -175,5 +175,5 @@ def _refuse_odd_atoms(
 
 
 def sharers_of(communicator: Alone, ids: np.ndarray) -> Sharers:
-    """The `Sharers` of bodies of which nothing but the IDs (n,) is known; collective."""
+    """The `Sharers` of the bodies with these IDs (n,); collective."""
     return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)

@@ -1,4 +1,4 @@
-"""How a body's atoms are put together across the periodic faces."""
+"""Unwrapped positions: the atoms of each body put together across periodic faces."""
 
 from typing import NamedTuple
 
@@ -6,20 +6,20 @@ import numpy as np
 
 from .members import Members
 
-_CELLS = 64  # of a box length, in which gaps are counted
-_GAP = 0.1  # gaps inside a body that are narrower than this part of the box suggest no cut
+_CELLS = 64  # number of cells per box length with which gaps are measured
+_GAP = 0.1  # width, as a fraction of the box, up to which a gap inside a body is no sign of a cut
 
 
 class UnwrappedPositions(NamedTuple):
-    """Bodies whose atoms are put together.
+    """Positions of the atoms of bodies, put together across periodic faces; space frame.
 
     Attributes:
         members: the `Members`.
-        first: (n,) ID of each body's first atom.
-        place, image: (3, n) of each body's first atom, its place in the box and its image flags.
-        delta: (m, 3) the place of each atom from there, space frame.
-        centre: (3, n) the centre of mass of the body's atoms from there.
-        rebuilt: (n,) bool, which bodies the nearest images put together.
+        first: (n,) ID of each body's first atom, the one with the lowest ID.
+        place, image: (3, n) wrapped position and image flags of the first atom.
+        delta: (m, 3) position of each atom relative to the first atom of its body.
+        centre: (3, n) centre of mass of each body's atoms, relative to the first atom.
+        rebuilt: (n,) bool, which bodies were put together by nearest images.
         warnings: lines for the log.
     """
 
@@ -35,11 +35,11 @@ class UnwrappedPositions(NamedTuple):
     def inertia(self) -> np.ndarray:
         """Tensors of inertia of the bodies' atoms about `centre`, (3, 3, n); collective."""
         members = self.members
-        return members.inertia(members.atom_mass, self.delta - self.centre[:, members.body].T)
+        return members.inertia(self.delta - self.centre[:, members.body].T)
 
 
 def unwrap(members: Members) -> UnwrappedPositions:
-    """Put each body's atoms together across the periodic faces; collective.
+    """Put the atoms of each body together across periodic faces; collective.
 
     Along each box vector:
     1. The image flags are used if they make the body narrower than half the box.
@@ -72,7 +72,7 @@ def unwrap(members: Members) -> UnwrappedPositions:
         warnings = _doubt(members, first, width, _gaps(members, delta, low, width, doubtful))
         across = np.rint((delta - nearest) @ lammps.box.inverse.T) * cut[:, body].T
         delta -= across @ lammps.box.h.T
-    # bodies that weigh nothing are refused later
+    # bodies without mass are refused later
     weight = np.where(members.mass > 0, members.mass, 1.0)
     centre = members.total(members.atom_mass * along for along in delta.T) / weight
     return UnwrappedPositions(members, first, place, flags, delta, centre, rebuilt, warnings)
@@ -110,12 +110,12 @@ def _fractional(members: Members, vectors: np.ndarray) -> np.ndarray:
 def _first_atoms(
     members: Members, x: np.ndarray, image: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Which atom of each body is the first; collective.
+    """The first atom of each body; collective.
 
     Args:
-        x, image: (m, 3) place and image flags of this rank's atoms of bodies.
+        x, image: (m, 3) wrapped positions and image flags of this rank's atoms.
     Returns:
-        its ID, (n,), its place and its image flags, (3, n) each.
+        its ID, (n,); its wrapped position and its image flags, (3, n) each.
     """
     (first,) = members.lowest(members.tag)
     lead = members.tag == first[members.body]
@@ -126,8 +126,8 @@ def _first_atoms(
 
 
 def _extent(members: Members, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The lowest of the numbers (k, m) of each body's atoms, and how much higher the highest is,
-    (k, n) each; collective."""
+    """The minimum over each body's atoms of the columns (k, m), and the difference of maximum and
+    minimum, (k, n) each; collective."""
     low = members.lowest(*columns)
     return low, members.highest(*columns) - low
 

@@ -84,7 +84,7 @@ def deform(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, a
 
 
 @loop
-def stream(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
+def move_images(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
     """Set the box to LAMMPS's present box without moving the bodies; atoms in another image than
     their body move with that image."""
     for a in range(images.away.size):
@@ -95,7 +95,7 @@ def stream(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, a
 
 
 @loop
-def speed_up(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign: F):
+def add_image_velocities(layout: Layout, images: Images, box: PeriodicBox, atom_v: F2, sign: F):
     """Add the velocity of the image to each atom in another image than its body.
 
     Args:

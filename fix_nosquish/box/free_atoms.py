@@ -35,7 +35,7 @@ def of_cluster(clusters, atom_v, i):
 
 
 @loop
-def virial_of_others(
+def virial_of_free_atoms(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, atom_f: F2, atom_mass: F1,
     type_mass: F1, type: I1, clusters: F2, cell: ChangingBox, box: PeriodicBox,
 ):  # fmt: skip
@@ -75,7 +75,7 @@ def vector(atoms, i):
 
 
 @loop
-def move_others(
+def move_free_atoms(
     groups: I1, origins: L1, dilated: I, atom_x: F2, atom_v: F2, clusters: F2, step: L1,
     cell: ChangingBox,
 ):  # fmt: skip
@@ -83,7 +83,7 @@ def move_others(
     velocities by the inverse.
 
     Args:
-        dilated, clusters: see `virial_of_others`.
+        dilated, clusters: see `virial_of_free_atoms`.
     """
     numbers = cell.barostat
     if is_due(step, cell):

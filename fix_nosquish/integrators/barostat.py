@@ -278,9 +278,9 @@ class Barostat(EnsemblePart):
             if host.held:
                 finder = {"cluster_finder": host.find_clusters}
                 lists["pressure"].append(free_atoms.find_clusters.bind_to(cells, **finder))
-            virial = free_atoms.virial_of_others.bind_to(_counted(cells, host.counts))
+            virial = free_atoms.virial_of_free_atoms.bind_to(_counted(cells, host.counts))
             lists["pressure"].append(virial)
-            moving.append(free_atoms.move_others.bind_to(cells))
+            moving.append(free_atoms.move_free_atoms.bind_to(cells))
         lists["pressure"].append(self.forces_known.bind_to(cells))
         if self.flips:
             lists["flip"] = [flip.bind_to(cells)]

@@ -159,7 +159,7 @@ class Passes:
         """The atoms' velocities."""
         velocities = [step.set_velocities.bind_to(self.cells)]
         if self._conditions.remaps_velocities:
-            velocities.append(deform.speed_up.bind_to(self.cells, sign=1.0))
+            velocities.append(deform.add_image_velocities.bind_to(self.cells, sign=1.0))
         if spin:
             velocities.append(extended.set_spins.bind_to(self.cells))
         return velocities
@@ -170,7 +170,7 @@ class Passes:
         if box is None:
             return {}
         cells = self.cells | {"deformed_box": Cell(F1, box)}
-        follows = deform.stream if remaps else deform.deform
+        follows = deform.move_images if remaps else deform.deform
         return {"deform": [follows.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
 
     def run(self, name: str) -> int:

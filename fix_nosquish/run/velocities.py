@@ -66,7 +66,7 @@ class AtomVelocities:
         expected = np.empty_like(v)
         step.set_velocities.bind_to(bodies.cells, atom_v=expected)()
         if self._remaps and remapped:
-            deform.speed_up.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
+            deform.add_image_velocities.bind_to(bodies.cells, atom_v=expected, sign=1.0)()
         added = v[bodies.index] - expected[bodies.index]
         return added if self._ranks.any(added.any()) else None
 
@@ -91,7 +91,7 @@ class AtomVelocities:
         """As `take`, in a run; returns the sums over all ranks, in LAMMPS's units."""
         if self._remaps:
             atom_v = self._lammps.v
-            deform.speed_up.bind_to(self._bodies.cells, atom_v=atom_v, sign=-1.0)()
+            deform.add_image_velocities.bind_to(self._bodies.cells, atom_v=atom_v, sign=-1.0)()
         return self._lammps.mvv2e * self._ranks.total(self.take())
 
     def share_of_noise(self, added: np.ndarray, lost: float) -> float:
