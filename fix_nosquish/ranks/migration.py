@@ -18,7 +18,7 @@ from ..loops.memory import (
     resize,
     rows,
 )
-from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout
+from ..motion.block import FORCE, HOME, ID, LANES, MOMENT, NATOMS, Images, Kinds, Layout, at
 from ..motion.periodic import PeriodicBox, find_images, take_into_box
 from ..structs import IN_NO_BODY, UNDECIDED
 from .mpi import Mpi, add_up
@@ -341,10 +341,10 @@ def reorder(bodies, array, columns, n, arrived, begin):
     for k in range(height):
         row = k if n <= before else height - 1 - k
         for c in range(before):
-            line[0, c] = values[0, row * before + c]
+            line[0, at(c)] = values[0, at(row * before + c)]
         for b in range(n):
-            c = columns[b]
-            values[0, row * n + b] = line[0, c] if c >= 0 else arrived[-1 - c, begin + row]
+            c, new = columns[b], at(row * n + b)
+            values[0, new] = line[0, at(c)] if c >= 0 else arrived[-1 - c, begin + row]
     resize(bodies, array, height, n)
 
 
