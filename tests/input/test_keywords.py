@@ -449,8 +449,8 @@ WRONG_FILES = {
     "no mass": ("1\n" + GOOD_ROW.format(9).replace("3", "0"), ("body 9 has", "mass 0")),
     "not finite": ("1\n" + GOOD_ROW.format(9).replace("3", "nan"), NOT_FINITE),
     "negative moment": (
-        "1\n9 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",
-        ("the body of molecule 9 has", "negative principal moment of inertia, -1"),
+        "1\n1 3 1 1 1 -1 1 1 0 0 0 0 0 0 0 0 0 0 0 0",
+        ("the body of molecule 1 has", "negative principal moment of inertia, -1"),
     ),
     "inertia not finite": ("1\n9 3 1 1 1 nan 1 1 0 0 0 0 0 0 0 0 0 0 0 0", NOT_FINITE),
     "velocity not finite": ("1\n9 3 1 1 1 1 1 1 0 0 0 nan 0 0 0 0 0 0 0 0", NOT_FINITE),

@@ -119,7 +119,8 @@ def test_equals_the_equations_of_motion(shape, angle):
     q, p, time = turning(moments, angle)
     off, response = apart_from_reference(q, p, moments, time)
     ratio = off / (EPS * np.maximum(1, response))
-    assert ratio.max() < 8, (ratio.argmax(), off.max(), response.max())
+    bound = 8 if angle <= 1 else 20  # large angles are divided into parts, whose errors add up
+    assert ratio.max() < bound, (ratio.argmax(), off.max(), response.max())
 
 
 @pytest.mark.parametrize("time", [10.0, -30.0])
