@@ -12,7 +12,7 @@ from weakref import WeakMethod
 
 import numpy as np
 
-from ..errors import refuse
+from ..errors import RunError, refuse
 from ..host.lammps import Box, Lammps
 from ..loops.compiled import F2, L1, Cell, I
 from ..loops.memory import Memory
@@ -368,11 +368,12 @@ class Bodies:
                 without external forces.
         """
         receive = self.force_receiver()
-        refuse(
-            receive is None,  # nobody holds the fix any more
-            "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
-            "closed): call rigid_bodies for a fix that exists",
-        )
+        if receive is None:  # nobody holds the fix any more
+            raise RunError(
+                "add_force: the fix of these bodies no longer exists (unfix, or its LAMMPS was "
+                "closed): call rigid_bodies for a fix that exists",
+                everywhere=True,
+            )
         receive(ids, force, torque)
 
     def take_velocities(
