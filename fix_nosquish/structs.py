@@ -11,6 +11,14 @@ from enum import IntEnum, IntFlag, auto
 from typing import Any, NamedTuple
 
 
+class Text(ctypes.c_char_p):
+    """A text as an argument of a function: str in Python."""
+
+    @classmethod
+    def from_param(cls, text: str) -> Any:
+        return super().from_param(text.encode())
+
+
 class Type(NamedTuple):
     """A type in C++, with {} in place of the name that is declared, and in ctypes.
 
@@ -27,11 +35,13 @@ INT = Type("int32_t {}", ctypes.c_int32)
 LONG = Type("int64_t {}", ctypes.c_int64)
 DOUBLE = Type("double {}", ctypes.c_double)
 TEXT = Type("const char *{}", ctypes.c_char_p)
+WORD = Type("const char *{}", ctypes.c_char_p, Text)
 PLACE = Type("void *{}", ctypes.c_void_p)
 # addresses of numbers, which Python sees as integers
 INTS = Type("int32_t *{}", ctypes.c_void_p)
 LONGS = Type("int64_t *{}", ctypes.c_void_p, ctypes.POINTER(ctypes.c_int64))
 DOUBLES = Type("double *{}", ctypes.c_void_p, ctypes.POINTER(ctypes.c_double))
+NUMBERS = Type("double *{}", ctypes.c_void_p)
 NOTHING = Type("void {}", None)
 
 
@@ -42,9 +52,9 @@ def address_of(struct: str) -> Type:
 
 def function(result: Type, *arguments: Type) -> Type:
     """A pointer to a function."""
-    taken = ", ".join(one.cpp.format("").strip() for one in arguments)
-    kinds = [one.argument or one.python for one in arguments]
-    return Type(result.cpp.format(f"(*{{}})({taken})"), ctypes.CFUNCTYPE(result.python, *kinds))
+    declared = ", ".join(kind.cpp.format("").strip() for kind in arguments)
+    kinds = [kind.argument or kind.python for kind in arguments]
+    return Type(result.cpp.format(f"(*{{}})({declared})"), ctypes.CFUNCTYPE(result.python, *kinds))
 
 
 def of_fix(result: Type, *arguments: Type) -> Type:
@@ -152,14 +162,12 @@ DATA = {
     "argument": INT,  # of LAMMPS's fix command, that is wrong; -1 for none
     # set by Python: what the instance declares, see `_announce` in plugin/bridge.py
     "wants_virial": INT,  # it computes a virial
-    "wants_virial_per_atom": INT,
     "flips": INT,  # it may choose other box vectors of the same lattice
     "needs_energy": INT,  # it needs the potential energy
     "couples": INT,  # it exchanges energy with a reservoir
     "restart_file": INT,  # it writes a file beside restart files
-    "follows_atoms": INT,  # it needs the origins of atoms
+    "follows_atoms": INT,  # it needs the origins of atoms, and computes a virial of each
     "carries": INT,  # how many numbers go with an atom to another rank
-    "rigid_flag": INT,  # it is a rigid fix to LAMMPS
     "changes_box": INT,  # it changes the box after steps that are multiples of this; 0: never
     "restart_size": INT,  # how many numbers it has in restart files
     "restart_state": DOUBLES,
@@ -184,8 +192,6 @@ DATA = {
     **each(TEXT, "fix_id group"),
     "line": TEXT,  # the fix line from the style on, a word a line
     "virial": DOUBLES,
-    "virial_per_atom": DOUBLES,  # (natoms, 9)
-    "natoms": INT,  # -1 while LAMMPS needs no virial per atom
     "vflag": INT,  # the virial that LAMMPS needs in this step
     **each(LONGS, "next_output begin_step end_step"),  # addresses of LAMMPS's numbers of steps
     "last_step": LONGS,  # of the run, whatever its keywords start and stop
@@ -208,7 +214,7 @@ DATA = {
     "at_flipped": address_of("Action"),  # and after it has chosen other vectors of the lattice
     # boxes that change
     "forces_virial": DOUBLES,  # of all ranks, without this fix, where the box changes next
-    "deformed_box": DOUBLES,  # lo, hi, xy, xz, yz for passes deform, flipped
+    "deformed_box": DOUBLES,  # lo, hi, xy, xz, yz for passes deform and flipped
     "rate": DOUBLES,  # LAMMPS's h_rate: xx yy zz yz xz xy
     "remap_group": INT,  # the bit of the group of fix deform remap v, or 0
     "arrays": address_of("Arrays"),
@@ -217,35 +223,33 @@ DATA = {
     # external forces (fix_modify external)
     "pushes": INT,  # set by Python: call push when the forces of a step are known
     "words": TEXT,  # set by Python: the variables and columns that it needs, separated by spaces
-    **each(INT, "tells_energy tells_virial"),  # set by Python: what LAMMPS counts of them
+    **each(INT, "counts_energy counts_virial"),  # set by Python: what LAMMPS counts of them
     "values": DOUBLES,  # of the words, one after the other
     "sizes": INTS,  # how many values each word has: 0 for one that is for all bodies
-    "told": DOUBLES,  # set by Python: the energy of these forces, and their virial on this rank
+    "external_sums": DOUBLES,  # set by Python: of these forces, the virial on this rank
 }
 
 FUNCTIONS = {
-    "log": of_fix(NOTHING, TEXT),
+    "log": of_fix(NOTHING, WORD),
     "nth_fix": of_fix(INT, INT, PLACE),  # fills FixFacts; 0 after the last; no id for this fix
     "command": of_fix(TEXT),  # the words of the last command
-    "removed_freedom": of_fix(LONG, TEXT, TEXT),  # by another fix, in a group
-    "begin_step_of": of_fix(NOTHING, TEXT),  # initial_integrate of another fix
-    "pair_style": of_fix(INT, TEXT),  # whether one that begins with this is in use
-    "gravity": of_fix(LONG, TEXT),  # address of another fix's acceleration, or 0
+    "removed_freedom": of_fix(LONG, WORD, WORD),  # by another fix, in a group
+    "begin_step_of": of_fix(NOTHING, WORD),  # initial_integrate of another fix
+    "pair_style": of_fix(INT, WORD),  # whether one that begins with this is in use
+    "gravity": of_fix(LONG, WORD),  # address of another fix's acceleration, or 0
     "point": of_fix(NOTHING),  # set the cells for LAMMPS's arrays
     "set_array_rows": of_fix(NOTHING, INT),
     "now": of_fix(LONG),  # bits of When
     "potential": of_fix(DOUBLE),  # the potential energy of the last forces, alike on all ranks
-    "ask_for_energy": of_fix(NOTHING, LONG),  # have LAMMPS compute it in this step
+    "request_energy": of_fix(NOTHING, LONG),  # have LAMMPS compute it in this step
     "go_back": of_fix(INT),  # displace atoms by their velocities, compute forces; 0 for an error
     "set_box": of_fix(LONG, DOUBLES),  # lo, hi, xy, xz, yz
     # and the multiples of vectors that were added: a to b, a to c, b to c
     "flip_box": of_fix(LONG, DOUBLES),
     "find_clusters": of_fix(LONG),  # fill the cell clusters
-    "particles": of_fix(
-        INT, DOUBLES
-    ),  # 7 numbers of each local atom, see particles.h; 0 if unknown
+    "particles": of_fix(INT, NUMBERS),  # 7 of each local atom, see particles.h; 0 if unknown
     "orient_atom": of_fix(LONG, LONG, DOUBLES),  # set the orientation of a particle
-    "molecule": of_fix(INT, INT, DOUBLES),  # 13 numbers, see templates.h; 0 if unknown
+    "molecule": of_fix(INT, INT, NUMBERS),  # 13 of a template, see templates.h; 0 if unknown
 }
 
 # methods of the instance, by their names; null if it does not have them
@@ -260,7 +264,7 @@ HOOKS = {
     "end_of_step": function(INT),  # only with run_style respa
     "reset_dt": function(INT),
     "post_run": function(INT),
-    "act": function(INT, LONG, LONG),  # the number of an action, and what its pass returned
+    "run_action": function(INT, LONG, LONG),  # the number of an action, and what its pass returned
     # a minimization; the arrays are of min_dof numbers
     "min_store": function(INT),
     "min_step": function(INT, DOUBLE, LONG),  # alpha, address of the direction
@@ -323,8 +327,8 @@ class Bridge(ctypes.Structure):
 def _declarations() -> str:
     lines = ["// made by setup.py from fix_nosquish/structs.py, which explains the fields"]
     lines += ["#pragma once", '#include "cell.h"']
-    outcomes = [f"{one.name} = {one.value}" for one in Outcome]
-    bits = [f"{one.name} = {one.bit_length() - 1}" for one in When]
+    outcomes = [f"{outcome.name} = {outcome.value}" for outcome in Outcome]
+    bits = [f"{bit.name} = {bit.bit_length() - 1}" for bit in When]
     lines += [f"enum Outcome {{ {', '.join(outcomes)} }};", f"enum When {{ {', '.join(bits)} }};"]
     lines += [f"constexpr int64_t {name} = {value}LL;" for name, value in CONSTANTS.items()]
     for struct, fields in STRUCTS.items():

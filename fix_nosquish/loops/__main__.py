@@ -20,9 +20,7 @@ from .registry import LOOPS, PACKAGE
 
 NO_LOOPS = "fix_nosquish.loops", "fix_nosquish.plugin", "fix_nosquish.__main__"
 # not linked to libc and libm: Python has loaded them already
-LINK = ["-bundle", "-undefined", "dynamic_lookup"]
-if sys.platform != "darwin":
-    LINK = ["-shared", "-nostdlib"]
+LINK = "-shared", "-nostdlib"
 
 
 def modules() -> list[str]:

@@ -19,7 +19,7 @@ from typing import Any
 
 from .registry import INLINED, LOOPS, PACKAGE
 
-_tell = partial(print, file=sys.stderr, flush=True)
+_print = partial(print, file=sys.stderr, flush=True)
 
 
 def machine_code(names: Sequence[str], level: str) -> dict[str, bytes]:
@@ -38,17 +38,17 @@ def machine_code(names: Sequence[str], level: str) -> dict[str, bytes]:
     files = {name: file_of(folder, name, level) for name in names}
     if missing := [name for name, file in files.items() if not read(file)]:
         package, begin = missing[0].partition(".")[0], time.perf_counter()
-        _tell(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
+        _print(f"{package} compiles its loops, once for each integrator on this machine: 5 to 60 s")
         folder.mkdir(0o700, parents=True, exist_ok=True)
         run_compiler(folder, missing, [level])
-        _tell(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
-    found = {name: read(file) for name, file in files.items()}
-    if other := [name for name, code in found.items() if not code]:
+        _print(f"{package} has compiled its loops: {time.perf_counter() - begin:.0f} s")
+    codes = {name: read(file) for name, file in files.items()}
+    if changed := [name for name, code in codes.items() if not code]:
         raise RuntimeError(
-            f"the file of {other[0]} has changed since this process imported it: start the process "
-            "anew"
+            f"the file of {changed[0]} has changed since this process imported it: restart the "
+            "process"
         )
-    return found
+    return codes
 
 
 def run_compiler(folder: Path, names: Iterable[str], levels: Iterable[str]) -> None:
@@ -82,8 +82,8 @@ def load(codes: dict[str, bytes], level: int) -> None:
         owner = llvm.create_mcjit_compiler(llvm.parse_assembly(""), target)
         owner.add_object_file(llvm.ObjectFileRef.from_data(code))
         owner.finalize_object()
-        for one in LOOPS[name]:
-            one.set_machine_code(owner.get_function_address(one.name), owner, level)
+        for loop in LOOPS[name]:
+            loop.set_machine_code(owner.get_function_address(loop.name), owner, level)
 
 
 # ---------------------------------------------------------------- the cache
@@ -103,7 +103,7 @@ def file_of(folder: Path, name: str, level: str) -> Path:
             f"pip install '{PACKAGE}[numba]'"
         ) from None
     compiler = Path(__file__).with_name("lower.py").read_text()
-    loops = [(one.name, one.kinds, _meaning(one.__wrapped__)) for one in LOOPS[name]]
+    loops = [(loop.name, loop.kinds, _meaning(loop.__wrapped__)) for loop in LOOPS[name]]
     digest = source_hash(repr((versions, compiler, loops)).encode()).hex()
     return folder / f"{name}.{digest}.{level}.o"
 
@@ -145,8 +145,8 @@ def _meaning(function: Any, outer: tuple = ()) -> Any:
     names = sorted({name for code in codes for name in code.co_names})
     used = {name: function.__globals__[name] for name in names if name in function.__globals__}
     for module in [value for value in used.values() if isinstance(value, ModuleType)]:
-        found = [name for name in names if hasattr(module, name)]
-        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in found}
+        members = [name for name in names if hasattr(module, name)]
+        used |= {f"{module.__name__}.{name}": getattr(module, name) for name in members}
     free, cells = function.__code__.co_freevars, function.__closure__ or ()
     used |= {name: cell.cell_contents for name, cell in zip(free, cells, strict=True)}
     for name, value in used.items():

@@ -84,9 +84,9 @@ class Kind(NamedTuple):
 
     def fits(self, dtype: np.dtype) -> bool:
         """Whether this is a record, and a record of that type begins with its fields."""
-        own: Mapping[str, Any] = self.dtype.fields or {}
-        theirs: Mapping[str, Any] = dtype.fields or {}
-        return bool(own) and all(theirs.get(name) == place for name, place in own.items())
+        fields: Mapping[str, Any] = self.dtype.fields or {}
+        others: Mapping[str, Any] = dtype.fields or {}
+        return bool(fields) and all(others.get(name) == place for name, place in fields.items())
 
     # (in Python 3.10 the annotations of a NamedTuple must be callable)
     def __call__(self, **values: Any) -> Any:
@@ -97,14 +97,13 @@ class Kind(NamedTuple):
         Raises:
             TypeError: for a name that is not a field.
         """
-        made = np.zeros(1, self.dtype)[0]
+        result: Any = np.zeros(1, self.dtype)[0]
         for name, value in values.items():
-            if name not in made.dtype.names:
-                raise TypeError(
-                    f"the record {self.name} has no field {name}, but {', '.join(made.dtype.names)}"
-                )
-            setattr(made, name, value)
-        return made
+            if name not in result.dtype.names:
+                fields = ", ".join(result.dtype.names)
+                raise TypeError(f"the record {self.name} has no field {name}, but {fields}")
+            setattr(result, name, value)
+        return result
 
     def of(self, array: np.ndarray) -> Any:
         """The record that is in the first bytes of an array."""
@@ -245,10 +244,6 @@ def address(array: Any) -> Any:
     """The address of an array."""
 
 
-def longs(place: Any, n: Any) -> Any:
-    """The int64 array (n,) at an address."""
-
-
 def call(place: Any, *arguments: Any) -> Any:
     """Call the C function at an address with up to 7 integers or addresses; return its integer."""
 
@@ -282,9 +277,8 @@ class Loop:
     def __init__(self, function: Callable, owner: tuple[str, str] | None = None) -> None:
         update_wrapper(cast(Any, self), function)
         module, within = owner or (function.__module__, "")
-        own_name = function.__name__ if owner else function.__qualname__
-        name = f"{within}.{own_name}" if within else own_name
-        self.name = f"{module}.{name}"
+        name = function.__name__ if owner else function.__qualname__
+        self.name = ".".join(filter(None, (module, within, name)))
         self.parameters = notes = annotations(function)
         self.returns = notes.pop("return", NoneType) is not NoneType
         arguments = function.__code__.co_varnames[: function.__code__.co_argcount]
@@ -302,7 +296,7 @@ class Loop:
         self.level: int | None = None
         self.module = module
         # a module that is imported again replaces its loops
-        others = [one for one in LOOPS.get(module, ()) if one.name != self.name]
+        others = [loop for loop in LOOPS.get(module, ()) if loop.name != self.name]
         LOOPS[module] = [*others, self]
 
     def set_machine_code(self, address: int, owner: Any, level: int) -> None:

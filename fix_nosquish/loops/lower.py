@@ -9,12 +9,13 @@ import importlib
 import math
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache as cached
 from functools import partial
 from itertools import count
 from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 from . import cache, compiled
 from .machine_code import ADDED
@@ -44,11 +45,11 @@ NO_MEMORY = (
 )
 
 
-def compile_modules(folder, names, levels):
+def compile_modules(folder: Path, names: Sequence[str], levels: Sequence[str]) -> None:
     """Write the machine code of modules' loops: a file for each module and level.
 
     Raises:
-        SystemExit: if a loop cannot be compiled; the message was printed.
+        SystemExit: with a message, if a loop cannot be compiled.
     """
     gc.disable()  # numba has very many objects that live until the end
     for function, options in INLINED.items():
@@ -56,34 +57,22 @@ def compile_modules(folder, names, levels):
     for function, implementation in PRIMITIVES.items():
         _implement(function, implementation)
     longest_first = sorted(names, key=lambda name: len(LOOPS[name]), reverse=True)
-    # a queue: each process reads the index of its next module from this pipe
-    queue, end = os.pipe()
-    os.write(end, bytes(range(len(names))))
-    os.close(end)
-    work = partial(_work, queue, folder, longest_first, levels)
-    at_most = min(4, os.cpu_count() or 1, len(names))
-    processes = [get_context("fork").Process(target=work) for _ in range(at_most)]
-    for process in processes:
-        process.start()
-    for process in processes:
-        process.join()
-    if any(process.exitcode for process in processes):
-        sys.exit(1)
-
-
-def _work(queue, folder, names, levels):
-    """Compile the modules whose indices this process reads from the queue."""
+    processes = min(4, os.cpu_count() or 1, len(names))
     try:
-        while index := os.read(queue, 1):
-            name = names[index[0]]
-            code = _bitcode(LOOPS[name])
-            for level in levels:
-                cache.save(cache.file_of(folder, name, level), _object(code, level))
+        with get_context("fork").Pool(processes) as pool:
+            pool.map(partial(_compile_module, folder, levels), longest_first, chunksize=1)
     except (RuntimeError, OSError) as error:
         sys.exit(str(error))
 
 
-def _implement(function, implementation, **options):
+def _compile_module(folder: Path, levels: Sequence[str], name: str) -> None:
+    """Write the machine code of a module's loops."""
+    code = _bitcode(LOOPS[name])
+    for level in levels:
+        cache.save(cache.file_of(folder, name, level), _object(code, level))
+
+
+def _implement(function: Callable, implementation: Callable, **options: Any) -> None:
     """Have numba compile `implementation` where a compiled function calls `function`."""
     overload(function, OPTIONS | options, strict=False)(lambda *types: implementation)
 
@@ -91,12 +80,12 @@ def _implement(function, implementation, **options):
 # ---------------------------------------------------------------- primitives
 
 
-def _from_address(kind):
+def _from_address(kind: Any) -> Any:
     """A function from an address to a pointer, or to a record."""
 
     @intrinsic
-    def converted(typing, address):
-        def code(context, builder, signature, values):
+    def converted(typing: Any, address: Any) -> Any:
+        def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             return builder.inttoptr(values[0], context.get_value_type(signature.return_type))
 
         return kind(types.int64), code
@@ -110,8 +99,8 @@ _to_float, _to_long, _to_int = (
 
 
 @intrinsic
-def _fetch(typing, address):
-    def code(context, builder, signature, values):
+def _fetch(typing: Any, address: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         number, pointer = ir.IntType(32), ir.IntType(8).as_pointer()
         kind = ir.FunctionType(ir.VoidType(), [pointer, number, number, number])
         fetch = builder.module.declare_intrinsic("llvm.prefetch.p0", (), kind)
@@ -123,13 +112,13 @@ def _fetch(typing, address):
     return types.void(types.int64), code
 
 
-def _prefetch(array, row, column):
+def _prefetch(array: Any, row: Any, column: Any) -> None:
     _fetch(array.ctypes.data + array.itemsize * (row * array.shape[1] + column))
 
 
 @intrinsic
-def _call(typing, address, arguments):
-    def code(context, builder, signature, values):
+def _call(typing: Any, address: Any, arguments: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         address, packed = values
         numbers = [builder.extract_value(packed, k) for k in range(len(arguments))]
         kind = ir.FunctionType(LONG, [LONG] * len(numbers))
@@ -139,9 +128,9 @@ def _call(typing, address, arguments):
 
 
 @intrinsic
-def _reallocate(typing, address, size):
-    def code(context, builder, signature, values):
-        def call(name, *numbers):
+def _reallocate(typing: Any, address: Any, size: Any) -> Any:
+    def code(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        def call(name: str, *numbers: Any) -> Any:
             kind, module = ir.FunctionType(LONG, [LONG] * len(numbers)), builder.module
             return builder.call(
                 module.globals.get(name) or ir.Function(module, kind, name), numbers
@@ -160,7 +149,6 @@ def _reallocate(typing, address, size):
 PRIMITIVES: dict[Callable, Callable] = {
     compiled.prefetch: _prefetch,
     compiled.address: lambda array: array.ctypes.data,
-    compiled.longs: lambda address, n: carray(_to_long(address), (n,)),
     compiled.call: lambda address, *arguments: _call(address, arguments),
     reallocate: lambda address, size: _reallocate(address, size),
     longs_in: lambda memory, row: carray(_to_long(memory[row, ADDRESS]), (memory[row, LENGTH],)),
@@ -178,7 +166,7 @@ PRIMITIVES: dict[Callable, Callable] = {
 
 
 @cached
-def _reader(kind):
+def _reader(kind: compiled.Kind) -> Callable:
     """A function from the address of a cell to the argument of that kind."""
     is_record, columns = bool(kind.dtype.names), kind.columns
     dtype = from_dtype(kind.dtype)
@@ -196,13 +184,14 @@ def _reader(kind):
     return read
 
 
-def _entry(loop):
+def _entry(loop: Any) -> Callable:
     """A function that reads the arguments of a loop from their cells, and runs it."""
     function = loop.__wrapped__
     _implement(function, function)
-    names, indices, arguments = {"loop": function}, count(), []
+    names: dict[str, Any] = {"loop": function}
+    indices, arguments = count(), []
 
-    def argument(kind):
+    def argument(kind: compiled.Kind) -> str:
         k = next(indices)
         names[f"read_{k}"] = _reader(kind)
         return f"read_{k}(cells[{k}])"
@@ -223,7 +212,7 @@ def _entry(loop):
 # ---------------------------------------------------------------- LLVM
 
 
-def _bitcode(loops):
+def _bitcode(loops: Sequence[compiled.Loop]) -> bytes:
     """The bitcode of loops: for each a function `int64 NAME(int64 *cells)` of addresses of cells.
 
     Raises:
@@ -255,7 +244,7 @@ def _bitcode(loops):
     return linked.as_bitcode()
 
 
-def _simplify(module):
+def _simplify(module: Any) -> list[str]:
     """Inline all functions into one, and optimize it for no processor in particular.
 
     Returns:
@@ -268,7 +257,7 @@ def _simplify(module):
     return [name for name in left if not name.startswith(known) and not hasattr(math, name)]
 
 
-def _object(code, level):
+def _object(code: bytes, level: str) -> bytes:
     """An object file of bitcode.
 
     The optimization is -O2 without interleaving.  -O3 and interleaving make much more code, which
@@ -280,14 +269,14 @@ def _object(code, level):
     return target.emit_object(module)
 
 
-def _optimize(module, target, vectorize):
+def _optimize(module: Any, target: Any, vectorize: bool) -> None:
     options = llvm.create_pipeline_tuning_options(speed_level=2)
     options.loop_vectorization, options.loop_interleaving = vectorize, False
     builder = llvm.create_pass_builder(target, options)
     builder.getModulePassManager().run(module, builder)
 
 
-def _target(level=""):
+def _target(level: str = "") -> Any:
     """LLVM's description of the processors of a level.
 
     Without a level it is no real processor: tuning for one twice makes steps 6 % slower, so only
@@ -302,7 +291,7 @@ def _target(level=""):
     return target.create_target_machine(cpu=cpu, opt=3, reloc="pic", codemodel="default")
 
 
-def main():
+def main() -> None:
     """Run `compile_modules` with the arguments FOLDER LEVEL,... MODULE ..."""
     folder, levels, *names = sys.argv[1:]
     for name in names:

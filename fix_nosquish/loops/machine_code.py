@@ -31,7 +31,7 @@ FAILED = "the loops cannot be compiled or loaded"
 @cached
 def level() -> int:
     """The index in `LEVELS` of the highest level of this processor."""
-    if LEVELS == [MACHINE] or not os.path.exists("/proc/cpuinfo"):
+    if LEVELS == [MACHINE]:
         return 0
     with open("/proc/cpuinfo") as lines:
         flags = set(next(line for line in lines if line.startswith("flags")).split())
@@ -71,9 +71,9 @@ def load(communicator: Any, *names: str) -> None:
     """
     agreed = communicator.least(level())
     others: list[str] = []
-    codes: dict[str, bytes] | None = None
+    codes: dict[str, bytes] = {}
     wanted = [name for name in names if name in LOOPS]
-    if not communicator.any(any(one.level != agreed for name in wanted for one in LOOPS[name])):
+    if not communicator.any(any(loop.level != agreed for name in wanted for loop in LOOPS[name])):
         return
     with communicator.together(FAILED):
         others = _load_from_library(wanted, agreed)
@@ -106,13 +106,13 @@ def load_on_this_rank(name: str) -> None:
 
 def _load_from_library(names: Iterable[str], agreed: int) -> list[str]:
     """Load loops of the library. Returns: the names of the modules that it does not have."""
-    found, others = library(agreed), []
+    compiled, others = library(agreed), []
     for name in names:
-        functions: list[Any] = [getattr(found, one.name, None) for one in LOOPS[name]]
-        if all(functions):
-            for one, function in zip(LOOPS[name], functions, strict=True):
-                place = ctypes.cast(function, ctypes.c_void_p).value
-                one.set_machine_code(place, found, agreed)
-        else:
+        functions: list[Any] = [getattr(compiled, loop.name, None) for loop in LOOPS[name]]
+        if not all(functions):
             others.append(name)
+            continue
+        for loop, function in zip(LOOPS[name], functions, strict=True):
+            address = ctypes.cast(function, ctypes.c_void_p).value
+            loop.set_machine_code(address, compiled, agreed)
     return others

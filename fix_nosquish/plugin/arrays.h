@@ -24,15 +24,15 @@ class AtomArrays : public Part {
 
   // Store the present forces for the bodies: fixes after this one add theirs to LAMMPS's arrays.
 
-  void keep_forces()
+  void store_forces()
   {
-    auto keep = [this](F2 &cell, std::vector<double> &kept, double **array) {
+    auto store = [this](F2 &cell, std::vector<double> &stored, double **array) {
       if (!array || !atom->nlocal) return;
-      kept.assign(array[0], array[0] + 3 * atom->nlocal);
-      cell.point(kept.data(), atom->nlocal, 3);
+      stored.assign(array[0], array[0] + 3 * atom->nlocal);
+      cell.point(stored.data(), atom->nlocal, 3);
     };
-    keep(bridge.arrays->atom_f, kept_force, atom->f);
-    keep(bridge.arrays->atom_torque, kept_torque, atom->torque);
+    store(bridge.arrays->atom_f, stored_force, atom->f);
+    store(bridge.arrays->atom_torque, stored_torque, atom->torque);
   }
 
   // Set the cells to LAMMPS's arrays.
@@ -41,14 +41,14 @@ class AtomArrays : public Part {
   {
     Arrays &cells = *bridge.arrays;
     const int64_t n = atom->nlocal;
-    auto point_forces = [this, n](F2 &cell, const std::vector<double> &kept, double **array) {
-      if (early && array && n && (int64_t) kept.size() == 3 * n) cell.point(kept.data(), n, 3);
+    auto point_forces = [this, n](F2 &cell, const std::vector<double> &stored, double **array) {
+      if (early && array && n && (int64_t) stored.size() == 3 * n) cell.point(stored.data(), n, 3);
       else cell.point(array, n, 3);
     };
     cells.atom_x.point(atom->x, n, 3);
     cells.atom_v.point(atom->v, n, 3);
-    point_forces(cells.atom_f, kept_force, atom->f);
-    point_forces(cells.atom_torque, kept_torque, atom->torque);
+    point_forces(cells.atom_f, stored_force, atom->f);
+    point_forces(cells.atom_torque, stored_torque, atom->torque);
     cells.atom_omega.point(atom->omega, n, 3);
     cells.atom_angmom.point(atom->angmom, n, 3);
     cells.atom_mu.point(atom->mu, n, 4);
@@ -63,7 +63,7 @@ class AtomArrays : public Part {
   }
 
  private:
-  std::vector<double> kept_force, kept_torque;
+  std::vector<double> stored_force, stored_torque;
 };
 
 }    // namespace nosquish

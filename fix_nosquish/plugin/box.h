@@ -22,8 +22,8 @@ namespace nosquish {
 class Box : public Part {
  public:
   using Numbers = std::array<double, 9>;    // lowest and highest coordinates, xy, xz, yz
-  Numbers kept{};                           // the box of the passes
-  Numbers told{};                           // the argument of the passes deform and flipped
+  Numbers known{};       // the box of the passes
+  Numbers deformed{};    // the argument of the passes deform and flipped
 
   using Part::Part;
 
@@ -33,8 +33,8 @@ class Box : public Part {
     return {lo[0], lo[1], lo[2], hi[0], hi[1], hi[2], domain->xy, domain->xz, domain->yz};
   }
 
-  void keep() { kept = now(); }
-  void tell() { told = now(); }
+  void note() { known = now(); }
+  void note_deformed() { deformed = now(); }
 
   // A run begins.
 
@@ -58,7 +58,7 @@ class Box : public Part {
     domain->set_global_box();
     domain->set_local_box();
     if (force->kspace) force->kspace->setup();
-    keep();
+    note();
   }
 
   // Set the box to other vectors of the same lattice. After the numbers of `set` come the multiples of a added to b, of a to c, and of b
@@ -94,9 +94,9 @@ class Box : public Part {
 
   std::string warning()
   {
-    constexpr double much = 8.0;
+    constexpr double limit = 8.0;
     const double ratio = first_volume > 0.0 ? volume() / first_volume : 1.0;
-    if (ratio < much && ratio > 1.0 / much) return "";
+    if (ratio < limit && ratio > 1.0 / limit) return "";
     first_volume = 0.0;
     std::ostringstream text;
     text << "by step " << update->ntimestep << " the volume is " << ratio << " times that at the start of the run, " << volume()
@@ -111,9 +111,9 @@ class Box : public Part {
   // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so. Ends the run if its rates
   // are others than when the run began, from which bodies that cross a face get their velocities.
 
-  bool streams() const
+  bool remaps_velocities() const
   {
-    if (!bridge.remap_group || !bridge.at_deform || now() == kept) return false;
+    if (!bridge.remap_group || !bridge.at_deform || now() == known) return false;
     if (!std::equal(first_rate, first_rate + 6, domain->h_rate))
       refuse("fix deform has other rates now than when the run began: with remap v bodies follow constant ones, as of erate, vel, "
              "delta, scale or final");

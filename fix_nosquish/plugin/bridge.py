@@ -77,7 +77,6 @@ def attach(address: int) -> None:
         if hasattr(instance, "virial"):
             bridge.wants_virial = 1
             instance.virial = array(bridge.virial, (6,), float)
-        bridge.wants_virial_per_atom = hasattr(instance, "virial_per_atom")
         _announce(bridge, instance)
         for name, kind in HOOKS.items():
             if callable(getattr(instance, name, None)):
@@ -99,9 +98,9 @@ def _text(line: bytes) -> str:
     try:
         return line.decode()
     except UnicodeDecodeError:
-        said = line.decode(errors="replace").replace("\n", " ")
+        text = line.decode(errors="replace").replace("\n", " ")
         raise RunError(
-            f"'{said}' has letters beyond ASCII, and LAMMPS keeps only "
+            f"'{text}' has letters beyond ASCII, and LAMMPS keeps only "
             "a part of them when it reads a script: use ASCII letters. A file with such a name "
             "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
             everywhere=True,
@@ -161,9 +160,8 @@ def _announce(bridge: Bridge, instance: Any) -> None:
     """Tell LAMMPS what it must know when the fix is made, such as the size of its vector."""
     template = getattr(instance, "template", None)
     bridge.template_id = template and template.encode()
-    for name in "restart_file", "rigid_flag", "follows_atoms", "flips", "needs_energy", "couples":
-        setattr(bridge, name, bool(getattr(instance, name, False)))
-    bridge.carries = int(getattr(instance, "carries", 0))
+    for name in "restart_file", "follows_atoms", "flips", "needs_energy", "couples", "carries":
+        setattr(bridge, name, int(getattr(instance, name, 0)))
     bridge.changes_box = int(getattr(instance, "box_every", 0))
     state = getattr(instance, "restart_state", None)
     if state is not None:
@@ -184,27 +182,20 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
     """A callback that calls the method of that name, and passes no exception into C++.
 
     The method takes texts as `str`. Its result goes to the last argument of the callback, if that
-    is an address for numbers. During the call, `virial_per_atom` of an instance that has this
-    attribute is a view of zeros (natoms, 9), or None if LAMMPS needs no virial per atom.
+    is an address for numbers.
     """
-    per_atom = bridge.wants_virial_per_atom
     result = RESULTS.get(signature._argtypes_[-1]) if signature._argtypes_ else None
 
     def call(*arguments: Any) -> int:
-        *taken, place = (*arguments, None) if result is None else arguments
+        *inputs, place = (*arguments, None) if result is None else arguments
         try:
-            if per_atom and bridge.natoms >= 0:
-                instance.virial_per_atom = array(bridge.virial_per_atom, (bridge.natoms, 9), float)
-            taken = [os.fsdecode(one) if isinstance(one, bytes) else one for one in taken]
-            given = getattr(instance, name)(*taken)
+            inputs = [os.fsdecode(text) if isinstance(text, bytes) else text for text in inputs]
+            returned = getattr(instance, name)(*inputs)
             if result:
-                for k, number in enumerate(given if isinstance(given, tuple) else (given,)):
+                for k, number in enumerate(returned if isinstance(returned, tuple) else [returned]):
                     place[k] = result(number)
         except BaseException as problem:
             return failed(bridge, problem)
-        finally:
-            if per_atom:
-                instance.virial_per_atom = None
         return Outcome.DONE
 
     return call
@@ -214,8 +205,6 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
 def _release(address: int) -> None:
     """Release the instance, because the fix and the memory of the bridge end."""
     bridge, instance, host = _live.pop(address)
-    if host:
-        del host._bridge
     if bridge.wants_virial:
         instance.virial = instance.virial.copy()
     for name, kind in HOOKS.items():
@@ -226,6 +215,8 @@ def _release(address: int) -> None:
     bridge.phase = 0
     if hasattr(instance, "let_go"):  # a driver may still have it, and must not read freed memory
         instance.let_go()
+    if host:
+        vars(host).clear()  # it has addresses of the fix
 
 
 @atexit.register

@@ -17,7 +17,7 @@ namespace nosquish {
 
 // Whether a fix constrains clusters of atoms.
 
-bool holds(const Fix *fix)
+bool constrains(const Fix *fix)
 {
   return utils::strmatch(fix->style, "^shake") || utils::strmatch(fix->style, "^rattle");
 }
@@ -37,15 +37,15 @@ class Clusters : public Part {
   {
     comm->forward_comm();
     comm->forward_comm(fix);
-    std::vector<Fix *> holding;
+    std::vector<Fix *> constraining;
     for (const auto &other : modify->get_fix_list())
-      if (holds(other)) holding.push_back(other);
+      if (constrains(other)) constraining.push_back(other);
     rows.assign(6 * (size_t) atom->nlocal, 0.0);
     tagint cut = 0;
     for (int i = 0; i < atom->nlocal; i++) {
       double *cluster = &rows[6 * (size_t) i];
       std::copy_n(atom->v[i], 3, cluster + 3);
-      for (Fix *other : holding)
+      for (Fix *other : constraining)
         if ((atom->mask[i] & bridge.held) && !fill(i, other, cluster)) cut = std::max(cut, atom->tag[i]);
     }
     bridge.arrays->clusters.point(rows.data(), atom->nlocal, 6);

@@ -18,11 +18,11 @@ class ComputeOfBodies : public Compute {
     if (local_flag ? narg < 5 : narg != 4)
       end_on_all(lmp, problem(local_flag ? "expected the ID of a fix and values" : "expected the ID of a fix, and nothing else"));
     bodies = arg[3];
-    const std::vector<std::string> given(arg + 4, arg + std::max(4, narg));
-    for (const auto &word : given)
+    const std::vector<std::string> names(arg + 4, arg + std::max(4, narg));
+    for (const auto &word : names)
       if (!std::count(VALUES.begin(), VALUES.end(), word))
         end_on_all(lmp, problem("'" + word + "' is not a value of a body: expected some of " + utils::join_words(VALUES, ", ")));
-    words = utils::join_words(given, " ");
+    words = utils::join_words(names, " ");
     size_local_cols = narg == 5 ? 0 : narg - 4;
     scalar_flag = extscalar = !local_flag;
   }
@@ -61,11 +61,11 @@ class ComputeOfBodies : public Compute {
 
   FixPythonMove *find() const
   {
-    Fix *found = modify->get_fix_by_id(bodies);
-    if (!found) end_on_all(lmp, problem("there is no fix " + bodies));
-    auto ours = dynamic_cast<FixPythonMove *>(found);
+    Fix *other = modify->get_fix_by_id(bodies);
+    if (!other) end_on_all(lmp, problem("there is no fix " + bodies));
+    auto ours = dynamic_cast<FixPythonMove *>(other);
     if (!ours || !ours->has_bodies())
-      end_on_all(lmp, problem("fix " + bodies + " (style " + found->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
+      end_on_all(lmp, problem("fix " + bodies + " (style " + other->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
                                 "LAMMPS's own define the compute with the suffix off"));
     return ours;
   }

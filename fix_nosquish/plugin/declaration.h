@@ -39,7 +39,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (bridge.needs_energy) energy.add("_energy", " all pe");
   declare();
   exchange.begin();
-  state.take_over();
+  state.adopt();
 }
 
 // Fill in the addresses of data and functions for Python.
@@ -55,14 +55,14 @@ void FixPythonMove::fill_bridge()
   bridge.virial = virial;
   bridge.rate = domain->h_rate;
   bridge.forces_virial = pressure.virial;
-  bridge.deformed_box = box.told.data();
-  bridge.told = external.told;
+  bridge.deformed_box = box.deformed.data();
+  bridge.external_sums = external.energy_and_virial;
   bridge.world = universe->iworld;
   bridge.next_output = &output->next;
   bridge.begin_step = &update->beginstep;
   bridge.end_step = &update->endstep;
   bridge.last_step = &update->laststep;
-  bridge.begins = bridge.energy_step = bridge.argument = bridge.rotor = bridge.natoms = -1;
+  bridge.begins = bridge.energy_step = bridge.argument = bridge.rotor = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
   bridge.log = Lend<&Facts::log, &Self::facts>();
@@ -76,7 +76,7 @@ void FixPythonMove::fill_bridge()
   bridge.point = Lend<&Self::point>();
   bridge.now = Lend<&Self::now>();
   bridge.potential = Lend<&PotentialEnergy::value, &Self::energy>();
-  bridge.ask_for_energy = Lend<&PotentialEnergy::ask_for, &Self::energy>();
+  bridge.request_energy = Lend<&PotentialEnergy::request, &Self::energy>();
   bridge.go_back = Lend<&Self::go_back>();
   bridge.set_box = Lend<&Self::set_box>();
   bridge.flip_box = Lend<&Box::flip, &Self::box>();
@@ -93,7 +93,7 @@ void FixPythonMove::declare()
 {
   if (bridge.dof) dof_flag = 1;
   if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
-  if (bridge.wants_virial_per_atom) virial_peratom_flag = thermo_virial = 1;
+  if (bridge.follows_atoms) virial_peratom_flag = 1;
   centroidstressflag = CENTROID_AVAIL;    // because the virial of an atom is not symmetric
   restart_file = bridge.restart_file;
   state.announce();
@@ -104,7 +104,7 @@ void FixPythonMove::declare()
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
   }
-  rigid_flag = bridge.rigid_flag || bridge.follows_atoms;    // fix deform calls deform() of rigid fixes
+  rigid_flag = bridge.follows_atoms;    // fix deform calls deform() of rigid fixes
 
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
@@ -141,8 +141,8 @@ int FixPythonMove::modify_param(int narg, char **arg)
 {
   const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
   if (word == "external" && bridge.modify_external) {
-    call(bridge.modify_external, external.words_of(narg, arg).c_str());
-    external.set();
+    call(bridge.modify_external, external.expanded(narg, arg).c_str());
+    external.replace_fix();
     return narg;
   }
   if (!bridge.follows_atoms || narg < 2) return 0;

@@ -40,7 +40,7 @@ class Exchange : public Part {
   void make_arrays()
   {
     grow(atom->nmax);
-    for (int i = 0; i < atom->nlocal; i++) come(i);
+    for (int i = 0; i < atom->nlocal; i++) reset(i);
   }
 
   // Have LAMMPS call the fix for atoms, if its class follows them.
@@ -65,7 +65,7 @@ class Exchange : public Part {
     membership[j] = membership[i];
   }
 
-  void come(int i)
+  void reset(int i)
   {
     origin[i] = IN_NO_BODY;
     membership[i] = UNDECIDED;
@@ -112,12 +112,12 @@ class Exchange : public Part {
   void refuse_stale_forces() const
   {
     const int bit = neighbor->includegroup ? group->bitmask[neighbor->includegroup] : 0;
-    tagint own = 0, left = 0;
+    tagint local = 0, left_out = 0;
     for (int i = 0; i < atom->nlocal && bit; i++)
-      if (moves(i) && !(atom->mask[i] & bit)) own = atom->tag[i];
-    if (bit) MPI_Allreduce(&own, &left, 1, MPI_LMP_TAGINT, MPI_MAX, world);
-    if (left)
-      refuse("neigh_modify include leaves out atom " + std::to_string(left) + ", which this fix moves, and LAMMPS computes no forces on "
+      if (moves(i) && !(atom->mask[i] & bit)) local = atom->tag[i];
+    if (bit) MPI_Allreduce(&local, &left_out, 1, MPI_LMP_TAGINT, MPI_MAX, world);
+    if (left_out)
+      refuse("neigh_modify include leaves out atom " + std::to_string(left_out) + ", which this fix moves, and LAMMPS computes no forces on "
              "such atoms: have all bodies and atoms of keyword flexible in that group (and in that of atom_modify first), or leave it out");
   }
 

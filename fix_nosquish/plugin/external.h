@@ -33,23 +33,23 @@ class ExternalForces : public Fix {
   }
   int setmask() override { return 0; }
   double compute_scalar() override { return energy; }
-  void take(const double *told)
+  void set(const double *energy_and_virial)
   {
-    energy = told[0];
-    std::copy_n(told + 1, 6, virial);
+    energy = energy_and_virial[0];
+    std::copy_n(energy_and_virial + 1, 6, virial);
   }
 
   // make such a fix, or none; delete the previous one
-  static void replace(Modify *modify, const std::string &id, bool tells_energy, bool tells_virial)
+  static void replace(Modify *modify, const std::string &id, bool counts_energy, bool counts_virial)
   {
     if (dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id))) modify->delete_fix(id);
-    if (!tells_energy && !tells_virial) return;
+    if (!counts_energy && !counts_virial) return;
     const std::string style = "nosquish/external";    // registered only here, so that no script can use it
     (*modify->fix_map)[style] = [](LAMMPS *lmp, int narg, char **arg) -> Fix * { return new ExternalForces(lmp, narg, arg); };
-    Fix *made = modify->add_fix(id + " all " + style, 0);
+    Fix *reporter = modify->add_fix(id + " all " + style, 0);
     modify->fix_map->erase(style);
-    made->thermo_energy = tells_energy;
-    made->thermo_virial = tells_virial;
+    reporter->thermo_energy = counts_energy;
+    reporter->thermo_virial = counts_virial;
   }
 };
 
@@ -57,7 +57,7 @@ class ExternalForces : public Fix {
 
 class External : public Part {
  public:
-  double told[7] = {};    // energy, and virial on this rank
+  double energy_and_virial[7] = {};    // energy, and virial on this rank
 
   using Part::Part;
 
@@ -68,11 +68,11 @@ class External : public Part {
 
   // The words after fix_modify external, with f_ID[*] expanded to columns.
 
-  std::string words_of(int narg, char **arg) const
+  std::string expanded(int narg, char **arg) const
   {
-    Fix *there = modify->get_fix_by_id(id());
-    if (there && !dynamic_cast<ExternalForces *>(there))
-      refuse("fix " + id() + " (style " + there->style + ") has the ID that external forces need: give it another ID");
+    Fix *other = modify->get_fix_by_id(id());
+    if (other && !dynamic_cast<ExternalForces *>(other))
+      refuse("fix " + id() + " (style " + other->style + ") has the ID that external forces need: give it another ID");
     char **all = arg;
     const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);
     const auto words = utils::join_words({all + 1, all + n}, " ");
@@ -84,7 +84,7 @@ class External : public Part {
 
   // After Python has interpreted the words.
 
-  void set() const { ExternalForces::replace(modify, id(), bridge.tells_energy, bridge.tells_virial); }
+  void replace_fix() const { ExternalForces::replace(modify, id(), bridge.counts_energy, bridge.counts_virial); }
 
   // Evaluate the words.
 
@@ -103,12 +103,12 @@ class External : public Part {
 
   // Pass energy and virial from Python to LAMMPS.
 
-  void count() const
+  void report() const
   {
-    if (!bridge.tells_energy && !bridge.tells_virial) return;
-    const auto telling = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id()));
-    if (!telling) refuse("fix " + id() + " is gone, which has the energy and virial of external forces: remove the unfix");
-    telling->take(told);
+    if (!bridge.counts_energy && !bridge.counts_virial) return;
+    const auto reporter = dynamic_cast<ExternalForces *>(modify->get_fix_by_id(id()));
+    if (!reporter) refuse("fix " + id() + " is gone, which has the energy and virial of external forces: remove the unfix");
+    reporter->set(energy_and_virial);
   }
 
  private:

@@ -51,34 +51,34 @@ class Facts : public Part {
   {
     auto is = [other](const char *style) { return utils::strmatch(other->style, style); };
     Variable &variable = *input->variable;
-    bool found = is("^deform/") || (is("^efield") && other->memory_usage() > 0.0);
+    bool depends = is("^deform/") || (is("^efield") && other->memory_usage() > 0.0);
     for (int k = 0; k < number_of(variable); k++)
-      found |= (is("^deform") && variable.equalstyle(k)) || (is("^balance") && variable.atomstyle(k));
-    return found;
+      depends |= (is("^deform") && variable.equalstyle(k)) || (is("^balance") && variable.atomstyle(k));
+    return depends;
   }
 
   // The degrees of freedom that another fix removes by constraints. A fix that integrates may not know them yet.
 
-  int64_t removed_freedom(const char *other, const char *group_id) const
+  int64_t removed_freedom(const char *id, const char *group_id) const
   {
-    Fix *found = modify->get_fix_by_id(other);
+    Fix *other = modify->get_fix_by_id(id);
     const int number = group->find(group_id);
-    return found && found->dof_flag && !found->time_integrate && number >= 0 ? found->dof(number) : 0;
+    return other && other->dof_flag && !other->time_integrate && number >= 0 ? other->dof(number) : 0;
   }
 
-  void begin_step_of(const char *other) const
+  void begin_step_of(const char *id) const
   {
-    if (Fix *found = modify->get_fix_by_id(other)) found->initial_integrate(0);
+    if (Fix *other = modify->get_fix_by_id(id)) other->initial_integrate(0);
   }
 
-  int64_t gravity(const char *other) const
+  int64_t gravity(const char *id) const
   {
     int dimension;
-    Fix *found = modify->get_fix_by_id(other);
-    void *acceleration = found ? found->extract("gvec", dimension) : nullptr;
-    if (acceleration && modify->find_fix(other) > modify->find_fix(fix->id)) {    // it has not initialized its variables yet
-      found->init();
-      found->setup(0);
+    Fix *other = modify->get_fix_by_id(id);
+    void *acceleration = other ? other->extract("gvec", dimension) : nullptr;
+    if (acceleration && modify->find_fix(id) > modify->find_fix(fix->id)) {    // it has not initialized its variables yet
+      other->init();
+      other->setup(0);
     }
     return reinterpret_cast<int64_t>(acceleration);
   }

@@ -55,50 +55,37 @@ class Failures : public Part {
     abort_all();
   }
 
-  // Call a function from a loop or from Python, into which no exception may pass. An error on all ranks is kept for `throw_kept`. An
+  // Call a function from a loop or from Python, into which no exception may pass. `rethrow` throws an error on all ranks later. An
   // error on one rank ends the run at once, because the other ranks wait for it; LAMMPS has printed it.
 
-  template <typename Function> auto kept_from_loops(Function function)
+  template <typename Function> auto guarded(Function function)
   {
     try {
       return function();
     } catch (const LAMMPSAbortException &) {
-      kept = std::current_exception();
+      pending = std::current_exception();
       fflush(nullptr);
       if (universe->nprocs > 1) abort_all();
     } catch (...) {
-      kept = std::current_exception();
+      pending = std::current_exception();
     }
     return decltype(function())();
   }
 
-  void throw_kept()
+  void rethrow()
   {
-    if (kept) std::rethrow_exception(std::exchange(kept, nullptr));
+    if (pending) std::rethrow_exception(std::exchange(pending, nullptr));
   }
 
  private:
   MPI_Comm failing = MPI_COMM_NULL;    // of ranks whose Python failed
-  std::exception_ptr kept;             // an exception of LAMMPS
+  std::exception_ptr pending;          // an exception of LAMMPS
 
   [[noreturn]] void abort_all() const
   {
     MPI_Abort(universe->uworld, 1);
     abort();
   }
-};
-
-// Sets a variable until the end of the block, also if LAMMPS throws.
-
-template <typename T> class InPlace {
- public:
-  InPlace(T &place, T value) : place(place), former(std::exchange(place, value)) {}
-  ~InPlace() { place = former; }
-  InPlace(const InPlace &) = delete;
-
- private:
-  T &place;
-  const T former;
 };
 
 }    // namespace nosquish

@@ -24,13 +24,13 @@ namespace nosquish {
 
 // Call a function for the styles of bonded forces, in LAMMPS's order.
 
-template <typename Act> void for_bonded(const Force *force, const Atom *atom, Act act)
+template <typename Function> void for_bonded(const Force *force, const Atom *atom, Function function)
 {
   if (atom->molecular == Atom::ATOMIC) return;
-  if (force->bond) act(force->bond);
-  if (force->angle) act(force->angle);
-  if (force->dihedral) act(force->dihedral);
-  if (force->improper) act(force->improper);
+  if (force->bond) function(force->bond);
+  if (force->angle) function(force->angle);
+  if (force->dihedral) function(force->dihedral);
+  if (force->improper) function(force->improper);
 }
 
 // Moves atoms back after a trajectory of hybrid Monte Carlo that was rejected.
@@ -50,10 +50,10 @@ class GoingBack : public Part {
                                    : domain->subhi[k] - domain->sublo[k];
     for (int i = 0; i < atom->nlocal; i++)
       for (int k = 0; k < 3 && exchange.moves(i); k++) furthest = std::max(furthest, std::fabs(atom->v[i][k]));
-    const double own[2] = {furthest, -*std::min_element(width, width + domain->dimension)};
-    double most[2];
-    MPI_Allreduce(own, most, 2, MPI_DOUBLE, MPI_MAX, world);
-    const int parts = std::max(1, (int) std::ceil(most[0] / (0.5 * -most[1])));
+    const double local[2] = {furthest, -*std::min_element(width, width + domain->dimension)};
+    double global[2];
+    MPI_Allreduce(local, global, 2, MPI_DOUBLE, MPI_MAX, world);
+    const int parts = std::max(1, (int) std::ceil(global[0] / (0.5 * -global[1])));
     for (int part = 0; part < parts; part++) {
       for (int i = 0; i < atom->nlocal; i++)
         for (int k = 0; k < 3 && exchange.moves(i); k++) atom->x[i][k] += atom->v[i][k] / parts;

@@ -1,8 +1,10 @@
 """The plugin as a host: LAMMPS calls its fix, and this asks it."""
 
 from collections.abc import Callable, Sequence
-from ctypes import POINTER, byref, c_double, c_void_p, cast
-from itertools import count
+from ctypes import byref, c_void_p, cast
+from functools import partial
+from itertools import count, takewhile
+from types import SimpleNamespace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -12,16 +14,15 @@ from ..host import hosts
 from ..host.hosts import OtherFix
 from ..loops.compiled import array
 from ..run.schedule import SCHEDULE
-from ..structs import Action, Bridge, FixFacts
+from ..structs import FUNCTIONS, Action, Bridge, FixFacts
 
-AT = "at_"  # what the fields of lists of actions begin with, behind which the hook's name follows
+AT = "at_"  # the fields of lists of actions are this and the hook's name
 LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))
 T = TypeVar("T")
-_NUMBERS = POINTER(c_double)
 
 
 def _step(address: int) -> int:
-    """The number of a step that is there."""
+    """The number of a step at this address."""
     return int(array(address, (1,), np.int64)[0])
 
 
@@ -58,36 +59,34 @@ class Host(hosts.Host):
         self._bridge, self._words = bridge, 0
         steps = bridge.begin_step, bridge.end_step
         self.span = tuple(array(address, (1,), np.int64) for address in steps)
-        self.forces_virial = array(bridge.forces_virial, (6,), float)
-        self.rate = array(bridge.rate, (6,), float)
-        self.external_sums = array(bridge.told, (7,), float)
-        self.deformed_box = array(bridge.deformed_box, (9,), float)
+        sizes = {"forces_virial": 6, "rate": 6, "external_sums": 7, "deformed_box": 9}
+        for name, size in sizes.items():
+            setattr(self, name, array(getattr(bridge, name), (size,), float))
         for name in "set_box", "flip_box", "find_clusters", "orient_atom":
             function = cast(getattr(bridge, name), c_void_p).value
             setattr(self, name, np.array([function, bridge.fix or 0]))
-        self._point = bridge.point  # ctypes makes a function at each access
-
-    def log(self, text: str) -> None:
-        self._bridge.log(self._bridge.fix, text.encode())
+        self._call = SimpleNamespace()  # of C++'s functions; ctypes makes one at each access
+        for name in FUNCTIONS:
+            setattr(self._call, name, partial(getattr(bridge, name), bridge.fix))
+        for name in "log", "removed_freedom", "pair_style", "set_array_rows", "now", "point":
+            setattr(self, name, getattr(self._call, name))
 
     def fixes(self) -> list[OtherFix]:
-        facts, found = FixFacts(), []
+        facts, fixes = FixFacts(), []
         kinds = OtherFix.__annotations__.items()
-        for n in count():
-            if not self._bridge.nth_fix(self._bridge.fix, n, byref(facts)):
-                break
+        for _ in takewhile(lambda n: self._call.nth_fix(n, byref(facts)), count()):
             if facts.id is not None:  # not this fix itself
-                found.append(OtherFix(*[_as(kind, getattr(facts, name)) for name, kind in kinds]))
-        return found
+                values = [_as(kind, getattr(facts, name)) for name, kind in kinds]
+                fixes.append(OtherFix(*values))
+        return fixes
 
     @property
     def command(self) -> list[str]:
-        return self._bridge.command(self._bridge.fix).decode(errors="replace").split()
+        return self._call.command().decode(errors="replace").split()
 
     def shapes(self, natoms: int) -> np.ndarray | None:
         numbers = np.zeros((natoms, 7))
-        known = self._bridge.particles(self._bridge.fix, numbers.ctypes.data_as(_NUMBERS))
-        return numbers if known else None
+        return numbers if self._call.particles(numbers.ctypes.data) else None
 
     def inserted(self) -> np.ndarray:
         numbers = array(self._bridge.inserted, (self._bridge.insertions, 10), float).copy()
@@ -104,42 +103,35 @@ class Host(hosts.Host):
 
     def molecule(self, number: int) -> np.ndarray | None:
         numbers = np.empty(13)
-        place = numbers.ctypes.data_as(_NUMBERS)
-        return numbers if self._bridge.molecule(self._bridge.fix, number, place) else None
-
-    def removed_freedom(self, fix_id: str, group: str) -> int:
-        return self._bridge.removed_freedom(self._bridge.fix, fix_id.encode(), group.encode())
+        return numbers if self._call.molecule(number, numbers.ctypes.data) else None
 
     def moved_by(self, fix_id: str, x: np.ndarray) -> np.ndarray:
-        kept = x.copy()
+        original = x.copy()
         x += 1e-3 * (1.0 + np.abs(x).max(initial=0.0))  # it may have nothing to do now
         before = x.copy()
-        self._bridge.begin_step_of(self._bridge.fix, fix_id.encode())
+        self._call.begin_step_of(fix_id)
         moved = (x != before).any(axis=1)
-        x[:] = kept
+        x[:] = original
         return moved
 
-    def pair_style(self, first: str) -> bool:
-        return bool(self._bridge.pair_style(self._bridge.fix, first.encode()))
-
     def gravity(self, fix_id: str) -> np.ndarray | None:
-        address = self._bridge.gravity(self._bridge.fix, fix_id.encode())
+        address = self._call.gravity(fix_id)
         return array(address, (3,), float) if address else None
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
         self._words = len(words)
         self._bridge.words = " ".join(words).encode()
-        self._bridge.tells_energy, self._bridge.tells_virial = energy, virial
+        self._bridge.counts_energy, self._bridge.counts_virial = energy, virial
 
     def values(self) -> list[np.ndarray]:
-        address, found = self._bridge.values, []
+        address, values = self._bridge.values, []
         for size in array(self._bridge.sizes, (self._words,), np.int32).tolist():
-            found.append(array(address, (size,) if size else (), float))
+            values.append(array(address, (size,) if size else (), float))
             address += 8 * max(1, size)
-        return found
+        return values
 
     def cut_cluster(self) -> int:
-        return self._bridge.find_clusters(self._bridge.fix)
+        return self._call.find_clusters()
 
     def set_bodies(self, body: np.ndarray | None, mass: np.ndarray | None) -> None:
         self._lent = body, mass
@@ -148,17 +140,11 @@ class Host(hosts.Host):
     def lend_array(self, rows: np.ndarray) -> None:
         self._array, self._bridge.array = rows, _address(rows)
 
-    def set_array_rows(self, n: int) -> None:
-        self._bridge.set_array_rows(self._bridge.fix, int(n))
-
-    def now(self) -> int:
-        return self._bridge.now(self._bridge.fix)
-
     def follow_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0
     ) -> None:
         self._bridge.velocities_every, self._bridge.table_every = velocities_every, table_every
-        passes = {name: _passes(some) for name, some in (lists or {}).items()}
+        passes = {name: _passes(bound) for name, bound in (lists or {}).items()}
         tables = {name: _actions(name[len(AT) :], passes) for name in LISTS} if passes else {}
         self._kept = lists, passes, tables
         for name in LISTS:
@@ -167,7 +153,7 @@ class Host(hosts.Host):
 
     @property
     def energy(self) -> float:
-        return self._bridge.potential(self._bridge.fix)
+        return self._call.potential()
 
     @property
     def energy_step(self) -> int:
@@ -176,13 +162,10 @@ class Host(hosts.Host):
     @energy_step.setter
     def energy_step(self, step: int) -> None:
         self._bridge.energy_step = step
-        self._bridge.ask_for_energy(self._bridge.fix, step)
+        self._call.request_energy(step)
 
     def go_back(self) -> None:
-        refuse(
-            not self._bridge.go_back(self._bridge.fix),
-            "LAMMPS has found an error where atoms go back to",
-        )
+        refuse(not self._call.go_back(), "LAMMPS has found an error where atoms go back to")
 
     def carry(self, lammps: Any, bodies: Any) -> None:
         """The class asks for it with an attribute ``carries``: how many numbers go with an atom."""
@@ -191,37 +174,34 @@ class Host(hosts.Host):
         for name, cell in ("body_of", "body"), ("displace", "displace"), ("state", "state"):
             setattr(bridge, name, None if bodies is None else bodies.cells[cell].address)
 
-    def point(self) -> None:
-        self._point(self._bridge.fix)
-
 
 def _passes(bound: Sequence[Any]) -> np.ndarray:
     """Bound loops as C++ has them, (n + 1, 2): their addresses and those of their arguments."""
     table = np.zeros((len(bound) + 1, 2), np.int64)
-    for row, one in zip(table, bound, strict=False):
-        row[:] = one.func.address, np.frombuffer(one.args[0], np.int64).ctypes.data
+    for row, loop in zip(table, bound, strict=False):
+        row[:] = loop.func.address, np.frombuffer(loop.args[0], np.int64).ctypes.data
     return table
 
 
 def _actions(hook: str, passes: dict[str, np.ndarray]) -> np.ndarray:
-    """The actions of a hook as C++ has them, (n + 1,), but those whose passes the run has not."""
-    some = [one for one in SCHEDULE[hook] if one[1].passes in (None, *passes)]
-    table = np.zeros(len(some) + 1, np.dtype(Action))
-    for row, (number, one) in zip(table, some, strict=False):
-        row["phases"] = sum(1 << phase for phase in one.phases)
-        row["passes"] = 0 if one.passes is None else passes[one.passes].ctypes.data
-        row["number"] = number if one.call or one.passes else -1
-        row["then"] = -1 if one.then is None else one.then
+    """The actions of a hook as C++ has them, (n + 1,), without those whose passes the run lacks."""
+    actions = [entry for entry in SCHEDULE[hook] if entry[1].passes in (None, *passes)]
+    table = np.zeros(len(actions) + 1, np.dtype(Action))
+    for row, (number, action) in zip(table, actions, strict=False):
+        row["phases"] = sum(1 << phase for phase in action.phases)
+        row["passes"] = 0 if action.passes is None else passes[action.passes].ctypes.data
+        row["number"] = number if action.call or action.passes else -1
+        row["then"] = -1 if action.then is None else action.then
         for name in "when", "unless", "sets", "clears":
-            row[name] = getattr(one, name)
+            row[name] = getattr(action, name)
     return table
 
 
 def _address(array: np.ndarray | None) -> int | None:
-    """Where an array is; None of none."""
+    """The address of an array, or None."""
     return None if array is None else array.ctypes.data
 
 
 def _as(kind: type, value: Any) -> Any:
-    """What C++ has told, as a value of this kind."""
+    """A value of FixFacts as this kind."""
     return value.decode() if isinstance(value, bytes) else kind(value)

@@ -107,9 +107,9 @@ inline int number_of(LAMMPS_NS::Variable &variable)
 
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {
-  for (auto &one : Variables::of(variable)) {
-    one.vec.currentstep = -1;
-    if (!one.vec.values) one.vec.nmax = 0;    // 4 Jul 2026 keeps that of a deleted variable, whose place the next one takes
+  for (auto &entry : Variables::of(variable)) {
+    entry.vec.currentstep = -1;
+    if (!entry.vec.values) entry.vec.nmax = 0;    // 4 Jul 2026 keeps that of a deleted variable, whose place the next one takes
   }
 }
 #endif
@@ -144,7 +144,7 @@ inline uint64_t changed_arrays(const LAMMPS_NS::Atom *atom)
 
 struct RestartState : LAMMPS_NS::Modify {
   // mark the first state of a fix with this ID for which wanted(style, state) holds as used, and return it; null if there is none
-  template <typename Wanted> static char *left_by(LAMMPS_NS::Modify *modify, const char *id, Wanted wanted)
+  template <typename Wanted> static char *find(LAMMPS_NS::Modify *modify, const char *id, Wanted wanted)
   {
     for (int k = 0; k < modify->nfix_restart_global; k++) {
       if (strcmp((modify->*(&RestartState::id_restart_global))[k], id) != 0) continue;

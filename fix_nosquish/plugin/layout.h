@@ -68,16 +68,16 @@ class Layout : private Pointers {
  private:
   // What an older LAMMPS does not know counts as alike.
 
-  bool at(const char *name, const void *own) const
+  bool at(const char *name, const void *ours) const
   {
-    const void *told = lammps_extract_global(lmp, name);
-    return !told || told == own;
+    const void *theirs = lammps_extract_global(lmp, name);
+    return !theirs || theirs == ours;
   }
 
-  bool is(const char *name, int own) const
+  bool is(const char *name, int ours) const
   {
-    const int told = lammps_extract_setting(lmp, name);
-    return told < 0 || told == own;
+    const int theirs = lammps_extract_setting(lmp, name);
+    return theirs < 0 || theirs == ours;
   }
 
   bool lists_of_modify() const

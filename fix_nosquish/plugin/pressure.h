@@ -12,6 +12,7 @@
 #include "modify.h"
 #include "output.h"
 
+#include <utility>
 #include <vector>
 
 namespace {
@@ -37,12 +38,12 @@ class OwnCompute : public Part {
 
   Compute *find() const
   {
-    Compute *found = modify->get_compute_by_id(id);
-    if (!found) refuse("compute " + id + " is gone, which this fix has added and needs: remove the uncompute");
-    return found;
+    Compute *compute = modify->get_compute_by_id(id);
+    if (!compute) refuse("compute " + id + " is gone, which this fix has added and needs: remove the uncompute");
+    return compute;
   }
 
-  void ask_for(bigint step) const { find()->addstep(step); }
+  void request(bigint step) const { find()->addstep(step); }
 
  protected:
   std::string id;
@@ -56,8 +57,11 @@ class PotentialEnergy : public OwnCompute {
 
   double value() const
   {
-    const InPlace<bigint> step(update->ntimestep, update->eflag_global);
-    return find()->compute_scalar();
+    Compute *const energies = find();
+    const bigint step = std::exchange(update->ntimestep, update->eflag_global);
+    const double energy = energies->compute_scalar();
+    update->ntimestep = step;
+    return energy;
   }
 };
 
@@ -74,15 +78,15 @@ class Pressure : public OwnCompute {
 
   // Have LAMMPS tally the virial in the first step, from this one on, that needs it.
 
-  void ask_from(bigint step) const
+  void request_from(bigint step) const
   {
     const bigint every = bridge.changes_box;
-    ask_for(box_is_due(step - 1) ? step : (step + every - 1) / every * every);
+    request(box_is_due(step - 1) ? step : (step + every - 1) / every * every);
   }
 
   // The virial that others than this fix need in this step. The new box does not need the constraint virial.
 
-  int asked_by_others(int vflag) const
+  int requested_by_others(int vflag) const
   {
     const bigint step = update->ntimestep;
     if (!is_due(step) || (vflag & (VIRIAL_ATOM | VIRIAL_CENTROID))) return vflag;
@@ -94,7 +98,7 @@ class Pressure : public OwnCompute {
 
   // Sum the virial of LAMMPS's forces, and of the fixes that LAMMPS counts, if it is needed in this step.
 
-  void take(double volume)
+  void sum_virial(double volume)
   {
     if (!is_due(update->ntimestep)) return;
     if (update->vflag_global != update->ntimestep)
@@ -106,17 +110,17 @@ class Pressure : public OwnCompute {
     if (force->pair) add(sums, force->pair->virial);
     for_bonded(force, atom, [&](auto *style) { add(sums, style->virial); });
     for (const auto &other : modify->get_fix_list())
-      if (other != fix && other->thermo_virial && !(bridge.counts && holds(other))) add(sums, other->virial);
+      if (other != fix && other->thermo_virial && !(bridge.counts && constrains(other))) add(sums, other->virial);
     MPI_Allreduce(sums, virial, 6, MPI_DOUBLE, MPI_SUM, world);
     if (force->kspace) add(virial, force->kspace->virial);
     if (force->pair && force->pair->tail_flag)
       for (int k = 0; k < domain->dimension; k++) virial[k] += force->pair->ptail / volume;
-    ask_from(update->ntimestep + 1);
+    request_from(update->ntimestep + 1);
   }
 
   // Store the forces that LAMMPS's virial counts (pair, bonded, kspace) before fixes add theirs.
 
-  void keep_counted()
+  void store_counted_forces()
   {
     if (!bridge.counts || !is_due(update->ntimestep)) return;
     const int local = atom->nlocal, all = local + atom->nghost;

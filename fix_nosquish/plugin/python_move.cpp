@@ -20,8 +20,8 @@ void FixPythonMove::setup(int vflag)
 {
   minimized = false;
   v_init(vflag);
-  push();
-  pressure.take(box.volume());
+  apply_external();
+  pressure.sum_virial(box.volume());
   if (arrays.early) post_force(vflag);
   bridge.vflag = vflag;
   with_virial([&] {
@@ -32,15 +32,15 @@ void FixPythonMove::setup(int vflag)
 void FixPythonMove::post_neighbor()
 {
   point();
-  if (bridge.at_flipped && box.now() != box.kept) {    // by fix deform
-    box.tell();
+  if (bridge.at_flipped && box.now() != box.known) {    // by fix deform
+    box.note_deformed();
     follow(bridge.at_flipped);
-    box.keep();
+    box.note();
   }
   const int64_t other = (int64_t) 1 << OTHER_BOX;
-  bridge.facts = box.now() == box.kept ? bridge.facts & ~other : bridge.facts | other;
+  bridge.facts = box.now() == box.known ? bridge.facts & ~other : bridge.facts | other;
   if (!follow(bridge.at_neighbor)) call(bridge.post_neighbor);
-  box.keep();
+  box.note();
   state.announce();
 }
 
@@ -50,15 +50,15 @@ void FixPythonMove::initial_integrate(int vflag)
   if (minimized) failures.refuse("'run N pre no' cannot follow a minimization: use 'run N pre yes'");
   if (logfile) fflush(logfile);
   v_init(vflag);
-  stream_with_box();
-  bridge.vflag = pressure.asked_by_others(vflag);
+  follow_remapping_box();
+  bridge.vflag = pressure.requested_by_others(vflag);
   if (!follow(bridge.at_begin)) call(bridge.initial_integrate, bridge.vflag);
 }
 
 void FixPythonMove::final_integrate()
 {
-  push();
-  pressure.take(box.volume());
+  apply_external();
+  pressure.sum_virial(box.volume());
   if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
   with_virial([&] {
     if (!follow(bridge.at_end)) call(bridge.final_integrate);
@@ -85,7 +85,7 @@ void FixPythonMove::min_post_force(int vflag)
 {
   v_init(vflag);
   bridge.vflag = vflag;
-  if (arrays.early) arrays.keep_forces();
+  if (arrays.early) arrays.store_forces();
 }
 
 // All fixes have added their forces. The forces on the atoms of bodies are set to zero, because they would move atoms individually.
@@ -128,9 +128,9 @@ bool FixPythonMove::follow(const Action *action)
   const int64_t now = this->now();
   for (; action->phases; action++) {
     if (!(action->phases >> bridge.phase & 1) || (action->when & ~now) || (action->unless & now)) continue;
-    const int64_t found = run(action->passes);
-    if (found || (!action->passes && action->number >= 0)) call(bridge.act, action->number, found);
-    if (action->then >= 0) bridge.phase = (int32_t) action->then;
+    const int64_t result = run_passes(action->passes);
+    if (result || (!action->passes && action->number >= 0)) call(bridge.run_action, action->number, result);
+    if (action->then >= 0) bridge.phase = (int32_t) action->then, bridge.array = nullptr;
     bridge.facts = (bridge.facts | action->sets) & ~action->clears;
   }
   return true;
@@ -142,7 +142,7 @@ bool FixPythonMove::go_back()
 {
   back.move(exchange);
   back.renew_forces();
-  push();
+  apply_external();
   make_virial_per_atom();    // for the atoms that this rank has now
   return true;
 }
@@ -161,19 +161,19 @@ void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
 
 // Evaluate external forces on bodies; the forces of this step are known.
 
-void FixPythonMove::push()
+void FixPythonMove::apply_external()
 {
   if (!bridge.pushes) return;
   external.evaluate();
   call(bridge.push);
-  external.count();
+  external.report();
 }
 
 // Fix deform changes the box at the end of a step, after final_integrate.
 
 void FixPythonMove::end_of_step()
 {
-  stream_with_box();
+  follow_remapping_box();
   if (respa) with_virial([this] { call(bridge.end_of_step); });
 }
 
@@ -182,14 +182,14 @@ void FixPythonMove::end_of_step()
 void FixPythonMove::deform(int after)
 {
   if (!after || !bridge.at_deform) return;    // a class that cannot follow will find that the box differs
-  box.tell();
+  box.note_deformed();
   follow(bridge.at_deform);
-  box.keep();
+  box.note();
 }
 
-void FixPythonMove::stream_with_box()
+void FixPythonMove::follow_remapping_box()
 {
-  if (box.streams()) deform(1);
+  if (box.remaps_velocities()) deform(1);
 }
 
 // Set the box that a loop has computed.
@@ -224,13 +224,13 @@ void FixPythonMove::init()
   if (!dynamic && bridge.follows_atoms)
     failures.warn("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are");
   dynamic = 1;
-  if (bridge.changes_box) pressure.ask_from(update->ntimestep);
-  if (bridge.needs_energy) energy.ask_for(update->ntimestep);
+  if (bridge.changes_box) pressure.request_from(update->ntimestep);
+  if (bridge.needs_energy) energy.request(update->ntimestep);
 }
 
 void FixPythonMove::post_run()
 {
-  stream_with_box();
+  follow_remapping_box();
   call(bridge.post_run);
 }
 
@@ -260,17 +260,14 @@ double FixPythonMove::compute_vector(int i)
     failures.refuse("f_" + std::string(id) + "[" + std::to_string(i + 1) + "] was asked for, and this fix has " +
                  std::to_string(size_vector) + " such values: thermo_style, or what else names it, was for a fix with other words. "
                  "Write it anew behind this fix");
-  return ask<double>(bridge.compute_vector, i);
+  return query<double>(bridge.compute_vector, i);
 }
 
 double FixPythonMove::compute_array(int i, int j)
 {
   if (i >= size_array_rows) return 0.0;    // LAMMPS also asks for other rows
-  const std::array<int64_t, 3> now{update->ntimestep, bridge.phase, bridge.changes};
-  if (bridge.array && now == array_when && !(bridge.facts >> LATE & 1)) return bridge.array[i * size_array_cols + j];
-  const double value = ask<double>(bridge.compute_array, i, j);
-  array_when = {update->ntimestep, bridge.phase, bridge.changes};
-  return value;
+  if (bridge.array && !(bridge.facts >> LATE & 1)) return bridge.array[i * size_array_cols + j];
+  return query<double>(bridge.compute_array, i, j);
 }
 
 // Granular pair styles ask for the mass of each atom's body. Between runs commands ask whether an atom is in a body, to warn that a
@@ -289,10 +286,10 @@ void *FixPythonMove::extract(const char *name, int &dim)
 
 int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
 {
-  int64_t found[2] = {};
-  call(bridge.rows_of_rank, words, group, static_cast<int64_t *>(found));
-  values = reinterpret_cast<double *>(found[0]);
-  return (int) found[1];
+  int64_t rows[2] = {};
+  call(bridge.rows_of_rank, words, group, static_cast<int64_t *>(rows));
+  values = reinterpret_cast<double *>(rows[0]);
+  return (int) rows[1];
 }
 
 }    // namespace nosquish

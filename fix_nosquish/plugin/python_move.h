@@ -20,7 +20,6 @@
 #include "group.h"
 #include "update.h"
 
-#include <array>
 #include <string>
 #include <vector>
 
@@ -35,10 +34,10 @@ class FixPythonMove : public Fix {
   void setup(int) override;
   void setup_post_neighbor() override { post_neighbor(); }
   void post_neighbor() override;
-  void setup_pre_reverse(int, int) override { pressure.keep_counted(); }
-  void pre_reverse(int, int) override { pressure.keep_counted(); }
+  void setup_pre_reverse(int, int) override { pressure.store_counted_forces(); }
+  void pre_reverse(int, int) override { pressure.store_counted_forces(); }
   void pre_exchange() override { follow(bridge.at_exchange); }
-  void post_force(int) override { arrays.keep_forces(); }
+  void post_force(int) override { arrays.store_forces(); }
   void initial_integrate(int) override;
   void final_integrate() override;
   void initial_integrate_respa(int, int, int) override;
@@ -56,7 +55,7 @@ class FixPythonMove : public Fix {
   double min_energy(double *) override;
   void min_store() override { call(bridge.min_store); }
   void min_step(double alpha, double *direction) override { call(bridge.min_step, alpha, address(direction)); }
-  double max_alpha(double *direction) override { return ask<double>(bridge.max_alpha, address(direction)); }
+  double max_alpha(double *direction) override { return query<double>(bridge.max_alpha, address(direction)); }
   int min_dof() override { return bridge.min_dof; }
 
   // before and after a run, and between runs
@@ -74,21 +73,21 @@ class FixPythonMove : public Fix {
   void reset_target(double temperature) override { call(bridge.reset_target, temperature); }
 
   // what LAMMPS and other styles ask
-  bigint dof(int group) override { return ask<int64_t>(bridge.dof, group); }
-  double compute_scalar() override { return ask<double>(bridge.compute_scalar); }
+  bigint dof(int group) override { return query<int64_t>(bridge.dof, group); }
+  double compute_scalar() override { return query<double>(bridge.compute_scalar); }
   double compute_vector(int) override;
   double compute_array(int, int) override;
   std::string get_thermo_colname(int);    // an override since 4 Jul 2026
   void *extract(const char *, int &) override;
   double memory_usage() override { return exchange.bytes(); }
   bool has_bodies() const { return bridge.rows_of_rank; }
-  double kinetic_energy(int which) { return ask<double>(bridge.compute_vector, which); }    // of translation (0) or rotation (1)
+  double kinetic_energy(int which) { return query<double>(bridge.compute_vector, which); }    // of translation (0) or rotation (1)
   int rows_of_rank(const char *words, int group, double *&values);
 
   // atoms
   void grow_arrays(int n) override { exchange.grow(n); }
   void copy_arrays(int i, int j, int) override { exchange.copy(i, j); }
-  void set_arrays(int i) override { exchange.come(i); }
+  void set_arrays(int i) override { exchange.reset(i); }
   int pack_exchange(int i, double *buffer) override { return exchange.pack(i, buffer); }
   int unpack_exchange(int i, double *buffer) override { return exchange.unpack(i, buffer); }
   int pack_reverse_comm(int n, int first, double *buffer) override { return pressure.pack(n, first, buffer); }
@@ -126,9 +125,8 @@ class FixPythonMove : public Fix {
   bool respa = false, minimized = false;    // the forces on the atoms of bodies were set to zero
   std::vector<int> extensive;
   std::vector<double> of_atoms;    // the virial of each atom, nine numbers
-  std::array<int64_t, 3> array_when;    // the step, phase and changes of bridge.array
 
-  void fill_bridge(), declare(), push(), stream_with_box();
+  void fill_bridge(), declare(), apply_external(), follow_remapping_box();
   int64_t set_box(const double *);
   static int64_t address(double *numbers) { return reinterpret_cast<int64_t>(numbers); }
   void point()
@@ -142,13 +140,14 @@ class FixPythonMove : public Fix {
 
   // Run a list of passes; returns the first result that is not 0, or 0.
 
-  int64_t run(const Pass *pass)
+  int64_t run_passes(const Pass *pass)
   {
     if (!pass) return 0;
+    bridge.array = nullptr;    // it changes
     for (; pass->loop; pass++) {
-      const int64_t found = pass->loop(pass->cells);
-      failures.throw_kept();
-      if (found) return found;
+      const int64_t result = pass->loop(pass->cells);
+      failures.rethrow();
+      if (result) return result;
     }
     bridge.changes++;
     return 0;
@@ -162,12 +161,12 @@ class FixPythonMove : public Fix {
     bridge.array = nullptr;    // it may change
     strcpy(bridge.message, "interrupted");
     const int outcome = hook(arguments...);
-    failures.throw_kept();
+    failures.rethrow();
     if (outcome == FAILED_ALIKE) failures.refuse(bridge.message);
     if (outcome != DONE) failures.end_run(bridge.message);
   }
 
-  template <typename Number, typename... Types, typename... Values> Number ask(int (*hook)(Types...), Values... arguments)
+  template <typename Number, typename... Types, typename... Values> Number query(int (*hook)(Types...), Values... arguments)
   {
     Number value = 0;
     call(hook, arguments..., &value);
@@ -185,40 +184,35 @@ class FixPythonMove : public Fix {
 
   void make_virial_per_atom()
   {
-    const bool asked = bridge.wants_virial_per_atom && (vflag_atom || cvflag_atom);
-    bridge.natoms = asked ? atom->nlocal : -1;
-    of_atoms.assign(asked ? 9 * atom->nlocal : 0, 0.0);
-    bridge.virial_per_atom = of_atoms.data();
     if (!bridge.arrays) return;
+    of_atoms.assign(vflag_atom || cvflag_atom ? 9 * atom->nlocal : 0, 0.0);
     bridge.arrays->virial.point(virial, 6);
-    bridge.arrays->atom_virial.point(of_atoms.data(), std::max(0, bridge.natoms), 9);
+    bridge.arrays->atom_virial.point(of_atoms.data(), of_atoms.size() / 9, 9);
   }
 
   // Copy the virial of each atom to the arrays of compute stress/atom and centroid/stress/atom. Atoms may have come since v_init.
 
   void give_virial_per_atom()
   {
-    auto give = [this](int asked, double **&array, int &rows, int columns) {
-      if (!asked || bridge.natoms < 0) return;
-      if (bridge.natoms > rows) memory->grow(array, rows = atom->nmax, columns, "fix:vatom");
-      for (int i = 0; i < bridge.natoms; i++) std::copy_n(&of_atoms[9 * i], columns, array[i]);
+    auto give = [this, n = (int) of_atoms.size() / 9](int asked, double **&array, int &rows, int columns) {
+      if (asked && n > rows) memory->grow(array, rows = atom->nmax, columns, "fix:vatom");
+      for (int i = 0; asked && i < n; i++) std::copy_n(&of_atoms[9 * i], columns, array[i]);
     };
     give(vflag_atom, vatom, maxvatom, 6);
     give(cvflag_atom, cvatom, maxcvatom, 9);
-    bridge.natoms = -1;
   }
 
   // A plain function, of the type of its field in Bridge, that calls a method of the fix, or of a part of it.
 
-  template <typename Result, typename... Taken> using Function = Result (*)(void *fix, Taken... taken);
+  template <typename Result, typename... Arguments> using Function = Result (*)(void *fix, Arguments... arguments);
 
   template <auto method, auto... part> struct Lend {
-    template <typename Result, typename... Taken> operator Function<Result, Taken...>() const
+    template <typename Result, typename... Arguments> operator Function<Result, Arguments...>() const
     {
-      return [](void *fix, Taken... taken) -> Result {
+      return [](void *fix, Arguments... arguments) -> Result {
         auto &self = *static_cast<FixPythonMove *>(fix);
         auto &owner = (self .* ... .* part);
-        return self.failures.kept_from_loops([&] { return static_cast<Result>((owner.*method)(taken...)); });
+        return self.failures.guarded([&] { return static_cast<Result>((owner.*method)(arguments...)); });
       };
     }
   };

@@ -44,8 +44,8 @@ class Restart : public Part {
 
   void find_bodies() const
   {
-    char *state = RestartState::left_by(modify, fix->id, [](const std::string &style, const char *state) {
-      return writes(style) && is_ours(state) && number(state, MARK) == WITH_BODIES;
+    char *state = RestartState::find(modify, fix->id, [](const std::string &style, const char *state) {
+      return is_our_style(style) && is_our_state(state) && number(state, MARK) == WITH_BODIES;
     });
     if (!state) return;
     const int rows = BEFORE + (int) number(state, SIZE);
@@ -58,7 +58,7 @@ class Restart : public Part {
   void read(const char *state) const
   {
     const int size = bridge.restart_size;
-    if (is_ours(state)) {
+    if (is_our_state(state)) {
       bridge.rotor = (int32_t) number(state, ROTOR);
       if (!size || !number(state, SIZE)) return;
       if (number(state, SIZE) == size && number(state, BEFORE) == bridge.restart_state[0])
@@ -72,10 +72,10 @@ class Restart : public Part {
 
   // LAMMPS passes a fix the state of its ID and style. Take over that of another style of ours.
 
-  void take_over() const
+  void adopt() const
   {
-    char *state = RestartState::left_by(modify, fix->id, [this](const std::string &other, const char *state) {
-      if (!writes(other) || other == fix->style || !is_ours(state)) return false;
+    char *state = RestartState::find(modify, fix->id, [this](const std::string &other, const char *state) {
+      if (!is_our_style(other) || other == fix->style || !is_our_state(state)) return false;
       return number(state, ROTOR) >= 0 || (has_state() && number(state, SIZE) > 0);
     });
     if (!state) return;
@@ -89,21 +89,21 @@ class Restart : public Part {
 
   bool has_state() const { return bridge.restart_size > 0 || bridge.rotor >= 0; }
 
-  static bool writes(const std::string &style)
+  static bool is_our_style(const std::string &style)
   {
     return style == PYTHON_MOVE || replaces(style) || std::count(std::begin(NATIVE), std::end(NATIVE), style);
   }
 
   static double number(const char *state, int k)
   {
-    double found;
-    memcpy(&found, state + k * sizeof found, sizeof found);
-    return found;
+    double value;
+    memcpy(&value, state + k * sizeof value, sizeof value);
+    return value;
   }
 
   // The state of another fix may have only two numbers.
 
-  static bool is_ours(const char *state)
+  static bool is_our_state(const char *state)
   {
     return number(state, 0) == 0.0 && number(state, 1) == 0.0 && (number(state, MARK) == OURS || number(state, MARK) == WITH_BODIES);
   }

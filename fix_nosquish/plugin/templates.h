@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 #include <vector>
 
 namespace {
@@ -29,32 +28,29 @@ class Templates {
     if (!properties) return false;
     // without masses of types LAMMPS would read them nevertheless, for atoms to which the template gives none
     std::vector<double> masses(atom->ntypes + 1, FAINT);
-    const bool lacking = !atom->mass;
-    if (lacking) atom->mass = masses.data();
+    const bool massless = !atom->mass;
+    if (massless) atom->mass = masses.data();
     molecule->compute_center();
     molecule->compute_mass();
     molecule->compute_com();
     molecule->compute_inertia();
-    if (lacking) atom->mass = nullptr;
+    if (massless) atom->mass = nullptr;
     std::copy_n(properties, (int) ALL, numbers);
-    if (lacking) drop_faint(numbers);
+    if (massless) drop_faint(numbers);
     return true;
   }
 
  private:
-  static constexpr double FAINT = 1e-150;    // a mass that no template has
+  static constexpr double FAINT = 1e-150, LIMIT = 1e50 * FAINT;    // a mass that no template has, and what is computed with it
 
   // Set to NaN what was computed with FAINT masses. The center of mass is then that of equal weights.
 
   static void drop_faint(double *numbers)
   {
-    const double none = std::nan("");
-    for (const auto &[from, to] : {std::pair{COM, TENSOR}, {TENSOR, ALL}, {MASS, COM}}) {
-      double most = 0.0;
-      for (int k = from; k < to; k++) most = std::max(most, std::fabs(numbers[k]));
-      if (most > 0.0 && most < 1e50 * FAINT) std::fill(numbers + from, numbers + to, none);
-    }
-    if (std::isnan(numbers[MASS])) std::fill(numbers + COM, numbers + TENSOR, none);
+    const double *moments = numbers + TENSOR, unknown = std::nan("");
+    if (numbers[MASS] < LIMIT) std::fill(numbers + MASS, numbers + TENSOR, unknown);
+    if (std::fabs(moments[0]) + std::fabs(moments[1]) + std::fabs(moments[2]) < LIMIT)
+      std::fill(numbers + TENSOR, numbers + ALL, unknown);
   }
 };
 

@@ -10,8 +10,8 @@ from .sharing import places
 def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     """The index in `keys` (unique integers) of each entry of `wanted`, or -1."""
     order = np.argsort(keys)
-    found = np.append(order, -1)[np.searchsorted(keys, wanted, sorter=order)]
-    return np.where(np.append(keys, -1)[found] == wanted, found, -1)
+    index = np.append(order, -1)[np.searchsorted(keys, wanted, sorter=order)]
+    return np.where(np.append(keys, -1)[index] == wanted, index, -1)
 
 
 def exchange(
@@ -76,5 +76,5 @@ def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarra
         gained: origins (see `migration.Atoms`) of atoms that arrived from other ranks.
     """
     gained = np.sort(gained)
-    _, found = exchange(communicator, gained >> 32, places(gained)[:, None])
-    return np.setdiff1d(lost, found)
+    _, index = exchange(communicator, gained >> 32, places(gained)[:, None])
+    return np.setdiff1d(lost, index)

@@ -12,12 +12,12 @@ would cost each rank time and memory proportional to the number of ranks.
 
 import ctypes
 from types import ModuleType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..loops.compiled import I1, L1, L2, Cell, I, address, call, inlined, longs, loop
-from ..loops.memory import ADDRESS, LENGTH, Memory, append, ints_in, longs_in, resize, rows
+from ..loops.compiled import I1, L1, L2, Cell, I, address, annotations, call, inlined, loop
+from ..loops.memory import ADDRESS, LENGTH, Memory, append, resize, rows
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -32,20 +32,12 @@ class MessageRows(NamedTuple):
         requests: handles of pending messages, 8 bytes each.
         senders, sent, numbers: the received messages: rank of each sender, count of numbers sent,
             and all numbers.
-        flag, message, status, fortran_status: MPI's output: a flag or a count, the handle of a
-            message, its status, and the status in Fortran's form.
-        next_tag: (1,) 0 or 1: the next questions have the tag QUESTION + next_tag.
     """
 
     requests: L1
     senders: L1
     sent: L1
     numbers: L1
-    flag: I1
-    message: L1
-    status: L1
-    fortran_status: I1
-    next_tag: L1
 
 
 MESSAGES = rows(MessageRows)
@@ -58,6 +50,9 @@ class Mpi(NamedTuple):
         MPI_...: addresses of functions, handles and constants of these names.
         communicator: the handle of `Communicator.comm`.
         rank, ranks: the rank of this process, and the number of ranks.
+        flag, message, status, fortran_status: MPI's output: a flag or a count, the handle of a
+            message, its status, and the status in Fortran's form.
+        next_tag: (1,) 0 or 1: the next questions have the tag QUESTION + next_tag.
         messages: the table of a memory with `MessageRows`.
     """
 
@@ -81,6 +76,11 @@ class Mpi(NamedTuple):
     communicator: I
     rank: I
     ranks: I
+    flag: I1
+    message: L1
+    status: L1
+    fortran_status: I1
+    next_tag: L1
     messages: L2
 
 
@@ -92,11 +92,7 @@ def cells_of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[
         comm: the communicator.
         MPI: mpi4py's module, which `ALONE` does not import.
     """
-    for name in "flag", "message", "next_tag":
-        memory.put(name, [0])
-    memory.put("status", np.zeros(-(-MPI._sizeof(MPI.Status) // 8)))
-    memory.put("fortran_status", np.zeros(MPI.F_STATUS_SIZE))
-    values = {
+    values: dict[str, Any] = {
         "MPI_INT64_T": MPI.INT64_T.handle,
         "MPI_DOUBLE": MPI.DOUBLE.handle,
         "MPI_SUM": MPI.SUM.handle,
@@ -105,20 +101,27 @@ def cells_of_library(memory: Memory, comm: "MPI.Comm", MPI: ModuleType) -> dict[
         "communicator": comm.handle,
         "rank": comm.rank,
         "ranks": comm.size,
+        "status": np.zeros(-(-MPI._sizeof(MPI.Status) // 8), np.int64),
+        "fortran_status": np.zeros(MPI.F_STATUS_SIZE, np.int32),
     }
     library = ctypes.CDLL(None)  # tried first, so that a preloaded library can intercept calls
     if not hasattr(library, "MPI_Init"):
         library = ctypes.CDLL(MPI.__file__)
-    for name in set(Mpi._fields) - set(values) - {"messages"}:
-        values[name] = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+    for name in Mpi._fields:
+        if name.startswith("MPI_") and name not in values:
+            values[name] = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
     return cells_of(memory, values)
 
 
-def cells_of(memory: Memory, values: dict[str, int]) -> dict[str, Cell]:
-    """The cells of an `Mpi` with these numbers; 0 for others, which a single rank does not use."""
-    numbers = {name: ctypes.c_int64(values.get(name, 0)).value for name in Mpi._fields}
-    cells = {name: Cell(I, number) for name, number in numbers.items()}
-    return cells | {"messages": memory.cells["messages"]}
+def cells_of(memory: Memory, values: dict[str, Any]) -> dict[str, Cell]:
+    """The cells of an `Mpi` with these numbers and arrays; 0 for others, which a single rank does
+    not use, and for flags."""
+    cells = {"messages": memory.cells["messages"]}
+    for name, kind in annotations(Mpi).items():
+        value = values.get(name, 0 if kind is I else np.zeros(1, kind.dtype))
+        if name not in cells:
+            cells[name] = Cell(kind, ctypes.c_int64(value).value if kind is I else value)
+    return cells
 
 
 @inlined
@@ -146,20 +149,18 @@ def wait(mpi):
     """Wait until all messages that were started are complete."""
     messages = mpi.messages
     for k in range(messages[MESSAGES.requests, LENGTH]):
-        request = messages[MESSAGES.requests, ADDRESS] + 8 * k
-        call(mpi.MPI_Wait, request, messages[MESSAGES.status, ADDRESS])
+        call(mpi.MPI_Wait, messages[MESSAGES.requests, ADDRESS] + 8 * k, address(mpi.status))
     resize(messages, MESSAGES.requests, 0, 1)
 
 
 @inlined
 def all_complete(mpi):
     """Whether all messages that were started are complete."""
-    messages = mpi.messages
-    flag = ints_in(messages, MESSAGES.flag)
+    messages, status = mpi.messages, address(mpi.status)
     for k in range(messages[MESSAGES.requests, LENGTH]):
         request = messages[MESSAGES.requests, ADDRESS] + 8 * k
-        call(mpi.MPI_Test, request, address(flag), messages[MESSAGES.status, ADDRESS])
-        if not flag[0]:
+        call(mpi.MPI_Test, request, address(mpi.flag), status)
+        if not mpi.flag[0]:
             return False
     resize(messages, MESSAGES.requests, 0, 1)
     return True
@@ -168,56 +169,36 @@ def all_complete(mpi):
 @inlined
 def add_up(mpi, numbers, sums):
     """Set `sums` to the sums over all ranks of float64 numbers; collective."""
-    n, own, total = numbers.size, address(numbers), address(sums)
+    n, local, total = numbers.size, address(numbers), address(sums)
     if mpi.ranks > 1:
-        call(mpi.MPI_Allreduce, own, total, n, mpi.MPI_DOUBLE, mpi.MPI_SUM, mpi.communicator)
+        call(mpi.MPI_Allreduce, local, total, n, mpi.MPI_DOUBLE, mpi.MPI_SUM, mpi.communicator)
     else:
         for k in range(n):
             sums[k] = numbers[k]
 
 
 @inlined
-def extend_received(messages, source, count):
-    """Append a received message of `count` numbers from a rank; return the address for them."""
+def receive(mpi):
+    """Append the message that a probe has found to those that were received."""
+    messages, status = mpi.messages, address(mpi.status)
     begin = messages[MESSAGES.numbers, LENGTH]
-    append(messages, MESSAGES.senders, source)
+    call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(mpi.flag))
+    count = np.int64(mpi.flag[0])
+    call(mpi.MPI_Status_c2f, status, address(mpi.fortran_status))
+    append(messages, MESSAGES.senders, np.int64(mpi.fortran_status[mpi.MPI_F_SOURCE]))
     append(messages, MESSAGES.sent, count)
     resize(messages, MESSAGES.numbers, begin + count, 1)
-    return messages[MESSAGES.numbers, ADDRESS] + 8 * begin
+    buffer = messages[MESSAGES.numbers, ADDRESS] + 8 * begin
+    call(mpi.MPI_Mrecv, buffer, count, mpi.MPI_INT64_T, address(mpi.message), status)
 
 
 @inlined
-def receive_own(mpi, part):
-    """Append the part that this rank sends to itself, if it is not empty."""
-    if part.size:
-        numbers = longs(extend_received(mpi.messages, mpi.rank, part.size), part.size)
-        for k in range(part.size):
-            numbers[k] = part[k]
-
-
-@inlined
-def receive(mpi):
-    """Receive the message that a probe has found."""
-    messages = mpi.messages
-    flag, status = ints_in(messages, MESSAGES.flag), messages[MESSAGES.status, ADDRESS]
-    call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(flag))
-    count, fortran = np.int64(flag[0]), ints_in(messages, MESSAGES.fortran_status)
-    call(mpi.MPI_Status_c2f, status, address(fortran))
-    buffer = extend_received(messages, np.int64(fortran[mpi.MPI_F_SOURCE]), count)
-    call(mpi.MPI_Mrecv, buffer, count, mpi.MPI_INT64_T, messages[MESSAGES.message, ADDRESS], status)
-
-
-@inlined
-def receive_from(mpi, sources, own):
-    """Receive a part from each of these ranks, in their order; `own` is the part of this rank."""
-    messages = mpi.messages
-    message, status = messages[MESSAGES.message, ADDRESS], messages[MESSAGES.status, ADDRESS]
+def receive_from(mpi, sources):
+    """Receive a part from each of these ranks, in their order."""
+    message, status = address(mpi.message), address(mpi.status)
     for r in range(sources.size):
-        if sources[r] == mpi.rank:
-            receive_own(mpi, own)
-        else:
-            call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
-            receive(mpi)
+        call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
+        receive(mpi)
     wait(mpi)
 
 
@@ -229,17 +210,16 @@ def receive_from_any(mpi, tag):
     it, no message is left.  A rank that has left the barrier may already send its next messages,
     but not those after them, so two alternating tags suffice.
     """
-    messages, source, entered, done = mpi.messages, mpi.MPI_ANY_SOURCE, False, False
-    flag, message = ints_in(messages, MESSAGES.flag), messages[MESSAGES.message, ADDRESS]
-    status = messages[MESSAGES.status, ADDRESS]
+    source, entered, done = mpi.MPI_ANY_SOURCE, False, False
+    flag, message, status = address(mpi.flag), address(mpi.message), address(mpi.status)
     while not done:
-        call(mpi.MPI_Improbe, source, tag, mpi.communicator, address(flag), message, status)
-        if flag[0]:
+        call(mpi.MPI_Improbe, source, tag, mpi.communicator, flag, message, status)
+        if mpi.flag[0]:
             receive(mpi)
         elif all_complete(mpi):  # the barrier included, once this rank has entered it
             done = entered
             if not entered:
-                call(mpi.MPI_Ibarrier, mpi.communicator, new_request(messages))
+                call(mpi.MPI_Ibarrier, mpi.communicator, new_request(mpi.messages))
                 entered = True
 
 
@@ -257,24 +237,18 @@ def deliver(mpi, to, many, parts, sources, known):
         known: whether all ranks know their sources. If not, they are found, and the order of the
             result is arbitrary.
     """
-    messages, begin, own = mpi.messages, 0, parts[:0]
-    next_tag = longs_in(messages, MESSAGES.next_tag)
+    messages, begin = mpi.messages, 0
     function = mpi.MPI_Isend if known else mpi.MPI_Issend
-    tag = ANSWER if known else QUESTION + next_tag[0]
+    tag = ANSWER if known else QUESTION + mpi.next_tag[0]
     for row in (MESSAGES.senders, MESSAGES.sent, MESSAGES.numbers):
         resize(messages, row, 0, 1)
     for r in range(to.size):
-        part = parts[begin : begin + many[r]]
-        if to[r] == mpi.rank:
-            own = part
-        else:
-            start(mpi, function, address(part), part.size, mpi.MPI_INT64_T, to[r], tag)
+        start(mpi, function, address(parts) + 8 * begin, many[r], mpi.MPI_INT64_T, to[r], tag)
         begin += many[r]
     if known:
-        receive_from(mpi, sources, own)
+        receive_from(mpi, sources)
     else:
-        next_tag[0] = 1 - next_tag[0]
-        receive_own(mpi, own)
+        mpi.next_tag[0] = 1 - mpi.next_tag[0]
         receive_from_any(mpi, tag)
 
 

@@ -19,7 +19,7 @@ from ..loops.memory import LENGTH, Memory, append, floats_in, longs_in, new_long
 from .communicator import Alone
 from .mpi import MESSAGES, PART, Mpi, deliver, start, wait
 
-ADD, LEAST, GREATEST = range(3)  # how parts are combined
+ADD, GREATEST = range(2)  # how parts are combined
 END = -1  # ends the ranks of a body in an answer
 
 
@@ -247,21 +247,18 @@ def combine(mpi: Mpi, sharing: L2, values: F2, how: I):
     """Wait for the parts of shared bodies, and combine them in the order of the ranks.
 
     Args:
-        how: ADD, LEAST or GREATEST.
+        how: ADD or GREATEST.
     """
     wait(mpi)
     shared, first = longs_in(sharing, SHARING.shared), longs_in(sharing, SHARING.first)
     source, received = longs_in(sharing, SHARING.source), floats_in(sharing, SHARING.received)
     for i in range(shared.size):
         for row in range(values.shape[0]):
-            own = values[row, shared[i]]
-            result = 0.0 if how == ADD else own
+            local = values[row, shared[i]]
+            result = 0.0 if how == ADD else local
             for k in range(first[i], first[i + 1]):
-                part = own if source[k] < 0 else received[source[k], row]
-                if how == ADD:
-                    result += part
-                else:
-                    result = min(result, part) if how == LEAST else max(result, part)
+                part = local if source[k] < 0 else received[source[k], row]
+                result = result + part if how == ADD else max(result, part)
             values[row, shared[i]] = result
 
 
@@ -317,10 +314,10 @@ class Sharers:
         Args:
             values: (components, n) float64, contiguous: the parts of this rank. Columns of bodies
                 that are not shared are unchanged.
-            operation: numpy.add, minimum or maximum.
+            operation: numpy.add or numpy.maximum.
         """
         if len(self.bodies):
-            how = {np.add: ADD, np.minimum: LEAST, np.maximum: GREATEST}[operation]
+            how = {np.add: ADD, np.maximum: GREATEST}[operation]
             give.bind_to(self.cells, values=values)()
             combine.bind_to(self.cells, values=values, how=how)()
 
@@ -336,19 +333,14 @@ class Sharers:
         self.combine(sums)
         return sums
 
-    def lowest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
-        """The minimum, otherwise like `total`; inf for a body without atoms."""
-        return self._extreme(body, columns, np.inf, np.minimum)
-
     def highest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
         """The maximum, otherwise like `total`; -inf for a body without atoms."""
-        return self._extreme(body, columns, -np.inf, np.maximum)
-
-    def _extreme(
-        self, body: np.ndarray, columns: tuple[np.ndarray, ...], start: float, operation: Any
-    ) -> np.ndarray:
-        result = np.full((len(columns), len(self.home)), start)
+        result = np.full((len(columns), len(self.home)), -np.inf)
         for row, column in zip(result, columns):
-            operation.at(row, body, column)
-        self.combine(result, operation)
+            np.maximum.at(row, body, column)
+        self.combine(result, np.maximum)
         return result
+
+    def lowest(self, body: np.ndarray, *columns: np.ndarray) -> np.ndarray:
+        """The minimum, otherwise like `total`; inf for a body without atoms."""
+        return -self.highest(body, *(-np.asarray(column, float) for column in columns))

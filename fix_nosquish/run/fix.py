@@ -54,7 +54,7 @@ class Fix(Registered):
 
     LAMMPS calls the hooks; `schedule` says what is done at each of them.  Those of each step are
     called from Python with LAMMPS's own fix python/move only: the plugin follows the schedule in
-    C++, and calls `act`.
+    C++, and calls `run_action`.
 
     Args:
         kind: the class of its integrator.
@@ -71,7 +71,6 @@ class Fix(Registered):
             its bodies are gone.
         virial: (6,) this rank's constraint virial (xx yy zz xy xz yz), in the memory of the
             plugin's fix.
-        virial_per_atom: (atoms, 9), the same of each atom, with yx zx zy, while LAMMPS asks for it.
     """
 
     follows_atoms = True
@@ -84,7 +83,6 @@ class Fix(Registered):
         self.host = cast(Host, None)  # set by what calls it, after this
         self.run: Run | None = None
         self.virial: np.ndarray | None = None
-        self.virial_per_atom: np.ndarray | None = None
         self.command = command = Command.parse(line, kind.keywords, kind.extra_keywords)
         self.integrator = kind(command, lammps.dimension)
         several = (mpi,) if ranks.size > 1 else ()
@@ -182,7 +180,7 @@ class Fix(Registered):
         run = self._run
         self.setting.external.evaluate(run.bodies, about_centre=bool(run.box_every))
 
-    def act(self, number: int, code: int) -> None:
+    def run_action(self, number: int, code: int) -> None:
         """Do what an action of the schedule has for Python: see `Run.act`."""
         self._run.act(number, code)
 

@@ -353,14 +353,14 @@ from fix_nosquish.run.fix import fix_of
 
 def Lost(ptr):
     fix = fix_of(NVE, ptr, Line.quoted("NVE all molecule output 1 table.csv"))
-    act = fix.act
+    run_action = fix.run_action
     def loses(*arguments):
-        act(*arguments)
+        run_action(*arguments)
         if fix.ranks.rank == fix.ranks.size - 1 and fix.lammps.step == 3:
             fix.lammps.x[0] = np.nan
             flip, address = map(int, fix.host.flip_box)
             CFUNCTYPE(c_int64, c_void_p, c_void_p)(flip)(address, np.zeros(12).ctypes.data)
-    fix.act = loses
+    fix.run_action = loses
     return fix
 """
 GOES_ON = """
@@ -420,12 +420,12 @@ def breaking(name):
         return fix
     return made
 
-for name in ("init", "act", "post_run", "dof"):
+for name in ("init", "run_action", "post_run", "dof"):
     globals()["Breaks_" + name] = breaking(name)
 """
 
 
-@pytest.mark.parametrize("method", ["init", "act", "post_run", "dof"])
+@pytest.mark.parametrize("method", ["init", "run_action", "post_run", "dof"])
 def test_exception_on_one_rank(run_lammps, tmp_path, method):
     """Locks out a hang, or more than one message, where one method breaks on one rank while the
     others go on."""

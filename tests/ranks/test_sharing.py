@@ -46,12 +46,7 @@ def check_combine(world):
         assert np.array_equal(np.sort(sharers.bodies), shared)
         assert np.array_equal(sharers.home, holds[mine].argmax(axis=1))
         assert np.array_equal(sharers.owned, sharers.home == world.rank)
-        for operation, none in (
-            (np.add, 0.0),
-            (np.maximum, -np.inf),
-            (np.minimum, np.inf),
-            (np.add, 0.0),
-        ):
+        for operation, none in (np.add, 0.0), (np.maximum, -np.inf), (np.add, 0.0):
             want = np.full(parts.shape[1:], none)
             for r in range(world.size):
                 want = operation(want, np.where(holds[:, r], parts[r], none))

@@ -74,4 +74,5 @@ def compile_loops():
 def compiled(folder):
     """Whether what is compiled in a folder is there, and is as new as its source."""
     made = [path.stat().st_mtime for path in folder.glob("for_*/*plugin.so")]
-    return bool(made) and min(made) >= max(path.stat().st_mtime for path in folder.glob("*.cpp"))
+    source = [*folder.glob("*.cpp"), *folder.glob("*.h"), folder.parent / "structs.py"]
+    return bool(made) and min(made) >= max(path.stat().st_mtime for path in source)
