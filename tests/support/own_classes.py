@@ -59,14 +59,14 @@ class Turned(Trajectory):
         super().end_trajectory(run)
 
 class Rejects(HMC):
-    def __init__(self, *arguments):
-        super().__init__(*arguments)
-        self.parts = [Rejected(self)]
+    def __init__(self, command, dimension):
+        super().__init__(command, dimension)
+        self.parts = [Rejected(command.steps, self.restart_record)]
 
 class Turns(HMC):
-    def __init__(self, *arguments):
-        super().__init__(*arguments)
-        self.parts = [Turned(self)]
+    def __init__(self, command, dimension):
+        super().__init__(command, dimension)
+        self.parts = [Turned(command.steps, self.restart_record)]
 
 __getattr__ = of_fix_line(Rejects, Turns)
 """
