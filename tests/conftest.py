@@ -159,7 +159,8 @@ def run_lammps(tmp_path, sessions, pytestconfig):
             (tmp_path / name).write_text(text)
         log = tmp_path / "log.lammps"
         log.unlink(missing_ok=True)
-        if (only := pytestconfig.option.launcher) == "lmp" and launcher in ("module", "library"):
+        of_python = launcher in ("module", "library") or sys.executable in (launcher or ())
+        if (only := pytestconfig.option.launcher) == "lmp" and of_python:
             pytest.skip("--launcher lmp: a script from Python")
         launcher = launcher or only
         if launcher:

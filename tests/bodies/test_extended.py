@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fix_nosquish.bodies import shapes
+from support.builds import NUMBER
 from support.systems import OURS, SMALL, close
 from validation.running import startup
 
@@ -150,7 +151,8 @@ def compare(run_kind, kind, ranks, *, tolerance=1e-9, table=True, setting=""):
     ours, ours_table = run_kind(kind, OURS.format(group="all", words=rest), ranks=ranks)
     close(ours[:, :3], theirs[:, :3], tolerance)
     close(ours[:, 3:6], theirs[:, 3:6], 10 * tolerance)
-    close(ours[:, 6:], theirs[:, 6:], 10 * tolerance)
+    same = 6 + 4 * (kind == "quaternion" and NUMBER < 20250722)  # there fix rigid turns no quat
+    close(ours[:, same:], theirs[:, same:], 10 * tolerance)
     for name in (
         ours_table.dtype.names[1:] if table else ()
     ):  # LAMMPS's makes the velocities rigid after row 0

@@ -91,7 +91,8 @@ def nematic(runs, folder):
     _, _, xx, yy, zz, *_ = np.loadtxt(folder / "order.txt").T
     np.testing.assert_allclose(xx + yy + zz, 1.0, rtol=1e-6)
     rows = runs[0].thermo[:6]  # before the pressure falls
-    assert np.ptp(rows["Econserve"]) < 0.02 < np.ptp(rows["f_1[4]"])
+    assert np.ptp(rows["Econserve"]) < 10.0  # of 500 atoms
+    assert np.ptp(rows["f_1[4]"]) > 0.02
 
 
 def shear(runs, folder):
@@ -129,7 +130,7 @@ def pour(runs, folder):
 def grafted(runs, folder):
     """Cores are rigid, chains hold together, and the energy is constant."""
     rows = runs[0].thermo
-    assert np.ptp(rows["Econserve"]) < 0.01
+    assert np.ptp(rows["Econserve"]) < 13.0  # of 1,344 atoms
     x = np.loadtxt(folder / "end", skiprows=9)[:, 3:].reshape(8, 168, 3)
     core = x[:, :72] - x[:, :72].mean(axis=1, keepdims=True)
     np.testing.assert_allclose(np.linalg.norm(core, axis=2), 2.2, rtol=0.02)

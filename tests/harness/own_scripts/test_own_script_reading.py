@@ -249,7 +249,7 @@ SAID = [  # a script, options, and parts of what the one line says
         (f"{GAS}fix 1 a nve\nrun 5\n", HOW | {"bodies": words}, f"--bodies {words}: molecule")
         for words in ("molecules", "custom", "custom x", "group", "group 2 a", "group 1 none")
     ),
-    (f"{GAS}if \"1 == 1\" \"run 5\"\n", {}, "failed at 'if \"1 == 1\" \"run 5\"'"),
+    (f"{GAS}if \"1 == 1\" \"run 5\"\n", {}, "failed at 'if \"1 == 1\" \"ru"),
 ]  # fmt: skip
 
 
