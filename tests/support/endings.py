@@ -70,7 +70,7 @@ def BreaksOnOneRank(ptr):
             if fix.ranks.rank == fix.ranks.size - 1 and fix.lammps.step == 3:
                 raise ValueError("no such luck")
         return broken
-    fix.act, fix.final_integrate = breaking(fix.act), breaking(fix.final_integrate)
+    fix.run_action, fix.final_integrate = breaking(fix.run_action), breaking(fix.final_integrate)
     return made
 """
 
