@@ -38,10 +38,11 @@ RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # the last argument
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
 
 
-def failed(bridge: Bridge, problem: BaseException) -> Outcome:
-    """Store the message of an exception for LAMMPS; return how the run must end."""
+def failed(bridge: Bridge, problem: BaseException, line: Line | None = None) -> Outcome:
+    """Store the message of an exception for LAMMPS, which names fixes as this fix line does; return
+    how the run must end."""
     alike = isinstance(problem, RunError) and problem.everywhere
-    text = str(problem)
+    text = line.naming(str(problem)) if line else str(problem)
     if not isinstance(problem, RunError):
         kind = type(problem)
         text = f"{kind.__name__}: {text}" if text else kind.__name__
@@ -195,7 +196,7 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
                 for k, number in enumerate(returned if isinstance(returned, tuple) else [returned]):
                     place[k] = result(number)
         except BaseException as problem:
-            return failed(bridge, problem)
+            return failed(bridge, problem, getattr(instance, "line", None))
         return Outcome.DONE
 
     return call

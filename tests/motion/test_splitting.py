@@ -214,7 +214,7 @@ UNFINISHED = {
         "import fix_nosquish\nfrom fix_nosquish.integrators.nve import NVE\n"
         "class Own(NVE):\n    def final_integrate(self):\n        pass\n"
         "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
-        "class Own has final_integrate(): an integrator declares its step",
+        "class Own has final_integrate: an integrator declares its step",
     ),
 }
 
