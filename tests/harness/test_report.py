@@ -1,7 +1,6 @@
 """The one renderer, and the page of all: what they say are the summaries' numbers, whatever is
 missing or broken, and the page works in a browser from one file."""
 
-import csv
 import html
 import io
 import json
@@ -204,21 +203,6 @@ def test_page_of_all_is_short(tmp_path):
         r"<(script|style).*?</\1>|<[^>]*>", " ", (tmp_path / "report.html").read_text(), flags=re.S
     )
     assert not problems and 5000 < len(text.split()) < 20000
-
-
-def test_releases(tmp_path, monkeypatch):
-    """Locks out a release that loses the numbers of those before it, or doubles its own column."""
-    monkeypatch.setattr(report, "RELEASES", tmp_path / "releases.csv")
-    kept = [
-        pages.Section(Report("Cost", "", "", release_numbers={"Modify": text}), {}, tmp_path)
-        for text in "12"
-    ]
-    report.release("0.1", kept[:1])
-    for _ in range(2):
-        report.release("0.2", kept[1:])
-    with open(report.RELEASES) as file:
-        rows = list(csv.DictReader(file))
-    assert rows == [{"scene": "Cost", "number": "Modify", "0.1": "1", "0.2": "2"}]
 
 
 # ------------------------------------------------------------- in a browser

@@ -55,6 +55,5 @@ def run(arguments):
         tables=[Table("Steps", columns, rows, file="table")],
         failures=[f"{dt} fs: {why}" for dt, why in done.failed.items()],
     )
-    pages.write(report, summary, out)
-    pages.show(screen, report, summary, out)
+    pages.publish(screen, report, summary, out)
     return command_line.exit_status(done.interrupted, bool(done.failed))

@@ -31,8 +31,13 @@ def add(verbs: command_line.Verbs) -> None:
         help="find parts that can be rigid, of: %(choices)s (default all but XH, which is any "
         "heavy atom with its hydrogens, for steps of about 4 fs)",
     )
-    text = "largest relative error of temperatures that is good enough"
-    command_line.add_number(parser, "--tolerance", 0.01, "X", text)
+    command_line.add_number(
+        parser,
+        "--tolerance",
+        0.01,
+        "X",
+        "largest relative error of temperatures that is good enough",
+    )
     command_line.add_ranks(parser, 1)
     command_line.add_silence(parser, 60.0)
     command_line.add_out(parser, "results/check-SCRIPT")
@@ -62,9 +67,7 @@ def run(arguments: Namespace) -> int:
             summary = measure.check(
                 script, out, arguments.ranks, arguments.silence, meter, arguments.tolerance
             )
-    result = report.describe(summary)
-    pages.write(result, summary, out)
-    pages.show(screen, result, summary, out)
+    pages.publish(screen, report.describe(summary), summary, out)
     lost = any(check["verdict"] == "does not hold" for check in summary["checks"])
     lost = lost or report.none_starts(summary)
     return command_line.exit_status(summary["interrupted"], lost)

@@ -111,28 +111,35 @@ def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterat
     """Check kinds, images and neighbours."""
     units = script.units
     for kind in kinds:
-        note = (
-            "bodies of these atoms differ in shape: each keeps the one that it has. Molecules get "
-            f"one shape by '{COMMAND} check SCRIPT --rigid'"
-        )
         yield Check(
             "bodies",
             kind.name,
             "largest difference of a moment from the kind's mean",
             kind.scatter,
             high=ALIKE,
-            note=note,
+            note="bodies of these atoms differ in shape: each keeps the one that it has. Molecules "
+            f"get one shape by '{COMMAND} check SCRIPT --rigid'",
         )
     half = float(np.min(np.diag(np.array(script.reading["cell"]))) / 2)
     size = max(kind.size for kind in kinds)
-    note = "a body is nearly as wide as the box: its image flags decide where its atoms are"
     yield Check(
-        "bodies", "the largest", "its size", size, high=half, unit=units.length, note=note,
+        "bodies",
+        "the largest",
+        "its size",
+        size,
+        high=half,
+        unit=units.length,
+        note="a body is nearly as wide as the box: its image flags decide where its atoms are",
         source="half of the box",
-    )  # fmt: skip
-    note = "by its image flags a body is wider than by nearest images: is it cut by a face?"
+    )
     yield Check(
-        "bodies", "image flags", "wider by them", gap, high=half, unit=units.length, note=note
+        "bodies",
+        "image flags",
+        "wider by them",
+        gap,
+        high=half,
+        unit=units.length,
+        note="by its image flags a body is wider than by nearest images: is it cut by a face?",
     )
 
 
@@ -141,27 +148,38 @@ def _step(
 ) -> Iterator[Check]:
     turns, dt, unit = max(kinds, key=lambda kind: kind.angle), script.scene.dt, script.units.time
     safe = dt * TURN / max(turns.angle, 1e-300)
-    note = f"by this number alone, {safe:.3g} {unit} and below is safe"
-    what = "rms angle that a body turns in a step at the temperature, about its fastest axis"
-    yield Check("step", turns.name, what, turns.angle, high=TURN, unit="rad", note=note)
+    yield Check(
+        "step",
+        turns.name,
+        "rms angle that a body turns in a step at the temperature, about its fastest axis",
+        turns.angle,
+        high=TURN,
+        unit="rad",
+        note=f"by this number alone, {safe:.3g} {unit} and below is safe",
+    )
     frequencies = shapes.fastest_motions(script, groups)
     for name, frequency in frequencies.items():
-        limit = time_step.UNSTABLE
-        note = (
-            f"unstable above about {limit / frequency:.3g} {unit}, if the start is in "
-            "equilibrium. One that is not shows more"
+        yield Check(
+            "step",
+            name,
+            "stability: frequency of the stiffest motion × step",
+            frequency * dt,
+            high=time_step.UNSTABLE,
+            note=f"unstable above about {time_step.UNSTABLE / frequency:.3g} {unit}, if the start "
+            "is in equilibrium. One that is not shows more",
         )
-        what = "stability: frequency of the stiffest motion × step"
-        yield Check("step", name, what, frequency * dt, high=limit, note=note)
     if frequencies:
         coefficient = time_step.error_coefficient(script, groups)
-        note = (
-            f"{(tolerance / coefficient) ** 0.5:.3g} {unit} and below is within the tolerance "
-            "(--tolerance), with your thermostat"
+        yield Check(
+            "step",
+            "averages",
+            "accuracy: estimated error of the temperatures of translation and rotation",
+            coefficient * dt**2,
+            high=tolerance,
+            unit="of T",
+            note=f"{(tolerance / coefficient) ** 0.5:.3g} {unit} and below is within the tolerance "
+            "(--tolerance), with your thermostat",
         )
-        what = "accuracy: estimated error of the temperatures of translation and rotation"
-        yield Check("step", "averages", what, coefficient * dt**2, high=tolerance, unit="of T",
-                    note=note)  # fmt: skip
 
 
 def _script(script: UserScript) -> Iterator[Check]:
@@ -186,12 +204,11 @@ def _script(script: UserScript) -> Iterator[Check]:
         note=f"two of these fixes move the same atoms: {', '.join(movers)}",
     )
     heats = rigid_atoms.other_thermostats(script.reading, script.atoms, script.rigid)
-    number = len(heats) + bool(script.rigid.state.temp)
     yield Check(
         "script",
         "thermostats",
         "of the bodies",
-        number,
+        len(heats) + bool(script.rigid.state.temp),
         high=1,
         note="more than one thermostat acts on the bodies: "
         f"{', '.join((*script.rigid.ids, *heats))}",
@@ -207,9 +224,14 @@ def _lists(rows: Sequence[Mapping]) -> Check:
         if late
         else "LAMMPS has not looked"
     )
-    note += f". With long steps use '{time_step.LISTS}', or a larger skin"
-    what = f"built too late, perhaps, in {STEPS} steps"
-    return Check("script", "neighbour lists", what, max(late, default=None), high=0, note=note)
+    return Check(
+        "script",
+        "neighbour lists",
+        f"built too late, perhaps, in {STEPS} steps",
+        max(late, default=None),
+        high=0,
+        note=f"{note}. With long steps use '{time_step.LISTS}', or a larger skin",
+    )
 
 
 def _forces_within(

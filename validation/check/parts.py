@@ -144,6 +144,5 @@ def alike(
             shape = np.mean(
                 [turn.apply(positions) for turn, positions in zip(turns, centred)], axis=0
             )
-        fitted = np.array([turn.inv().apply(shape) for turn in turns])
-        moved[group] = fitted - centred
+        moved[group] = np.array([turn.inv().apply(shape) for turn in turns]) - centred
     return atoms["x"] + moved, float(np.linalg.norm(moved, axis=1).max(initial=0.0))

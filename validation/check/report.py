@@ -15,12 +15,16 @@ def describe(summary: dict) -> Report:
         answer = f"Out of their bounds: {', '.join(dict.fromkeys(map(_subject, lost)))}."
     if none_starts(summary):
         answer = "No integrator can run the start: LAMMPS's errors are in the table."
-    uncounted = [row["label"] for row in summary["integrators"] if row["uncounted"]]
+    labels = ", ".join(row["label"] for row in summary["integrators"] if row["uncounted"])
     return Report(
         f"Check: {summary['title']}",
         "Is this script sound: its bodies, its step, its fixes?",
         answer,
-        lines=[*summary["notes"], *conserved_energy.omission_notice(uncounted), *summary["suffix"]],
+        lines=[
+            *summary["notes"],
+            *[f"Energies of {labels} are left out: {conserved_energy.WHY}."] * bool(labels),
+            *summary["suffix"],
+        ],
         tables=[_kinds(summary), _starts(summary)],
         checks=checks,
         parts=TITLES,

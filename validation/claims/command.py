@@ -81,9 +81,7 @@ def run(arguments: Namespace) -> int:
             bench.names |= names
         with console.Meter(screen, measure.total(claims, bench)) as bench.meter:
             summary = measure.measure(name, claims, bench)
-        result = report.describe(summary)
-        pages.write(result, summary, bench.out)
-        pages.show(screen, result, summary, bench.out)
+        pages.publish(screen, report.describe(summary), summary, bench.out)
         failed |= measure.wrong(claims, summary)
         if summary["interrupted"]:
             break

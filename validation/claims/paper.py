@@ -16,8 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..pages import Column, Table
-from ..scenes import FS_PER_PS, SCENES, Scene, steps
-from ..scenes import peptide as paper_peptide
+from ..scenes import FS_PER_PS, SCENES, Scene, constrained_peptide, steps
 from ..scenes.integrators import INTEGRATORS, PAPER
 from ..statistics import measures
 from ..statistics.check import Check
@@ -99,7 +98,7 @@ def _lengths(bench: Bench) -> Lengths:
 def plan(bench: Bench) -> list[Simulation]:
     """All trajectories, in the order in which they run: those of figures 2a and 3, then those of
     figure 2b."""
-    lengths, peptide, liquid = _lengths(bench), paper_peptide.scene(), SCENES["water"]
+    lengths, peptide, liquid = _lengths(bench), constrained_peptide(), SCENES["water"]
     make = partial(_simulation, bench, lengths)
     simulations = [*_dimers(make, lengths)]
     for name in "nosquish", "shake", "rigid/nve/small":
@@ -213,8 +212,7 @@ def _shortest(pair: Sequence[Series]) -> int:
 
 def _dimer_pairs(whole: Outputs, second: str) -> Pairs:
     """Dimers of NO_SQUISH and of another integrator from the same starts."""
-    numbers = range(1, 1 + len(whole))
-    names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in numbers]
+    names = [(f"dimer-nosquish-{n}", f"dimer-{second}-{n}") for n in range(1, 1 + len(whole))]
     return [
         (whole[first], whole[other]) for first, other in names if {first, other} <= whole.keys()
     ]
@@ -224,10 +222,6 @@ def _ratio(pairs: Pairs, of: Callable[[Series], float]) -> Estimate:
     """A number of the second trajectory over that of the first one: mean of all pairs, with the
     error from their scatter."""
     return measures.ratio(*([of(trajectory) for trajectory in series] for series in zip(*pairs)))
-
-
-def _average(trajectory: Series) -> float:
-    return measure(trajectory.total).mean()
 
 
 def _drift(series: Sequence[Series]) -> Estimate:
@@ -262,7 +256,9 @@ def _dimer(whole: Outputs) -> Iterator[Check]:
     if len(pairs) > 1:
         span, starts = _length(*sum(pairs, ())), f"{len(pairs)} starts"
         what = f"more accurate: average measure, {span}, mean of {starts}"
-        yield check(OVER, what, _ratio(pairs, _average), low=1.0)
+        yield check(
+            OVER, what, _ratio(pairs, lambda trajectory: measure(trajectory.total).mean()), low=1.0
+        )
         for name, series in zip(("nosquish", OTHER), zip(*pairs)):
             yield _steady(check, name, series)
 

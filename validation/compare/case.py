@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ..running import starts
-from ..scenes import SCENES, TEMPERATURE, Scene, peptide
+from ..scenes import SCENES, TEMPERATURE, Scene, constrained_peptide
 from ..scenes.integrators import OURS, SWEPT, Integrator
 from ..scenes.units import BOLTZMANN, UNITS
 from ..user_script import candidates, conserved_energy, shapes, thermostat, time_step
@@ -194,7 +194,7 @@ def of_scene(name: str, folder: Path) -> Case:
 
 def _on_mesh(name: str) -> Scene:
     """A scene with PPPM of the accuracy `MESH`."""
-    scene = peptide.scene() if name == "peptide" else SCENES[name]
+    scene = constrained_peptide() if name == "peptide" else SCENES[name]
     subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
     return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
 

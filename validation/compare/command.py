@@ -23,28 +23,37 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if a step is within the targets by its 95 % confidence intervals, "
         "1 if none is, 2 if an argument is wrong, 130 after Ctrl-C.",
     )
-    kind = command_line.scene_or_script_type(lambda: SCENES)
     parser.add_argument(
         "scene",
-        type=kind,
+        type=command_line.scene_or_script_type(lambda: SCENES),
         metavar="SCENE",
         help=f"{', '.join(SCENES)}, or a LAMMPS input script of yours",
     )
-    text = (
+    command_line.add_targets(
+        parser,
         "largest acceptable errors, such as energy=0.05 drift=0.01, or rdf=none; an unknown name "
         "lists all "
-        "(default: those of drift, temperature, energy, density and rdf that can be measured)"
+        "(default: those of drift, temperature, energy, density and rdf that can be measured)",
     )
-    command_line.add_targets(parser, text)
-    text = "integrators by name, or all (default: ours and one more); of a scene: " + ", ".join(
-        SWEPT
+    command_line.add_only(
+        parser,
+        lambda: (*SWEPT, "all"),
+        f"integrators by name, or all (default: ours and one more); of a scene: {', '.join(SWEPT)}",
     )
-    command_line.add_only(parser, lambda: (*SWEPT, "all"), text)
-    text = "time steps in fs, or in the script's units (default for a script: its own step and up "
-    text += "to 6 times that)"
-    parser.add_argument("--steps", type=command_line.positive_numbers, metavar="DT,DT", help=text)
-    text = "minutes for everything, estimated from the time of a step at the beginning"
-    command_line.add_number(parser, "--budget", BUDGET, "MINUTES", text)
+    parser.add_argument(
+        "--steps",
+        type=command_line.positive_numbers,
+        metavar="DT,DT",
+        help="time steps in fs, or in the script's units (default for a script: its own step and "
+        "up to 6 times that)",
+    )
+    command_line.add_number(
+        parser,
+        "--budget",
+        BUDGET,
+        "MINUTES",
+        "minutes for everything, estimated from the time of a step at the beginning",
+    )
     command_line.add_ranks(parser, 1)
     command_line.add_silence(parser, 120.0)
     command_line.add_out(parser, "results/compare-SCENE")
@@ -78,8 +87,7 @@ def run(arguments: Namespace) -> int:
         arguments.parser.exit(2, f"{error.args[0]}\n")
     named = None if arguments.only == ["all"] else arguments.only
     names = [integrator.name for integrator in command_line.select(case.integrators, named)]
-    only = names if arguments.only else case.usual
-    points, held = plan.points(case, only, arguments.steps)
+    points, held = plan.points(case, names if arguments.only else case.usual, arguments.steps)
     if held.dt > case.unstable:
         arguments.parser.exit(
             2,
@@ -94,7 +102,5 @@ def run(arguments: Namespace) -> int:
     with console.Meter(screen, prepared.steps) as meter:
         summary = measure.compare(prepared, meter)
     summary |= report.answered(summary)
-    result = report.describe(summary)
-    pages.write(result, summary, out)
-    pages.show(screen, result, summary, out)
+    pages.publish(screen, report.describe(summary), summary, out)
     return command_line.exit_status(summary["interrupted"], not summary["advised"])

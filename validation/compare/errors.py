@@ -155,7 +155,7 @@ def _rdf(series) -> np.ndarray:
     most = HALF * np.min(np.abs(np.diag(cell))) / 2
     ends = REACH[0] * room, min(most, REACH[1] * room)
     frames = slice(series.frames[0], series.frames[-1] + 1)
-    return structure.pair_distribution(series.motion, frames, ends, BIN * room, 1)[0]
+    return structure.pair_distribution(series.motion, frames, ends, BIN * room)
 
 
 Starts = Mapping[Point, Mapping[int, Estimate]]  # of each start of each point, by its number
@@ -410,6 +410,5 @@ def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:
     if point not in means or held not in means:
         return None
     finer = held.dt if held.scheme == point.scheme else 0.0
-    alike = _alike(means, point, by_itself and point != held)
-    error = by_law(point.dt, alike, means[held], finer)
+    error = by_law(point.dt, _alike(means, point, by_itself and point != held), means[held], finer)
     return error and error.times(1 / (case.kt if name == "potential" else means[held].value))

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import special
 
 from ..statistics import measures
-from ..statistics.estimate import CONFIDENCE, Estimate, margin
+from ..statistics.estimate import CONFIDENCE, Estimate
 
 # even powers of the step in errors of means.  Each above the square is treated as noise with this
 # standard deviation at the longest step, in units of the largest error seen.  A step near the
@@ -47,8 +47,8 @@ def by_law(
     if not steps:
         return None
     off = np.array([means[other].value - held.value for other in steps])
-    errors = np.array([_normal(means[other]) for other in steps])
-    for fit in _fits(dt, steps, np.abs(off), errors, _normal(held), finer):
+    errors = np.array([means[other].normal_error for other in steps])
+    for fit in _fits(dt, steps, np.abs(off), errors, held.normal_error, finer):
         deviations = off[: fit.number]
         if special.chdtrc(len(fit.rest), ((fit.rest @ deviations) ** 2).sum()) > 1 - CONFIDENCE:
             return _counted(
@@ -57,8 +57,7 @@ def by_law(
     alone = min((other for other in steps if other >= dt or dt == finer), default=None)
     if alone is None:
         return None
-    factor = _of_square(dt, alone, finer)
-    return _with(measures.difference(means[alone], held).times(factor))
+    return _with(measures.difference(means[alone], held).times(dt**2 / (alone**2 - finer**2)))
 
 
 def _counted(errors: Iterable[Estimate]) -> Estimate:
@@ -71,18 +70,6 @@ def _with(error: Estimate, *more: float) -> Estimate:
     """An error with further contributions to its standard error, and `LEAST`."""
     parts = (error.error, LEAST * error.value, *more)
     return error._replace(error=float(np.sqrt(sum(part**2 for part in parts))))
-
-
-def _of_square(dt: float, other: float, finer: float) -> float:
-    """The error at a step over the difference between another step and ``finer``, by the square
-    law."""
-    return dt**2 / (other**2 - finer**2)
-
-
-def _free(finer: float) -> int:
-    """The number of parameters of a series: the square, and an error that is the same at all steps,
-    see `by_law`."""
-    return 1 if finer else 2
 
 
 class _Part(NamedTuple):
@@ -117,7 +104,7 @@ def _fits(
         errors: standard errors of these means.
         held: standard error of the reference, common to all.
     """
-    free = _free(finer)
+    free = 1 if finer else 2  # the square, and an error that is the same at all steps: see `by_law`
     exponents = 2 * np.arange(2 - free, POWERS + 1)
     powers = (np.array(steps)[:, None] / dt) ** exponents - (finer / dt) ** exponents * bool(finer)
     covariance = np.diag(errors**2) + held**2
@@ -141,8 +128,3 @@ def _fits(
         squares, axes = np.linalg.eigh(left)
         rest = np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:]
         yield _Fit(number, (parts[0], parts[1]), rest)
-
-
-def _normal(estimate: Estimate) -> float:
-    """The standard error of a normal variable with the same margin."""
-    return estimate.margin / margin(1.0)

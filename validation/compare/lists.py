@@ -37,21 +37,27 @@ def measure(
 
     def job(name: str, lines: Sequence[str], runs: list[int]) -> run.Job:
         scene = replace(case.scene, setup=(*case.scene.setup, *lines))
-        how: dict = {"ranks": settings.ranks, "silence": settings.silence, "keeps": "nothing"}
         return run.job(
-            scene, case.integrators[point.scheme], folder / run.folder_name(name), runs,
-            dt=point.dt, every=0, **how,
-        )  # fmt: skip
+            scene,
+            case.integrators[point.scheme],
+            folder / run.folder_name(name),
+            runs,
+            dt=point.dt,
+            every=0,
+            ranks=settings.ranks,
+            silence=settings.silence,
+            keeps="nothing",
+        )
 
     if not settings.for_lists:
         return []
     meter.begin("neighbour lists", 1)
-    step = rounds.calibrate(lambda runs: job(AS_IT_IS, (), runs))
-    meter.end(None if isinstance(step, float) else step.error)
-    if not isinstance(step, float):
-        if step.interrupted:
-            raise KeyboardInterrupt
-        raise RuntimeError(step.error)
+    try:
+        step = rounds.calibrate(lambda runs: job(AS_IT_IS, (), runs))
+    except RuntimeError as error:
+        meter.end(str(error))
+        raise
+    meter.end(None)
     log = folder / run.folder_name(AS_IT_IS) / "log.lammps"
     lines = {AS_IT_IS: ()} | _others(lammps_log.lists(log.read_text(errors="replace")))
     each = settings.for_lists / ROUNDS / (1 + OTHER_LISTS)

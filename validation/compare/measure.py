@@ -379,8 +379,7 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
     means = {name: most for name, most in targets.items() if name in MEANS}
     again = not passes(row, means) and point != held
     points = [point, *([held] if again else [])]
-    seconds = (1 - FIRST) * prepared.settings.for_points
-    long = plan.time_of(points, prepared.here, seconds)
+    long = plan.time_of(points, prepared.here, (1 - FIRST) * prepared.settings.for_points)
     counts = long - max(SETTLES * long, short)
     return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))
 
@@ -436,5 +435,4 @@ def run_longer(
         if name in MEANS
     }
     signed = means | estimates.get(point, {}) if best.again else estimates.get(point, {}) | means
-    result = row(prepared, point, runs, lengths.time, signed, signed)
-    return done, result | {"alone": True}
+    return done, row(prepared, point, runs, lengths.time, signed, signed) | {"alone": True}

@@ -83,8 +83,7 @@ class Lengths:
     def runs(self, dt: float) -> list[int]:
         """The numbers of steps between frames."""
         samples = math.ceil(self.time / self.frames / self.sample * (1 - 1e-9))
-        frames = max(FEW, round(self.time / (samples * self.sample)))
-        return [samples * self.every(dt)] * frames
+        return [samples * self.every(dt)] * max(FEW, round(self.time / (samples * self.sample)))
 
 
 def points(
@@ -109,17 +108,24 @@ def calibrated(case: Case, settings: Settings, held: Point, meter: run.Meter) ->
     folder = settings.out / "runs" / "calibration"
 
     def make(runs):
-        how: dict = {"dt": held.dt, "every": 0, "ranks": settings.ranks, "keeps": "nothing"}
-        integrator = case.integrators[held.scheme]
-        return run.job(case.scene, integrator, folder, runs, silence=settings.silence, **how)
+        return run.job(
+            case.scene,
+            case.integrators[held.scheme],
+            folder,
+            runs,
+            dt=held.dt,
+            every=0,
+            ranks=settings.ranks,
+            keeps="nothing",
+            silence=settings.silence,
+        )
 
     meter.begin("a step's time", 1)
-    step = rounds.calibrate(make)
-    meter.end(None if isinstance(step, float) else step.error)
-    if not isinstance(step, float):
-        if step.interrupted:
-            raise KeyboardInterrupt
-        raise SystemExit(f"{case.scene.title}: {held.scheme}: {step.error}")
+    try:
+        step = rounds.calibrate(make)
+    except RuntimeError as error:
+        raise SystemExit(f"{case.scene.title}: {held.scheme}: {error}") from None
+    meter.end(None)
     atoms = run.collect(folder).timings[-1].atoms
     return Machine(step, STARTUP + 2e-5 * atoms, atoms)
 
@@ -189,7 +195,8 @@ def _makes_start(case: Case, lengths: Lengths, settings: Settings) -> Trajectory
             keeps="nothing",
             more=starts.to_dump(_state(settings), steps),
             origin=machine.origin(case.scene, integrator),
-            **_how(settings),
+            ranks=settings.ranks,
+            silence=settings.silence,
         )
 
     return Trajectory("start", f"{integrator.label}, the second start", job)
@@ -214,7 +221,8 @@ def _trajectory(case, point, folder, lengths, settings, number, last) -> Traject
             every=lengths.every(point.dt),
             keeps="motion",
             origin=machine.origin(case.scene, integrator, *files),
-            **_how(settings),
+            ranks=settings.ranks,
+            silence=settings.silence,
         )
 
     return Trajectory(
@@ -224,7 +232,3 @@ def _trajectory(case, point, folder, lengths, settings, number, last) -> Traject
         point,
         start="start" * (number > 1),
     )
-
-
-def _how(settings: Settings) -> dict:
-    return {"ranks": settings.ranks, "silence": settings.silence}

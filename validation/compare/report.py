@@ -161,7 +161,6 @@ def describe(summary: Mapping) -> Report:
         figures=[Figure("cost", partial(figures.cost, summary), figures.READ)],
         notes=NOTES | about | script,
         defeats=[*_defeats(answer)],
-        release_numbers=_release_numbers(answer),
         failures=[f"{', '.join(labels)}: {why}" for why, labels in alike.items()],
     )
 
@@ -174,13 +173,6 @@ def _defeats(answer: Answer) -> Iterator[str]:
     ours = answer.among([point for point in answer.points if point["ours"]]).best
     times = f"ours takes {cost(ours) / cost(best):.2g} times as long" if ours else "ours does not"
     yield f"{answer.summary['title']}: {answer.named([best])} reaches the targets; {times}."
-
-
-def _release_numbers(answer: Answer) -> dict[str, str]:
-    """The numbers for the table of releases."""
-    best = answer.choice.best
-    text = f"{answer.named([best])}: {_cost(best)} s per {answer.summary['ns']}" if best else "none"
-    return {"fastest within the targets": text}
 
 
 def _about(target: Mapping) -> str:
@@ -388,11 +380,10 @@ def _tables(answer: Answer) -> list[Table]:
         nearest_of.append(chosen.best or (near[0] if near else mine[0]))
     every = {name for point in summary["points"] for name in point["errors"]}
     measures = [name for name in summary["about"] if name in every]
-    wanted = [name for name in measures if name in answer.wanted]
     return [
         Table(
             "Each integrator's fastest step within the targets, else the nearest",
-            _columns(answer, wanted),
+            _columns(answer, [name for name in measures if name in answer.wanted]),
             [_shown(answer, point) for point in nearest_of],
         ),
         Table(
@@ -417,12 +408,11 @@ def _columns(answer: Answer, measures: Sequence[str]) -> list[Column]:
 
 
 def _further(summary: Mapping) -> list[Column]:
-    unit = UNITS[summary["units"]].time
     return [
         Column("integrator", "integrator", kind="text", wide=True),
         Column("starts", "starts", kind="number"),
         Column("failures", "failures", kind="number", wide=True),
-        Column("time", "sampled", unit, kind="number"),
+        Column("time", "sampled", UNITS[summary["units"]].time, kind="number"),
         Column("cost", "elapsed", f"s/{summary['ns']}", wide=True),
         Column("status", "status", kind="text", wide=True),
         Column("command", "command", kind="code", wide=True),
@@ -432,11 +422,10 @@ def _further(summary: Mapping) -> list[Column]:
 def _shown(answer: Answer, point: Measured) -> dict:
     """A row of a table."""
     errors = {f"of {name}": error for name, error in point["errors"].items()}
-    status = point["failed"] or "ok"
     return {
         **point,
         **errors,
         "verdict": answer.verdict(point),
-        "status": status,
+        "status": point["failed"] or "ok",
         "error": point["failed"],
     }

@@ -25,18 +25,20 @@ def add(verbs: command_line.Verbs) -> None:
         epilog="Exit status: 0 if all integrators finished, 1 if one failed (its row says why), "
         "130 after Ctrl-C.",
     )
-    words = ", ".join(plan.PARTS)
-    help = f"any of {words} (default: all), or a script of yours"
-    part = command_line.scene_or_script_type(lambda: plan.PARTS)
-    parser.add_argument("parts", nargs="*", type=part, metavar="PART", help=help)
-    sizes = ",".join(map(str, SCENES["water"].sizes))
-    on = ",".join(map(str, plan.COUNTED_ON))
+    parser.add_argument(
+        "parts",
+        nargs="*",
+        type=command_line.scene_or_script_type(lambda: plan.PARTS),
+        metavar="PART",
+        help=f"any of {', '.join(plan.PARTS)} (default: all), or a script of yours",
+    )
+    sizes, ranks = (",".join(map(str, many)) for many in (SCENES["water"].sizes, plan.COUNTED_ON))
     for option, kind, metavar, help in (
         (
             "--ranks",
             command_line.positive_integers,
             "N,N",
-            f"MPI ranks (default 1,2; for messages {on})",
+            f"MPI ranks (default 1,2; for messages {ranks})",
         ),
         (
             "--sizes",
@@ -53,11 +55,12 @@ def add(verbs: command_line.Verbs) -> None:
         ),
     ):
         parser.add_argument(option, type=kind, metavar=metavar, help=help)
-    names = ", ".join(BENCHMARKED)
-    help = f"integrators, of: {names} (default all; --short: {' '.join(SHORT)})"
-    command_line.add_only(parser, lambda: BENCHMARKED, help)
-    help = "a few minutes, for a first look"
-    parser.add_argument("--short", action="store_true", help=help)
+    command_line.add_only(
+        parser,
+        lambda: BENCHMARKED,
+        f"integrators, of: {', '.join(BENCHMARKED)} (default all; --short: {' '.join(SHORT)})",
+    )
+    parser.add_argument("--short", action="store_true", help="a few minutes, for a first look")
     command_line.add_silence(parser, 300.0)
     command_line.add_out(parser, "results/cost", short=True)
     command_line.add_script_options(parser)
@@ -95,22 +98,18 @@ def run(arguments: Namespace) -> int:
             points = _points(arguments, how)
         screen = console.console()
         with console.Meter(screen, sum(point.turns for point in points), "runs") as meter:
-            call = measure.Call(out, meter, arguments.silence, script)
-            summary = measure.cost(points, call)
+            summary = measure.cost(points, measure.Call(out, meter, arguments.silence, script))
     result = report.describe(summary)
-    pages.write(result, summary, out)
-    pages.show(screen, result, summary, out)
+    pages.publish(screen, result, summary, out)
     return command_line.exit_status(summary["interrupted"], bool(result.failures))
 
 
 def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
     """The points of the built-in scenes, in so many rounds of segments of so many s."""
     short, parts = arguments.short, arguments.parts or plan.PARTS
-    wanted = arguments.only or (SHORT if short else None)
-    names = tuple(command_line.in_order(BENCHMARKED, wanted))
+    names = tuple(command_line.in_order(BENCHMARKED, arguments.only or (SHORT if short else None)))
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
-    ranks = arguments.ranks or ((1, 2) if short else None)
-    points = plan.points(parts, ranks, sizes, names, *how)
+    points = plan.points(parts, arguments.ranks or ((1, 2) if short else None), sizes, names, *how)
     if not points:
         of = ", ".join(plan.COMPARED)
         arguments.parser.error(f"messages are counted of {of}: name some of these by --only")

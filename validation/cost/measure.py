@@ -5,6 +5,7 @@ A point that was measured with the same package, code, inputs and settings is no
 
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -62,8 +63,7 @@ def cost(wanted: Iterable[Point], call: Call) -> dict:
     store, summary = Store(call.out / "records"), machine.circumstances()
     summary |= {"interrupted": False, "points": [], "starts": [], "counts": []}
     for point in wanted:
-        cpu = summary["machine"]["cpu"]
-        origin = store.origin(point, call.script, cpu, files=point.inputs)
+        origin = store.origin(point, call.script, summary["machine"]["cpu"], files=point.inputs)
         if stored := store.load(point.name, origin):
             call.meter.begin(f"{point.name}, of {stored['date']}", point.turns)
             call.meter.end(None)
@@ -110,11 +110,10 @@ def _scene(point: Point, call: Call) -> list[dict]:
     }
 
     def job(integrator, runs, part="calibration", setups=0):
-        directory = folder / f"{run.folder_name(integrator.name)}-{part}"
         return run.job(
             scene,
             integrator,
-            directory,
+            folder / f"{run.folder_name(integrator.name)}-{part}",
             runs,
             dt=scene.dt,
             every=0,
@@ -124,7 +123,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
             setups=setups,
         )
 
-    loop = _calibrated(integrators, job, record) if point.rounds else 1.0
+    loop = _calibrated(integrators, job) if point.rounds else 1.0
     lengths = rounds.lengths(loop, point.seconds)
     # free atoms move for a few steps only, because nothing keeps them apart
     runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
@@ -158,14 +157,11 @@ def _scene(point: Point, call: Call) -> list[dict]:
     return [record]
 
 
-def _calibrated(integrators, job, record):
+def _calibrated(integrators, job):
     """s per step of the first integrator that runs: ours, unless it fails."""
     for integrator in integrators:
-        step = rounds.calibrate(partial(job, integrator))
-        if isinstance(step, float):
-            return step
-        if step.interrupted:
-            raise Cut([record])
+        with suppress(RuntimeError):
+            return rounds.calibrate(partial(job, integrator))
     return 1.0
 
 

@@ -76,9 +76,8 @@ def points(
         else:
             scene = SCENES[part]
             able = tuple(name for name in integrators if BENCHMARKED[name].can_run(scene))
-            counts = sizes if scene.cutter else scene.sizes
             planned += [
                 Point(part, number, size, able, rounds, seconds)
-                for size, number in itertools.product(counts, few)
+                for size, number in itertools.product(sizes if scene.cutter else scene.sizes, few)
             ]
     return planned

@@ -85,7 +85,6 @@ def describe(summary: dict) -> Report:
         failures=_failures(summary),
         commands=summary.get("commands", ()),
         defeats=_defeats(points),
-        release_numbers=_release_numbers(points),
     )
 
 
@@ -142,16 +141,6 @@ def _defeats(points):
         for point in points
         if (ratio := fastest(point)) and ratio["low"] > 1
     ]
-
-
-def _release_numbers(points):
-    """The numbers for the table of releases."""
-    numbers = {}
-    for point in points:
-        rows = [row for row in point["integrators"] if row["name"] == OURS and row["modify"]]
-        for row in rows:
-            numbers[f"{place(point)}, Modify, µs/step"] = _seconds(row["modify"]).text
-    return numbers
 
 
 def _busy(points):

@@ -187,7 +187,6 @@ class Report:
         failures: what ended with an error, by name.
         commands: that repeat these results; empty: the summary's own.
         defeats: where ours is worse than another, with numbers; shown on the page of all results.
-        release_numbers: as text, by name, for the table of releases.
     """
 
     title: str
@@ -203,7 +202,6 @@ class Report:
     failures: Sequence[str] = ()
     commands: Sequence[str] = ()
     defeats: Sequence[str] = ()
-    release_numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def all_tables(self) -> list[Table]:

@@ -35,6 +35,12 @@ class Section(NamedTuple):
     name: str = ""
 
 
+def publish(console: Console, report: Report, summary: dict, out: Path) -> None:
+    """`write` the files of a verb's results, and `show` them."""
+    write(report, summary, out)
+    show(console, report, summary, out)
+
+
 def write(report: Report, summary: dict, out: Path) -> None:
     """Write summary.json, CSV files, figures and report.html into the folder ``out``."""
     json_files.write(out / "summary.json", summary)

@@ -27,11 +27,6 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of the page (default: that of --results)"
     )
-    parser.add_argument(
-        "--release",
-        metavar="NAME",
-        help="also set the column of this release in validation/results/releases.csv",
-    )
 
 
 def run(arguments: Namespace) -> int:
@@ -43,8 +38,6 @@ def run(arguments: Namespace) -> int:
     folder = command_line.make_folder(arguments, arguments.out or arguments.results)
     screen, out = console.console(), folder / "report.html"
     sections, problems = report.gather(arguments.results)
-    if arguments.release:
-        report.release(arguments.release, sections)
     report.write(sections, problems, out)
     for problem in problems:
         screen.print(problem, markup=False, soft_wrap=True)

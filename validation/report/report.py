@@ -1,17 +1,14 @@
-"""The page of all results: the reader's question and its answer, one figure, our defeats, the
-releases, and then the report of each verb."""
+"""The page of all results: the reader's question and its answer, one figure, our defeats,
+and then the report of each verb."""
 
-import csv
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-import pandas as pd
-
 from .. import CHECKOUT, NAME, RESULTS
-from ..pages import Column, Report, Section, Table
+from ..pages import Report, Section
 from ..pages.contents import MARGINS
 from ..pages.rendering import page
 from ..sample import answers
@@ -20,7 +17,6 @@ from . import replacements
 TITLE = "Rigid bodies in LAMMPS: time step, speed-up and error"
 ORDER = "sample", "compare", "stress", "cost", "claims", "check"  # of the verbs' sections
 ROWS = 8  # of the longest table on this page; longer ones are in folders
-RELEASES = RESULTS / "releases.csv"
 BROKEN = OSError, ValueError, KeyError, TypeError, AttributeError, IndexError  # of any file
 
 
@@ -75,7 +71,6 @@ def write(sections: Sequence[Section], problems: Sequence[str], path: Path) -> N
         "overview.html",
         first=replacements.table(summaries),
         best=best,
-        releases=releases(),
         data=answers.figure(summaries),
         defeats=lost,
         problems=problems,
@@ -95,33 +90,3 @@ def _brief(section: Section) -> Section:
     for part, words in ("machine", {"cpu"}), ("versions", {"lammps", "fix_nosquish", "package"}):
         summary[part] = {key: text for key, text in summary[part].items() if key in words}
     return section._replace(report=report, summary=summary)
-
-
-def releases() -> Table:
-    """The committed table of all releases."""
-    rows: list[dict] = []
-    if RELEASES.exists():
-        with open(RELEASES, newline="") as file:
-            rows = list(csv.DictReader(file))
-    columns = [Column(name, name, kind="text") for name in (rows[0] if rows else ())]
-    return Table(
-        "Release by release",
-        columns,
-        rows,
-        note="No release should make one of these numbers worse.",
-    )
-
-
-def release(name: str, sections: Sequence[Section]) -> None:
-    """Set the column of a release in the committed table to the current results."""
-    numbers = answers.release_numbers(section.summary for section in sections)
-    for section in sections:
-        numbers |= {
-            (section.report.title, what): text
-            for what, text in section.report.release_numbers.items()
-        }
-    rows = {(row["scene"], row["number"]): row for row in releases().rows}
-    for (scene, number), text in numbers.items():
-        row = rows.setdefault((scene, number), {"scene": scene, "number": number})
-        rows[scene, number] = {**row, name: text}
-    pd.DataFrame([*rows.values()]).to_csv(RELEASES, index=False)

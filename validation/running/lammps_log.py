@@ -7,13 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 _LOOP = re.compile(r"^Loop time of (\S+) on (\d+) procs for (\d+) steps with (\d+) atoms", re.M)
-_CPU = re.compile(r"^([\d.]+)% CPU use", re.M)
-_LATE = re.compile(r"^Dangerous builds = (\d+)", re.M)
-_LISTS = re.compile(r"^ *master list distance cutoff = (\S+)", re.M)
-_NEIGHBOR = re.compile(r"^neighbor\s+([\d.eE+-]+)\s+(\w+)", re.M)
-_BINSIZE = re.compile(r"^neigh_modify\s.*\bbinsize\s", re.M)
-_UNITS = re.compile(r"^units\s+(\w+)", re.M)
-_SECTION = re.compile(r"^(\w+) +\|(.*)\n", re.M)
 
 
 class Columns(dict[str, np.ndarray]):
@@ -84,8 +77,9 @@ def timings(text: str) -> list[Loop]:
     result = []
     for match, end in zip(matches, ends):
         block = text[match.end() : end]
-        cpu, late, sections = _CPU.search(block), _LATE.search(block), {}
-        for name, cells in _SECTION.findall(block):
+        cpu, sections = re.search(r"^([\d.]+)% CPU use", block, re.M), {}
+        late = re.search(r"^Dangerous builds = (\d+)", block, re.M)
+        for name, cells in re.findall(r"^(\w+) +\|(.*)\n", block, re.M):
             with suppress(ValueError):  # the heading
                 sections[name] = float(cells.split("|")[1])
         ranks, steps, atoms = map(int, match.groups()[1:])
@@ -116,13 +110,21 @@ class Lists:
 
 def lists(text: str) -> Lists | None:
     """See `Lists`; None if there were none, or if the skin is not known."""
-    cutoffs, units = _LISTS.findall(text), _UNITS.findall(text)
+    cutoffs = re.findall(r"^ *master list distance cutoff = (\S+)", text, re.M)
+    units = re.findall(r"^units\s+(\w+)", text, re.M)
     usual = SKINS.get(units[-1] if units else "lj")
-    settings = _NEIGHBOR.findall(text) or ([(usual, "bin")] if usual else [])
+    settings = re.findall(r"^neighbor\s+([\d.eE+-]+)\s+(\w+)", text, re.M) or (
+        [(usual, "bin")] if usual else []
+    )
     if not cutoffs or not settings:
         return None
     skin, style = settings[-1]
-    return Lists(float(skin), style, float(cutoffs[-1]), bool(_BINSIZE.search(text)))
+    return Lists(
+        float(skin),
+        style,
+        float(cutoffs[-1]),
+        bool(re.search(r"^neigh_modify\s.*\bbinsize\s", text, re.M)),
+    )
 
 
 def error(text: str) -> str | None:

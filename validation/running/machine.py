@@ -84,11 +84,10 @@ def package_hash() -> str:
 def origin(scene: Scene, integrator: Integrator, *files: Path) -> str:
     """Hash of what a run depends on beside its ``run.Job``: the scene's files, further files,
     versions, and for ours the package.  Missing files are ignored: LAMMPS reports them."""
-    package = package_hash() if integrator.kind == "ours" else None
     inputs = [
         versions(),
         scene.origin or contents(scene.folder),
-        package,
+        package_hash() if integrator.kind == "ours" else None,
         *(contents(file) for file in files if file.exists()),
     ]
     return hashlib.sha256(json.dumps(inputs).encode()).hexdigest()

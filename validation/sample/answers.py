@@ -110,18 +110,6 @@ def defeats(rows: Sequence[Mapping]) -> list[str]:
     ]
 
 
-def release_numbers(summaries: Iterable[Mapping]) -> dict[tuple[str, str], str]:
-    """The numbers for the table of releases: {(scene, number): text}."""
-    numbers = {}
-    for row in table(summaries).rows:
-        scene, average = row["scene"], row["average"]
-        numbers[scene, "step, fs"] = f"{row['dt']:g}"
-        numbers[scene, f"bias of {average}, {row['unit']}"] = Estimate.of(row["bias"]).text()
-        numbers[scene, f"speed-up at the same error of {average}"] = speed_up(row["gain"])
-        numbers[scene, "CPU time of a ps, s"] = f"{row['cost']['median']:.3g}"
-    return numbers
-
-
 def figure(summaries: Iterable[Mapping]) -> dict:
     """The data of the interactive figure: the points of each scene and observable.
 

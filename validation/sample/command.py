@@ -28,23 +28,44 @@ def add(verbs: command_line.Verbs) -> None:
         "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "
         "engine is not installed, 130 after Ctrl-C.",
     )
-    scene = command_line.scene_or_script_type(scenes)
-    text = f"a scene (default {DEFAULT}), or a LAMMPS input script of yours"
-    parser.add_argument("scene", nargs="?", type=scene, default=DEFAULT, metavar="SCENE", help=text)
+    parser.add_argument(
+        "scene",
+        nargs="?",
+        type=command_line.scene_or_script_type(scenes),
+        default=DEFAULT,
+        metavar="SCENE",
+        help=f"a scene (default {DEFAULT}), or a LAMMPS input script of yours",
+    )
     command_line.add_length(parser, "300 ps per scheme and step: a day of one core for water")
-    text = "length for each scheme and step (default 300, --short 20)"
-    parser.add_argument("--ps", type=command_line.positive_number, metavar="PS", help=text)
-    text = "time steps in fs (default: those of each scheme)"
-    parser.add_argument("--dt", type=command_line.positive_numbers, metavar="FS,FS", help=text)
-    text = "schemes by name; an unknown name lists all"
-    parser.add_argument("--only", nargs="+", metavar="NAME", help=text)
-    text = "independent starts"
-    command_line.add_number(parser, "--starts", 1, "N", text)
-    text = "extrapolate the averages of one scheme to step zero, from two or more long steps (by "
-    text += "default the longest that the forces allow, two thirds and a third of it)"
-    parser.add_argument("--to-zero", action="store_true", help=text)
-    text = "take the limit of small steps from this folder of another command for the same scene"
-    parser.add_argument("--from", type=Path, dest="limits", metavar="DIR", help=text)
+    parser.add_argument(
+        "--ps",
+        type=command_line.positive_number,
+        metavar="PS",
+        help="length for each scheme and step (default 300, --short 20)",
+    )
+    parser.add_argument(
+        "--dt",
+        type=command_line.positive_numbers,
+        metavar="FS,FS",
+        help="time steps in fs (default: those of each scheme)",
+    )
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", help="schemes by name; an unknown name lists all"
+    )
+    command_line.add_number(parser, "--starts", 1, "N", "independent starts")
+    parser.add_argument(
+        "--to-zero",
+        action="store_true",
+        help="extrapolate the averages of one scheme to step zero, from two or more long steps "
+        "(by default the longest that the forces allow, two thirds and a third of it)",
+    )
+    parser.add_argument(
+        "--from",
+        type=Path,
+        dest="limits",
+        metavar="DIR",
+        help="take the limit of small steps from this folder of another command for the same scene",
+    )
     command_line.add_silence(parser, 120.0)
     command_line.add_out(parser, "results/sample-SCENE", short=True)
     command_line.add_script_options(parser)
@@ -101,6 +122,5 @@ def run(arguments: argparse.Namespace) -> int:
         summary["zero"] = extrapolation.extrapolate(summary["rows"], lengths.time)
         failed = failed or any(average["why"] for average in summary["zero"].values())
     result = extrapolation.describe(summary) if arguments.to_zero else report.describe(summary)
-    pages.write(result, summary, out)
-    pages.show(screen, result, summary, out)
+    pages.publish(screen, result, summary, out)
     return command_line.exit_status(summary["interrupted"], failed)

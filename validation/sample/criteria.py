@@ -99,8 +99,7 @@ def _gains(summary: Mapping) -> Iterator[Check]:
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
         what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
-        estimate = rivals.estimate(gain, FASTER)
-        yield Check.of("cost", _subject(best), what, estimate, low=FASTER)
+        yield Check.of("cost", _subject(best), what, rivals.estimate(gain, FASTER), low=FASTER)
 
 
 def _subject(row: Mapping) -> str:

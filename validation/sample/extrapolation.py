@@ -16,7 +16,7 @@ from ..experiment import Point
 from ..pages import Cell, Column, Figure, Report, Table
 from ..pages.figures import BLUE, INK, message, panels
 from ..statistics import limit
-from ..statistics.estimate import CONFIDENCE, SURE, Estimate, margin
+from ..statistics.estimate import CONFIDENCE, SURE, Estimate
 from .observables import BY_KEY, CONFIGURATIONS
 from .plan import Plan
 
@@ -110,9 +110,9 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
     """The part of `extrapolate` from a fit, with ps of each step."""
     line = limit.extrapolate({dt: fit.points[dt] for dt in times}, powers=1)
     assert line is not None
-    parts = {key: weight * _normal(fit.points[key]) for key, weight in fit.weights.items()}
+    parts = {key: weight * fit.points[key].normal_error for key, weight in fit.weights.items()}
     noise = hypot(*(parts[dt] for dt in times))
-    size = [_normal(fit.points[dt]) ** 2 * time for dt, time in times.items()]
+    size = [fit.points[dt].normal_error ** 2 * time for dt, time in times.items()]
     steps, beside = sum(time / dt for dt, time in times.items()), np.mean(size) / BESIDE
     return fit.limit.plain() | {
         "chi2": fit.chi2,
@@ -121,14 +121,9 @@ def _of_fit(fit: limit.Fit, times: Mapping[float, float]) -> dict:
         "h4": not line.agrees,
         "wide": hypot(*(parts[key] for key in parts.keys() - times.keys())) > TOLD * noise,
         "curve": fit.terms,
-        "fewer": float(beside / _normal(fit.limit) ** 2 / steps),
+        "fewer": float(beside / fit.limit.normal_error**2 / steps),
         "why": None,
     }
-
-
-def _normal(estimate: Estimate) -> float:
-    """The standard error of a normal variable with the same margin."""
-    return estimate.margin / margin(1.0)
 
 
 # ---- report

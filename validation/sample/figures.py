@@ -147,5 +147,4 @@ def _lines(rows: list[dict], known: list[Mapping]) -> list[list[dict]]:
     for row in rows:
         by_scheme.setdefault(row["scheme"], []).append(row)
     today = [point["scheme"] for point in known if point["scheme"] in by_scheme]
-    others = sorted(by_scheme.keys() - today, key=noise)
-    return [by_scheme[scheme] for scheme in (*today, *others)]
+    return [by_scheme[scheme] for scheme in (*today, *sorted(by_scheme.keys() - today, key=noise))]

@@ -219,8 +219,7 @@ def pool(starts: Sequence[Numbers]) -> Numbers:
         pooled.remembers[key] = memory.times(starts[0].apart)
     states = [numbers.state for numbers in starts if numbers.state]
     if states:
-        values = np.hstack([state.values for state in states])
-        pooled.state = states[0]._replace(values=values)
+        pooled.state = states[0]._replace(values=np.hstack([state.values for state in states]))
     return pooled
 
 

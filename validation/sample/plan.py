@@ -252,12 +252,11 @@ class Runs:
 
     def steps(self, points: Collection[Point]) -> int:
         """The number of steps of all runs together."""
-        total = len(self.starts) * self._begin
-        for point in points:
-            stride = self.plan.schemes[point.scheme].stride
-            each = sum(self.lengths.runs(point.dt, stride))
-            total += len(self.starts_of(point, points)) * each
-        return total
+        return len(self.starts) * self._begin + sum(
+            len(self.starts_of(point, points))
+            * sum(self.lengths.runs(point.dt, self.plan.schemes[point.scheme].stride))
+            for point in points
+        )
 
     def left(self) -> list[Point]:
         """The points with runs in the folder."""
@@ -271,19 +270,27 @@ class Runs:
 
     def start(self, number: int) -> run.Job:
         """The run that creates a start."""
-        seeded, runs = self.plan.starter.seeded(number), [self._begin]
-        more = to_dump(self._dump(number), self._begin)
-        how: dict = {"dt": self._step, "every": max(1, self._begin // 100), "keeps": "nothing"}
-        how |= {"silence": self.silence, "more": more}
-        how |= {"origin": machine.origin(self.plan.scene, seeded)}
-        directory = self.folder / start_name(number)
-        return run.job(self._of(seeded, self.plan.scene), seeded, directory, runs, **how)
+        seeded = self.plan.starter.seeded(number)
+        return run.job(
+            self._of(seeded, self.plan.scene),
+            seeded,
+            self.folder / start_name(number),
+            [self._begin],
+            dt=self._step,
+            every=max(1, self._begin // 100),
+            keeps="nothing",
+            silence=self.silence,
+            more=to_dump(self._dump(number), self._begin),
+            origin=machine.origin(self.plan.scene, seeded),
+        )
 
     def job(self, point: Point, start: int) -> run.Job:
         """The run of a point from a start."""
         scheme, folder = self.plan.schemes[point.scheme], self.folder / _name(start, point)
-        runs = self.lengths.runs(point.dt, scheme.stride)
-        every = self.lengths.every(point.dt, scheme)
+        runs, every = (
+            self.lengths.runs(point.dt, scheme.stride),
+            self.lengths.every(point.dt, scheme),
+        )
         if scheme.engine:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
             course = EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
@@ -336,8 +343,7 @@ class Runs:
         jobs = {name: make(name, 0) for name in names}
         origins = {name: [job.commands, job.origin] for name, job in jobs.items()}
         with self.store.locked(TIMED):
-            origin = self.store.origin(ROUNDS, SECONDS, origins)
-            stored = self.store.once(TIMED, origin, measure)
+            stored = self.store.once(TIMED, self.store.origin(ROUNDS, SECONDS, origins), measure)
         return {names[name]: times for name, times in stored.items() if times}
 
     def _job(
@@ -345,13 +351,22 @@ class Runs:
     ) -> run.Job:
         """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
-        barostat = self.plan.starter.pressure is not None
-        begun = from_dump(self.plan.scene, dump, self._begin, box=barostat)
+        changes = self.plan.starter.pressure is not None
+        begun = from_dump(self.plan.scene, dump, self._begin, box=changes)
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
-        how: dict = {"dt": point.dt, "every": every, "keeps": "nothing", "silence": self.silence}
-        how |= {"more": more, "origin": machine.origin(self.plan.scene, scheme, dump)}
-        return run.job(begun, scheme, folder, runs, **how)
+        return run.job(
+            begun,
+            scheme,
+            folder,
+            runs,
+            dt=point.dt,
+            every=every,
+            keeps="nothing",
+            silence=self.silence,
+            more=more,
+            origin=machine.origin(self.plan.scene, scheme, dump),
+        )
 
     @property
     def _step(self) -> float:

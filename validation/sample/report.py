@@ -1,6 +1,6 @@
 """The report of `sample`."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 
 from ..pages import Column, Figure, Report, Table
@@ -126,7 +126,10 @@ def describe(summary: dict) -> Report:
         lines=[length, *_limits(summary), *_lost(summary)],
         tables=[table for table in _tables(summary, rows) if table.rows],
         figures=[
-            Figure(figure.__name__, partial(figure, summary), _caption(figure)) for figure in drawn
+            Figure(
+                figure.__name__, partial(figure, summary), " ".join((figure.__doc__ or "").split())
+            )
+            for figure in drawn
         ],
         checks=summary["checks"],
         parts=TITLES,
@@ -135,10 +138,6 @@ def describe(summary: dict) -> Report:
             f"{row['label']}, {row['dt']:g} fs: {row['error']}" for row in rows if row["error"]
         ],
     )
-
-
-def _caption(figure: Callable) -> str:
-    return " ".join((figure.__doc__ or "").split())
 
 
 def _flat(row: dict) -> dict:

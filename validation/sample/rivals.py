@@ -33,7 +33,9 @@ def compare(rows: Sequence[dict], bounds: Mapping[str, float]) -> dict[str, dict
         row["seconds"], row["faster"] = {}, {}
     for key in CONFIGURATIONS:
         timed = [row for row in rows if key in row["noise"] and key in row["biases"]]
-        rivals = [row for row in timed if _is_rival(row)]
+        rivals = [
+            row for row in timed if not row["ours"] and row.get("engine", "LAMMPS") == "LAMMPS"
+        ]
         if rivals:
             goals[key] = _compare(key, timed, rivals, bounds.get(key, 0.0))
     return goals
@@ -45,8 +47,7 @@ def best(rows: Sequence[Mapping]) -> Mapping | None:
 
     The gains select it, so they are slightly too large, by less than their intervals.
     """
-    ours = [row for row in rows if row["ours"] and row["faster"]]
-    return max(ours, key=gains, default=None)
+    return max([row for row in rows if row["ours"] and row["faster"]], key=gains, default=None)
 
 
 def gains(row: Mapping) -> list[float]:
@@ -66,12 +67,9 @@ def estimate(gain: Mapping, bound: float) -> Estimate:
     return Estimate(value, (value - low if value >= bound else high - value) / margin(1.0))
 
 
-def _is_rival(row: Mapping) -> bool:
-    return not row["ours"] and row.get("engine", "LAMMPS") == "LAMMPS"
-
-
 def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: float) -> dict:
-    error = max(bound, min(_reach(row["biases"][key]) for row in rivals))
+    biases = [Estimate.of(row["biases"][key]) for row in rivals]
+    error = max(bound, min(abs(bias.value) + bias.margin for bias in biases))
     aim = sqrt(2) * error
     for row in rows:
         spent = NEVER if _fails(row, key, error) else seconds(_bias_and_noise(row, key), aim)
@@ -83,11 +81,6 @@ def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: floa
             row["faster"][key] = (NOT_AT_ALL if _fails(row, key, error) else gain).plain()
     goal = {"error": error, "label": best["label"], "dt": best["dt"]}
     return goal | {"seconds": best["seconds"][key]}
-
-
-def _reach(bias: Mapping) -> float:
-    """The largest |bias| that is not excluded."""
-    return abs(bias["value"]) + Estimate.of(bias).margin
 
 
 def _fails(row: Mapping, key: str, error: float) -> bool:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..experiment import Point
-from ..scenes import TEMPERATURE, peptide, smooth_water
+from ..scenes import TEMPERATURE, constrained_peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
 from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
 from ..user_script import conserved_energy, shapes
@@ -77,7 +77,7 @@ def _peptide(_: Path) -> Plan:
         alike=False,  # of four atoms it holds three bonds: averages include the angles' energy
         longest=6.0,
     )
-    schemes, scene = constant_volume(bodies), peptide.scene()
+    schemes, scene = constant_volume(bodies), constrained_peptide()
     starter = schemes["langevin-20"]
     return Plan(scene, bodies.temperature, schemes, starter, CONSTRAINED, PEPTIDE_TURNS)
 
@@ -86,8 +86,7 @@ def _liquid(liquid: Liquid, folder: Path) -> Plan:
     schemes = constant_volume(Bodies(liquid.temperature))
     # melts the crystal, and cools the melt
     ramp = f" temp {liquid.melt:g} {liquid.temperature:g} {STRONG:g}"
-    words = f"{ramp} thermostat langevin seed {SEED}"
-    starter = ours("melt", "melt", words, "NVT")
+    starter = ours("melt", "melt", f"{ramp} thermostat langevin seed {SEED}", "NVT")
     turning = liquid.molecules * (2 if np.linalg.matrix_rank(liquid.shape) == 1 else 3)
     scene = liquid.scene(folder / "scenes")
     return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning)

@@ -230,6 +230,17 @@ def smooth_water(name: str, title: str, folder: str, ending: str, molecules: int
     )
 
 
+# Bonds within a rigid group, and the angle of groups of three atoms (water, CH2, NH2): CH, NH, CH2,
+# NH2 and water are as rigid as with the rigid fixes.  A group of four (CH3, NH3) has three bonds
+# only, because fix shake cannot constrain more of it.
+HELD = "b 1 3 6 10 12 19 24 27 29 31 a 1 11 42 46 53 57"
+
+
+def constrained_peptide() -> Scene:
+    """The peptide with the constraints that fix shake supports, as its arguments."""
+    return replace(SCENES["peptide"], constraints=HELD)
+
+
 def steps(time: float, dt: float) -> int:
     """The number of steps of dt (fs) in a time (ps)."""
     return round(time * FS_PER_PS / dt)

@@ -60,8 +60,7 @@ def data_file(
 
 def _numbered(*columns):
     """A row of words for each atom or type."""
-    blocks = map(np.asarray, columns)
-    flat = [block.reshape(len(block), -1).T for block in blocks if block.size]
+    flat = [block.reshape(len(block), -1).T for block in map(np.asarray, columns) if block.size]
     return (" ".join(map(_word, row)) for row in zip(*(line for block in flat for line in block)))
 
 

@@ -105,10 +105,8 @@ class Liquid:
         image = np.floor(x / box).astype(int)
         number = np.repeat(np.arange(1, self.molecules + 1), len(self.types))
         types = np.tile(self.types, self.molecules)
-        charge = np.array(self.charge)[types]
-        columns = [number, types + 1, charge, x - image * box, image]
-        ends = np.stack([0 * box, box], axis=1)
-        return data_file("full", columns, ends, mass=self.mass)
+        columns = [number, types + 1, np.array(self.charge)[types], x - image * box, image]
+        return data_file("full", columns, np.stack([0 * box, box], axis=1), mass=self.mass)
 
 
 def _herringbone() -> Rotation:

@@ -67,6 +67,11 @@ class Estimate(NamedTuple):
         """Half the width of the 95 % interval."""
         return margin(self.error, self.freedom)
 
+    @property
+    def normal_error(self) -> float:
+        """The standard error of a normal variable with the same margin."""
+        return self.margin / margin(1.0)
+
     def times(self, factor: float) -> "Estimate":
         """The number in another unit."""
         return Estimate(self.value * factor, self.error * abs(factor), self.freedom)

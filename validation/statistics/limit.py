@@ -15,7 +15,7 @@ from typing import TypeVar
 import numpy as np
 from scipy import special
 
-from .estimate import CONFIDENCE, Estimate, combined, margin
+from .estimate import CONFIDENCE, Estimate, combined
 from .measures import difference
 
 ENOUGH = 4  # steps of a scheme with a term in h^4
@@ -123,7 +123,7 @@ def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit |
 def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
     """The weighted least-squares fit, with U0 in the first column; None if it is not determined."""
     # an error that few values tell is uncertain: its margin weighs it as a normal one
-    size = np.array([points[key].margin / margin(1.0) for key in used])
+    size = np.array([points[key].normal_error for key in used])
     if not len(used):
         return None
     scaled = design / size[:, None]

@@ -224,39 +224,29 @@ def random_walk(t: np.ndarray, x: np.ndarray, blocks: int = 32) -> Estimate:
     Args:
         t: equally spaced times.
         x: as many values.
-        blocks: how many at most.
+        blocks: how many at most, or some more; values of less than a block at the end are left out.
     """
-    t, x = _block_means(t, x, blocks)
+    size = max(1, len(t) // blocks)
+    whole = len(t) // size * size
+    t, x = (np.reshape(values[:whole], (-1, size)).mean(axis=1) for values in (t, x))
     walk, error = _most_likely_walk(t, x)
     return Estimate(walk, error).times(1 / (t[1] - t[0]))
-
-
-def _block_means(t, x, blocks):
-    """Means of so many equal blocks of successive values or some more, of both; of less than a
-    block at the end none."""
-    size = max(1, len(t) // blocks)
-    blocks = len(t) // size
-    return [
-        np.reshape(values[..., : blocks * size], (*values.shape[:-1], blocks, size)).mean(axis=-1)
-        for values in map(np.asarray, (t, x))
-    ]
 
 
 def _line(t):
     return np.stack([np.ones(len(t)), t - t.mean()], axis=1)
 
 
-def _walk(blocks):
-    """Covariance of the means of a random walk over blocks i <= j (from 1): i - 1/2, and i - 2/3 if
-    they are the same."""
-    age = np.arange(1, blocks + 1)
-    return np.minimum.outer(age, age) - 0.5 - np.eye(blocks) / 6
-
-
 def _modes(t):
-    """Independent modes of a random walk orthogonal to lines: variances, and modes as columns."""
+    """Independent modes of a random walk orthogonal to lines: variances, and modes as columns.
+
+    The covariance of the means of a walk over blocks i <= j (from 1) is i - 1/2, and i - 2/3 if
+    they are the same.
+    """
     rest = np.linalg.qr(_line(t), mode="complete")[0][:, 2:]
-    values, vectors = np.linalg.eigh(rest.T @ _walk(len(t)) @ rest)
+    age = np.arange(1, len(t) + 1)
+    covariance = np.minimum.outer(age, age) - 0.5 - np.eye(len(t)) / 6
+    values, vectors = np.linalg.eigh(rest.T @ covariance @ rest)
     return values, rest @ vectors
 
 

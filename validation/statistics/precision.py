@@ -54,8 +54,7 @@ class Interval(NamedTuple):
         """The interval of equally likely numbers."""
         ends = 50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)
         # a rank, not a mean of two: one of these may be infinite
-        percentiles = np.percentile(draws, (50, *ends), method="nearest")
-        return cls(*map(float, percentiles))
+        return cls(*map(float, np.percentile(draws, (50, *ends), method="nearest")))
 
     def plain(self) -> dict:
         """As a dictionary; what is infinite is None."""

@@ -20,8 +20,6 @@ import physical_validation  # noqa: E402  it imports pymbar
 records = physical_validation.data
 
 STRAIGHT = 1e-6  # largest width of a linear body, in parts of its length
-REACH, BIN = (2.0, 8.0), 0.1  # Angstrom, of g(r)
-BLOCKS = 5  # of a run's frames, for the noise of g(r)
 # samples, for physical_validation; the seed is of its resampling
 INDEPENDENT = {"verbosity": 0, "bootstrap_seed": 1, "data_is_uncorrelated": True}
 
@@ -32,27 +30,16 @@ class Motion:
     Attributes:
         x, v: (frames, atoms, 3), Angstrom and Angstrom/fs.
         mass: (atoms,) g/mol.
+        cells: (frames, 3, 3), vectors as rows.
         groups: arrays (bodies, n): the atoms of all bodies of n atoms, for each n.
-        count: number of bodies.  free: number of atoms in no body.
+        count: number of bodies.
     """
 
     def __init__(self, positions: Positions) -> None:
         self.x, self.v, self.mass = positions.x, positions.v, positions.mass
-        self.bodies = positions.bodies
-        self.cell, self.periodic = positions.cell, positions.periodic
-        self.cells = positions.cells
-        self.groups = measures.body_groups(self.bodies)
-        self.count, self.free = sum(map(len, self.groups)), int(np.sum(self.bodies == 0))
-
-    def _image(self, d):
-        return measures.nearest_image(d, self.cell, self.periodic)
-
-    def _parts(self, x, group):
-        """Centres of mass (bodies, 3) and atoms about them (bodies, n, 3), unwrapped."""
-        r, mass = x[group], self.mass[group][..., None]
-        r = r[:, :1] + self._image(r - r[:, :1])
-        centre = (mass * r).sum(axis=1) / mass.sum(axis=1)
-        return centre, r - centre[:, None]
+        self.cell, self.cells, self.periodic = positions.cell, positions.cells, positions.periodic
+        self.groups = measures.body_groups(positions.bodies)
+        self.count = sum(map(len, self.groups))
 
     def turning(self, dimension: int) -> int:
         """Rotational degrees of freedom of all bodies."""
@@ -62,41 +49,30 @@ class Motion:
             if atoms > 1 and dimension == 2:
                 freedom += bodies
             elif atoms > 1:
-                freedom += 3 * bodies - int(_straight(self._parts(self.x[0], group)[1]).sum())
+                freedom += 3 * bodies - int(self._linear(group).sum())
         return freedom
 
-
-def _straight(r):
-    """Mask of the linear bodies; ``r``: atoms about their centres (bodies, n, 3)."""
-    if r.shape[1] == 2:
-        return np.ones(len(r), bool)
-    singular = np.linalg.svd(r, compute_uv=False)
-    return singular[:, 1] < STRAIGHT * singular[:, 0]
+    def _linear(self, group: np.ndarray) -> np.ndarray:
+        """Mask of the linear bodies of a group, in the first frame."""
+        if group.shape[1] == 2:
+            return np.ones(len(group), bool)
+        r = self.x[0][group]
+        r = measures.nearest_image(r - r[:, :1], self.cell, self.periodic)
+        singular = np.linalg.svd(r - r.mean(axis=1, keepdims=True), compute_uv=False)
+        return singular[:, 1] < STRAIGHT * singular[:, 0]
 
 
 def pair_distribution(
-    motion: Motion,
-    frames: Sequence[int] | slice,
-    reach: Sequence[float] = REACH,
-    width: float = BIN,
-    blocks: int = BLOCKS,
+    motion: Motion, frames: slice, reach: Sequence[float], width: float
 ) -> np.ndarray:
-    """g(r) of the heaviest atom of each body, by mdtraj: (blocks, bins), for successive blocks of
-    frames; bins of ``width`` in ``reach``."""
+    """g(r) of the heaviest atom of each body, (bins,), see `of_sites`."""
     most = [(group, np.argmax(motion.mass[group], axis=1)) for group in motion.groups]
     heaviest = np.concatenate([group[np.arange(len(group)), at] for group, at in most])
-    x = motion.x[frames][:, heaviest]
-    return of_sites(x, motion.cells[frames], reach, width, blocks)
+    return of_sites(motion.x[frames][:, heaviest], motion.cells[frames], reach, width)
 
 
-def of_sites(
-    x: np.ndarray,
-    cells: np.ndarray,
-    reach: Sequence[float],
-    width: float = BIN,
-    blocks: int = BLOCKS,
-) -> np.ndarray:
-    """g(r) of equal atoms, (blocks, bins), for successive blocks of frames.
+def of_sites(x: np.ndarray, cells: np.ndarray, reach: Sequence[float], width: float) -> np.ndarray:
+    """g(r) of equal atoms, (bins,), by mdtraj.
 
     Args:
         x: (frames, atoms, 3), in any unit of length.  cells: (frames, 3, 3), vectors as rows.
@@ -110,12 +86,10 @@ def of_sites(
         top.add_atom("O", mdtraj.element.oxygen, residue)
     path = mdtraj.Trajectory(x * scale, top)
     path.unitcell_vectors = cells * scale
-    pairs = top.select_pairs("all", "all")
-    ends = [end * scale for end in reach]
-    parts = np.array_split(np.arange(path.n_frames), blocks)
     # by a width it rounds their number down, as where 53 of them come to 52.999...
-    how = {"r_range": ends, "n_bins": round((reach[1] - reach[0]) / width)}
-    return np.array([mdtraj.compute_rdf(path[part], pairs, **how)[1] for part in parts])
+    bins = round((reach[1] - reach[0]) / width)
+    ends = [end * scale for end in reach]
+    return mdtraj.compute_rdf(path, top.select_pairs("all", "all"), r_range=ends, n_bins=bins)[1]
 
 
 def _quiet(function, *arguments, **more):
@@ -127,12 +101,11 @@ def _quiet(function, *arguments, **more):
 
 def _data(temperature, natoms, held=0, pressure=None, **more):
     """physical_validation's record of a whole at this temperature, and pressure if there is one."""
-    none = dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0)
     system = records.SystemData(
         natoms=natoms,
         mass=np.ones(natoms),
         ndof_reduction_tra=held,
-        **none,
+        **dict.fromkeys(("nconstraints", "ndof_reduction_rot"), 0),
         molecule_idx=[0],
         nconstraints_per_molecule=[0],
     )

@@ -73,11 +73,8 @@ def run(arguments: Namespace) -> int:
     names = command_line.in_order(CASES, arguments.cases)
     full, only = arguments.full, arguments.only
     out = command_line.output_folder(arguments, not full)
-    rows = measure.plan(CASES, names, full, only)
-    with console.Meter(screen, len(rows), "rows") as meter:
+    with console.Meter(screen, len(measure.plan(CASES, names, full, only)), "rows") as meter:
         summary = measure.stress(CASES, names, out, full, arguments.silence, meter, only)
     breaks, _ = measure.worse(summary["cases"]).values()
-    result = report.describe(summary)
-    pages.write(result, summary, out)
-    pages.show(screen, result, summary, out)
+    pages.publish(screen, report.describe(summary), summary, out)
     return command_line.exit_status(summary["interrupted"], bool(breaks))

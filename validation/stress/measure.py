@@ -89,12 +89,9 @@ def of_starts(numbers: Sequence[Number]) -> Number:
     """|mean| of rates of either sign; the errors are those of the line fits."""
     parts = ((number.error / len(numbers), number.freedom) for number in numbers)
     mean = abs(np.mean([number.value for number in numbers]))
-    return Number.of(Estimate(mean, *combined(*parts)), _notes(numbers))
-
-
-def _notes(numbers: Sequence[Number]) -> str:
-    notes = [number.note for number in numbers if number.note]
-    return (f"{len(numbers)} starts: " if len(numbers) > 1 else "") + "; ".join(notes)
+    notes = "; ".join(number.note for number in numbers if number.note)
+    several = f"{len(numbers)} starts: " if len(numbers) > 1 else ""
+    return Number.of(Estimate(mean, *combined(*parts)), several + notes)
 
 
 class BlowUp(Exception):
@@ -294,8 +291,7 @@ class Rows:
 
     def save(self, case: str, row: dict) -> None:
         """Store a row, as far as it is known."""
-        place = self.place(case, row["integrator"])
-        self.store.save(*place, row, _enough(self.cases[case], row))
+        self.store.save(*self.place(case, row["integrator"]), row, _enough(self.cases[case], row))
 
     def summary(self) -> dict:
         """All rows of the folder, including those of other processes.  A row that was not measured
@@ -311,8 +307,7 @@ class Rows:
                 summaries.append(_plain(case, self.full) | {"rows": shown})
         named = [case["name"] for case in summaries if len(summaries) < len(self.cases)]
         words = ["stress", *named, "--full" if self.full else "--short"]
-        command = shlex.join([COMMAND, *words])
-        return {"full": self.full, "cases": summaries, "command": command}
+        return {"full": self.full, "cases": summaries, "command": shlex.join([COMMAND, *words])}
 
     def _is_of(self, case: Case, row: dict) -> bool:
         """Whether a row has a result of this length and these inner bounds."""

@@ -139,8 +139,7 @@ def coarse(scene: Scene) -> Scene:
 
 def water(runner: Runner) -> Scene:
     """Some water, the same for all integrators."""
-    folder = runner.folder.parent / "data"
-    return coarse(scene_starts.of_size(SCENES["water"], BODIES, folder))
+    return coarse(scene_starts.of_size(SCENES["water"], BODIES, runner.folder.parent / "data"))
 
 
 @Case.of(

