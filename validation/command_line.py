@@ -102,10 +102,9 @@ def add_number(
     parser: argparse.ArgumentParser, option: str, default: float, metavar: str, text: str
 ) -> None:
     """Add an option with a positive number; an integer if the default is one."""
-    kind = positive_integer if isinstance(default, int) else positive_number
     parser.add_argument(
         option,
-        type=kind,
+        type=positive_integer if isinstance(default, int) else positive_number,
         default=default,
         metavar=metavar,
         help=f"{text} (default %(default){'s' if isinstance(default, int) else 'g'})",

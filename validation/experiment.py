@@ -75,17 +75,12 @@ class Outcome:
     interrupted: bool = False
 
 
-def failure(result: run.Result) -> str | None:
-    """Why LAMMPS or a fix has ended a run; None for a complete one."""
-    return result.error
-
-
 def perform(
     trajectories: Collection[Trajectory],
     store: Store,
     meter: run.Meter,
     *,
-    judge: Callable[[run.Result], str | None] = failure,
+    judge: Callable[[run.Result], str | None] = lambda result: result.error,
     ladders: bool = True,
 ) -> Outcome:
     """Run the trajectories without results.
@@ -96,7 +91,8 @@ def perform(
 
     Args:
         trajectories: in the order in which they run; the shorter steps of a scheme come first.
-        judge: returns why a result is a failure, or None; wrong numbers are one, too.
+        judge: returns why a result is a failure, or None; wrong numbers are a failure, too. By
+            default a run is one if LAMMPS or a fix has ended it.
         ladders: whether a scheme that has failed is left out at longer steps.
 
     Returns:

@@ -56,8 +56,9 @@ def run(arguments: Namespace) -> int:
     options, out = loader.parse_options(arguments, arguments.scene)
     with store.alone(out):
         if arguments.rigid is not None:
-            wanted = arguments.rigid or PARTS[:-1]
-            counts, lines = rigid.written(options, out, arguments.silence, wanted)
+            counts, lines = rigid.written(
+                options, out, arguments.silence, arguments.rigid or PARTS[:-1]
+            )
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
             print("\n".join(lines))
             return int(not any(counts.values()))

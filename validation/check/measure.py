@@ -63,7 +63,7 @@ def check(
         "dt": script.scene.dt,
         "temperature": shapes.temperature(script),
         "kinds": [asdict(kind) for kind in kinds],
-        "checks": [_told(entry).plain() for entry in checks],
+        "checks": [_without_note(entry).plain() for entry in checks],
         "integrators": rows,
         "interrupted": interrupted,
     }
@@ -102,7 +102,7 @@ def _starts(
     return rows, done.interrupted
 
 
-def _told(entry: Check) -> Check:
+def _without_note(entry: Check) -> Check:
     """Remove the note on what is wrong if nothing is, except from the longest step."""
     return replace(entry, note="") if entry.holds and entry.part != "step" else entry
 
@@ -121,12 +121,11 @@ def _bodies(script: UserScript, gap: float, kinds: Sequence[BodyKind]) -> Iterat
             f"get one shape by '{COMMAND} check SCRIPT --rigid'",
         )
     half = float(np.min(np.diag(np.array(script.reading["cell"]))) / 2)
-    size = max(kind.size for kind in kinds)
     yield Check(
         "bodies",
         "the largest",
         "its size",
-        size,
+        max(kind.size for kind in kinds),
         high=half,
         unit=units.length,
         note="a body is nearly as wide as the box: its image flags decide where its atoms are",

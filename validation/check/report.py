@@ -78,5 +78,8 @@ def _starts(summary: dict) -> Table:
         Column("change", f"range of its energy in {STEPS} steps", units.energy, "number", ".6g"),
         Column("status", "status", kind="text"),
     ]
-    rows = [row | {"status": row["error"] or "ok"} for row in summary["integrators"]]
-    return Table("What each integrator makes of the start", columns, rows)
+    return Table(
+        "What each integrator makes of the start",
+        columns,
+        [row | {"status": row["error"] or "ok"} for row in summary["integrators"]],
+    )

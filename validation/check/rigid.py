@@ -150,8 +150,9 @@ def _torn(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> Iterator[s
     loose = np.full(len(bonds), styles[-1:] == ["zero"])
     for line in rigid.lines:
         if rigid_atoms.kind_of(line) == "constraints":
-            mask = rigid_atoms.in_group(reading, atoms, split_words(line)[2])
-            loose |= rigid_atoms.held_bonds(atoms, mask)
+            loose |= rigid_atoms.held_bonds(
+                atoms, rigid_atoms.in_group(reading, atoms, split_words(line)[2])
+            )
     if number := int((loose & (first != second)).sum()):
         yield (
             f"{number:,} bonds between bodies and other atoms have no force, or shake held them: "

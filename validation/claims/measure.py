@@ -24,9 +24,13 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
         name, for simulations that should not fail), and the result of the list's judge.
     """
     circumstances, simulations = machine.circumstances(), _chosen(claims, bench)
-    trajectories = [simulation.trajectory(bench) for simulation in simulations]
-    store = Store(bench.runs)
-    done = experiment.perform(trajectories, store, bench.meter, judge=failure, ladders=False)
+    done = experiment.perform(
+        [simulation.trajectory(bench) for simulation in simulations],
+        Store(bench.runs),
+        bench.meter,
+        judge=failure,
+        ladders=False,
+    )
     outputs = {
         simulation.name: series(simulation, done.jobs[simulation.name])
         for simulation in simulations

@@ -255,9 +255,11 @@ def _dimer(whole: Outputs) -> Iterator[Check]:
     pairs = _dimer_pairs(whole, OTHER)
     if len(pairs) > 1:
         span, starts = _length(*sum(pairs, ())), f"{len(pairs)} starts"
-        what = f"more accurate: average measure, {span}, mean of {starts}"
         yield check(
-            OVER, what, _ratio(pairs, lambda trajectory: measure(trajectory.total).mean()), low=1.0
+            OVER,
+            f"more accurate: average measure, {span}, mean of {starts}",
+            _ratio(pairs, lambda trajectory: measure(trajectory.total).mean()),
+            low=1.0,
         )
         for name, series in zip(("nosquish", OTHER), zip(*pairs)):
             yield _steady(check, name, series)
@@ -309,8 +311,9 @@ def _peptide(whole: Outputs) -> Iterator[Check]:
         slope = _drift([trajectory])
         over = measures.quotient(slope, _drift([richardson]))
         what = f"stable: drift over that of rigid/small, {_length(trajectory)}"
-        note = f"{slope.text()} kcal/mol/ps"
-        yield check(PAPER[name].label, what, over, low=-LOST, high=LOST, note=note)
+        yield check(
+            PAPER[name].label, what, over, low=-LOST, high=LOST, note=f"{slope.text()} kcal/mol/ps"
+        )
     if richardson:
         slope = _drift([richardson])
         yield check(
@@ -384,8 +387,15 @@ def _gear(outputs: Outputs, whole: Outputs) -> Iterator[Check]:
 
 def tables(summary: dict) -> list[Table]:
     """A table of all trajectories."""
-    lengths = [{**row, "status": row["error"] or "ok"} for row in summary["rows"]]
-    return [Table("All trajectories", COLUMNS, lengths, file="table", long=True)]
+    return [
+        Table(
+            "All trajectories",
+            COLUMNS,
+            [{**row, "status": row["error"] or "ok"} for row in summary["rows"]],
+            file="table",
+            long=True,
+        )
+    ]
 
 
 COLUMNS = (

@@ -78,9 +78,12 @@ class Simulation:
         """Return it as a part of an experiment."""
         point = experiment.Point(self.integrator.name, self.dt)
         more: dict = {} if self.state else {"point": point}
-        start = self.start[0] if self.start else ""
         return experiment.Trajectory(
-            self.name, self.label, partial(self.job, bench), start=start, **more
+            self.name,
+            self.label,
+            partial(self.job, bench),
+            start=self.start[0] if self.start else "",
+            **more,
         )
 
     def job(self, bench: Bench) -> run.Job:

@@ -132,8 +132,11 @@ def checks(outputs: Outputs) -> Iterator[Check]:
         weights = np.array([check.error for check in measured]) ** -2.0
         weights /= weights.sum()
         errors = ((weight * check.error, check.freedom) for weight, check in zip(weights, measured))
-        mean = weights @ [check.value for check in measured]
-        yield _check(ALL, "all four", Estimate(mean, *combined(*errors)))
+        yield _check(
+            ALL,
+            "all four",
+            Estimate(weights @ [check.value for check in measured], *combined(*errors)),
+        )
 
 
 def _over(time, energy, theirs):

@@ -164,7 +164,11 @@ class Case:
 
 def of_scene(name: str, folder: Path) -> Case:
     """The case of a built-in scene; ``folder`` is for data files of starts."""
-    scene = SCENES[name] if name == "dimer" else _on_mesh(name)
+    scene = constrained_peptide() if name == "peptide" else SCENES[name]
+    if name != "dimer":
+        subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
+        title = f"{scene.title}, PPPM {MESH}"
+        scene = replace(scene.on_mesh(MESH), title=title, subject=subject)
     scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
     if scene.subject:
         scene = replace(scene, title=f"{scene.unit:,} {scene.subject}")
@@ -190,13 +194,6 @@ def of_scene(name: str, folder: Path) -> Case:
         unknown=dict.fromkeys(other, tuple(sorted(MEANS))),
         why=DIFFERS,
     )
-
-
-def _on_mesh(name: str) -> Scene:
-    """A scene with PPPM of the accuracy `MESH`."""
-    scene = constrained_peptide() if name == "peptide" else SCENES[name]
-    subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
-    return replace(scene.on_mesh(MESH), title=f"{scene.title}, PPPM {MESH}", subject=subject)
 
 
 def of_script(script: UserScript) -> Case:
@@ -250,8 +247,9 @@ def _lost(script: UserScript) -> dict[str, str]:
     lost: dict[str, str] = {}
     lacking = conserved_energy.uncounted_fixes(script)
     if lacking:
-        why = COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
-        lost |= dict.fromkeys((*ENERGIES, "energy_sd"), why)
+        lost |= dict.fromkeys(
+            (*ENERGIES, "energy_sd"), COUNTED.format(fixes=f"fix {' and fix '.join(lacking)}")
+        )
     if script.reading["sized"]:  # these atoms rotate, too, which their velocities do not show
         lost["temperature"] = "its atoms may have moments of inertia of their own"
     if not script.rigid.state.press:

@@ -121,14 +121,12 @@ def meets(point: Measured, targets: Targets) -> bool | None:
     margins; False if one is above even less its margin, or if the point failed; else None."""
     if point["failed"]:
         return False
-    verdicts = [_within(point["errors"].get(name), target) for name, target in targets.items()]
+    errors = {name: point["errors"].get(name) or {"error": None} for name in targets}
+    verdicts = [
+        None if error["error"] is None else Check("", "", "", **error, high=targets[name]).holds
+        for name, error in errors.items()
+    ]
     return False if False in verdicts else None if None in verdicts else True
-
-
-def _within(estimate, target):
-    if estimate is None or estimate["error"] is None:
-        return None
-    return Check("", "", "", **estimate, high=target).holds
 
 
 def passes(point: Measured, targets: Targets, level: float = CONFIDENCE) -> bool:

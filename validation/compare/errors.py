@@ -154,8 +154,9 @@ def _rdf(series) -> np.ndarray:
     room = (abs(np.linalg.det(cell)) / series.motion.count) ** (1 / 3)
     most = HALF * np.min(np.abs(np.diag(cell))) / 2
     ends = REACH[0] * room, min(most, REACH[1] * room)
-    frames = slice(series.frames[0], series.frames[-1] + 1)
-    return structure.pair_distribution(series.motion, frames, ends, BIN * room)
+    return structure.pair_distribution(
+        series.motion, slice(series.frames[0], series.frames[-1] + 1), ends, BIN * room
+    )
 
 
 Starts = Mapping[Point, Mapping[int, Estimate]]  # of each start of each point, by its number
@@ -293,8 +294,9 @@ class Structure(NamedTuple):
         if len(noise) > lost:
             noise *= math.sqrt(len(noise) / (len(noise) - lost))
         means = {point: starts.mean(axis=0) for point, starts in _rows(distributions, bins).items()}
-        runs = {point: times * len(starts) for point, starts in distributions.items()}
-        return cls(means, runs, noise)
+        return cls(
+            means, {point: times * len(starts) for point, starts in distributions.items()}, noise
+        )
 
     def error(self, point: Point, held: Point) -> Estimate | None:
         """The rms error without the part due to noise; None if the noise is not known.
@@ -400,9 +402,10 @@ def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> di
 
 def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
     """The temperature difference with the largest possible error."""
-    known = filter(None, kinds)
     return max(
-        known, key=lambda difference: abs(difference.value) + difference.margin, default=None
+        filter(None, kinds),
+        key=lambda difference: abs(difference.value) + difference.margin,
+        default=None,
     )
 
 

@@ -104,8 +104,11 @@ def _line(axis: Axes, row: Sequence[Measured], measure: str, look: dict) -> None
     least, x = np.array([(time["min"], time["median"]) for time in spent]).T
     zero = np.array([is_zero(point, measure) for point in row])
     estimates = [Estimate.of(point["errors"][measure]) for point in row]
-    value = np.array([estimate.value for estimate in estimates])
-    y = np.where(zero, [bound(point, measure) for point in row], value)
+    y = np.where(
+        zero,
+        [bound(point, measure) for point in row],
+        np.array([estimate.value for estimate in estimates]),
+    )
     margin = np.where(zero, 0.0, [estimate.margin for estimate in estimates])
     axis.plot(x, np.where(zero, np.nan, y), color=look["color"], lw=look["lw"])
     for those, alpha in (zero, 0.5), (~zero, 1.0):

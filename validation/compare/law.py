@@ -1,6 +1,6 @@
 """The error of a mean at a time step, from runs with this step and longer ones."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -51,19 +51,15 @@ def by_law(
     for fit in _fits(dt, steps, np.abs(off), errors, held.normal_error, finer):
         deviations = off[: fit.number]
         if special.chdtrc(len(fit.rest), ((fit.rest @ deviations) ** 2).sum()) > 1 - CONFIDENCE:
-            return _counted(
+            whole, of_step = (
                 _with(Estimate(float(part.weights @ deviations)), part.error) for part in fit.parts
             )
+            # the whole error if it is significant, else only the step's part
+            return whole if abs(whole.value) > whole.margin else of_step
     alone = min((other for other in steps if other >= dt or dt == finer), default=None)
     if alone is None:
         return None
     return _with(measures.difference(means[alone], held).times(dt**2 / (alone**2 - finer**2)))
-
-
-def _counted(errors: Iterable[Estimate]) -> Estimate:
-    """The whole error if one is significant, else only the step's part."""
-    whole, of_step = errors
-    return whole if abs(whole.value) > whole.margin else of_step
 
 
 def _with(error: Estimate, *more: float) -> Estimate:
@@ -126,5 +122,8 @@ def _fits(
             error = np.hypot(np.sqrt(weights @ block @ weights), missed)
             parts.append(_Part(weights, float(error), missed))
         squares, axes = np.linalg.eigh(left)
-        rest = np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:]
-        yield _Fit(number, (parts[0], parts[1]), rest)
+        yield _Fit(
+            number,
+            (parts[0], parts[1]),
+            np.sqrt(np.maximum(squares[free:, None], 0.0)) * axes.T[free:],
+        )

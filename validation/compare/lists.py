@@ -36,9 +36,8 @@ def measure(
     folder = settings.out / "runs" / "lists"
 
     def job(name: str, lines: Sequence[str], runs: list[int]) -> run.Job:
-        scene = replace(case.scene, setup=(*case.scene.setup, *lines))
         return run.job(
-            scene,
+            replace(case.scene, setup=(*case.scene.setup, *lines)),
             case.integrators[point.scheme],
             folder / run.folder_name(name),
             runs,
@@ -64,9 +63,11 @@ def measure(
     runs = rounds.lengths(step, max(each - startup, 0.0) / rounds.SEGMENTS).runs
     if startup + step * sum(runs) > LATEST * each:
         return []
-    labels = {name: f"neighbour lists, {name}" for name in lines}
     timings, errors, cut = rounds.in_turn(
-        labels, lambda name, number: job(name, lines[name], runs), ROUNDS, meter
+        {name: f"neighbour lists, {name}" for name in lines},
+        lambda name, number: job(name, lines[name], runs),
+        ROUNDS,
+        meter,
     )
     if cut:
         raise KeyboardInterrupt

@@ -143,8 +143,11 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
     complete runs."""
     case = prepared.case
     summary = _summary(prepared)
-    short = plan.trajectories(case, prepared.every, prepared.lengths, prepared.settings)
-    done = _perform(prepared, short, meter)
+    done = _perform(
+        prepared,
+        plan.trajectories(case, prepared.every, prepared.lengths, prepared.settings),
+        meter,
+    )
     summary["interrupted"] = done.interrupted
     summary["versions"] |= machine.worker_versions(done.versions)
     runs = collected(prepared, done)
@@ -165,9 +168,10 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
 
 def _choice(prepared: Prepared, rows: Sequence[Measured]) -> Choice:
     """The `Choice` among the requested points, with the script's thermostat."""
-    requested = [row for row in rows if row["asked"]]
     return choose(
-        same_thermostat(requested, prepared.case.thermostat), prepared.targets, prepared.level
+        same_thermostat([row for row in rows if row["asked"]], prepared.case.thermostat),
+        prepared.targets,
+        prepared.level,
     )
 
 
@@ -179,8 +183,9 @@ def _lists(prepared: Prepared, summary: dict, meter: run.Meter) -> list[dict]:
     case, settings, store = prepared.case, prepared.settings, _store(prepared.settings)
     point = Point(best["integrator"], best["dt"])
     make = partial(lists.measure, case, point, settings, prepared.here.startup, meter)
-    integrator = case.integrators[point.scheme]
-    origin = store.origin(case.scene, integrator, point.dt, settings.minutes, settings.ranks)
+    origin = store.origin(
+        case.scene, case.integrators[point.scheme], point.dt, settings.minutes, settings.ranks
+    )
     try:
         with store.locked("lists"):
             return store.once("lists", origin, lambda: {"found": make()})["found"]
@@ -378,8 +383,11 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
     point = Point(row["integrator"], row["dt"])
     means = {name: most for name, most in targets.items() if name in MEANS}
     again = not passes(row, means) and point != held
-    points = [point, *([held] if again else [])]
-    long = plan.time_of(points, prepared.here, (1 - FIRST) * prepared.settings.for_points)
+    long = plan.time_of(
+        [point, *([held] if again else [])],
+        prepared.here,
+        (1 - FIRST) * prepared.settings.for_points,
+    )
     counts = long - max(SETTLES * long, short)
     return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))
 

@@ -388,7 +388,16 @@ def _tables(answer: Answer) -> list[Table]:
         ),
         Table(
             "All points",
-            [*_columns(answer, measures), *_further(summary)],
+            [
+                *_columns(answer, measures),
+                Column("integrator", "integrator", kind="text", wide=True),
+                Column("starts", "starts", kind="number"),
+                Column("failures", "failures", kind="number", wide=True),
+                Column("time", "sampled", answer.unit, kind="number"),
+                Column("cost", "elapsed", f"s/{summary['ns']}", wide=True),
+                Column("status", "status", kind="text", wide=True),
+                Column("command", "command", kind="code", wide=True),
+            ],
             [_shown(answer, point) for point in answer.every],
             file="points",
             long=True,
@@ -404,18 +413,6 @@ def _columns(answer: Answer, measures: Sequence[str]) -> list[Column]:
         Column("cpu", answer.clock, f"s/{summary['ns']}"),
         *(Column(f"of {name}", name, about[name]["unit"], kind="estimate") for name in measures),
         Column("verdict", "verdict", kind="verdict"),
-    ]
-
-
-def _further(summary: Mapping) -> list[Column]:
-    return [
-        Column("integrator", "integrator", kind="text", wide=True),
-        Column("starts", "starts", kind="number"),
-        Column("failures", "failures", kind="number", wide=True),
-        Column("time", "sampled", UNITS[summary["units"]].time, kind="number"),
-        Column("cost", "elapsed", f"s/{summary['ns']}", wide=True),
-        Column("status", "status", kind="text", wide=True),
-        Column("command", "command", kind="code", wide=True),
     ]
 
 

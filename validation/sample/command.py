@@ -110,8 +110,9 @@ def run(arguments: argparse.Namespace) -> int:
     engine.versions(plan.schemes[point.scheme].engine for point in points)
     known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
     lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
-    folder = out / "runs" / lengths.folder
-    runs = Runs(plan, lengths, folder, arguments.silence, fewer=arguments.to_zero)
+    runs = Runs(
+        plan, lengths, out / "runs" / lengths.folder, arguments.silence, fewer=arguments.to_zero
+    )
     screen = console.console()
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, known, meter)

@@ -220,8 +220,9 @@ def figure(summary: Mapping) -> Drawing | None:
         steps = np.array([dt for dt, _ in average["means"]])
         means = [Estimate.of(mean) for _, mean in average["means"]]
         x = np.linspace(0, 1, 101)
-        curve = np.polynomial.Polynomial(average["curve"])(x)
-        axis.plot(x * steps.max() ** 2, curve, color=BLUE, lw=1.2)
+        axis.plot(
+            x * steps.max() ** 2, np.polynomial.Polynomial(average["curve"])(x), color=BLUE, lw=1.2
+        )
         how: dict = {"fmt": "o", "ms": 5, "lw": 1.2, "capsize": 2}
         values, margins = [mean.value for mean in means], [mean.margin for mean in means]
         axis.errorbar(steps**2, values, margins, color=BLUE, **how)

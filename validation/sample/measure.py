@@ -180,17 +180,22 @@ def of_series(samples: Table, plan: Plan, scheme: Scheme) -> Numbers:
         numbers.means[observable.key] = measures.mean(x)
         numbers.variances[observable.key] = float(np.var(x, ddof=1))
         if observable.vector:
-            vector = np.stack([samples[name] for name in observable.vector], axis=1)
-            numbers.vectors[observable.key] = measures.autocovariance(vector)
+            numbers.vectors[observable.key] = measures.autocovariance(
+                np.stack([samples[name] for name in observable.vector], axis=1)
+            )
         else:
             numbers.remembers[observable.key] = measures.autocorrelation(x).times(apart)
     if scheme.pressure is not None:
-        values = thin(samples["PotEng"], samples["Volume"], times=DENSER)
-        numbers.state = structure.Sampled(scheme.temperature, scheme.pressure, values)
+        numbers.state = structure.Sampled(
+            scheme.temperature,
+            scheme.pressure,
+            thin(samples["PotEng"], samples["Volume"], times=DENSER),
+        )
     if scheme.reach and KINETIC in samples:
         (kinetic,), bodies = thin(samples[KINETIC]), plan.scene.unit
-        others = scheme.held + 3 * bodies - plan.turning
-        numbers.far = structure.distribution(kinetic, scheme.temperature, bodies, others)
+        numbers.far = structure.distribution(
+            kinetic, scheme.temperature, bodies, scheme.held + 3 * bodies - plan.turning
+        )
     return numbers
 
 
@@ -214,8 +219,9 @@ def pool(starts: Sequence[Numbers]) -> Numbers:
     means = {key: float(np.mean([variance[key] for variance in variances])) for key in variances[0]}
     pooled = Numbers(over("means"), over("remembers"), means)
     for key in starts[0].vectors:
-        components = np.concatenate([numbers.vectors[key] for numbers in starts])
-        memory = measures.autocorrelation_of_square(components)
+        memory = measures.autocorrelation_of_square(
+            np.concatenate([numbers.vectors[key] for numbers in starts])
+        )
         pooled.remembers[key] = memory.times(starts[0].apart)
     states = [numbers.state for numbers in starts if numbers.state]
     if states:

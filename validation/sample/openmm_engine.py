@@ -109,9 +109,12 @@ def create_context(data: dict) -> tuple[Any, Any]:
     integrator = openmm.LangevinMiddleIntegrator(*how)
     integrator.setConstraintTolerance(TOLERANCE)
     integrator.setRandomNumberSeed(data["seed"])
-    platform = openmm.Platform.getPlatformByName(data["platform"])
-    one_core = {"Threads": "1"} if data["platform"] == "CPU" else {}
-    context = openmm.Context(system, integrator, platform, one_core)
+    context = openmm.Context(
+        system,
+        integrator,
+        openmm.Platform.getPlatformByName(data["platform"]),
+        {"Threads": "1"} if data["platform"] == "CPU" else {},
+    )
     context.setPositions([openmm.Vec3(*place) for place in data["x"]])
     context.setVelocitiesToTemperature(data["temperature"], data["seed"])
     return context, barostat

@@ -293,8 +293,12 @@ class Runs:
         )
         if scheme.engine:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
-            course = EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start)
-            return scheme.engine.job(course, of_scene(self.plan.scene), folder, self.silence)
+            return scheme.engine.job(
+                EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start),
+                of_scene(self.plan.scene),
+                folder,
+                self.silence,
+            )
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
@@ -325,8 +329,14 @@ class Runs:
             runs = [-(-count // stride) * stride for count in rounds.lengths(loop, SECONDS).runs]
             folder = self.folder / TIMED / f"{name}-{number}"
             refined = self.plan.schemes[names[name].scheme].refined
-            columns = run.thermo("vol", *REFINED) if refined else []
-            return self._job(names[name], start, folder, runs, int(refined), columns)
+            return self._job(
+                names[name],
+                start,
+                folder,
+                runs,
+                int(refined),
+                run.thermo("vol", *REFINED) if refined else [],
+            )
 
         def measure() -> dict[str, list[float]]:
             if not time:
@@ -351,8 +361,9 @@ class Runs:
     ) -> run.Job:
         """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
         scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
-        changes = self.plan.starter.pressure is not None
-        begun = from_dump(self.plan.scene, dump, self._begin, box=changes)
+        begun = from_dump(
+            self.plan.scene, dump, self._begin, box=self.plan.starter.pressure is not None
+        )
         rest = f"velocity {'all' if scheme.whole else begun.group} zero linear"
         begun = self._of(scheme, replace(begun, setup=(*begun.setup, rest)))
         return run.job(

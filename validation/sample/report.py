@@ -109,7 +109,7 @@ NOTES = {
 
 def describe(summary: dict) -> Report:
     """The report on the averages of one scene, and on their cost."""
-    rows = [_flat(row) | _as_temperature(row, summary["limits"]) for row in summary["rows"]]
+    rows = [_flat(row, summary["limits"]) for row in summary["rows"]]
     settings = summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
@@ -140,15 +140,12 @@ def describe(summary: dict) -> Report:
     )
 
 
-def _flat(row: dict) -> dict:
+def _flat(row: dict, limits: Mapping) -> dict:
     """A row with the numbers of each observable at its top level."""
     more = {f"{name} {key}": value for name in NESTED for key, value in row.get(name, {}).items()}
+    if change := warmer(row.get("biases", {}), limits):
+        more["warmer"] = change.plain()
     return row | more | {"status": row["error"] or "ok"}
-
-
-def _as_temperature(row: dict, limits: Mapping) -> dict:
-    change = warmer(row.get("biases", {}), limits)
-    return {"warmer": change.plain()} if change else {}
 
 
 def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:

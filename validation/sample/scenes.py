@@ -62,9 +62,14 @@ def _water(_: Path) -> Plan:
 def _pressure(folder: Path) -> Plan:
     """The same water at constant pressure, from the starts of constant volume."""
     water = _water(folder)
-    scene = replace(water.scene, name="pressure")
-    schemes = at_pressure(water.temperature)
-    return Plan(scene, water.temperature, schemes, water.starter, BAROSTATS, water.turning)
+    return Plan(
+        replace(water.scene, name="pressure"),
+        water.temperature,
+        at_pressure(water.temperature),
+        water.starter,
+        BAROSTATS,
+        water.turning,
+    )
 
 
 def _peptide(_: Path) -> Plan:
@@ -78,18 +83,23 @@ def _peptide(_: Path) -> Plan:
         longest=6.0,
     )
     schemes, scene = constant_volume(bodies), constrained_peptide()
-    starter = schemes["langevin-20"]
-    return Plan(scene, bodies.temperature, schemes, starter, CONSTRAINED, PEPTIDE_TURNS)
+    return Plan(
+        scene, bodies.temperature, schemes, schemes["langevin-20"], CONSTRAINED, PEPTIDE_TURNS
+    )
 
 
 def _liquid(liquid: Liquid, folder: Path) -> Plan:
     schemes = constant_volume(Bodies(liquid.temperature))
     # melts the crystal, and cools the melt
     ramp = f" temp {liquid.melt:g} {liquid.temperature:g} {STRONG:g}"
-    starter = ours("melt", "melt", f"{ramp} thermostat langevin seed {SEED}", "NVT")
-    turning = liquid.molecules * (2 if np.linalg.matrix_rank(liquid.shape) == 1 else 3)
-    scene = liquid.scene(folder / "scenes")
-    return Plan(scene, liquid.temperature, schemes, starter, RIGID, turning)
+    return Plan(
+        liquid.scene(folder / "scenes"),
+        liquid.temperature,
+        schemes,
+        ours("melt", "melt", f"{ramp} thermostat langevin seed {SEED}", "NVT"),
+        RIGID,
+        liquid.molecules * (2 if np.linalg.matrix_rank(liquid.shape) == 1 else 3),
+    )
 
 
 SCENES: dict[str, Callable[[Path], Plan]] = {  # each writes its files into a folder

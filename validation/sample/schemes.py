@@ -74,8 +74,9 @@ def _thermostats() -> Iterator[Thermostat]:
     by their inverse damping time."""
     for rate in (0.5, 1.0, 2.0, 5.0, 20.0):
         words, reach = f"langevin seed {SEED}", 8.0 if rate == 20.0 else 6.0
-        name = f"langevin-{rate:g}"
-        yield Thermostat(name, f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0)
+        yield Thermostat(
+            f"langevin-{rate:g}", f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0
+        )
     noise = f"csvr seed {SEED}"
     yield Thermostat("csvr", "csvr", DAMPING, noise)
     yield Thermostat("nh", "nh", DAMPING, "nh")
@@ -353,8 +354,13 @@ def _barostats(temperature: float) -> Iterator[Scheme]:
         for ending, suffix, warmer, pressure in STATES:
             first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0}
             other: dict = {"steps": (2.0, 6.0), "first": name}
-            at = f"{state(temperature + warmer, DAMPING, pressure)} thermostat {words}"
             yield ours(
-                name + ending, label + suffix, at, "NPT", held=held, pressure=pressure,
-                temperature=temperature + warmer, **other if ending else first,
-            )  # fmt: skip
+                name + ending,
+                label + suffix,
+                f"{state(temperature + warmer, DAMPING, pressure)} thermostat {words}",
+                "NPT",
+                held=held,
+                pressure=pressure,
+                temperature=temperature + warmer,
+                **other if ending else first,
+            )

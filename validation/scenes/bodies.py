@@ -130,9 +130,13 @@ def scene(
         ],
         "angles": [(1, atom + 2, atom + 1, atom + 3) for atom in range(0, 3 * n, 3)],
     }
-    bounds = np.stack([corner, corner + box], axis=1)
     content = data_file(
-        "full", atoms, bounds, mass=kinds, velocities=[v], terms=terms if bonded else None
+        "full",
+        atoms,
+        np.stack([corner, corner + box], axis=1),
+        mass=kinds,
+        velocities=[v],
+        terms=terms if bonded else None,
     )
     data = folder / "data.bodies"
     if not data.exists() or data.read_text() != content:

@@ -91,18 +91,11 @@ class Estimate(NamedTuple):
         if not self.error > 0:
             return f"{self.value:.3g}"
         if 1e-3 < max(abs(self.value), self.margin) < 1e5:
-            return rounded(self.value, self.margin)
+            digits = 0
+            while self.margin * 10**digits < 9.5 and digits < 12:  # two digits of the margin
+                digits += 1
+            return f"{self.value:.{digits}f} ± {self.margin:.{digits}f}"
         return f"{self.value:.2e} ± {self.margin:.1e}"
-
-
-def rounded(value: float, margin: float) -> str:
-    """Value ± margin, to two digits of the margin."""
-    if not margin > 0:
-        return f"{value:.4g}"
-    digits = 0
-    while margin * 10**digits < 9.5 and digits < 12:
-        digits += 1
-    return f"{value:.{digits}f} ± {margin:.{digits}f}"
 
 
 def plain(values: Mapping[str, Any]) -> dict:

@@ -46,14 +46,18 @@ class Fit:
     @property
     def limit(self) -> Estimate:
         """U0."""
-        value = sum(weight * self.points[key].value for key, weight in self.weights.items())
-        return Estimate(float(value), *self._error(self.weights))
+        return Estimate(
+            float(sum(weight * self.points[key].value for key, weight in self.weights.items())),
+            *self._error(self.weights),
+        )
 
     def bias(self, key: Hashable) -> Estimate:
         """The value of a point minus U0."""
         parts = self.distance(key)
-        value = sum(weight * self.points[other].value for other, weight in parts.items())
-        return Estimate(float(value), *self._error(parts))
+        return Estimate(
+            float(sum(weight * self.points[other].value for other, weight in parts.items())),
+            *self._error(parts),
+        )
 
     def distance(self, key: Hashable) -> dict:
         """Weights of the points in a point minus U0.
@@ -92,7 +96,11 @@ def fit(
         reaches: for each scheme that shares the limit, the longest step whose error the terms
             describe; infinite for a scheme without error of the step.
     """
-    used = [point for point in points if _is_in(steps[point], reaches) and points[point].error > 0]
+    used = [
+        point
+        for point, (scheme, dt) in steps.items()
+        if dt <= reaches.get(scheme, 0.0) and points[point].error > 0
+    ]
     terms = _terms([steps[point] for point in used], reaches)
     return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
 
@@ -136,11 +144,6 @@ def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
     freedom = len(used) - np.linalg.matrix_rank(scaled)
     weights = dict(zip(used, map(float, inverse[0] / size)))
     return Fit(points, weights, float(left @ left), int(freedom), tuple(map(float, terms)))
-
-
-def _is_in(step: tuple[str, float], reaches: Mapping[str, float]) -> bool:
-    scheme, dt = step
-    return dt <= reaches.get(scheme, 0.0)
 
 
 def _terms(steps: list[tuple[str, float]], reaches: Mapping[str, float]) -> list[np.ndarray]:

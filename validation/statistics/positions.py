@@ -5,10 +5,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 
-def _nothing() -> np.ndarray:
-    return np.empty(0)
-
-
 @dataclass(frozen=True)
 class Positions:
     """Atoms of a run, in order of ID, at its start and after each part (see ``worker``).
@@ -23,8 +19,8 @@ class Positions:
     bodies: np.ndarray
     cells: np.ndarray
     periodic: np.ndarray
-    v: np.ndarray = field(default_factory=_nothing)
-    mass: np.ndarray = field(default_factory=_nothing)
+    v: np.ndarray = field(default_factory=lambda: np.empty(0))
+    mass: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     @property
     def cell(self) -> np.ndarray:

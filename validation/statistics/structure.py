@@ -87,9 +87,12 @@ def of_sites(x: np.ndarray, cells: np.ndarray, reach: Sequence[float], width: fl
     path = mdtraj.Trajectory(x * scale, top)
     path.unitcell_vectors = cells * scale
     # by a width it rounds their number down, as where 53 of them come to 52.999...
-    bins = round((reach[1] - reach[0]) / width)
-    ends = [end * scale for end in reach]
-    return mdtraj.compute_rdf(path, top.select_pairs("all", "all"), r_range=ends, n_bins=bins)[1]
+    return mdtraj.compute_rdf(
+        path,
+        top.select_pairs("all", "all"),
+        r_range=[end * scale for end in reach],
+        n_bins=round((reach[1] - reach[0]) / width),
+    )[1]
 
 
 def _quiet(function, *arguments, **more):
@@ -109,9 +112,12 @@ def _data(temperature, natoms, held=0, pressure=None, **more):
         molecule_idx=[0],
         nconstraints_per_molecule=[0],
     )
-    kind = "NVT" if pressure is None else "NPT"
     ensemble = records.EnsembleData(
-        kind, natoms=natoms, volume=1.0, temperature=temperature, pressure=pressure
+        "NVT" if pressure is None else "NPT",
+        natoms=natoms,
+        volume=1.0,
+        temperature=temperature,
+        pressure=pressure,
     )
     return records.SimulationData(
         observables=records.ObservableData(**more),
@@ -136,8 +142,11 @@ def distribution(energies: np.ndarray, temperature: float, bodies: int = 1, held
         held: missing degrees of freedom, for example of a total momentum that is zero.
     """
     # two atoms' degrees of freedom are six, a body's
-    data = _data(temperature, 2 * bodies, held, kinetic_energy=energies)
-    deviations = _quiet(physical_validation.kinetic_energy.distribution, data, **INDEPENDENT)
+    deviations = _quiet(
+        physical_validation.kinetic_energy.distribution,
+        _data(temperature, 2 * bodies, held, kinetic_energy=energies),
+        **INDEPENDENT,
+    )
     return max(abs(distance) for distance in deviations)
 
 

@@ -53,8 +53,15 @@ def gradient(runner: Runner, steps: int) -> Number:
     charge, rng, members = np.array([-2.0, 1.0, 1.0]), np.random.default_rng(9 + runner.start), []
     for k in range(20):
         turn, keys = bodies.turned(k + 20 * runner.start), ("place", "velocity", "spin")
-        how = {key: rng.normal(size=3) for key in keys}
-        members.append(bodies.body(bodies.BENT, bodies.MASSES, turn=turn, charge=charge, **how))
+        members.append(
+            bodies.body(
+                bodies.BENT,
+                bodies.MASSES,
+                turn=turn,
+                charge=charge,
+                **{key: rng.normal(size=3) for key in keys},
+            )
+        )
     setup = (
         *bodies.FREE,
         "neighbor 6.0 bin",
@@ -66,8 +73,13 @@ def gradient(runner: Runner, steps: int) -> Number:
         "fix field all addforce v_fx v_fy v_fz energy v_e",
         "fix_modify field energy yes",
     )
-    scene = _scene(runner, f"dipoles-{runner.start}", members, setup, 100.0, -50.0)
-    return molecules.drift(runner, scene, steps, NS_OF_REDUCED, max(1, steps // 1000))
+    return molecules.drift(
+        runner,
+        _scene(runner, f"dipoles-{runner.start}", members, setup, 100.0, -50.0),
+        steps,
+        NS_OF_REDUCED,
+        max(1, steps // 1000),
+    )
 
 
 @Case.of(

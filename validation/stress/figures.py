@@ -36,8 +36,14 @@ def matrix(cases: Sequence[dict]) -> Figure | None:
         for row in case["rows"]:
             x, (colour, sign) = shown.index(row["integrator"]), LOOKS[row["verdict"]]
             axis.add_patch(Rectangle((x - 0.48, y - 0.46), 0.96, 0.92, color=colour))
-            ink = "white" if row["verdict"] == "blow-up" else INK
-            axis.text(x, y, sign, ha="center", va="center", color=ink)
+            axis.text(
+                x,
+                y,
+                sign,
+                ha="center",
+                va="center",
+                color="white" if row["verdict"] == "blow-up" else INK,
+            )
     names = [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases]
     labels = ["ours" if name == OURS else label_of[name].replace(" + nve", "") for name in shown]
     axis.set_xticks(range(len(shown)), labels, rotation=45, ha="left")

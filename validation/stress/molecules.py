@@ -152,8 +152,9 @@ def water(runner: Runner) -> Scene:
 )
 def water_dt(runner: Runner, length: list[float]) -> Number:
     """Measure the longest step. Args: length: the time, and the spacing of the steps tried."""
-    steps = np.arange(0.5, 12.1, length[1])
-    return halved(runner, water(runner), steps, length[0], ranks=runner.ranks)
+    return halved(
+        runner, water(runner), np.arange(0.5, 12.1, length[1]), length[0], ranks=runner.ranks
+    )
 
 
 def _water_drift(runner, temperature, time, dt, warm_time, warm_dt, damping):
@@ -226,8 +227,9 @@ def long_dimer(runner: Runner, steps: int) -> Number:
     numbers = (f"{key} {value:.1e}" for key, value in zip(keys, (heat, *lost, shape)))
     momenta = criteria.in_a_step(max(lost), steps)
     tolerance = runner.integrator.tolerance or criteria.rounding(steps)
-    parts = {"long run": heat, "rounding": momenta, "shape": shape / tolerance}
-    return of_parts(parts, ", ".join(numbers))
+    return of_parts(
+        {"long run": heat, "rounding": momenta, "shape": shape / tolerance}, ", ".join(numbers)
+    )
 
 
 CASES = water_dt, water_hot, water_cold, long_dimer

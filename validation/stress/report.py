@@ -17,6 +17,7 @@ TABLES = {
     EXTREME: "Extreme cases",
     REPORTED: "Problems that users have reported, in Lennard-Jones units: smaller is better",
 }
+MEASURED_WITH = "fix_nosquish {fix_nosquish} ({package}), LAMMPS {lammps}"
 KEYS = (
     *("case", "integrator", "label", "value", "margin", "error is", "unit", "bound"),
     *("verdict", "note", "measured with", "date", "command"),
@@ -104,14 +105,9 @@ def _lines(every: Iterable[tuple[dict, dict]]) -> list[dict]:
     return [
         {**row, "case": case["name"], "margin": Estimate.of(row).margin or None}
         | {"error is": case["bars"], "unit": case["unit"], "bound": case["bound"]}
-        | {"measured with": _package(row)}
+        | {"measured with": MEASURED_WITH.format(**row["versions"])}
         for case, row in every
     ]
-
-
-def _package(row: Mapping) -> str:
-    """The version of the package with which a row was measured."""
-    return "fix_nosquish {fix_nosquish} ({package}), LAMMPS {lammps}".format(**row["versions"])
 
 
 def _number_cell(row: Mapping | None) -> Cell:

@@ -149,8 +149,9 @@ def _respa_falls(simulate):
     step is a quarter as long"""
     system = mixture("solid planar pair row single", temperature=0.5)
     # nearly smooth at the cutoff, so that errors fall with dt²
-    setup = system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
-    system = system._replace(setup=setup)
+    system = system._replace(
+        setup=system.setup.replace("lj/cut 2.5", "lj/cut 3.6") + "\npair_modify shift yes"
+    )
     exact = simulate(system, 400, dt=0.2, every=400)
     two = "run_style respa 2 4 inner 1 1.3 1.8 outer 2"
     runs = (simulate(system, steps, dt=80 / steps, before=two, every=1) for steps in (10, 40))

@@ -105,10 +105,13 @@ def _literal(line: str) -> str:
 def script_integrator(rigid: RigidAtoms) -> Integrator:
     """The fixes that move the script's bodies, unchanged."""
     styles = " + ".join(dict.fromkeys(map(short_name, rigid.lines)))
-    whole_bodies = rigid.kind == "rigid" and "small" in rigid.style
-    lines = tuple(map(_literal, rigid.lines))
     return Integrator(
-        YOURS, f"yours: {styles}", lines, whole_bodies, rigid.kind, then=rigid.modified
+        YOURS,
+        f"yours: {styles}",
+        tuple(map(_literal, rigid.lines)),
+        rigid.kind == "rigid" and "small" in rigid.style,
+        rigid.kind,
+        then=rigid.modified,
     )
 
 
@@ -163,8 +166,9 @@ def _ours(rigid: RigidAtoms, units: str) -> Iterator[Integrator]:
     for number, (label, more) in enumerate(_thermostats(state, units)):
         words = state_words(state) + more + keywords + others
         lines = (*before, f"fix {_id(rigid)} {{group}} {style} {{bodies}}{words}")
-        name = f"{OURS}-{label.split()[0]}" if number else OURS
-        yield Integrator(name, f"{style} {label}".strip(), lines)
+        yield Integrator(
+            f"{OURS}-{label.split()[0]}" if number else OURS, f"{style} {label}".strip(), lines
+        )
 
 
 def _thermostats(state: State, units: str) -> list[tuple[str, str]]:
@@ -238,9 +242,13 @@ def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
             continue  # LAMMPS requires it last, and a changing box first
         hold = f"fix own_held {held} {style} {TOLERANCE} 100 0 {rigid.constraints}"
         # rattle corrects velocities that the other fix has set; a changing box requires shake first
-        lines = (*groups, hold, move) if state.press else (*groups, move, hold)
-        label = f"{style} {TOLERANCE} + {state.ensemble}"
-        yield Integrator(style, label, lines, kind="constraints", tolerance=float(TOLERANCE))
+        yield Integrator(
+            style,
+            f"{style} {TOLERANCE} + {state.ensemble}",
+            (*groups, hold, move) if state.press else (*groups, move, hold),
+            kind="constraints",
+            tolerance=float(TOLERANCE),
+        )
 
 
 def commands_naming(ids: Collection[str], commands: Sequence[str]) -> list[str]:

@@ -57,23 +57,6 @@ class ScriptOptions:
     bodies: str | None = None
     at: int = 1
 
-    @classmethod
-    def of(cls, arguments: Namespace, script: str) -> "ScriptOptions":
-        """The options for a script, from those that `command_line.add_script_options` adds."""
-        variables = tuple(map(tuple, arguments.variables or ()))
-        for words in variables:
-            if len(words) < 2:
-                arguments.parser.error(f"-var {words[0]}: a value is missing after the name")
-        return cls(
-            os.path.abspath(script),  # the folder of a link, not of its target, as in LAMMPS
-            os.getcwd(),
-            variables,
-            tuple(arguments.fix or ()),
-            arguments.group,
-            arguments.bodies,
-            arguments.run_number,
-        )
-
     @property
     def name(self) -> str:
         """A name for folders: "my" for my.in and for in.my."""
@@ -121,12 +104,25 @@ class UserScript:
 def parse_options(
     arguments: Namespace, script: str, short: bool = False
 ) -> tuple[ScriptOptions, Path]:
-    """The options for a script, and the output folder, which is created.
+    """The options for a script, from those that `command_line.add_script_options` adds, and the
+    output folder, which is created.
 
     Args:
         short: see `command_line.output_folder`.
     """
-    options = ScriptOptions.of(arguments, script)
+    variables = tuple(map(tuple, arguments.variables or ()))
+    for words in variables:
+        if len(words) < 2:
+            arguments.parser.error(f"-var {words[0]}: a value is missing after the name")
+    options = ScriptOptions(
+        os.path.abspath(script),  # the folder of a link, not of its target, as in LAMMPS
+        os.getcwd(),
+        variables,
+        tuple(arguments.fix or ()),
+        arguments.group,
+        arguments.bodies,
+        arguments.run_number,
+    )
     arguments.usual = f"results/{arguments.verb}-{options.name}"
     return options, command_line.output_folder(arguments, short)
 
@@ -166,8 +162,16 @@ def load(
     notes = (*candidates.describe(rigid, reading, atoms), *more, *late)
     for line in notes:
         tell(line)
-    named = {integrator.name: integrator for integrator in those}
-    return UserScript(options, scene, named, reference, rigid, reading, atoms, notes)
+    return UserScript(
+        options,
+        scene,
+        {integrator.name: integrator for integrator in those},
+        reference,
+        rigid,
+        reading,
+        atoms,
+        notes,
+    )
 
 
 def refuse_ramps(script: UserScript) -> None:
@@ -242,8 +246,9 @@ def _files_of(reading: Mapping, folder: Path) -> str:
     """A hash of the files that a script's runs depend on: the user's, those that the script has
     written, the state and the bodies."""
     files = (folder / file for file in ("state.restart", "bodies.npy", "bodies.dump", "overlay"))
-    known = [machine.contents(file) for file in files if file.exists()]
-    return store.digest(_contents(reading["files"]), known)
+    return store.digest(
+        _contents(reading["files"]), [machine.contents(file) for file in files if file.exists()]
+    )
 
 
 def _read(options: ScriptOptions, folder: Path, ranks: int, silence: float) -> dict:

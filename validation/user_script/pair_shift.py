@@ -50,8 +50,11 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
         return script  # the tail is part of the pressure that the barostat controls
     note = NOTE + WITHOUT_TAIL * settings["tail"]
     tell(note)
-    scene = replace(script.scene, then=(*script.scene.then, LINE))
-    return replace(script, scene=scene, notes=(*script.notes, note))
+    return replace(
+        script,
+        scene=replace(script.scene, then=(*script.scene.then, LINE)),
+        notes=(*script.notes, note),
+    )
 
 
 def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:

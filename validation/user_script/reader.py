@@ -260,8 +260,11 @@ def _script(request: dict) -> Script:
     if failure:
         raise failure
     if not session.run:
-        had = request["at"] - 1 - session.skip
-        raise Failure(rigid_atoms.no_rigid_run(session.seen, request["fix"], request["at"], had))
+        raise Failure(
+            rigid_atoms.no_rigid_run(
+                session.seen, request["fix"], request["at"], request["at"] - 1 - session.skip
+            )
+        )
     return session
 
 

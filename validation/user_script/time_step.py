@@ -69,5 +69,8 @@ def with_lists_in_time(script: UserScript, tell: Callable[[str], object] = print
         "LAMMPS looks at its neighbour lists by your own setting."
     )
     tell(note)
-    scene = replace(script.scene, then=(*script.scene.then, *lines))
-    return replace(script, scene=scene, notes=(*script.notes, note))
+    return replace(
+        script,
+        scene=replace(script.scene, then=(*script.scene.then, *lines)),
+        notes=(*script.notes, note),
+    )
