@@ -35,8 +35,10 @@ class Parser(argparse.ArgumentParser):
         if values.get("only") and "integrators" in values and not script:
             known = arguments.integrators()
             for name in (name for name in arguments.only if known and name not in known):
-                why = f"there is no integrator {name}: choose from {', '.join(known)}"
-                self.error(f"argument --only: {why}")
+                self.error(
+                    f"argument --only: there is no integrator {name}: choose from "
+                    f"{', '.join(known)}"
+                )
         return arguments, unknown
 
 
@@ -245,8 +247,9 @@ def add_launch(parser: argparse.ArgumentParser) -> None:
     def command(words):
         program, *_ = shlex.split(words) or [""]
         if "{ranks}" not in words:
-            why = '{ranks} is missing, the number of ranks, as in "srun -n {ranks}"'
-            raise argparse.ArgumentTypeError(f"{words}: {why}")
+            raise argparse.ArgumentTypeError(
+                f'{words}: {{ranks}} is missing, the number of ranks, as in "srun -n {{ranks}}"'
+            )
         if not shutil.which(program):
             raise argparse.ArgumentTypeError(f"{words}: there is no program {program}")
         return words
@@ -300,6 +303,7 @@ def make_folder(arguments: argparse.Namespace, path: Path) -> Path:
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        why = f"{error.strerror}: give another folder by --out"
-        arguments.parser.exit(2, f"output folder {path}: {why}\n")
+        arguments.parser.exit(
+            2, f"output folder {path}: {error.strerror}: give another folder by --out\n"
+        )
     return path

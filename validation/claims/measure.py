@@ -43,8 +43,13 @@ def measure(name: str, claims: Claims, bench: Bench) -> dict:
     }
     failed |= dict.fromkeys(done.left_out, "its start has failed")
     failed = {failing: why for failing, why in failed.items() if why}
-    facts = {"claims": name, "interrupted": done.interrupted, "failed": failed}
-    return circumstances | facts | claims.judge(outputs, bench)
+    return {
+        **circumstances,
+        "claims": name,
+        "interrupted": done.interrupted,
+        "failed": failed,
+        **claims.judge(outputs, bench),
+    }
 
 
 def _chosen(claims: Claims, bench: Bench) -> Sequence[Simulation]:

@@ -152,8 +152,16 @@ def _over(time, energy, theirs):
 def _check(subject, file, estimate, note=""):
     what = "standard deviation of the total energy over the published one"
     source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
-    ends: dict = {"low": 1 - WITHIN, "high": 1 + WITHIN}
-    return Check.of("spread", subject, what, estimate, note=note, source=source, **ends)
+    return Check.of(
+        "spread",
+        subject,
+        what,
+        estimate,
+        note=note,
+        source=source,
+        low=1 - WITHIN,
+        high=1 + WITHIN,
+    )
 
 
 CLAIMS = Claims(

@@ -98,8 +98,12 @@ def _reversed(series: Series) -> dict:
     for n in () if series.error else STEPS:
         left = _positions(series, f"back-{n}") - _positions(series, "start")
         distance.append(float(np.linalg.norm(left, axis=1).max()))
-    row = {"name": integrator.name, "label": integrator.label, "error": series.error}
-    return row | {"distance": distance}
+    return {
+        "name": integrator.name,
+        "label": integrator.label,
+        "error": series.error,
+        "distance": distance,
+    }
 
 
 def _positions(series, dump):

@@ -55,8 +55,10 @@ def measure(
     except ChildProcessError as failure:
         error = str(failure)
         meter.end(error)
-    pairs = zip(times["ours"], times["plain"])
-    times["added"] = [(wall - plain, cpu - other) for (wall, cpu), (plain, other) in pairs]
+    times["added"] = [
+        (wall - plain, cpu - other)
+        for (wall, cpu), (plain, other) in zip(times["ours"], times["plain"])
+    ]
     spreads = {
         kind: dict(zip(("wall", "cpu"), map(measures.spread, zip(*starts[1:]))))
         for kind, starts in times.items()

@@ -70,15 +70,17 @@ class Store:
 
     def save(self, name: str, origin: str, record: dict, complete: bool = True) -> None:
         """Store a record; one that is not ``complete`` is continued later."""
-        plain = {
-            "name": name,
-            "origin": origin,
-            "base": self.base,
-            "complete": complete,
-            "date": machine.now(),
-            "record": record,
-        }
-        json_files.write(self._file(name, origin), plain)
+        json_files.write(
+            self._file(name, origin),
+            {
+                "name": name,
+                "origin": origin,
+                "base": self.base,
+                "complete": complete,
+                "date": machine.now(),
+                "record": record,
+            },
+        )
 
     def shared(self, names: Iterable[str]) -> Iterator[str]:
         """The names, each locked against other processes; those locked by others come last."""
@@ -142,5 +144,10 @@ def code() -> str:
     """Hash of the harness's files on which numbers can depend: all but those of `SHOWN`."""
     kinds = "*.py", "*/*.py", "*/*.c", "*/*.cpp"
     files = sorted(path.relative_to(HARNESS) for kind in kinds for path in HARNESS.glob(kind))
-    relevant = (file for file in files if not SHOWN.intersection(file.parts))
-    return digest([(str(file), (HARNESS / file).read_text()) for file in relevant])
+    return digest(
+        [
+            (str(file), (HARNESS / file).read_text())
+            for file in files
+            if not SHOWN.intersection(file.parts)
+        ]
+    )

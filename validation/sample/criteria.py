@@ -81,8 +81,15 @@ def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
     for part, key, within in bounds:
         if numbers.get(key):
             what, unit = _named(key)
-            ends: dict = {"low": -within, "high": within, "unit": unit}
-            yield Check.of(part, _subject(row), what, Estimate.of(numbers[key]), **ends)
+            yield Check.of(
+                part,
+                _subject(row),
+                what,
+                Estimate.of(numbers[key]),
+                low=-within,
+                high=within,
+                unit=unit,
+            )
 
 
 def _named(key: str) -> tuple[str, str]:
@@ -98,8 +105,13 @@ def _gains(summary: Mapping) -> Iterator[Check]:
     best = rivals.best(summary["rows"]) or {"faster": {}}
     for key, gain in best["faster"].items():
         goal = summary["goals"][key]
-        what = f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs"
-        yield Check.of("cost", _subject(best), what, rivals.estimate(gain, FASTER), low=FASTER)
+        yield Check.of(
+            "cost",
+            _subject(best),
+            f"{BY_KEY[key].title}: times less time than {goal['label']} at {goal['dt']:g} fs",
+            rivals.estimate(gain, FASTER),
+            low=FASTER,
+        )
 
 
 def _subject(row: Mapping) -> str:

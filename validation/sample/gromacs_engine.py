@@ -145,8 +145,13 @@ def start(water: Water) -> str:
 
 def worker_input(course: EngineRun, water: Water) -> dict:
     """See `Engine`: the files that GROMACS reads."""
-    texts = settings(course), topology(water), start(water)
-    return {"files": dict(zip(("run.mdp", "topol.top", "start.gro"), texts))}
+    return {
+        "files": {
+            "run.mdp": settings(course),
+            "topol.top": topology(water),
+            "start.gro": start(water),
+        }
+    }
 
 
 def words(data: dict) -> list[str]:

@@ -105,8 +105,9 @@ def create_context(data: dict) -> tuple[Any, Any]:
     barostat = openmm.MonteCarloBarostat(1.0, data["temperature"], 0)
     for term in force, barostat:
         system.addForce(term)
-    how = data["temperature"], data["friction"], data["dt"] / 1e3
-    integrator = openmm.LangevinMiddleIntegrator(*how)
+    integrator = openmm.LangevinMiddleIntegrator(
+        data["temperature"], data["friction"], data["dt"] / 1e3
+    )
     integrator.setConstraintTolerance(TOLERANCE)
     integrator.setRandomNumberSeed(data["seed"])
     context = openmm.Context(

@@ -211,8 +211,8 @@ def _limits(summary: Mapping) -> list[str]:
 def _limit(name: str, limit: Mapping) -> str:
     """Describe a limit, of `measure.limit_as_dict`, in a sentence."""
     text = f"{name}: the limit of small steps is {Estimate.of(limit).text()}"
-    schemes = len({scheme for scheme, *_ in limit["points"]})
-    text += f", of {len(limit['points'])} points of {schemes} schemes"
+    schemes = {scheme for scheme, *_ in limit["points"]}
+    text += f", of {len(limit['points'])} points of {len(schemes)} schemes"
     if limit["left"]:
         agrees = "agree" if limit["agrees"] else "do NOT agree"
         text += f", which {agrees} with it: χ² is {limit['chi2']:.1f} with {limit['left']} degrees "
@@ -222,7 +222,7 @@ def _limit(name: str, limit: Mapping) -> str:
 
 def _lost(summary: Mapping) -> list[str]:
     """Explain which starts are left out of the averages; older summaries do not store this."""
-    failed = summary.get("lost", {}).items()
     return [
-        f"Start {number} failed and is left out of all averages: {why}." for number, why in failed
+        f"Start {number} failed and is left out of all averages: {why}."
+        for number, why in summary.get("lost", {}).items()
     ]

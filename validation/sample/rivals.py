@@ -79,8 +79,12 @@ def _compare(key: str, rows: Sequence[dict], rivals: Sequence[dict], bound: floa
         if row is not best:
             gain = times(_bias_and_noise(best, key), _bias_and_noise(row, key), aim)
             row["faster"][key] = (NOT_AT_ALL if _fails(row, key, error) else gain).plain()
-    goal = {"error": error, "label": best["label"], "dt": best["dt"]}
-    return goal | {"seconds": best["seconds"][key]}
+    return {
+        "error": error,
+        "label": best["label"],
+        "dt": best["dt"],
+        "seconds": best["seconds"][key],
+    }
 
 
 def _fails(row: Mapping, key: str, error: float) -> bool:
