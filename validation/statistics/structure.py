@@ -85,7 +85,7 @@ def of_sites(x: np.ndarray, cells: np.ndarray, reach: Sequence[float], width: fl
     for _ in range(x.shape[1]):
         top.add_atom("O", mdtraj.element.oxygen, residue)
     path = mdtraj.Trajectory(x * scale, top)
-    path.unitcell_vectors = cells * scale
+    path.unitcell_vectors = (cells * scale).astype(np.float32)  # as positions
     # by a width it rounds their number down, as where 53 of them come to 52.999...
     return mdtraj.compute_rdf(
         path,
