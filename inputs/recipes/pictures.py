@@ -61,8 +61,7 @@ def dump(path):
 def solute(folder, left, right):
     """Density, and water around the solute's oxygen."""
     rows = thermo(folder)
-    time = rows["Step"] * 2e-3
-    left.plot(time, rows["Density"])
+    left.plot(rows["Step"] * 2e-3, rows["Density"])
     left.axvline(5.0, color="grey", lw=0.7)
     left.set(xlabel="time, ps", ylabel="density, g/cm³")
     r, g = np.loadtxt(folder / "rdf.txt", skiprows=4, usecols=(1, 2)).T
@@ -149,8 +148,7 @@ def shear(folder, left, right):
 
 def framework(folder, left, right):
     """Where the molecules are in a cell, and the oxygen around them."""
-    places = dump(folder / "places.dump")[:, 1:3] % 11.867
-    left.hist2d(*places.T, bins=40, cmap="viridis")
+    left.hist2d(*(dump(folder / "places.dump")[:, 1:3] % 11.867).T, bins=40, cmap="viridis")
     left.set(xlabel="x in a cell, Å", ylabel="y in a cell, Å", aspect="equal")
     r, g = np.loadtxt(folder / "rdf.txt", skiprows=4, usecols=(1, 2)).T
     right.plot(r, g)
@@ -212,8 +210,7 @@ def pour(folder, left, right):
     rows = thermo(folder)
     left.plot(rows["Step"] * 5e-4, rows["KinEng"])
     left.set(xlabel="time", ylabel="kinetic energy")
-    spheres = dump(folder / "end.dump")
-    for _, body, x, _, z in spheres:
+    for _, body, x, _, z in dump(folder / "end.dump"):
         right.add_patch(plt.Circle((x, z), 0.45, color=f"C{int(body) % 10}", ec="black", lw=0.2))
     right.set(xlabel="x", ylabel="z", xlim=(-0.5, 8.5), ylim=(0, 8), aspect="equal")
 
@@ -226,8 +223,7 @@ def grafted(folder, left, right):
     print("grafted: {:.3f} ± {:.3f}".format(*mean(size)))
     atoms = dump(folder / "end.dump")[:168]
     atoms = atoms[np.argsort(atoms[:, 4])]
-    core = atoms[:, 1] > 0
-    colors = np.where(core, "C1", "C0")
+    colors = np.where(atoms[:, 1] > 0, "C1", "C0")
     right.scatter(*atoms[:, 2:4].T, s=30, c=colors, edgecolors="black", linewidths=0.3)
     right.set(xlabel="x", ylabel="y", aspect="equal")
 

@@ -90,8 +90,7 @@ def brush():
             body.append(0)
             if b % 2 == 0:
                 bonds.append((1, bead, bead + 1))
-                side = 1 if b % 4 == 0 else -1
-                x += list(x[-1] + kite * [1, side, 1])
+                x += list(x[-1] + kite * [1, 1 if b % 4 == 0 else -1, 1])
                 kinds += [2] * 4
                 body += [max(body) + 1] * 4
             last = bead

@@ -39,8 +39,8 @@ def row(found, integrator="nosquish", folder=Path("unused"), length=None):
     if length is not None:
         found = dataclasses.replace(found, short=length)
     runner = measure.Runner(found, measure.COMPARED[integrator], folder, 60.0, Silent())
-    *_, last = measure.grown(runner, integrator, False)
-    return measure.judged(found, last)
+    *_, last = measure.run_starts(runner, integrator, False)
+    return measure.judge(found, last)
 
 
 def stress(cases, names, out, full=False, only=("nosquish",)):
@@ -113,7 +113,7 @@ def test_where_ours_is_worse(verdicts, breaks, behind):
         {"integrator": name, "kind": kinds[name], "verdict": verdict}
         for name, verdict in verdicts.items()
     ]
-    result = measure.worse([{"name": "test", "rows": rows}])
+    result = measure.find_defeats([{"name": "test", "rows": rows}])
     assert [bool(names) for names in result.values()] == [breaks, behind]
 
 
@@ -195,7 +195,7 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
         texts = [one.text() for one in result.criteria.values()]
         assert [one["text"] for one in told["criteria"]] == texts, result.name
         for line in told["rows"]:
-            again = measure.judged(result, line)
+            again = measure.judge(result, line)
             keys = "verdict", "value", "note"
             assert [again[key] for key in keys] == [line[key] for key in keys], line["command"]
             passed[line["integrator"]] += line["verdict"] == "pass" and told["part"] == "extreme"
@@ -286,7 +286,7 @@ def test_limit_by_halving(monkeypatch, good):
     be, or invents a limit below the first step."""
     steps = np.arange(0.5, 12.1, 0.25)
     tried = changing(monkeypatch, lambda dt: dt < 0.4 + 0.25 * good)
-    result = molecules.halved(None, None, steps, 1.0)
+    result = molecules.find_longest_step(None, None, steps, 1.0)
     assert len(set(tried)) <= 8
     assert good < 4 or any(0.7 < 2 * dt / result.value < 1.3 for dt in tried)
     if good == 0:
@@ -300,7 +300,7 @@ def test_limit_of_runs(tmp_path):
     taken for a bad one; and an energy that is far off and goes on."""
 
     def measured(runner, length):
-        return molecules.halved(runner, SCENES["dimer"], np.array(length), 200.0)
+        return molecules.find_longest_step(runner, SCENES["dimer"], np.array(length), 200.0)
 
     results = row(case(measured, side="≥"), folder=tmp_path / "long", length=[50.0, 60.0])
     assert (results["verdict"], results["value"]) == ("fail", 0.0)

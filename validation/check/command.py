@@ -56,7 +56,7 @@ def run(arguments: Namespace) -> int:
     options, out = loader.parse_options(arguments, arguments.scene)
     with store.alone(out):
         if arguments.rigid is not None:
-            counts, lines = rigid.written(
+            counts, lines = rigid.write_bodies(
                 options, out, arguments.silence, arguments.rigid or PARTS[:-1]
             )
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))

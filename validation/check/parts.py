@@ -62,7 +62,7 @@ def rigid(
     parts["rings"] = _joined(
         ring | {other for atom in ring for other in tied[atom] if kinds[other] == "H"}
         for ring in _rings(tied, kinds)
-        if _is_flat(_whole(atoms["x"][sorted(ring)], cell, periodic))
+        if _is_flat(_unwrapped(atoms["x"][sorted(ring)], cell, periodic))
     )
     others = {atom for name in wanted if name != "XH" for part in parts[name] for atom in part}
     parts["XH"] = [part for part in parts["XH"] if part.isdisjoint(others)]
@@ -89,7 +89,7 @@ def _rings(tied: list[list[int]], kinds: np.ndarray) -> Iterator[set[int]]:
                     walks.append([*walk, atom])
 
 
-def _whole(x: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
+def _unwrapped(x: np.ndarray, cell: np.ndarray, periodic: Sequence[bool]) -> np.ndarray:
     """The atoms of bodies, (..., atoms, 3), unwrapped by nearest images."""
     return x[..., :1, :] + measures.nearest_image(x - x[..., :1, :], cell, periodic)
 
@@ -130,7 +130,7 @@ def alike(
     for rows in kinds.values():
         group = np.array(rows)
         mass = atoms["mass"][group[0]]
-        r = _whole(atoms["x"][group], cell, periodic)
+        r = _unwrapped(atoms["x"][group], cell, periodic)
         if group.shape[1] == 4:  # CH3: a mirror image is the same kind, with two of its H swapped
             volume = np.linalg.det(r[:, 1:] - r[:, :1])
             light = np.argsort(mass, kind="stable")[:2]

@@ -36,7 +36,7 @@ DIFFER = (
 )
 
 
-def written(
+def write_bodies(
     options: loader.ScriptOptions, out: Path, silence: float, wanted: Collection[str]
 ) -> tuple[dict[str, int], list[str]]:
     """Write the files; return the number of parts of each kind, and sentences and lines for the
@@ -83,7 +83,7 @@ def written(
         f"variable own_inside atom v_{BODY}>0",
         f"group {GROUP} variable own_inside",
         *([read] if moved <= FAR else []),
-        *_moving(rigid, reading, known),
+        *_moving_lines(rigid, reading, known),
         *time_step.lists_in_time(reading["commands"]),
     ]
     replaced = dict(zip(rigid.ids, rigid.lines))
@@ -95,7 +95,7 @@ def written(
     ]
     if rigid.dropped:
         sentences.append(f"Keywords that ours does not have: {', '.join(rigid.dropped)}.")
-    return counts, [*sentences, *_torn(rigid, reading, atoms)]
+    return counts, [*sentences, *_unconstrained_bonds(rigid, reading, atoms)]
 
 
 def _named(file: Path, folder: Path) -> str:
@@ -121,7 +121,7 @@ def _dump(x: np.ndarray, atoms: parts.Atoms) -> str:
     return "".join((*(f"ITEM: {item}\n" for item in (*head, f"ATOMS id {PLACES}")), *text))
 
 
-def _moving(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> list[str]:
+def _moving_lines(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> list[str]:
     """The lines that move the bodies, and those for other atoms that the script's fixes moved."""
     ours = {
         integrator.name: integrator
@@ -140,7 +140,7 @@ def _moving(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> list[str
     return commands
 
 
-def _torn(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> Iterator[str]:
+def _unconstrained_bonds(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms) -> Iterator[str]:
     """Yield notices on bonds between bodies and other atoms that are not constrained."""
     bonds = np.asarray(atoms["bonds"])
     first, second = rigid.body[bonds[:, 1:].T - 1]

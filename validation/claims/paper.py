@@ -342,16 +342,16 @@ def _equal(check: Callable, ours: Series, shake: Series) -> Check:
 # ---- Gear's scheme
 
 
-def _begun(trajectory: Series) -> Series:
+def _after_beginning(trajectory: Series) -> Series:
     """A trajectory without its first `BEGINNING` steps."""
     mask = trajectory.time > BEGINNING * trajectory.simulation.dt / FS_PER_PS
     return replace(trajectory, time=trajectory.time[mask], total=trajectory.total[mask])
 
 
 def _gear_pairs(whole: Outputs) -> Pairs:
-    """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both `_begun`, if
-    there are several."""
-    pairs = [tuple(map(_begun, pair)) for pair in _dimer_pairs(whole, "gear")]
+    """Complete dimers of NO_SQUISH and of Gear's scheme from the same starts, both
+    `_after_beginning`, if there are several."""
+    pairs = [tuple(map(_after_beginning, pair)) for pair in _dimer_pairs(whole, "gear")]
     pairs = [pair for pair in pairs if _shortest(pair) >= FEW]
     return pairs if len(pairs) > 1 else []
 

@@ -370,8 +370,10 @@ def errors(
         }
         for name in MEANS & estimates.keys():
             estimates[name] = _of_mean(case, name, scalars[name].means, point, held, by_itself)
-        estimates["temperature"] = _furthest(
-            pooled.with_settling(by_law(point.dt, _alike(pooled.means, point, by_itself)))
+        estimates["temperature"] = _largest_difference(
+            pooled.with_settling(
+                by_law(point.dt, _steps_of_integrator(pooled.means, point, by_itself))
+            )
             for pooled in kinds
         )
         estimates["rdf"] = structures and structures.error(point, held)
@@ -391,7 +393,9 @@ def _starts(results: Results, of: Callable[[Numbers], Any]) -> dict[Point, dict[
     return {point: starts for point, starts in every.items() if starts}
 
 
-def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> dict[float, Estimate]:
+def _steps_of_integrator(
+    means: Mapping[Point, Estimate], point: Point, by_itself: bool
+) -> dict[float, Estimate]:
     """The means from which the point's error is estimated, by step of its integrator."""
     return {
         other.dt: mean
@@ -400,7 +404,7 @@ def _alike(means: Mapping[Point, Estimate], point: Point, by_itself: bool) -> di
     }
 
 
-def _furthest(kinds: Iterable[Estimate | None]) -> Estimate | None:
+def _largest_difference(kinds: Iterable[Estimate | None]) -> Estimate | None:
     """The temperature difference with the largest possible error."""
     return max(
         filter(None, kinds),
@@ -413,5 +417,10 @@ def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:
     if point not in means or held not in means:
         return None
     finer = held.dt if held.scheme == point.scheme else 0.0
-    error = by_law(point.dt, _alike(means, point, by_itself and point != held), means[held], finer)
+    error = by_law(
+        point.dt,
+        _steps_of_integrator(means, point, by_itself and point != held),
+        means[held],
+        finer,
+    )
     return error and error.times(1 / (case.kt if name == "potential" else means[held].value))

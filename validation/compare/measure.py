@@ -153,7 +153,7 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
     runs = collected(prepared, done)
     rows = _rows(prepared, runs)
     if prepared.parts and not done.interrupted:
-        best = promising(prepared, rows)
+        best = choose_long_run(prepared, rows)
         if best:
             long, row = run_longer(prepared, best, runs, meter)
             summary["interrupted"] = long.interrupted
@@ -363,7 +363,7 @@ class Plan(NamedTuple):
         return Point(self.row["integrator"], self.row["dt"])
 
 
-def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
+def choose_long_run(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
     """The long run to do: of the point with the largest probability that the run confirms it, times
     its gain in speed.  None if no point may be good and is faster than the fastest one known to be
     good."""
@@ -375,7 +375,7 @@ def promising(prepared: Prepared, rows: Sequence[Measured]) -> Plan | None:
         if cost(row) < GAIN * known and choice.targets.keys() - MEANS <= row["by_itself"].keys()
     ]
     plans = [candidate for candidate in plans if candidate.times > 0]
-    return max(plans, key=lambda candidate: pays(candidate, known), default=None)
+    return max(plans, key=lambda candidate: expected_gain(candidate, known), default=None)
 
 
 def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
@@ -392,7 +392,7 @@ def _plan(prepared: Prepared, row: Measured, targets: Targets) -> Plan:
     return Plan(row, targets, again, long, counts / ((1 - SETTLES) * short * row["starts"]))
 
 
-def pays(plan: Plan, known: float = math.inf) -> tuple[float, float]:
+def expected_gain(plan: Plan, known: float = math.inf) -> tuple[float, float]:
     """The probability that the run confirms the point, times its speed-up; and for points without
     one the distance between error bars and a target, relative to it.
 

@@ -67,8 +67,8 @@ def describe(summary: dict) -> Report:
     """The report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
     lines = _busy(points)
-    started = _started(summary)
-    sentences = filter(None, (_whole(points), *started[:1], _handed(summary)))
+    started = _startup_costs(summary)
+    sentences = filter(None, (_step_times(points), *started[:1], _message_counts(summary)))
     answer = " ".join(sentences) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
     title = "What it costs"
@@ -116,7 +116,7 @@ def _ratio(ratio):
     return f"{value} ({SURE} CI {low}–{high})"
 
 
-def _whole(points):
+def _step_times(points):
     """Describe the time of a whole step; empty if it was not measured."""
     ratios = [(ratio, place(point)) for point in points if (ratio := fastest(point))]
     if not ratios:
@@ -206,7 +206,7 @@ def _starts(summary):
     return Table.of("Start, seconds", "ranks, start, wall, CPU", rows)
 
 
-def _started(summary):
+def _startup_costs(summary):
     """Describe the start-up."""
     return [
         f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
@@ -231,7 +231,7 @@ def _messages(summary):
     )
 
 
-def _handed(summary):
+def _message_counts(summary):
     """Describe the messages, as counted on the most ranks."""
     counts = [row for row in summary.get("counts", []) if not row["error"]]
     most = max((row["ranks"] for row in counts), default=0)

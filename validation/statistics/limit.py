@@ -102,7 +102,7 @@ def fit(
         if dt <= reaches.get(scheme, 0.0) and points[point].error > 0
     ]
     terms = _terms([steps[point] for point in used], reaches)
-    return _fitted(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
+    return _least_squares(points, used, np.stack([np.ones(len(used)), *terms], axis=1))
 
 
 def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit | None:
@@ -125,10 +125,12 @@ def extrapolate(points: Mapping[float, Estimate], powers: int = POWERS) -> Fit |
     seen = float(np.hypot(slope.value, slope.error))
     higher = {f"h^{2 * n}": Estimate(0.0, seen * SHARE ** (n - 1)) for n in range(2, powers + 1)}
     rows = [[x**n for n in range(powers + 1)] for x in squares.values()]
-    return _fitted(means | higher, [*means, *higher], np.array([*rows, *np.eye(powers + 1)[2:]]))
+    return _least_squares(
+        means | higher, [*means, *higher], np.array([*rows, *np.eye(powers + 1)[2:]])
+    )
 
 
-def _fitted(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
+def _least_squares(points: Mapping, used: list, design: np.ndarray) -> Fit | None:
     """The weighted least-squares fit, with U0 in the first column; None if it is not determined."""
     # an error that few values tell is uncertain: its margin weighs it as a normal one
     size = np.array([points[key].normal_error for key in used])

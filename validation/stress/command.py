@@ -75,6 +75,6 @@ def run(arguments: Namespace) -> int:
     out = command_line.output_folder(arguments, not full)
     with console.Meter(screen, len(measure.plan(CASES, names, full, only)), "rows") as meter:
         summary = measure.stress(CASES, names, out, full, arguments.silence, meter, only)
-    breaks, _ = measure.worse(summary["cases"]).values()
+    breaks, _ = measure.find_defeats(summary["cases"]).values()
     pages.publish(screen, report.describe(summary), summary, out)
     return command_line.exit_status(summary["interrupted"], bool(breaks))

@@ -302,7 +302,7 @@ class Rows:
         summaries = []
         for case in self.cases.values():
             rows = [self.load(case.name, name) or before.get((case.name, name)) for name in ALL]
-            shown = [judged(case, row) for row in rows if row and self._is_of(case, row)]
+            shown = [judge(case, row) for row in rows if row and self._is_of(case, row)]
             if shown:
                 summaries.append(_plain(case, self.full) | {"rows": shown})
         named = [case["name"] for case in summaries if len(summaries) < len(self.cases)]
@@ -358,7 +358,7 @@ def stress(
                 meter.begin(f"{case}, {COMPARED[name].label}", 1)
                 runner = Runner(cases[case], COMPARED[name], out / "runs" / case, silence, meter)
                 ended = None
-                for row in grown(runner, name, full, rows.load(case, name)):
+                for row in run_starts(runner, name, full, rows.load(case, name)):
                     rows.save(case, row)
                     ended = row["ended"] and row["ended"][1]
                 meter.end(ended)
@@ -377,7 +377,7 @@ def plan(
     return [(case, name) for case, name in planned if not only or name in only]
 
 
-def grown(runner: Runner, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
+def run_starts(runner: Runner, name: str, full: bool, row: dict | None = None) -> Iterator[dict]:
     """Run a case with an integrator of that name in `COMPARED`.  After each new start yield the
     row, as far as it is known, as plain data without verdict.  The runner has the folder of the
     case, and gets a folder there."""
@@ -410,7 +410,7 @@ def _enough(case: Case, row: dict) -> bool:
     count = len(row["numbers"])
     if row["ended"] or count >= case.starts:
         return True
-    return count in case.looks and judged(case, row)["verdict"] != "cannot tell"
+    return count in case.looks and judge(case, row)["verdict"] != "cannot tell"
 
 
 def _measured(runner: Runner, length: Any, before: list[dict]) -> dict:
@@ -431,7 +431,7 @@ def _measured(runner: Runner, length: Any, before: list[dict]) -> dict:
         return {"ended": ["blow-up", f"analysis: {type(error).__name__}: {error}"]}
 
 
-def judged(case: Case, row: dict) -> dict:
+def judge(case: Case, row: dict) -> dict:
     """A row with its number, verdict and note, by the current bounds."""
     if row["ended"]:
         verdict, note = row["ended"]
@@ -443,7 +443,7 @@ def judged(case: Case, row: dict) -> dict:
     return row | result | {"verdict": case.verdict(numbers)}
 
 
-def worse(cases: Sequence[dict]) -> dict[str, list[str]]:
+def find_defeats(cases: Sequence[dict]) -> dict[str, list[str]]:
     """Where ours is worse than LAMMPS's fixes: names of cases by kind of failure."""
     kinds: dict[str, list[str]] = {
         "Ours breaks where a LAMMPS fix does not": [],

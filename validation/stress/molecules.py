@@ -43,7 +43,7 @@ DRIFT = "|drift of the energy| over the mean kinetic energy"
 OF_DRIFT = {"criterion": DRIFT, "bars": LINE, "starts": STARTS}
 
 
-def halved(runner: Runner, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
+def find_longest_step(runner: Runner, scene: Scene, dts: np.ndarray, time: float, **how) -> Number:
     """Find the time step up to which a `change` in runs of up to `MOST` steps is allowed, by
     bisection; then try half of it.  If that is bad, the limit is below it.
 
@@ -61,7 +61,7 @@ def halved(runner: Runner, scene: Scene, dts: np.ndarray, time: float, **how) ->
     bad = bisect.bisect_left(range(len(dts)), True, key=lambda k: bool(why(k)))
     half = int(np.searchsorted(dts, dts[max(bad - 1, 0)] / 2, side="right")) - 1
     if half >= 0 and why(half):
-        return halved(runner, scene, dts[: half + 1], time, **how)
+        return find_longest_step(runner, scene, dts[: half + 1], time, **how)
     return _between(dts, bad, why(bad) if bad < len(dts) else "")
 
 
@@ -114,7 +114,7 @@ def drift(
     return Number.of(slope, note.format(thermo["Temp"][0], thermo["Temp"][-1]))
 
 
-def later(
+def start_later(
     runner: Runner,
     scene: Scene,
     steps: int,
@@ -152,7 +152,7 @@ def water(runner: Runner) -> Scene:
 )
 def water_dt(runner: Runner, length: list[float]) -> Number:
     """Measure the longest step. Args: length: the time, and the spacing of the steps tried."""
-    return halved(
+    return find_longest_step(
         runner, water(runner), np.arange(0.5, 12.1, length[1]), length[0], ranks=runner.ranks
     )
 
@@ -165,7 +165,7 @@ def _water_drift(runner, temperature, time, dt, warm_time, warm_dt, damping):
     """
     bath, steps = f"{temperature} {temperature} {damping} 4928", round(warm_time / warm_dt)
     more, how = [f"fix heat all langevin {bath}"], {"ranks": runner.ranks}
-    scene, state = later(runner, SMOOTH, steps, warm_dt, more, **how)
+    scene, state = start_later(runner, SMOOTH, steps, warm_dt, more, **how)
     how |= {"dt": dt, "files": [state], "note": "{:.3g} K at the start, {:.3g} K at the end"}
     return drift(runner, scene, round(time / dt), 1000 * FS_PER_PS, 5, **how)
 

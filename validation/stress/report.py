@@ -11,7 +11,7 @@ from ..scenes.integrators import OURS
 from ..statistics.estimate import Estimate
 from .criteria import CRITERIA
 from .figures import READ, matrix
-from .measure import ALL, EXTREME, REPORTED, Case, worse
+from .measure import ALL, EXTREME, REPORTED, Case, find_defeats
 
 TABLES = {
     EXTREME: "Extreme cases",
@@ -29,7 +29,9 @@ def describe(summary: dict) -> Report:
     cases = summary["cases"]
     every = [(case, row) for case in cases for row in case["rows"]]
     extreme, reported = ([case for case in cases if case["part"] == part] for part in TABLES)
-    lines = [f"{what}: {', '.join(names) or 'none'}." for what, names in worse(cases).items()]
+    lines = [
+        f"{what}: {', '.join(names) or 'none'}." for what, names in find_defeats(cases).items()
+    ]
     waiting = [case["name"] for case in cases if len(case["rows"]) < len(case["integrators"])]
     if waiting:
         lines.append(f"Not all integrators have run yet in {', '.join(waiting)}.")

@@ -156,8 +156,8 @@ def load(
         scene, late = _scene(options, folder, reading, atoms, rigid)
         how: dict = {"ranks": ranks, "silence": silence}
         if rigid.kind in ("constraints", "plain"):
-            scene = _at_rest(scene, those, folder, how)
-        late += _otherwise(scene, those, reading, len(rigid.body), folder, how)
+            scene = _with_rigid_velocities(scene, those, folder, how)
+        late += _energy_notes(scene, those, reading, len(rigid.body), folder, how)
         scene = replace(scene, origin=_files_of(reading, folder))
     notes = (*candidates.describe(rigid, reading, atoms), *more, *late)
     for line in notes:
@@ -361,7 +361,7 @@ def _scene(
     setup = setup_commands(reading, {*rigid.ids, *stray})
     setup = [(number, line) for number, line in setup if line not in reports]
     before, then = ([line for i, line in setup if (i < first) == early] for early in (True, False))
-    _keep(np.array([rigid.body, atoms["type"]], dtype=np.int32), folder / "bodies.npy")
+    _save_array(np.array([rigid.body, atoms["type"]], dtype=np.int32), folder / "bodies.npy")
     of_fixes, output = rigid_atoms.compute_ids(rigid.ids), thermo_settings(commands)
     number = int(rigid.body.max())
     scene = Scene(
@@ -410,7 +410,7 @@ def _scene(
     return scene, late
 
 
-def _keep(array: np.ndarray, path: Path) -> None:
+def _save_array(array: np.ndarray, path: Path) -> None:
     """Write an array atomically, because runs of another process may read it."""
     part = path.with_suffix(".part")
     with open(part, "wb") as file:
@@ -433,7 +433,7 @@ def _run_first_able(scene, those, place, how, more) -> tuple[run.Result | None, 
     return None, why
 
 
-def _at_rest(scene, those, folder, how) -> Scene:
+def _with_rigid_velocities(scene, those, folder, how) -> Scene:
     """The scene with the script's velocities, projected to rigid motion by a rigid integrator.
 
     Raises:
@@ -452,7 +452,7 @@ def _at_rest(scene, those, folder, how) -> Scene:
     return replace(scene, setup=(*scene.setup, begun))
 
 
-def _otherwise(scene, those, reading, atoms, folder, how) -> list[str]:
+def _energy_notes(scene, those, reading, atoms, folder, how) -> list[str]:
     """A note if the start differs from the script's state after earlier runs, which may have
     changed coefficients that the script's commands set.
 

@@ -71,8 +71,7 @@ def main(folder, starts=5, warm=10.0, time=100.0):
     record, runs = machine.circumstances() | {"warm": warm, "time": time}, {way: [] for way in WAYS}
     for start in range(starts):
         for way, dt in WAYS:
-            place = folder / f"{way}-{dt:g}-{start}"
-            runs[way, dt].append(run(place, way, dt, start, warm, time))
+            runs[way, dt].append(run(folder / f"{way}-{dt:g}-{start}", way, dt, start, warm, time))
         usage = f"FOLDER {start + 1} {warm:g} {time:g}"
         record["command"] = f"python inputs/recipes/peptide/compare.py {usage}"
         (folder / "summary.json").write_text(json.dumps(record | summary(runs), indent=1) + "\n")

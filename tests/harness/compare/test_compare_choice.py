@@ -194,8 +194,8 @@ def prepared(rows, targets, minutes=1.0):
     return made
 
 
-def promising(rows, targets, minutes=2.0):
-    return measure.promising(prepared(rows, targets, minutes), rows)
+def choose_long_run(rows, targets, minutes=2.0):
+    return measure.choose_long_run(prepared(rows, targets, minutes), rows)
 
 
 SHAPES = {
@@ -226,7 +226,7 @@ def test_a_step_that_the_whole_procedure_names_is_good(shape):
                     rows.append(one | {"by_itself": own})
                 level = level_of_each(["nosquish"], measure.SHARE)
                 first = choose(rows, wanted, level).best
-                if best := promising(rows, wanted):
+                if best := choose_long_run(rows, wanted):
                     long = bar * best.times**-0.5
                     alone = size * grows(best.point.dt) + long * random.normal()
                     where = [one["dt"] for one in rows].index(best.point.dt)
