@@ -150,15 +150,13 @@ def _over(time, energy, theirs):
 
 
 def _check(subject, file, estimate, note=""):
-    what = "standard deviation of the total energy over the published one"
-    source = f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}"
     return Check.of(
         "spread",
         subject,
-        what,
+        "standard deviation of the total energy over the published one",
         estimate,
         note=note,
-        source=source,
+        source=f"{SOURCE}; theirs and its error computed here from TotEng in {file}, {SERIES}",
         low=1 - WITHIN,
         high=1 + WITHIN,
     )

@@ -166,9 +166,11 @@ def of_scene(name: str, folder: Path) -> Case:
     """The case of a built-in scene; ``folder`` is for data files of starts."""
     scene = constrained_peptide() if name == "peptide" else SCENES[name]
     if name != "dimer":
-        subject = scene.subject and f"{scene.subject}, PPPM {MESH}"
-        title = f"{scene.title}, PPPM {MESH}"
-        scene = replace(scene.on_mesh(MESH), title=title, subject=subject)
+        scene = replace(
+            scene.on_mesh(MESH),
+            title=f"{scene.title}, PPPM {MESH}",
+            subject=scene.subject and f"{scene.subject}, PPPM {MESH}",
+        )
     scene = starts.of_size(scene, BODIES.get(name, scene.unit), folder)
     if scene.subject:
         scene = replace(scene, title=f"{scene.unit:,} {scene.subject}")
@@ -276,14 +278,14 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
     bounds = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
     if case.bath and "drift" in bounds:
         bounds["drift"] = HEATED
-    kept = {
+    active = {
         name: wanted.get(name, most)
         for name, most in bounds.items()
         if (name in wanted or name not in ASKED) and wanted.get(name) != math.inf
     }
-    if not kept:
+    if not active:
         raise LookupError(f"no target is left. There are {', '.join(bounds)}")
-    return kept
+    return active
 
 
 def about(case: Case) -> dict[str, dict]:

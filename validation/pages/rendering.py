@@ -121,8 +121,9 @@ def page(
         "folded": FOLDED,
         "picture": _picture,
     }
-    html = environment.get_template(template).render(title=title, sections=sections, **head)
-    path.write_text(html)
+    path.write_text(
+        environment.get_template(template).render(title=title, sections=sections, **head)
+    )
 
 
 def _picture(section: Section, name: str) -> str | None:

@@ -122,6 +122,10 @@ def run(arguments: argparse.Namespace) -> int:
         summary["rows"] = [row for row in summary["rows"] if row["scheme"] == points[0].scheme]
         summary["zero"] = extrapolation.extrapolate(summary["rows"], lengths.time)
         failed = failed or any(average["why"] for average in summary["zero"].values())
-    result = extrapolation.describe(summary) if arguments.to_zero else report.describe(summary)
-    pages.publish(screen, result, summary, out)
+    pages.publish(
+        screen,
+        extrapolation.describe(summary) if arguments.to_zero else report.describe(summary),
+        summary,
+        out,
+    )
     return command_line.exit_status(summary["interrupted"], failed)

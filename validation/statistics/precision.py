@@ -27,8 +27,9 @@ class BiasAndNoise(NamedTuple):
     def error(self, seconds: np.ndarray | float) -> np.ndarray:
         """The total error after this CPU time, s; it includes the error of the bias, so that
         a short run does not seem accurate."""
-        squares = self.bias.value**2 + self.bias.error**2 + self.noise.value / np.asarray(seconds)
-        return np.sqrt(squares)
+        return np.sqrt(
+            self.bias.value**2 + self.bias.error**2 + self.noise.value / np.asarray(seconds)
+        )
 
     def draws(self, number: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Random biases and noises within their errors, (DRAWS,); ``number``: of the sequence."""

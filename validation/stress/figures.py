@@ -45,8 +45,12 @@ def matrix(cases: Sequence[dict]) -> Figure | None:
                 color="white" if row["verdict"] == "blow-up" else INK,
             )
     names = [f"{case['name']}  {case['bound']} {case['unit']}".strip() for case in cases]
-    labels = ["ours" if name == OURS else label_of[name].replace(" + nve", "") for name in shown]
-    axis.set_xticks(range(len(shown)), labels, rotation=45, ha="left")
+    axis.set_xticks(
+        range(len(shown)),
+        ["ours" if name == OURS else label_of[name].replace(" + nve", "") for name in shown],
+        rotation=45,
+        ha="left",
+    )
     axis.set_yticks(range(len(cases)), names)
     axis.xaxis.tick_top()
     axis.tick_params(length=0)

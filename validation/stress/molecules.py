@@ -110,8 +110,10 @@ def drift(
     how = {"dt": scene.dt, **how}
     result, _ = runner.run(scene, f"start {runner.start + 1}", [steps], every=every, **how)
     thermo = result.thermo
-    slope = measures.drift(thermo["Time"], thermo["TotEng"]).times(ns / thermo["KinEng"].mean())
-    return Number.of(slope, note.format(thermo["Temp"][0], thermo["Temp"][-1]))
+    return Number.of(
+        measures.drift(thermo["Time"], thermo["TotEng"]).times(ns / thermo["KinEng"].mean()),
+        note.format(thermo["Temp"][0], thermo["Temp"][-1]),
+    )
 
 
 def start_later(

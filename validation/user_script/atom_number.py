@@ -18,16 +18,16 @@ def with_constant_atoms(script: UserScript, tell: Callable[[str], object] = prin
         tell: is called with a note if the script is changed.
     """
     fixes = script.reading["fixes"].items()
-    gone = {one: line for one, line in fixes if rigid_atoms.style_of(line) in CHANGE}
+    gone = {fix_id: line for fix_id, line in fixes if rigid_atoms.style_of(line) in CHANGE}
     if not gone:
         return script
 
-    def kept(lines: tuple[str, ...]) -> tuple[str, ...]:
+    def without_fixes(lines: tuple[str, ...]) -> tuple[str, ...]:
         words = ((line, split_words(line)) for line in lines)
         return tuple(line for line, (word, *rest) in words
                      if word not in ("fix", "fix_modify") or rest[0] not in gone)  # fmt: skip
 
-    setup, then = kept(script.scene.setup), kept(script.scene.then)
+    setup, then = without_fixes(script.scene.setup), without_fixes(script.scene.then)
     note = (
         "Left out, because the number of atoms has to be constant here: "
         f"{'; '.join(gone.values())}. The comparison is of the atoms at the start."
@@ -35,5 +35,6 @@ def with_constant_atoms(script: UserScript, tell: Callable[[str], object] = prin
     if readers := candidates.commands_naming(gone, [*setup, *then]):
         note += f" These commands use such a fix, and may fail without it: {'; '.join(readers)}."
     tell(note)
-    scene = replace(script.scene, setup=setup, then=then)
-    return replace(script, scene=scene, notes=(*script.notes, note))
+    return replace(
+        script, scene=replace(script.scene, setup=setup, then=then), notes=(*script.notes, note)
+    )

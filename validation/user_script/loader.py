@@ -423,8 +423,10 @@ def _run_first_able(scene, those, place, how, more) -> tuple[run.Result | None, 
     before it cannot."""
     why: list[str] = []
     for integrator in those:
-        job = run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how)
-        result = run.once(job, failures=True)
+        result = run.once(
+            run.job(scene, integrator, place, [0], more=more, dt=scene.dt, every=1, **how),
+            failures=True,
+        )
         if result.interrupted:
             raise KeyboardInterrupt
         if not result.error:

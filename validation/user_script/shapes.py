@@ -180,7 +180,7 @@ class Motion(NamedTuple):
         contacts = max(1.0, _fourth(force) - NOISE / max(len(force), 1) ** 0.5)
         square = (force**2).mean(axis=0) / inertia
         if np.ndim(inertia):
-            return [cls(float(one), len(force), contacts) for one in square]
+            return [cls(float(value), len(force), contacts) for value in square]
         return [cls(float(square.mean()), force.size, contacts)]
 
     @property
@@ -194,9 +194,9 @@ def _fourth(force: np.ndarray) -> float:
     """<f^4> / (3 <f^2>^2), mean over the columns that have forces; 1 without any."""
     if not force.any():
         return 1.0
-    some = force[:, force.any(axis=0)]
-    square = (some**2).mean(axis=0)
-    relative = np.minimum(some**2 / square, MOST**2)
+    acting = force[:, force.any(axis=0)]
+    square = (acting**2).mean(axis=0)
+    relative = np.minimum(acting**2 / square, MOST**2)
     return float((relative**2).mean() / 3)
 
 
@@ -209,38 +209,43 @@ def fastest_motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str
         that have no force.
     """
     every = motions(script, groups)
-    most = {name: max((one.fastest for one in some), default=0.0) for name, some in every.items()}
-    return {name: float(one) for name, one in most.items() if one > 0}
+    most = {
+        name: max((motion.fastest for motion in motions_of_part), default=0.0)
+        for name, motions_of_part in every.items()
+    }
+    return {name: float(frequency) for name, frequency in most.items() if frequency > 0}
 
 
 def mean_square_frequency(script: UserScript, groups: Sequence[BodyGroup]) -> float:
     """The mean square of the angular frequency over all degrees of freedom, 1/time^2."""
-    every = [one for some in motions(script, groups).values() for one in some]
-    total = sum(one.square * one.number for one in every)
-    return float(total / max(sum(one.number for one in every), 1))
+    every = [
+        motion for motions_of_part in motions(script, groups).values() for motion in motions_of_part
+    ]
+    total = sum(motion.square * motion.number for motion in every)
+    return float(total / max(sum(motion.number for motion in every), 1))
 
 
 def motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list[Motion]]:
     """The kinds of motion of ``centres``, ``turning`` and ``other atoms``."""
     mass, force, free = script.atoms["mass"], script.atoms["f"], script.rigid.body == 0
     unit, axes_of_space = thermal_energy(script) * mvv2e(script), script.reading["dimension"]
-    found: dict[str, list[Motion]] = {"centres": [], "turning": [], "other atoms": []}
+    motions_by_part: dict[str, list[Motion]] = {"centres": [], "turning": [], "other atoms": []}
     if not unit > 0:
-        return found
+        return motions_by_part
     for _, group, r, moments, axes in groups:
         f, mean = force[group], moments.mean(axis=0)
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
         whole = mass[group].sum(axis=1).mean() * unit
-        found["centres"] += Motion.of(f.sum(axis=1)[:, :axes_of_space], whole)
+        motions_by_part["centres"] += Motion.of(f.sum(axis=1)[:, :axes_of_space], whole)
         rotating = mean > THIN * max(mean[0], 1e-300)
         if axes_of_space == 2:
             rotating[1:] = False
-        found["turning"] += Motion.of(torque[:, rotating], mean[rotating] * unit)
+        motions_by_part["turning"] += Motion.of(torque[:, rotating], mean[rotating] * unit)
     for kind in np.unique(script.atoms["type"][free]):
         mine = free & (script.atoms["type"] == kind)
         each = mass[mine].mean() * unit
-        found["other atoms"] += Motion.of(force[mine, :axes_of_space], each)
-    return found
+        motions_by_part["other atoms"] += Motion.of(force[mine, :axes_of_space], each)
+    return motions_by_part
 
 
 def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:

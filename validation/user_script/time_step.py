@@ -31,7 +31,7 @@ def stiffest(script: UserScript) -> float:
     """The largest angular frequency (1/time) by mean squares of the forces at the start; 0 without
     any.  It leaves out contacts, of which a start that is not in equilibrium may have many."""
     motions = shapes.motions(script, shapes.body_groups(script)[0])
-    return max((one.square**0.5 for some in motions.values() for one in some), default=0.0)
+    return max((motion.square**0.5 for part in motions.values() for motion in part), default=0.0)
 
 
 def error_coefficient(script: UserScript, groups: Sequence[BodyGroup]) -> float:
