@@ -54,8 +54,9 @@ def parser() -> argparse.ArgumentParser:
         try:
             module = import_module(f".{file.parent.name}.command", NAME)
         except ModuleNotFoundError as error:  # of a package of the extra, or of ours
-            advice = ": pip install 'fix_nosquish[validation]' installs what it needs"
-            raise SystemExit(f"{COMMAND}: {error}{advice}") from error
+            raise SystemExit(
+                f"{COMMAND}: {error}: pip install 'fix_nosquish[validation]' installs what it needs"
+            ) from error
         if hasattr(module, "add"):
             module.add(verbs)
         else:

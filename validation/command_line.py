@@ -146,8 +146,7 @@ def select(known: Mapping[str, T], wanted: Collection[str] | None) -> list[T]:
             )
             print(f"there is no integrator {word}: choose from {choices}", file=sys.stderr)
             raise SystemExit(2)  # like the parser
-    selected = {names[word] for word in wanted or names}
-    return [item for name, item in known.items() if name in selected]
+    return [known[name] for name in in_order(known, [names[word] for word in wanted or names])]
 
 
 def require_scenes() -> None:
@@ -210,9 +209,13 @@ def add_script(parser: argparse.ArgumentParser) -> None:
 def add_script_options(parser: argparse.ArgumentParser) -> None:
     """Add the options that select what is rigid in a user's script."""
     group = parser.add_argument_group("for a script of your own")
-    help = "set a variable of the script, as LAMMPS's option -var does"
     group.add_argument(
-        *("-var", "--var"), dest="variables", nargs="+", action="append", metavar="WORD", help=help
+        *("-var", "--var"),
+        dest="variables",
+        nargs="+",
+        action="append",
+        metavar="WORD",
+        help="set a variable of the script, as LAMMPS's option -var does",
     )
     for option, metavar, help in (
         ("--fix", "ID", "the fix to replace, if several could be meant"),
@@ -221,9 +224,13 @@ def add_script_options(parser: argparse.ArgumentParser) -> None:
     ):
         more: dict = {"action": "append"} if option == "--fix" else {}
         group.add_argument(option, metavar=metavar, help=help, **more)
-    help = "use the N-th run with rigid bodies; earlier runs are executed (default 1)"
     group.add_argument(
-        "--run", type=positive_integer, default=1, metavar="N", dest="run_number", help=help
+        "--run",
+        type=positive_integer,
+        default=1,
+        metavar="N",
+        dest="run_number",
+        help="use the N-th run with rigid bodies; earlier runs are executed (default 1)",
     )
 
 

@@ -69,6 +69,7 @@ def run(arguments: Namespace) -> int:
                 script, out, arguments.ranks, arguments.silence, meter, arguments.tolerance
             )
     pages.publish(screen, report.describe(summary), summary, out)
-    lost = any(check["verdict"] == "does not hold" for check in summary["checks"])
-    lost = lost or report.none_starts(summary)
+    lost = report.none_starts(summary) or any(
+        check["verdict"] == "does not hold" for check in summary["checks"]
+    )
     return command_line.exit_status(summary["interrupted"], lost)

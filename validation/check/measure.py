@@ -81,7 +81,7 @@ def _starts(
     """A row for each integrator, on the start and some steps; and whether a Ctrl-C ended it."""
     integrators, runs = script.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
-    every = [
+    trajectories = [
         Trajectory(
             integrator.name,
             integrator.label,
@@ -91,13 +91,11 @@ def _starts(
         )
         for integrator in integrators
     ]
-    done = perform(every, Store(out), meter)
-    ended = {
-        integrator.name: integrator for integrator in integrators if integrator.name in done.jobs
-    }
+    done = perform(trajectories, Store(out), meter)
     rows = [
-        _row(script, integrator, run.collect(done.jobs[name].directory))
-        for name, integrator in ended.items()
+        _row(script, integrator, run.collect(done.jobs[integrator.name].directory))
+        for integrator in integrators
+        if integrator.name in done.jobs
     ]
     return rows, done.interrupted
 

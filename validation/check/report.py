@@ -58,9 +58,9 @@ def _kinds(summary: dict) -> Table:
         ]
         for kind in summary["kinds"]
     ]
-    step = f"{summary['dt']:g} {UNITS[summary['units']].time}"
     return Table.of(
-        f"Kinds of bodies; the turn is in one step of {step}",
+        f"Kinds of bodies; the turn is in one step of {summary['dt']:g} "
+        f"{UNITS[summary['units']].time}",
         "bodies of types, number, atoms, shape, freedom, mass, size, moments, turn",
         rows,
     )

@@ -155,12 +155,7 @@ def judge(outputs: Outputs, bench: Bench) -> dict:
         for name, trajectory in outputs.items()
         if not trajectory.error and len(trajectory.total) >= FEW
     }
-    checks = [
-        *_dimer(whole),
-        *_liquid(whole),
-        *_peptide(whole),
-        *_gear(outputs, whole),
-    ]
+    checks = *_dimer(whole), *_liquid(whole), *_peptide(whole), *_gear(outputs, whole)
     return {
         "rows": [row(trajectory) for trajectory in outputs.values()],
         "checks": [check.plain() for check in checks],

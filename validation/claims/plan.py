@@ -76,14 +76,12 @@ class Simulation:
 
     def trajectory(self, bench: Bench) -> experiment.Trajectory:
         """Return it as a part of an experiment."""
-        point = experiment.Point(self.integrator.name, self.dt)
-        more: dict = {} if self.state else {"point": point}
         return experiment.Trajectory(
             self.name,
             self.label,
             partial(self.job, bench),
+            None if self.state else experiment.Point(self.integrator.name, self.dt),
             start=self.start[0] if self.start else "",
-            **more,
         )
 
     def job(self, bench: Bench) -> run.Job:

@@ -221,10 +221,16 @@ def _summary(prepared: Prepared) -> dict:
 
 
 def _perform(prepared: Prepared, trajectories: Sequence[Trajectory], meter: run.Meter) -> Outcome:
-    judge = partial(
-        errors.failure, temperature=prepared.case.temperature, boltzmann=prepared.case.boltzmann
+    return perform(
+        trajectories,
+        _store(prepared.settings),
+        meter,
+        judge=partial(
+            errors.failure,
+            temperature=prepared.case.temperature,
+            boltzmann=prepared.case.boltzmann,
+        ),
     )
-    return perform(trajectories, _store(prepared.settings), meter, judge=judge)
 
 
 def _store(settings: Settings) -> Store:

@@ -74,8 +74,11 @@ def package_hash() -> str:
     """Hash of the code of the installed fix_nosquish and of the older schemes."""
     folder = startup.package()
     digest = hashlib.sha256()
-    harness = folder.parent / INSTALLED, folder.parent / "validation"  # this one of a checkout
-    schemes = (path for place in harness for path in place.glob("schemes/*.py"))
+    schemes = (  # the second folder is that of a checkout
+        path
+        for name in (INSTALLED, "validation")
+        for path in (folder.parent / name).glob("schemes/*.py")
+    )
     for path in sorted([*folder.rglob("*.py"), *folder.rglob("*.so"), *schemes]):
         digest.update(path.relative_to(folder.parent).as_posix().encode() + path.read_bytes())
     return digest.hexdigest()

@@ -35,9 +35,10 @@ def environment(folder: Path) -> dict[str, str]:
         old.unlink()
     library = folder / "mpi_count.so"
     headers, mpi = _mpich("mpi.h").parent, _mpich("libmpi.so.12")
-    flags = "-O2", "-shared", "-fPIC", "-I", str(headers)
-    linked = str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"
-    command = [*_compiler(), *flags, str(SOURCE), "-o", str(library), *linked]
+    command = [
+        *(*_compiler(), "-O2", "-shared", "-fPIC", "-I", str(headers), str(SOURCE)),
+        *("-o", str(library), str(mpi), f"-Wl,-rpath,{mpi.parent}", "-ldl"),
+    ]
     done = subprocess.run(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if done.returncode:
         raise SystemExit(

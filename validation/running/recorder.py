@@ -28,8 +28,10 @@ def environment(
     if not overlay:
         return {}
     folders = Path(overlay).parents[1], written and written.resolve(), overlay
-    loaded = " ".join(filter(None, (str(_library()), preloaded)))
-    return {"LD_PRELOAD": loaded, OVERLAYS: "\n".join(map(str, filter(None, folders)))}
+    return {
+        "LD_PRELOAD": " ".join(filter(None, (str(_library()), preloaded))),
+        OVERLAYS: "\n".join(map(str, filter(None, folders))),
+    }
 
 
 def _library() -> Path:

@@ -20,8 +20,10 @@ PLAIN = Integrator("nve", "fix nve", ("fix 1 {group} nve",), kind="free")
 
 def package() -> Path:
     """Folder of the fix_nosquish that LAMMPS imports; it may differ from the checkout's."""
-    find = "find_spec('fix_nosquish').submodule_search_locations[0]"
-    code = f"from importlib.util import find_spec; print({find})"
+    code = (
+        "from importlib.util import find_spec; "
+        "print(find_spec('fix_nosquish').submodule_search_locations[0])"
+    )
     process = subprocess.run([sys.executable, "-c", code], cwd="/", capture_output=True, text=True)
     if process.returncode:
         raise SystemExit("fix_nosquish is not installed for this Python: pip install .")
@@ -74,11 +76,13 @@ def _start(scene: Scene, integrator: Integrator, place: Path, ranks: int) -> tup
         ChildProcessError: it failed.
     """
     script, errors = place / "in.start", place / "stderr.txt"
-    lines = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
-    script.write_text("\n".join(lines))
+    commands = *scene.setup, *integrator.commands(scene), f"timestep {scene.dt}", "run 1", ""
+    script.write_text("\n".join(commands))
     lmp = Path(sys.executable).parent / "lmp"
-    words = "-in", str(script), "-log", "none", "-screen", "none"
-    command = [str(lmp) if lmp.exists() else "lmp", *words]
+    command = [
+        *(str(lmp) if lmp.exists() else "lmp", "-in", str(script)),
+        *("-log", "none", "-screen", "none"),
+    ]
     if ranks > 1:
         command = [*run.launcher(ranks), *command]
     cores, environment = os.sched_getaffinity(0), {"OMP_NUM_THREADS": "1", **os.environ}

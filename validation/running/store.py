@@ -142,8 +142,11 @@ def _plain(value):
 @functools.cache
 def code() -> str:
     """Hash of the harness's files on which numbers can depend: all but those of `SHOWN`."""
-    kinds = "*.py", "*/*.py", "*/*.c", "*/*.cpp"
-    files = sorted(path.relative_to(HARNESS) for kind in kinds for path in HARNESS.glob(kind))
+    files = sorted(
+        path.relative_to(HARNESS)
+        for kind in ("*.py", "*/*.py", "*/*.c", "*/*.cpp")
+        for path in HARNESS.glob(kind)
+    )
     return digest(
         [
             (str(file), (HARNESS / file).read_text())

@@ -146,20 +146,27 @@ def work(job: dict, out: Path) -> None:
         cells.append(geometry(lmp)[0])
     arrays: dict = {}
     if frames:
-        bodies = bodies_of(lmp, job["body_property"])
-        arrays = frames | {"bodies": bodies, "cells": cells, "periodic": np.array(periodic)}
+        arrays = {
+            **frames,
+            "bodies": bodies_of(lmp, job["body_property"]),
+            "cells": cells,
+            "periodic": np.array(periodic),
+        }
         arrays |= {"mass": rank.masses(lmp)} if job["motion"] else {}
     version = lmp.version()
     lmp.close()
     memory = world.gather(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if world.rank == 0:
-        done = {
-            "lammps": version,
-            "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
-            "memory": memory,
-            "seconds": seconds,
-        }
-        leave(out, arrays, done)
+        leave(
+            out,
+            arrays,
+            {
+                "lammps": version,
+                "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 \t"),
+                "memory": memory,
+                "seconds": seconds,
+            },
+        )
 
 
 def main() -> None:

@@ -50,7 +50,7 @@ def _ordered(summaries):
     return sorted(known, key=lambda summary: [*SCENES, summary["scene"]].index(summary["scene"]))
 
 
-def _best(summary: Mapping) -> Mapping | None:
+def _best(summary):
     """Our best point; None for a summary without points that are timed together with a rival's."""
     return rivals.best(summary["rows"]) if summary.get("goals") else None
 

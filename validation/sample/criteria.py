@@ -68,10 +68,8 @@ def checks(summary: Mapping) -> list[Check]:
 
 
 def _averages(row: Mapping, summary: Mapping) -> Iterator[Check]:
-    exact = row["scheme"].startswith("hmc")
-    bounds = [
-        ("bias", key, most) for key, most in (BOUNDS | WITHOUT_BIAS if exact else BOUNDS).items()
-    ]
+    of_biases = BOUNDS | (WITHOUT_BIAS if row["scheme"].startswith("hmc") else {})
+    bounds = [("bias", key, most) for key, most in of_biases.items()]
     if summary["scene"] in WATERS:
         bounds.append(("temperature", "temperature", TEMPERATURE * summary["temperature"]))
         apart = APART.get(row["scheme"], {}).get(row["dt"])

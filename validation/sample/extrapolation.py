@@ -69,8 +69,10 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
 
 def default_steps(longest: float) -> tuple[float, ...]:
     """The default steps, fs: rounded down, unless they are very short."""
-    parts = (longest * part / 3 for part in (1, 2, 3))
-    return tuple(floor(dt / HALF) * HALF if longest >= 3 * HALF else dt for dt in parts)
+    return tuple(
+        floor(dt / HALF) * HALF if longest >= 3 * HALF else dt
+        for dt in (longest * part / 3 for part in (1, 2, 3))
+    )
 
 
 def extrapolate(rows: Sequence[Mapping], time: float) -> dict[str, dict]:

@@ -169,8 +169,11 @@ def samples(data: dict, folder: Path) -> Iterator[Sample]:
     one_core = "-ntmpi", "1", "-ntomp", "1", "-pin", "off", "-nb", "cpu"
     _gmx(folder, "mdrun", "-deffnm", "run", "-g", log.name, *one_core)
     shutil.copy(log, folder / "run.log")
-    energy = "energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"
-    _gmx(folder, *energy, typed="Potential\nPressure\n\n")
+    _gmx(
+        folder,
+        *("energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"),
+        typed="Potential\nPressure\n\n",
+    )
     yield from read((folder / ENERGIES).read_text(), data["dt"])
 
 
@@ -188,8 +191,14 @@ def _gmx(folder: Path, *words: str, typed: str = "") -> None:
         ChildProcessError: it was killed.
     """
     tied = sys.executable, "-IS", str(run.END_WITH_PARENT), str(os.getpid())
-    how: dict = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    done = subprocess.run([*tied, GMX, *words], cwd=folder, input=typed, **how)
+    done = subprocess.run(
+        [*tied, GMX, *words],
+        cwd=folder,
+        input=typed,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
     print(done.stdout, flush=True)
     status = done.returncode
     by = f"signal {signal.Signals(-status).name}" if status < 0 else f"status {status}"

@@ -257,8 +257,12 @@ def summarize(
         (name, {key: limit_as_dict(fit) for key, fit in by_key.items()})
         for name, by_key in fits.items()
     )
-    goals = rivals.compare(rows, LEAST_ERRORS)
-    return {"rows": rows, "limits": lammps[1], "others": dict(others), "goals": goals}
+    return {
+        "rows": rows,
+        "limits": lammps[1],
+        "others": dict(others),
+        "goals": rivals.compare(rows, LEAST_ERRORS),  # adds to the rows
+    }
 
 
 def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:

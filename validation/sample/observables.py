@@ -60,8 +60,14 @@ class Observable:
         if a is None:
             return None
         step = float(np.median(np.diff(table["Time"])))
-        how = step, BOLTZMANN * scheme.temperature, _freedom(table) - scheme.held
-        averages = refined.series(a, table["PotEng"], table[SHADOW], *how)
+        averages = refined.series(
+            a,
+            table["PotEng"],
+            table[SHADOW],
+            step,
+            BOLTZMANN * scheme.temperature,
+            _freedom(table) - scheme.held,
+        )
         return averages / plan.scene.unit if self.extensive else averages
 
 

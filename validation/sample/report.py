@@ -118,7 +118,6 @@ def describe(summary: dict) -> Report:
         f"Each point: {settings['time']:g} ps from {each}{starts}, after {settings['settle']:g} ps "
         "of equilibration."
     )
-    drawn = figures.precision, figures.bias, figures.temperature
     return Report(
         f"What averages cost: {summary['title']}",
         "How large is the error of an average with each scheme and step, and what does it cost?",
@@ -129,7 +128,7 @@ def describe(summary: dict) -> Report:
             Figure(
                 figure.__name__, partial(figure, summary), " ".join((figure.__doc__ or "").split())
             )
-            for figure in drawn
+            for figure in (figures.precision, figures.bias, figures.temperature)
         ],
         checks=summary["checks"],
         parts=TITLES,

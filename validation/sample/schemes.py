@@ -237,9 +237,9 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
         label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
         schemes.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
     lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in schemes]
-    whole = bool(bodies.rest)
     return [
-        replace(scheme, lines=commands, whole=whole) for scheme, commands in zip(schemes, lines)
+        replace(scheme, lines=commands, whole=bool(bodies.rest))
+        for scheme, commands in zip(schemes, lines)
     ]
 
 

@@ -2,7 +2,6 @@
 system, so `compare` leaves these fixes out."""
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from . import candidates, rigid_atoms
 from .commands import split_words
@@ -34,7 +33,4 @@ def with_constant_atoms(script: UserScript, tell: Callable[[str], object] = prin
     )
     if readers := candidates.commands_naming(gone, [*setup, *then]):
         note += f" These commands use such a fix, and may fail without it: {'; '.join(readers)}."
-    tell(note)
-    return replace(
-        script, scene=replace(script.scene, setup=setup, then=then), notes=(*script.notes, note)
-    )
+    return script.changed(note, tell, setup=setup, then=then)

@@ -95,6 +95,14 @@ class UserScript:
         """Number of bodies."""
         return int(self.rigid.body.max())
 
+    def changed(
+        self, note: str, tell: Callable[[str], object], **fields: tuple[str, ...]
+    ) -> "UserScript":
+        """The script with other fields of its scene, and a note on them, with which ``tell`` is
+        called."""
+        tell(note)
+        return replace(self, scene=replace(self.scene, **fields), notes=(*self.notes, note))
+
     @property
     def room(self) -> float:
         """Edge of a cube with the volume that each body has at the start."""

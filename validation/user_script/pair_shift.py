@@ -7,7 +7,6 @@ drift.  ``pair_modify shift yes`` removes the jump from the energy and leaves al
 
 import itertools
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 
 from . import conserved_energy, rigid_atoms
 from .commands import split_words
@@ -49,12 +48,7 @@ def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print
     ):
         return script  # the tail is part of the pressure that the barostat controls
     note = NOTE + WITHOUT_TAIL * settings["tail"]
-    tell(note)
-    return replace(
-        script,
-        scene=replace(script.scene, then=(*script.scene.then, LINE)),
-        notes=(*script.notes, note),
-    )
+    return script.changed(note, tell, then=(*script.scene.then, LINE))
 
 
 def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:

@@ -2,7 +2,6 @@
 averages at shorter ones."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 from . import shapes, thermostat
@@ -68,9 +67,4 @@ def with_lists_in_time(script: UserScript, tell: Callable[[str], object] = print
         f"'{LISTS}' is added, because with longer steps atoms may come within the cutoff before "
         "LAMMPS looks at its neighbour lists by your own setting."
     )
-    tell(note)
-    return replace(
-        script,
-        scene=replace(script.scene, then=(*script.scene.then, *lines)),
-        notes=(*script.notes, note),
-    )
+    return script.changed(note, tell, then=(*script.scene.then, *lines))
