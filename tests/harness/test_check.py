@@ -32,7 +32,7 @@ from validation.user_script import shapes, time_step
 def forces_within(own, out):
     """How many pairs within a body have forces, and the remark."""
     result = check._forces_within(own, shapes.body_groups(own)[0], out, 1, 300.0)
-    return result.value, check._told(result).note
+    return result.value, check._without_note(result).note
 
 
 # ---- is the script sound
@@ -91,7 +91,7 @@ def test_check_finds_what_does_not_fit(tmp_path):
     assert found["atoms", "that no fix moves"] is False
     assert found["thermostats", "of the bodies"] is True
     assert [holds for (_, what), holds in found.items() if what.startswith("rms angle")] == [False]
-    for one in map(check._told, checks):
+    for one in map(check._without_note, checks):
         assert bool(one.note) == (one.part == "step" or not one.holds), one
 
 

@@ -153,9 +153,9 @@ def test_a_damaged_file_of_a_run_has_it_done_again(tmp_path, capsys, file, damag
     assert run.once(job).error is None and run.is_there(job)
 
 
-def test_positions_that_were_not_written_to_their_end(tmp_path, monkeypatch):
+def test_positions_that_were_not_written_to_their_end(tmp_path, harness, monkeypatch):
     """Locks out half a file of positions, which ends all later commands in the folder."""
-    worker = tmp_path / "worker.py"
+    worker = harness / "running" / "worker.py"
     text = run.WORKER.read_text()
     assert text.count("np.savez(file, **arrays)") == 1
     worker.write_text(text.replace("np.savez(file, **arrays)", "file.write(b'PK'); 1 / 0"))
