@@ -17,6 +17,7 @@ from argparse import Namespace
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -95,9 +96,7 @@ class UserScript:
         """Number of bodies."""
         return int(self.rigid.body.max())
 
-    def changed(
-        self, note: str, tell: Callable[[str], object], **fields: tuple[str, ...]
-    ) -> "UserScript":
+    def changed(self, note: str, tell: Callable[[str], object], **fields: Any) -> "UserScript":
         """The script with other fields of its scene, and a note on them, with which ``tell`` is
         called."""
         tell(note)
