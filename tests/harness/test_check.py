@@ -428,10 +428,31 @@ def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys)
     assert begun.thermo["PotEng"][0] == pytest.approx(before["PotEng"], abs=1e-3)
 
 
+def test_bodies_of_a_rigid_fix_get_one_shape(tmp_path, capsys):
+    """Locks out advice of `check` that fails for the scripts to which it is given: those of rigid
+    fixes, whose minimization has bent the bodies."""
+    path, out = scripts.rings(tmp_path), tmp_path / "out"
+    bent = "displace_atoms all random 0.05 0.05 0.05 7\nrun 1000"
+    path.write_text(path.read_text().replace('run 50 every 10 "print done"\nrun 1000', bent))
+    text = path.read_text()
+    own = take(path, tmp_path / "bent")
+    groups, gap = shapes.body_groups(own)
+    kinds = shapes.body_kinds(own, groups)
+    (note,) = [one.note for one in check._bodies(own, gap, kinds) if one.subject == kinds[0].name]
+    assert kinds[0].scatter > check.ALIKE and "check SCRIPT --rigid'" in note
+    assert main(["check", str(path), "--rigid", "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    assert "Found: 64 × body of fix bodies" in printed and "directly before 'run 1000'" in printed
+    (line,) = [line.strip() for line in printed.splitlines() if line.startswith("    ")]
+    path.write_text(text.replace("run 1000", f"{line}\nrun 1000"))
+    own = take(path, tmp_path / "again")
+    (kind,) = shapes.body_kinds(own, shapes.body_groups(own)[0])
+    assert kind.number == 64 and kind.scatter < 1e-9
+
+
 def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
     """Locks out a traceback, or parts that nothing holds together without a word: no bonds, no
-    rigid parts, units without elements, a script whose fixes say what is rigid, and bonds without
-    forces."""
+    rigid parts, units without elements, and bonds without forces."""
 
     def told(path, status=None):
         words = ["check", str(path), "--rigid", "--out", str(tmp_path / "out")]
@@ -442,15 +463,18 @@ def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
         assert main(words) == status
         return capsys.readouterr().out
 
-    assert "cannot be told by masses in units lj" in told(scripts.polymer(tmp_path))
-    assert "the atoms have no bonds" in told(scripts.co2(tmp_path))
+    path = scripts.polymer(tmp_path)
+    path.write_text(path.read_text().replace("rigid/nvt/small molecule", "nvt"))
+    assert "cannot be told by masses in units lj" in told(path)
+    path = scripts.co2(tmp_path)
+    path.write_text(path.read_text().replace("rigid/npt/small molecule", "npt"))
+    assert "the atoms have no bonds" in told(path)
     path = scripts.rings(tmp_path)
+    text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
+    path.write_text(text)
     assert "No rigid part, so no file" in told(path, 1)
     data = tmp_path / "rings.data"
     data.write_text(data.read_text().replace("13.019", "12.011"))
-    assert "whose fixes do not define bodies" in told(path)
-    text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
-    path.write_text(text)
     of_rings = told(path, 0)
     assert "64 × rings" in of_rings and "have no force" not in of_rings
     data.write_text(data.read_text().replace("384 bonds", "385 bonds") + "385 1 1 7\n")

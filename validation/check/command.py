@@ -18,7 +18,8 @@ def add(verbs: command_line.Verbs) -> None:
         "their shapes and moments; whether the time step is short enough for the fastest rotation "
         "and the stiffest force; whether groups, exclusions and fixes match; and whether each "
         "integrator can run the start. With --rigid it finds parts of molecules that can be rigid, "
-        "by bonds and masses, and writes the lines that make them so. Your files are not changed.",
+        "by bonds and masses, and writes the lines that make them so. In a script with a rigid fix "
+        "it gives the bodies of a kind one shape. Your files are not changed.",
         epilog="Exit status: 0 if all numbers are within their bounds and an integrator can run "
         "the start (with --rigid: if parts were found), 1 if not, 130 after Ctrl-C.",
     )

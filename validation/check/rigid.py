@@ -3,7 +3,8 @@ them.
 
 The script keeps all commands that create its atoms.  One file has the body of each atom, another
 has positions in which all bodies of a kind have the same shape; a few lines that replace the
-script's fixes read both.
+script's fixes read both.  A script with a rigid fix keeps this fix and its bodies, and reads only
+the positions.
 """
 
 import os
@@ -52,34 +53,34 @@ def write_bodies(
     """
     request = replace(options, group=GROUP, bodies=STYLE)  # at its first run, with any fixes
     reading, atoms, _ = loader.read(request, out, 1, silence)
+    cell, periodic = np.array(reading["cell"]), reading["periodic"]
+    kinds = map(rigid_atoms.kind_of, reading["fixes"].values())
+    if not (options.group or options.bodies) and {*kinds} & {"ours", "rigid"}:
+        rigid = _found(reading, atoms, options)
+        x, moved = parts.alike(atoms, rigid.body, cell, periodic)
+        counts = {f"body of fix {' and '.join(rigid.ids)}": int(rigid.body.max())}
+        if moved > FAR:
+            return counts, [DIFFER]
+        place = f"This line, directly before '{reading['run']}', gives bodies their mean shape:"
+        return counts, [place, f"    {_read_shapes(x, atoms, options, out)}", ALIKE.format(moved)]
     if not len(atoms.get("bonds", ())):
         raise SystemExit(f"{options.name}: the atoms have no bonds, by which rigid parts are found")
     if reading["units"] not in ("real", "metal"):
         raise SystemExit(
             f"{options.name}: elements cannot be told by masses in units {reading['units']}"
         )
-    cell, periodic = np.array(reading["cell"]), reading["periodic"]
     body, counts = parts.rigid(atoms, cell, periodic, wanted)
     if not body.any():
         return counts, ["No rigid part, so no file is written."]
     inside, groups = body > 0, [*reading["groups"], GROUP]
     mask = atoms["mask"].astype(np.int64) | inside.astype(np.int64) << len(reading["groups"])
     known = atoms | {"mask": mask, f"v_{BODY}": body}
-    try:
-        rigid = rigid_atoms.find(reading | {"groups": groups}, known, options.fix, GROUP, STYLE)
-    except rigid_atoms.AmbiguousScript as unclear:
-        raise SystemExit(f"{options.name}: {unclear}") from None
+    rigid = _found(reading | {"groups": groups}, known, request)
     x, moved = parts.alike(atoms, body, cell, periodic)
-    files = {
-        out / f"{options.name}.bodies": _bodies(body),
-        out / f"{options.name}.shapes": _dump(x, atoms),
-    }
-    for file, text in files.items():
-        file.write_text(text)
-    of_bodies, shapes = (_named(file, Path(options.script).parent) for file in files)
-    read = f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native"
+    file, read = out / f"{options.name}.bodies", _read_shapes(x, atoms, options, out)
+    file.write_text(_bodies(body))
     lines = [
-        f"variable {BODY} atomfile {of_bodies}",
+        f"variable {BODY} atomfile {_named(file, Path(options.script).parent)}",
         f"variable own_inside atom v_{BODY}>0",
         f"group {GROUP} variable own_inside",
         *([read] if moved <= FAR else []),
@@ -96,6 +97,24 @@ def write_bodies(
     if rigid.dropped:
         sentences.append(f"Keywords that ours does not have: {', '.join(rigid.dropped)}.")
     return counts, [*sentences, *_unconstrained_bonds(rigid, reading, atoms)]
+
+
+def _found(reading: Mapping, atoms: parts.Atoms, options: loader.ScriptOptions) -> RigidAtoms:
+    """The rigid atoms, or the end with a message."""
+    try:
+        return rigid_atoms.find(reading, atoms, options.fix, options.group, options.bodies)
+    except rigid_atoms.AmbiguousScript as unclear:
+        raise SystemExit(f"{options.name}: {unclear}") from None
+
+
+def _read_shapes(
+    x: np.ndarray, atoms: parts.Atoms, options: loader.ScriptOptions, out: Path
+) -> str:
+    """Write the file of positions; return the command that reads it."""
+    file = out / f"{options.name}.shapes"
+    file.write_text(_dump(x, atoms))
+    shapes = _named(file, Path(options.script).parent)
+    return f"read_dump {shapes} 0 {PLACES} box no replace yes timestep no format native"
 
 
 def _named(file: Path, folder: Path) -> str:
