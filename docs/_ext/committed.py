@@ -1,4 +1,4 @@
-"""The committed results as tables and sentences of the pages and the README: none is typed in.
+"""The committed results and files as tables, sentences and code of the pages and the README.
 
 A page has such text between two marks, of which the first names a function of `FILLS` and its
 arguments.  `python docs/_ext/committed.py` writes all of them anew after results have changed.
@@ -406,6 +406,16 @@ def holding(verb, name="table"):
     return text + (f" ({', '.join(others)})." if others else ".")
 
 
+# ---- files
+
+
+def listing(path, start=""):
+    """A file, from the line that begins so."""
+    text = (ROOT / path).read_text()
+    text = text[re.search(f"^{re.escape(start)}", text, re.M).start() :].rstrip()
+    return f"```{'python' if path.endswith('.py') else 'lammps'}\n{text}\n```"
+
+
 # ---- the README
 
 
@@ -414,7 +424,7 @@ def what_to_type():
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
     usual = replacements.table(map(summary, folders))
     whole = replace(usual, rows=[*usual.rows, _beside_solute()])
-    return f"{styled(pages.markdown(whole))}\n\n{usual.note}"
+    return f"{replacements.ARROW}\n\n{styled(pages.markdown(whole))}\n\n{replacements.NOTE}"
 
 
 def _beside_solute():
@@ -447,7 +457,7 @@ FILLS = {
     for function in (
         *(compare_water, compare_times, standing, cases, reported, own_scripts),
         *(step_zero, beside_shake, shake_made, gains, verdicts, scene, holding, checks, table),
-        what_to_type,
+        *(what_to_type, listing),
     )
 }
 

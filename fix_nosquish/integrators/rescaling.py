@@ -35,7 +35,8 @@ Scales: Any = record(
     "Scales",
     Bath,
     degrees=(F, 2),  # degrees of freedom of translation and rotation, or of both and 0
-    twice=(F, 2),  # twice the kinetic energies, of this rank's bodies and of all bodies
+    # twice the kinetic energies, in mass times velocity squared: of this rank's bodies, of all
+    twice=(F, 2),
     energies=(F, 2),
     separate=I,  # whether there are two factors, or one
     chain=I,  # size of the state of each Nose-Hoover chain
@@ -112,7 +113,8 @@ def scaling_by(factor_of: Callable) -> Callable:
     Args:
         factor_of: an inlined function (parameters, state, k, dt) that returns the factor of motion
             k, and 0 or the value that ends the run.  parameters.energies[k] is twice the kinetic
-            energy, not 0, and parameters.degrees[k] the degrees of freedom.
+            energy, never 0, in mass times velocity squared as is parameters.kt, and
+            parameters.degrees[k] the degrees of freedom.
     """
 
     @inlined

@@ -39,7 +39,7 @@ Bath: Any = record(
     draw=I,
     key_0=I,  # key of random numbers
     key_1=I,
-    heat=F,  # energy that this rank has added to the bodies
+    heat=F,  # energy that this rank has added to the bodies, in that unit, too
     factor=(F, 2),  # last factors of velocities and of angular momenta
 )
 BODY, ALL_BODIES = 0, 1  # purpose of random numbers: for one body, for the system

@@ -54,8 +54,9 @@ class Integrator(Declaration):
         thermostat: what keeps a temperature, so that no other fix may; None for nothing.
         supports_remap_v: whether the velocity of a body may change where it crosses a face, as with
             remap v of fix deform. A class with operations of its own declares it again.
-        scalar: None, or a method (run) that returns the energy which has left the system; LAMMPS's
-            econserve counts it.  Without it f_ID is the temperature of the bodies.
+        scalar: None, or a method (run) that returns the energy which has left the system, in
+            LAMMPS's unit; its econserve counts it.  Without it f_ID is the temperature of the
+            bodies.
         values: the names of additional values of f_ID[i], and whether each is extensive.
         restart_state: (n,) what a restart file keeps, or None: made in __init__, and never replaced
             by another array. The first number, above 0, says what the others are. It is -1 if the
@@ -98,7 +99,7 @@ class Integrator(Declaration):
             cls.supports_remap_v = vars(cls).get("supports_remap_v", False)
 
     def extra_values(self, run: Any) -> Sequence[float]:
-        """The additional `values` of f_ID[i]; collective."""
+        """The additional `values` of f_ID[i], in LAMMPS's units; collective."""
         return ()
 
     def prepare_restart(self, run: Any) -> None:

@@ -59,12 +59,25 @@ def test_ci_finds_the_test_command():
     assert len(result.stdout.splitlines()) == 1, result.stdout
 
 
+def without_code(path):
+    """The text of a page but its fenced blocks."""
+    return re.sub(r"^```.*?^```$", "", path.read_text(), flags=re.M | re.S)
+
+
+def anchors(path):
+    """The anchors of a page's headings on GitHub, which Sphinx has, too."""
+    titles = re.findall(r"^#+ +(.*?) *$", without_code(path), re.M)
+    return {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+
+
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
-def test_links_lead_to_files(path):
-    """Locks out links and figures that are not there: Sphinx does not see those of the README."""
-    text = path.read_text()
-    for target in re.findall(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)", text):
-        assert (path.parent / target).exists(), target
+def test_links_lead_to_files_and_headings(path):
+    """Locks out links and figures that are not there: Sphinx does not see those of the README, and
+    GitHub has no anchors but those of headings."""
+    for target, anchor in re.findall(r"\]\(([^)#:\s]*)(?:#([^)]*))?\)", without_code(path)):
+        page = path.parent / target if target else path
+        assert page.exists(), target
+        assert not anchor or anchor in anchors(page), f"{target}#{anchor}"
 
 
 # ---- the fix
@@ -100,7 +113,11 @@ def fix_lines(text):
     return re.findall(r"fix +\w+ +\w+ +nosquish/\w+[^`#\n]*", text)
 
 
-SHOWN = {path.relative_to(ROOT).as_posix(): fix_lines(path.read_text()) for path in PAGES}
+LISTINGS = re.compile(r"<!-- results: listing .*?<!-- end", re.S)  # of files, which run elsewhere
+SHOWN = {
+    path.relative_to(ROOT).as_posix(): fix_lines(LISTINGS.sub("", path.read_text()))
+    for path in PAGES
+}
 SHOWN["docstrings"] = [
     line for path in (ROOT / "fix_nosquish").rglob("*.py") for line in fix_lines(path.read_text())
 ]

@@ -19,13 +19,13 @@ COLUMNS = (
     Column("warmer", "temperature error", "K", "text"),
     Column("pressure", "pressure error", "atm", "text"),
 )
+ARROW = "Each cell with an arrow reads: value of the usual lines → value of fix nosquish."
 NOTE = (
-    "Before the arrow is the value of the usual lines, after it that of fix nosquish; ± is the "
-    "95 % confidence interval. Speeds are from CPU times. The temperature error is the change of "
-    "temperature that would shift the mean potential energy as much. At constant pressure (NPT) "
-    'the last column has the error of the density. "Averages" are energies, pressure and '
-    "structure: a damping time of 50 fs and larger moments of inertia (keyword moments) slow down "
-    "the motion. For diffusion and spectra use the line for dynamics."
+    "± is the 95 % confidence interval. Speeds are from CPU times. The temperature error is the "
+    "change of temperature that would shift the mean potential energy as much. At constant "
+    'pressure (NPT) the last column has the error of the density. "Averages" are energies, '
+    "pressure and structure: a damping time of 50 fs and larger moments of inertia (keyword "
+    "moments) slow down the motion. For diffusion and spectra use the line for dynamics."
 )
 NONE = "does not apply"
 
@@ -56,7 +56,7 @@ AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and its usual integrator
 def table(summaries: Iterable[Mapping]) -> Table:
     """A row for each system in these results."""
     known = list(summaries)
-    return Table(TITLE, COLUMNS, [*_samples(known), *_costs(known)], note=NOTE)
+    return Table(TITLE, COLUMNS, [*_samples(known), *_costs(known)], note=f"{ARROW} {NOTE}")
 
 
 def _samples(summaries: Sequence[Mapping]) -> Iterator[dict]:
