@@ -40,8 +40,8 @@ class Measured(TypedDict):
         failed: why the point failed, with the step; ``failures``: number of starts that failed.
         is_reference: whether it is the reference of means.  asked: whether it was requested.
         alone: whether a separate long run judges it.
-        cost: wall time, s per ns.  cpu: CPU time of all cores without output, s per ns, by which
-            points are compared.  share: CPU use of each rank, percent of a core.
+        cost: wall time of steps without output, s per ns.  cpu: their CPU time of all cores, by
+            which points are compared.  share: CPU use of each rank, percent of a core.
         errors: ``Estimate`` by measure; without error bar if there is none, or None.
         signed: the same with its sign.  by_itself: from this point's runs only.
         without: targets that its runs cannot measure.

@@ -3,7 +3,7 @@
 import math
 import shlex
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -12,6 +12,7 @@ from scipy import special
 from .. import COMMAND
 from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, run
+from ..running.lammps_log import Loop
 from ..running.store import Store
 from ..scenes.integrators import OURS
 from ..statistics import measures
@@ -36,16 +37,6 @@ FIRST = 0.5  # fraction of the time for the short runs
 CHOICE = 3  # least number of points for a long run: with fewer, the short runs get all of the time
 SHARE = 0.5  # fraction of the error probability for steps that short runs select
 GAIN = 0.9  # largest cost of a step worth a long run, over that of the fastest good one
-PARTS = 5  # parts of a run, each with a cost
-
-
-class Cost(NamedTuple):
-    """Cost of a part of a run: wall time, s per ns; CPU time of all cores without output, s per ns;
-    and CPU use of each rank, percent of a core."""
-
-    wall: float
-    cpu: float
-    share: float
 
 
 @dataclass
@@ -54,12 +45,12 @@ class Runs:
 
     Attributes:
         numbers: results of good runs, by point and start.
-        costs: of parts of the runs, by point.
+        timings: of steps without output after the runs, by point.
         failed: why the runs of a point failed.
     """
 
     numbers: dict[Point, dict[int, errors.Numbers]] = field(default_factory=dict)
-    costs: dict[Point, list["Cost"]] = field(default_factory=dict)
+    timings: dict[Point, list[Loop]] = field(default_factory=dict)
     failed: dict[Point, list[str]] = field(default_factory=dict)
 
     def fails(self, point: Point) -> str | None:
@@ -133,8 +124,10 @@ def prepare(
         here = Machine(**store.once("plan", origin, lambda: make()._asdict()))
     part = FIRST if len(points) >= CHOICE else 1.0
     runs = [Point(case.reference, case.scene.dt), *STARTS * [held, *points]]
-    time = plan.time_of(runs, here, part * settings.for_points)
-    lengths = plan.lengths(case, [held, *points], here, time)
+    seconds = part * settings.for_points
+    time = plan.time_of(runs, here, (1 - plan.BENCHMARK) * seconds)
+    timed = plan.benchmark(here, plan.BENCHMARK * seconds / len(runs))
+    lengths = replace(plan.lengths(case, [held, *points], here, time), benchmark=timed)
     return Prepared(case, settings, targets, points, held, here, lengths)
 
 
@@ -252,30 +245,12 @@ def collected(
             if name in done.failed:
                 runs.failed.setdefault(point, []).append(done.failed[name])
             elif name in done.jobs:
-                job = done.jobs[name]
-                result = run.collect(job.directory)
+                result = run.collect(done.jobs[name].directory)
                 by_start = runs.numbers.setdefault(point, {})
                 by_start[number] = errors.numbers(case, point.dt, result, settles)
-                runs.costs.setdefault(point, []).extend(_costs(job, result, point.dt, case.ns))
+                runs.timings.setdefault(point, []).extend(result.benchmark[1:])
     runs.judge(case)
     return runs
-
-
-def _costs(job: run.Job, result: run.Result, dt: float, ns: float) -> list[Cost]:
-    """The costs of successive parts of a run."""
-    each, costs = max(1, len(job.runs) // PARTS), []
-    for first in range(0, len(job.runs) - each + 1, each):
-        part = slice(first, first + each)
-        loops, times = result.timings[part], ns / (sum(job.runs[part]) * dt)
-        cpu = [loop.seconds * (100 if loop.cpu is None else loop.cpu) / 100 for loop in loops]
-        steps = sum(
-            spent * (1 - loop.sections.get("Output", 0.0) / max(loop.seconds, 1e-300))
-            for spent, loop in zip(cpu, loops)
-        )
-        share = 100 * sum(cpu) / max(sum(loop.seconds for loop in loops), 1e-300)
-        wall = sum(result.seconds["runs"][part])
-        costs.append(Cost(wall * times, job.ranks * steps * times, share))
-    return costs
 
 
 def _rows(prepared: Prepared, runs: Runs) -> list[Measured]:
@@ -303,7 +278,12 @@ def row(
     """The row of a point, whose runs have this time."""
     case, fails = prepared.case, runs.fails(point)
     integrator = case.integrators[point.scheme]
-    costs = [] if fails else runs.costs.get(point, [])
+    timings = [] if fails else runs.timings.get(point, [])
+    wall = [loop.seconds / loop.steps * case.ns / point.dt for loop in timings]
+    shares = [100.0 if loop.cpu is None else loop.cpu for loop in timings]
+    cpu = [
+        loop.ranks * share / 100 * seconds for loop, share, seconds in zip(timings, shares, wall)
+    ]
     signed, by_itself = ({} if fails else estimates for estimates in (signed, by_itself))
     failures = runs.failed.get(point, [])
     lines, place, lost = case.written(integrator)
@@ -323,9 +303,9 @@ def row(
         "is_reference": point == prepared.held,
         "asked": point in prepared.points,
         "alone": False,
-        "cost": measures.spread(part.wall for part in costs) if costs else None,
-        "cpu": measures.spread(part.cpu for part in costs) if costs else None,
-        "share": sum(part.share for part in costs) / len(costs) if costs else None,
+        "cost": measures.spread(wall) if wall else None,
+        "cpu": measures.spread(cpu) if cpu else None,
+        "share": sum(shares) / len(shares) if shares else None,
         "errors": {name: size(estimate) for name, estimate in signed.items()},
         "signed": {name: estimate.plain() for name, estimate in signed.items()},
         "by_itself": {name: size(estimate) for name, estimate in by_itself.items()},
@@ -436,10 +416,12 @@ def run_longer(
     case, point, held = prepared.case, best.point, prepared.held
     points = [point, *([held] if best.again else [])]
     lengths = plan.lengths(case, points, prepared.here, best.time)
+    lengths = replace(lengths, benchmark=prepared.lengths.benchmark)
     settles = max(SETTLES, prepared.lengths.time / lengths.time)
     how = case, points, prepared.lengths, prepared.settings, [STARTS], lengths
     done = _perform(prepared, plan.trajectories(*how), meter)
     runs = collected(prepared, done, LONG, settles)
+    runs.timings[point] = short.timings.get(point, []) + runs.timings.get(point, [])
     if point not in runs.numbers and point not in runs.failed:
         return done, None
     estimates = errors.errors(case, runs.numbers, held, True, short.numbers, best.times * STARTS)

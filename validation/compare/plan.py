@@ -6,7 +6,7 @@ creates.  The scatter of a point's runs gives the noise that a single run does n
 
 import math
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -20,6 +20,8 @@ ATOMS, FEW = 6_000_000, 20  # most atoms in all frames of a run; but at least so
 SETTLES = 0.25  # fraction of the frames that is left out
 PARTS, MANY = (8, 4, 2), 8000  # samples of the energy in `SPAN`; most in all if several
 LEAST = 400  # steps of a run
+BENCHMARK = 0.1  # fraction of the time for timing steps
+TIMED = 0.1, 1.0  # least and most s of a timed segment
 STARTUP = 3.0  # s until a run's first step, about, with few atoms
 LISTS = 0.2  # fraction of all time for neighbour lists, if starting up leaves time for steps
 OTHER_LISTS, ROUNDS = 3, 3  # settings timed beside the script's; rounds
@@ -64,11 +66,16 @@ class Machine(NamedTuple):
 
 @dataclass(frozen=True)
 class Lengths:
-    """Lengths of runs: ``time`` of each in the scene's units, with at most ``frames`` frames."""
+    """Lengths of runs: ``time`` of each in the scene's units, with at most ``frames`` frames.
+
+    Sampling stops the run every few steps, which takes time: ``benchmark`` are the steps of the
+    runs after it, without output, from which costs are measured.
+    """
 
     time: float
     frames: int
     span: float  # of the energy changes
+    benchmark: list[int] = field(default_factory=list)
 
     @property
     def sample(self) -> float:
@@ -135,6 +142,12 @@ def time_of(points: Iterable[Point], machine: Machine, seconds: float) -> float:
     each = [1 / point.dt for point in points]
     left = max(LEAST_PART * seconds, seconds - len(each) * machine.startup)
     return left / (machine.step * sum(each))
+
+
+def benchmark(machine: Machine, seconds: float) -> list[int]:
+    """The numbers of steps of runs that together take about so many s, the first one untimed."""
+    least, most = TIMED
+    return rounds.lengths(machine.step, min(max(least, seconds / rounds.SEGMENTS), most)).runs
 
 
 def lengths(case: Case, points: Collection[Point], machine: Machine, time: float) -> Lengths:
@@ -212,7 +225,7 @@ def _trajectory(case, point, folder, lengths, settings, number, last) -> Traject
         if number > 1:
             begin = starts.read(state, last, scene.dimension, box=True)
             scene, files = replace(scene, setup=(*scene.setup, begin)), [state]
-        return run.job(
+        job = run.job(
             scene,
             integrator,
             settings.out / "runs" / name,
@@ -224,6 +237,7 @@ def _trajectory(case, point, folder, lengths, settings, number, last) -> Traject
             ranks=settings.ranks,
             silence=settings.silence,
         )
+        return replace(job, benchmark=lengths.benchmark)
 
     return Trajectory(
         name,

@@ -20,7 +20,8 @@ FEW = 4  # points that are listed
 BUSY = 90.0  # percent of a core; below it the machine was busy
 FASTER = 0.95  # largest ratio of costs at which another thermostat is worth mentioning
 NOTES = {
-    "CPU time": "Of all cores, without output: the median of parts of the runs.",
+    "CPU time": "Of all cores, in steps without output: the median of parts of all runs. It is the "
+    "same number in the answer, the tables and the figure.",
     "drift, energy": "Of the energy that the integrator conserves, which includes that of "
     "thermostats and barostats.",
     "potential, density, rdf": "Compared with the reference, from the same starts.",

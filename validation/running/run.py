@@ -66,6 +66,7 @@ class Job:
         overlay: see ``Scene``; what the run writes goes into its own overlay.
         worker: path of its worker in the harness; empty for that of LAMMPS.
         input: of another worker, plain data.
+        benchmark: numbers of steps of runs after these, without output, which are timed only.
     """
 
     directory: str
@@ -81,6 +82,7 @@ class Job:
     overlay: str = ""
     worker: str = ""
     input: dict = field(default_factory=dict)
+    benchmark: list[int] = field(default_factory=list)
 
 
 @dataclass
@@ -90,7 +92,7 @@ class Result:
     Attributes:
         error: one line on why the run is not complete; None if it is.
         thermo: column name to array (see ``lammps_log.thermo``).
-        timings: of each completed run.
+        timings: of each completed run.  benchmark: of those after them (see ``Job``).
         positions: None if they were not kept.
         versions: of the worker, or {}.
         memory: peak memory of each rank in KiB.
@@ -106,6 +108,7 @@ class Result:
     memory: list[int] = field(default_factory=list)
     seconds: dict[str, list[float]] = field(default_factory=dict)
     interrupted: bool = False
+    benchmark: list[lammps_log.Loop] = field(default_factory=list)
 
 
 def job(
@@ -305,6 +308,7 @@ def collect(directory: Path | str) -> Result:
         memory=facts.pop("memory", []),
         seconds=facts.pop("seconds", {}),
         versions=facts,
+        benchmark=lammps_log.timings(_read(directory / "benchmark.lammps")),
     )
 
 

@@ -5,9 +5,10 @@ fix_nosquish, as for a user.
 
 The job (written by ``run.py``) has ``folder``, ``commands``, ``setups`` (number of timed `run 0`),
 ``runs`` (numbers of steps, done one after the other as one trajectory; ramps span all of them),
-``body_property`` and ``motion``.  Files left beside job.json:
+``benchmark`` (as ``runs``, after them, without output), ``body_property`` and ``motion``.  Files
+left beside job.json:
 
-    log.lammps      LAMMPS's log
+    log.lammps      LAMMPS's log; that of the benchmark is benchmark.lammps
     positions.npz   positions (runs + 1, atoms, 3) at the start and after each run, in
                     order of atom ID; body of each atom; cell vectors (rows) of each frame;
                     periodicity; only if there is a ``body_property``; with ``motion`` also ``v``,
@@ -99,6 +100,14 @@ def timed(lmp: lammps, command: str, counted: bool = False) -> float:
     return MPI.Wtime() - begin
 
 
+def benchmark(lmp: lammps, job: dict, out: Path) -> None:
+    """Runs without output, with a log of their own."""
+    if job["benchmark"]:
+        log = near(f'log "{out / "benchmark.lammps"}"', job["folder"], out)
+        runs = [f"run {steps} pre no" for steps in job["benchmark"]]
+        lmp.commands_list([log, "thermo 0", *runs])
+
+
 def leave(out: Path, arrays: dict, done: dict) -> None:
     """Write the results of a run atomically."""
     if arrays:
@@ -144,6 +153,7 @@ def work(job: dict, out: Path) -> None:
         )
         keep()
         cells.append(geometry(lmp)[0])
+    benchmark(lmp, job, out)
     arrays: dict = {}
     if frames:
         arrays = {

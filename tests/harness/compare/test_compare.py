@@ -404,6 +404,7 @@ def steady(patch, step=2e-4):
     """Let a step take so many s, whatever the machine does."""
     patch.setattr(rounds, "calibrate", lambda make: run.run(make([3, 40])) and step)
     patch.setattr(plan, "STARTUP", 0.0)
+    patch.setattr(plan, "TIMED", (0.0, 1.0))
 
 
 @pytest.fixture(scope="module")
@@ -426,10 +427,17 @@ def rings(tmp_path_factory):
     return command, folder / "out", command()
 
 
+def cpu_per_ns(logs, dt):
+    """Median CPU time, s per ns, of the runs in LAMMPS's logs, each log without its first run."""
+    pattern = r"Loop time of (\S+) on 1 procs for (\d+) steps(?s:.*?)([\d.]+)% CPU use"
+    runs = [found for log in logs for found in re.findall(pattern, log)[1:]]
+    return np.median([float(s) * float(use) / 100 / int(n) / dt * 1e6 for s, n, use in runs])
+
+
 @pytest.mark.timeout(900)
 def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
     """Locks out advice for a step at which the run heats or its energy fluctuates above the target,
-    and a row without its starts, costs or a command."""
+    a row without its starts, costs or a command, and a cost that contains the sampling."""
     _, out, status = rings
     summary = json.loads((out / "summary.json").read_text())
     short, _, good, bad = summary["points"]
@@ -438,6 +446,8 @@ def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
     assert short["starts"] == 2 and short["errors"]["energy"]["value"] < 0.2
     assert bad["failed"] and bad["cost"] is None and bad["failures"] == 1
     assert set(short["errors"]) >= set(summary["targets"]) and short["cost"]["min"] > 0
+    logs = [path.read_text() for path in out.glob("runs/*/nosquish/4/*/benchmark.lammps")]
+    assert len(logs) >= plan.STARTS and good["cpu"]["median"] == pytest.approx(cpu_per_ns(logs, 4))
     page = (out / "report.html").read_text()
     assert "with a step of" in page and "pair_modify shift yes" in page
     assert len(summary["neighbour_lists"]) == plan.OTHER_LISTS
@@ -464,7 +474,7 @@ def test_a_scene_goes_the_same_way(tmp_path, monkeypatch):
     """Locks out a scene whose errors are not those of the square of the step, that is held against
     another start, or whose failures are not told; and points of both starts that are one."""
     steady(monkeypatch, 2e-6)
-    words = ["compare", "dimer", "--budget", "0.025", "--steps", "0.2,0.4,8"]
+    words = ["compare", "dimer", "--budget", "0.0278", "--steps", "0.2,0.4,8"]
     words += ["--out", str(tmp_path)]
     assert main([*words, "--only", "nosquish", "shake-1e-8"]) in (0, 1)
     summary = json.loads((tmp_path / "summary.json").read_text())
