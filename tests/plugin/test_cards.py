@@ -17,7 +17,7 @@ from fix_nosquish.errors import RunError
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.cards import Cards
 from fix_nosquish.run.other_fixes import OtherFixes
-from support.builds import PREFIX, mpi_folder
+from support.builds import OLD_STRINGS, PREFIX, mpi_folder
 from support.debian import ICE, ice
 from support.running import BIN, ROOT
 from validation.running import startup
@@ -83,6 +83,7 @@ def card(tmp_path_factory):
     made = tmp_path_factory.mktemp("card") / "cardplugin.so"
     subprocess.run(
         ["g++", "-std=c++17", "-shared", "-fPIC", "-DLAMMPS_SMALLBIG", "-DMPICH_SKIP_MPICXX",
+         *OLD_STRINGS,
          "-I", PREFIX / "include/lammps", "-I", mpi_folder(),
          ROOT / "tests/support/card.cpp", "-o", made],
         check=True,

