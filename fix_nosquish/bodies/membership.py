@@ -53,8 +53,6 @@ class Membership:
         masks: bits of `lammps.groups` by name.  By the rule, an atom is in a body if its groups
             have a bit of fix_group and a bit of body_groups, and flexible if they have a bit of
             flexible.
-        left_out: number of atoms that have the molecule-ID of a body but are not in the groups, as
-            the fix was defined.
 
     Raises:
         RunError: on all ranks, for a group or variable that does not exist.
@@ -133,20 +131,6 @@ class Membership:
         )
         self.decide()
         assigned[assigned == UNDECIDED] = OUT
-        self.left_out = self._count_left_out()
-
-    def _count_left_out(self) -> int:
-        """The number of atoms in no body with the molecule-ID of a body, of style molecule;
-        collective."""
-        molecules, out = self._current_values(), self.assigned == OUT
-        if (
-            self.command.style != "molecule"
-            or molecules is None
-            or not self.communicator.any(out.any())
-        ):
-            return 0
-        bodies = self.communicator.gather_to_all(np.unique(self.assigned[self.assigned > OUT]))
-        return self.communicator.count((np.isin(molecules, bodies) & out).sum())
 
     def decide(self) -> None:
         """Assign the atoms in the fix line's groups that were added since; collective.

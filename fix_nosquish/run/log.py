@@ -291,16 +291,6 @@ class FixLog:
 # ----------------------------------------------------------------- warnings
 
 
-def of_left_out(membership: Membership) -> Iterator[str]:
-    """A line on atoms of a body's molecule that are not in the fix's group."""
-    if membership.left_out:
-        yield (
-            f"WARNING: {membership.left_out} atoms have the molecule-ID of a body, but are not in "
-            f"group {membership.command.group}, so they are not part of the body. If they should "
-            "be, give the fix a group of whole molecules"
-        )
-
-
 def of_start(report: BuildReport, warmed: bool, groups: tuple[str | None, str]) -> Iterator[str]:
     """Lines on how bodies were made.
 

@@ -217,18 +217,13 @@ class Run:
             half_step=self.conditions.half_step,
             virial=bool(self.host.vflag),
         )
-        warnings = [
+        warnings = (
             line for part in (*parts, self.integrator) for line in part.extra_warnings(self)
-        ]
-        if self.minimization:  # no thermostat or barostat acts
-            warnings.clear()
+        )
         copies = self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
         self.setting.log.report(self.thermo, self.report, self.mask, copies, of_run, warnings)
         start = self.bodies.start = log.forces_at_start(self.thermo, self.membership.name)
-        names = " or ".join(
-            f"fix {fix.id} (style {fix.style}{', which changes the box' * bool(fix.box_change)})"
-            for fix in fixes.possible_movers()
-        )
+        names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in fixes.possible_movers())
         self.bodies.possible_causes = names and f", perhaps {names}"
         if start.diagnosis and not self.minimization:
             self.setting.log.warn([f"WARNING: {start.diagnosis}: {start.advice}"])
