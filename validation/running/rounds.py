@@ -174,8 +174,7 @@ def timing(job: run.Job, result: run.Result) -> Timing:
 
 def spread(rounds: list[Timing], key: str) -> measures.Spread | None:
     """Median, minimum and maximum over rounds of one of their numbers; None if there is none."""
-    values = (getattr(timing, key) for timing in rounds)
-    return _spread(value for value in values if value is not None)
+    return _spread(value for timing in rounds if (value := getattr(timing, key)) is not None)
 
 
 def ratio(ours: list[Timing], theirs: list[Timing], key: str) -> measures.Spread | None:

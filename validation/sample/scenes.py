@@ -12,7 +12,7 @@ from ..experiment import Point
 from ..scenes import TEMPERATURE, constrained_peptide, smooth_water
 from ..scenes.integrators import OURS, Integrator
 from ..scenes.liquids import BENZENE, CARBON_DIOXIDE, Liquid
-from ..user_script import conserved_energy, shapes
+from ..user_script import conserved_energy, shapes, time_step
 from ..user_script.commands import split_words
 from ..user_script.loader import UserScript
 from ..user_script.shapes import BodyGroup
@@ -36,9 +36,9 @@ HEAVY = 3.0, 4.0  # amu, of water's hydrogens
 # others
 PEPTIDE_TURNS = 4439
 OWN_FACTORS = 0.5, 1.0, 2.0, 3.0, 4.0  # in units of a script's step
-# longest step times the frequency of the stiffest motion, from the forces: for water, with its
+# longest step times the frequency of the stiffest motion, by mean squares: for water, with its
 # libration, this is 8 fs, about two thirds of the step at which it fails
-REACH = 1.15
+REACH = 0.95
 # the words before a seed in a script's lines: the keyword, or a temperature with its damping
 SEEDS = re.compile(r"(\sseed\s+|\slangevin(?:\s+[-+\d.][-+\d.eE]*){3}\s+)[^\s\"']+")
 # what users have today: for molecules that shake can constrain, for others, at constant pressure
@@ -140,7 +140,7 @@ def of_script(script: UserScript) -> Plan:
     )
     starter = schemes.get(OURS, schemes[script.reference])
     groups, _ = shapes.body_groups(script)
-    stiffest = max(shapes.fastest_motions(script, groups).values(), default=0.0)
+    stiffest = time_step.stiffest(script)
     longest = max(REACH / stiffest if stiffest else 0.0, scene.dt)
     known, turning = (Point(script.reference, scene.dt),), _turning(script, groups)
     return Plan(scene, temperature, schemes, starter, known, turning, longest=longest)
