@@ -187,7 +187,9 @@ def test_bodies_of_the_definition(run_lammps, tmp_path, ranks):
         "custom v_b", "molecule"
     )
     run = run_lammps(script, files=system.files, launcher=debian(ranks), check=False)
-    assert run.code != 0 and "(with another molecule-ID or group: 4), or got other IDs" in run.screen
+    assert (
+        run.code != 0 and "(with another molecule-ID or group: 4), or got other IDs" in run.screen
+    )
 
 
 def test_rank_that_loses_atoms_between_runs(run_water):
