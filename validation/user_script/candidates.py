@@ -10,7 +10,7 @@ import numpy as np
 import fix_nosquish
 from fix_nosquish.host.command import Command, Line
 
-from ..scenes.integrators import OLDER, OURS, Integrator
+from ..scenes.integrators import CONSTRAINING, OLDER, OURS, Integrator
 from . import rigid_atoms
 from .commands import (
     OUTPUT,
@@ -228,7 +228,7 @@ def _of_style(
 
 
 def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
-    """Yield integrators of points with constraints of shake or rattle."""
+    """Yield integrators of points with constraints of LAMMPS's fixes."""
     if not rigid.constraints:
         return
     state = rigid.state
@@ -237,7 +237,7 @@ def _constrained(rigid: RigidAtoms) -> Iterator[Integrator]:
         group, groups = ALL, [f"group {ALL} union {{group}} {rigid.flexible}"]
     held = split_words(rigid.holder)[2] if rigid.holder else rigid.group
     move = f"fix {_id(rigid)} {_literal(group)} {state.ensemble}" + state_words(state)
-    for style in ("shake", "rattle"):
+    for style in CONSTRAINING:
         if style == "rattle" and state.press:
             continue  # LAMMPS requires it last, and a changing box first
         hold = f"fix own_held {held} {style} {TOLERANCE} 100 0 {rigid.constraints}"

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from fix_nosquish.host import rigid_fixes
 
 from .. import COMMAND
-from ..scenes.integrators import OLDER, target
+from ..scenes.integrators import CONSTRAINING, OLDER, target
 from . import commands
 from .commands import split_words
 
@@ -23,7 +23,6 @@ OURS = "NVE", "NVT", "NPT", "NPH", *OLDER  # classes that can be replaced
 NATIVE = "NVE", "NVT", "NPT", "NPH", "HMC"  # classes that have a fix style of the plugin
 # the text in quotes; in committed results the older schemes are classes of fix_nosquish
 QUOTED = re.compile(rf"({'|'.join(('fix_nosquish', *OLDER.values()))})\.\w+\s+\S+\s+\S")
-CONSTRAINTS = "shake", "rattle"
 POINT_FIXES = "nve", "nvt", "npt", "nph"  # fixes that move points, and can be replaced by ours
 AXES = "iso", "aniso", "x", "y", "z"
 TILTS = "tri", "xy", "xz", "yz"
@@ -202,7 +201,7 @@ def kind_of(line: str) -> str | None:
         return "ours"
     if style == "rigid" or style.startswith("rigid/"):
         return "rigid"
-    if style in CONSTRAINTS:
+    if style in CONSTRAINING:
         return "constraints"
     return "plain" if style in POINT_FIXES else None
 
