@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from ..loops.compiled import I1, L1, L2, Cell, I, address, annotations, call, inlined, loop
-from ..loops.memory import ADDRESS, LENGTH, Memory, append, resize, rows
+from ..loops.memory import ADDRESS, LENGTH, Memory, append, longs_in, resize, rows
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -193,12 +193,28 @@ def receive(mpi):
 
 
 @inlined
-def receive_from(mpi, sources):
-    """Receive a part from each of these ranks, in their order."""
+def receive_own(mpi, part):
+    """Append the part that this rank has for itself, without a message."""
+    messages = mpi.messages
+    begin = messages[MESSAGES.numbers, LENGTH]
+    append(messages, MESSAGES.senders, np.int64(mpi.rank))
+    append(messages, MESSAGES.sent, np.int64(part.size))
+    resize(messages, MESSAGES.numbers, begin + part.size, 1)
+    numbers = longs_in(messages, MESSAGES.numbers)
+    for k in range(part.size):
+        numbers[begin + k] = part[k]
+
+
+@inlined
+def receive_from(mpi, sources, own):
+    """Receive a part from each of these ranks, in their order; `own` is the part of this rank."""
     message, status = address(mpi.message), address(mpi.status)
     for r in range(sources.size):
-        call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
-        receive(mpi)
+        if sources[r] == mpi.rank:
+            receive_own(mpi, own)
+        else:
+            call(mpi.MPI_Mprobe, sources[r], ANSWER, mpi.communicator, message, status)
+            receive(mpi)
     wait(mpi)
 
 
@@ -237,17 +253,22 @@ def deliver(mpi, to, many, parts, sources, known):
         known: whether all ranks know their sources. If not, they are found, and the order of the
             result is arbitrary.
     """
-    messages, begin = mpi.messages, 0
+    messages, begin, own, has_own = mpi.messages, 0, parts[:0], False
     function = mpi.MPI_Isend if known else mpi.MPI_Issend
     tag = ANSWER if known else QUESTION + mpi.next_tag[0]
     for row in (MESSAGES.senders, MESSAGES.sent, MESSAGES.numbers):
         resize(messages, row, 0, 1)
     for r in range(to.size):
-        start(mpi, function, address(parts) + 8 * begin, many[r], mpi.MPI_INT64_T, to[r], tag)
+        if to[r] == mpi.rank:
+            own, has_own = parts[begin : begin + many[r]], True
+        else:
+            start(mpi, function, address(parts) + 8 * begin, many[r], mpi.MPI_INT64_T, to[r], tag)
         begin += many[r]
     if known:
-        receive_from(mpi, sources)
+        receive_from(mpi, sources, own)
     else:
+        if has_own:
+            receive_own(mpi, own)
         mpi.next_tag[0] = 1 - mpi.next_tag[0]
         receive_from_any(mpi, tag)
 

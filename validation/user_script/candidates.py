@@ -9,6 +9,7 @@ import numpy as np
 
 import fix_nosquish
 from fix_nosquish.host.command import Command, Line
+from fix_nosquish.integrators import nose_hoover
 
 from ..scenes.integrators import CONSTRAINING, OLDER, OURS, Integrator
 from . import rigid_atoms
@@ -88,7 +89,16 @@ def _meaning(line: str):
         return [style_of(line), group, *map(_as_number, words)]
     integrator = fix_nosquish.of_style(ours.name.lower())
     parsed = Line(ours.name, line, (ours.group, *ours.bodies, *ours.keywords))
-    return integrator, replace(Command.parse(parsed, integrator.keywords), line=NO_LINE, seed=None)
+    command = replace(Command.parse(parsed, integrator.keywords), line=NO_LINE, seed=None)
+    thermostats, barostats = (
+        getattr(integrator, kind, ()) for kind in ("thermostats", "barostats")
+    )
+    return integrator, replace(  # with the defaults that are not written
+        command,
+        thermostat=command.thermostat or next(iter(thermostats), None),
+        barostat=command.barostat or next(iter(barostats), None),
+        tchain=command.tchain or nose_hoover.LENGTH,
+    )
 
 
 def _as_number(word: str) -> float | str:
