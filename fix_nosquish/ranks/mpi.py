@@ -178,16 +178,24 @@ def add_up(mpi, numbers, sums):
 
 
 @inlined
+def extend_received(messages, source, count):
+    """Append a message of this many numbers from a rank; return the index of the first one."""
+    begin = messages[MESSAGES.numbers, LENGTH]
+    append(messages, MESSAGES.senders, source)
+    append(messages, MESSAGES.sent, count)
+    resize(messages, MESSAGES.numbers, begin + count, 1)
+    return begin
+
+
+@inlined
 def receive(mpi):
     """Append the message that a probe has found to those that were received."""
     messages, status = mpi.messages, address(mpi.status)
-    begin = messages[MESSAGES.numbers, LENGTH]
     call(mpi.MPI_Get_count, status, mpi.MPI_INT64_T, address(mpi.flag))
     count = np.int64(mpi.flag[0])
     call(mpi.MPI_Status_c2f, status, address(mpi.fortran_status))
-    append(messages, MESSAGES.senders, np.int64(mpi.fortran_status[mpi.MPI_F_SOURCE]))
-    append(messages, MESSAGES.sent, count)
-    resize(messages, MESSAGES.numbers, begin + count, 1)
+    source = np.int64(mpi.fortran_status[mpi.MPI_F_SOURCE])
+    begin = extend_received(messages, source, count)
     buffer = messages[MESSAGES.numbers, ADDRESS] + 8 * begin
     call(mpi.MPI_Mrecv, buffer, count, mpi.MPI_INT64_T, address(mpi.message), status)
 
@@ -196,10 +204,7 @@ def receive(mpi):
 def receive_own(mpi, part):
     """Append the part that this rank has for itself, without a message."""
     messages = mpi.messages
-    begin = messages[MESSAGES.numbers, LENGTH]
-    append(messages, MESSAGES.senders, np.int64(mpi.rank))
-    append(messages, MESSAGES.sent, np.int64(part.size))
-    resize(messages, MESSAGES.numbers, begin + part.size, 1)
+    begin = extend_received(messages, np.int64(mpi.rank), np.int64(part.size))
     numbers = longs_in(messages, MESSAGES.numbers)
     for k in range(part.size):
         numbers[begin + k] = part[k]
