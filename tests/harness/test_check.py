@@ -152,6 +152,21 @@ def test_a_script_that_no_integrator_can_start():
     assert report.describe(summary).answer.startswith("All numbers")
 
 
+def test_one_verdict_of_numbers_that_are_not_known(tmp_path, capsys):
+    """Locks out "All numbers that have bounds are within them", and exit status 0, beside a line
+    "cannot tell" with LAMMPS's error or without one."""
+    path = scripts.spce(tmp_path, lines="neigh_modify check no")
+    assert main(["check", str(path), "--out", str(tmp_path / "out")]) == 1
+    told = capsys.readouterr().out
+    assert "\nNot known: neighbour lists.\n" in told and "All numbers" not in told
+    summary = json_files.read(tmp_path / "out" / "summary.json")
+    assert not report.is_sound(summary)
+    for entry in summary["checks"]:
+        if entry["subject"] in ("neighbour lists", "atoms"):
+            entry["verdict"] = "holds" if entry["subject"] == "neighbour lists" else "does not hold"
+    assert report.describe(summary).answer == "Out of their bounds: atoms."
+
+
 @pytest.mark.parametrize(
     ("dt", "tolerance", "lost"),
     [
@@ -423,6 +438,7 @@ def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys)
         assert after[name] == pytest.approx(before[name], rel=1e-8)
     assert before["f_cmap"] < -5
     own = take(tmp_path / "in.rigid", tmp_path / "again")
+    assert forces_within(own, tmp_path / "again")[0] == 0  # with dihedrals that need a pair style
     place, yours = tmp_path / "yours", own.integrators[own.reference]
     begun = run.run(run.job(own.scene, yours, place, [0], dt=own.scene.dt, every=1))
     assert begun.thermo["PotEng"][0] == pytest.approx(before["PotEng"], abs=1e-3)

@@ -20,8 +20,8 @@ def add(verbs: command_line.Verbs) -> None:
         "integrator can run the start. With --rigid it finds parts of molecules that can be rigid, "
         "by bonds and masses, and writes the lines that make them so. In a script with a rigid fix "
         "it gives the bodies of a kind one shape. Your files are not changed.",
-        epilog="Exit status: 0 if all numbers are within their bounds and an integrator can run "
-        "the start (with --rigid: if parts were found), 1 if not, 130 after Ctrl-C.",
+        epilog="Exit status: 0 if all numbers are known and within their bounds and an integrator "
+        "can run the start (with --rigid: if parts were found), 1 if not, 130 after Ctrl-C.",
     )
     command_line.add_script(parser)
     parser.add_argument(
@@ -70,7 +70,4 @@ def run(arguments: Namespace) -> int:
                 script, out, arguments.ranks, arguments.silence, meter, arguments.tolerance
             )
     pages.publish(screen, report.describe(summary), summary, out)
-    lost = report.none_starts(summary) or any(
-        check["verdict"] == "does not hold" for check in summary["checks"]
-    )
-    return command_line.exit_status(summary["interrupted"], lost)
+    return command_line.exit_status(summary["interrupted"], not report.is_sound(summary))

@@ -258,6 +258,7 @@ def _forces_within(
             "group own_others subtract all own_sample",
             "neigh_modify exclude group own_others all",  # otherwise a long list
             "kspace_style none",
+            "dihedral_style none",  # that of CHARMM takes its 1-4 forces from the pair style
             f"pair_style zero {1.01 * size or 1.0:g}",
             "pair_coeff * *",
         ]

@@ -2,6 +2,7 @@
 
 from ..pages import Column, Report, Table
 from ..scenes.units import UNITS
+from ..statistics.check import VERDICTS
 from ..user_script import conserved_energy
 from .measure import STEPS, TITLES
 
@@ -9,10 +10,14 @@ from .measure import STEPS, TITLES
 def describe(summary: dict) -> Report:
     """The report on whether a script is sound."""
     checks = summary["checks"]
-    lost = [check for check in checks if check["verdict"] == "does not hold"]
+    out, unknown = (_subjects(checks, verdict) for verdict in VERDICTS[1:])
     answer = "All numbers that have bounds are within them."
-    if lost:
-        answer = f"Out of their bounds: {', '.join(dict.fromkeys(map(_subject, lost)))}."
+    if out or unknown:
+        sentences = (
+            f"Out of their bounds: {out}." * bool(out),
+            f"Not known: {unknown}." * bool(unknown),
+        )
+        answer = " ".join(filter(None, sentences))
     if none_starts(summary):
         answer = "No integrator can run the start: LAMMPS's errors are in the table."
     labels = ", ".join(row["label"] for row in summary["integrators"] if row["uncounted"])
@@ -41,8 +46,21 @@ def none_starts(summary: dict) -> bool:
     return bool(rows) and all(row["error"] for row in rows)
 
 
+def is_sound(summary: dict) -> bool:
+    """Whether all numbers are known and within their bounds, and an integrator can run."""
+    return not none_starts(summary) and not any(
+        check["verdict"] in VERDICTS[1:] for check in summary["checks"]
+    )
+
+
+def _subjects(checks: list[dict], verdict: str) -> str:
+    """Name the checks with a verdict, each once."""
+    named = (_subject(check) for check in checks if check["verdict"] == verdict)
+    return ", ".join(dict.fromkeys(named))
+
+
 def _subject(check: dict) -> str:
-    """Name the check that is out of bounds; for a step, whether it is unstable or inaccurate."""
+    """Name a check; for a step, whether it is unstable or inaccurate."""
     kind = check["what"].partition(":")[0]
     named = {"stability": "the step is unstable", "accuracy": "the step is inaccurate"}
     return f"{check['subject']} ({named[kind]})" if kind in named else check["subject"]
