@@ -71,13 +71,20 @@ def pytest_report_header(config):
     """What is tested, and what is left out; the workers of pytest-xdist say neither."""
     if config.tested is None:
         return []
-    left_out = f"tests/harness is left out: the extra 'validation' lacks {', '.join(MISSING)}"
-    return [config.tested, *([left_out] if MISSING else [])]
+    reasons = [f"the extra 'validation' lacks {', '.join(MISSING)}"] if MISSING else []
+    reasons += [OF_PYTHON] if config.option.launcher == "lmp" else []
+    return [config.tested, *(f"tests/harness is left out: {reason}" for reason in reasons)]
 
 
 def case_of(item):
     """The case of a parametrized test."""
     return item.callspec.id if hasattr(item, "callspec") else None
+
+
+def pytest_ignore_collect(collection_path, config):
+    """Leave out the tests of the harness, which starts LAMMPS from Python, with --launcher lmp."""
+    is_harness = collection_path == ROOT / "tests" / "harness"
+    return True if is_harness and config.option.launcher == "lmp" else None
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -140,7 +147,7 @@ def taken(tmp_path_factory):
     return make
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def lammps_from_python(pytestconfig):
     """Skip a test that starts LAMMPS from Python, with --launcher lmp."""
     if pytestconfig.option.launcher == "lmp":

@@ -31,6 +31,9 @@ EXPECTED = {  # warnings
     },
     "peptide": {"Restart file used different # of processors: 1 vs. 2"},
 }
+OLDER = {  # of LAMMPS 29 Aug 2024
+    "Compute rdf cutoff less than neighbor cutoff - forcing a needless neighbor list build"
+}
 DUMPED = ("solute", "framework", "grafted")
 DUMP = "\nwrite_dump all custom end id mol type xu yu zu modify sort id format float %.15g\n"
 
@@ -156,6 +159,7 @@ def test_every_recipe_has_a_law_and_a_page():
         assert f"inputs/recipes/{name}/" in (pages / f"{name}.md").read_text()
 
 
+@pytest.mark.usefixtures("lammps_from_python")
 @pytest.mark.parametrize(("ranks", "steps"), [(1, 400), (2, 80)])
 def test_forces_from_python(tmp_path, ranks, steps):
     """Locks out a coupling that gives a body the force of another one, on two ranks, too: the field
@@ -196,7 +200,7 @@ def test_recipe(run_lammps, tmp_path, name, ranks):
     warned = {
         line for run in runs for line in re.findall(r"^WARNING: (.*?)(?: \(src.*)?$", run.log, re.M)
     }
-    assert warned == EXPECTED.get(name, set())
+    assert warned - OLDER == EXPECTED.get(name, set())
     LAWS[name](runs, tmp_path)
 
 

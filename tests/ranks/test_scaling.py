@@ -117,7 +117,7 @@ def start(ranks, folder, program):
 
 
 @pytest.fixture(scope="module")
-def counts(tmp_path_factory):
+def counts(tmp_path_factory, lammps_from_python):
     """For each number of ranks: what a rank's fix sends in a step, their mean, and the sizes of its
     arrays, the largest of all ranks'."""
     result, keys = {}, ("messages", "bytes", "collectives", "collective_bytes")
