@@ -120,7 +120,6 @@ class OtherFix(NamedTuple):
     virial_in_press: bool  # fix_modify virial adds it to the pressure
     moves: bool  # it may change positions before the forces of a step, and does not integrate
     varies: bool  # it may depend on variables
-    counts_heat: bool  # it is a thermostat that counts the energy that it exchanges
 
     def has(self, groups: Any) -> Any:
         """Whether atoms are in its group, (n,) bool, from the bits of their groups, (n,) uint32."""
@@ -178,7 +177,6 @@ DATA = {
     "vector_extensive": INTS,
     "array_columns": INT,  # of f_ID
     "array_rows": INT,  # -1 if they are not known in the constructor
-    "names": TEXT,  # of the scalar and of the values of the vector, separated by spaces
     # set by Python: its bodies; an address that it lends ends in `_release` of plugin/bridge.py
     "body": INTS,  # of each local atom, -1 for none; null while unknown
     "masstotal": DOUBLES,  # of each body

@@ -242,7 +242,6 @@ KEYWORDS = {
     "force": _SWITCHES,
     "torque": _SWITCHES,
     "reinit": _YES_OR_NO,
-    "details": _YES_OR_NO,
     "infile": Keyword(_FILE, _Words.take),
     "output": Keyword(
         f"N, {_COUNT}, and {_FILE}",
@@ -342,6 +341,7 @@ _ELSEWHERE = {
     ),
     "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
     "points": "it is called flexible now: flexible GROUP",
+    "details": "it was removed: the log says how bodies rotate, and how often the box changes",
     "fixedpoint": f"with {_NPT_NPH} the box changes about its centre: leave it out",
     "flip": f"with {_NPT_NPH} a box with a large tilt always flips: leave it out",
     **dict.fromkeys(
@@ -367,7 +367,6 @@ class Command:
         rotor: exact or split, as requested by this keyword or by mrot or order; None for neither.
         force, torque: `Switch`es of each of these keywords, in their order.
         reinit: whether the bodies are set up anew at the start of each run.
-        details: whether the log describes the parts of a step.
         infile: file with properties of the bodies, or None.
         output: the table of bodies, or None.
         flexible: ID of the group whose atoms are in no body and move individually, or None.
@@ -397,7 +396,6 @@ class Command:
     force: tuple[Switch, ...] = ()
     torque: tuple[Switch, ...] = ()
     reinit: bool = True
-    details: bool = False
     infile: str | None = None
     output: Output | None = None
     flexible: str | None = None

@@ -20,6 +20,7 @@ from ..structs import CELLS
 
 _IMAGE_BITS = {4: 10, 8: 21}  # LAMMPS's imageint packs three counters into one integer
 _EQUAL, _ATOM_STYLE, _STRING = 0, 1, 3  # styles of LAMMPS's variables
+DAMAGED = "\ufffd"  # what decoding puts in place of a letter of which LAMMPS kept only a part
 _STYLES = {_EQUAL: "an equal", _ATOM_STYLE: "an atom", _STRING: "a string"}
 
 
@@ -413,17 +414,15 @@ class Lammps:
         """
         if word[:2] != "v_":
             return word
-        value = ctypes.string_at(self._evaluate(self._named(word), None, _STRING))
-        try:
-            return value.decode()
-        except UnicodeDecodeError:
-            name, shown = word[2:], value.decode(errors="replace")
-            raise RunError(
-                f"the value '{shown}' of variable {name} has letters beyond ASCII, and LAMMPS "
-                "keeps only a part of them when it reads a script: use ASCII letters, or give the "
-                f"value on the command line: lmp -var {name} VALUE",
-                everywhere=True,
-            ) from None
+        place, name = self._evaluate(self._named(word), None, _STRING), word[2:]
+        value = ctypes.string_at(place).decode(errors="replace")
+        refuse(
+            DAMAGED in value,
+            f"the value '{value}' of variable {name} has letters beyond ASCII, and LAMMPS "
+            "keeps only a part of them when it reads a script: use ASCII letters, or give the "
+            f"value on the command line: lmp -var {name} VALUE",
+        )
+        return value
 
     def number(self, word: str) -> float:
         """A word of the fix line as a number, or for v_NAME the value of the variable; collective.

@@ -14,7 +14,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <sstream>
 
 namespace {
 namespace nosquish {
@@ -36,13 +35,7 @@ class Box : public Part {
   void note() { known = now(); }
   void note_deformed() { deformed = now(); }
 
-  // A run begins.
-
-  void begin_run()
-  {
-    std::copy_n(domain->h_rate, 6, first_rate);
-    first_volume = volume();
-  }
+  void begin_run() { std::copy_n(domain->h_rate, 6, first_rate); }
 
   // Set the box; the atoms are where it has them.
 
@@ -90,24 +83,6 @@ class Box : public Part {
     return domain->dimension == 3 ? area * domain->zprd : area;
   }
 
-  // A warning, once in a run, if the volume has changed by a factor that is impossible for a liquid or a solid; else empty.
-
-  std::string warning()
-  {
-    constexpr double limit = 8.0;
-    const double ratio = first_volume > 0.0 ? volume() / first_volume : 1.0;
-    if (ratio < limit && ratio > 1.0 / limit) return "";
-    first_volume = 0.0;
-    std::ostringstream text;
-    text << "by step " << update->ntimestep << " the volume is " << ratio << " times that at the start of the run, " << volume()
-         << ". If the system is to be a liquid or a solid, "
-         << (ratio > 1.0 ? "it boils or flies apart: look at its energy, and use a longer PDAMP, a shorter time step or a better start"
-                         : "the start was too dilute: begin another run from here, so that LAMMPS chooses mesh, ranks' parts and lists "
-                           "for this box")
-         << '\n';
-    return "WARNING: " + problem(fix, text.str());
-  }
-
   // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so. Ends the run if its rates
   // are others than when the run began, from which bodies that cross a face get their velocities.
 
@@ -121,8 +96,7 @@ class Box : public Part {
   }
 
  private:
-  double first_volume = 0.0;     // of the run; 0 after a warning
-  double first_rate[6] = {};     // h_rate when the run began
+  double first_rate[6] = {};    // h_rate when the run began
 
   // Shift an axis of the atoms' lamda coordinates by -y and -z times the other two (about the center of the box), in parts so small
   // that an atom goes at most to the next rank in each exchange.

@@ -28,6 +28,7 @@ import numpy as np
 from .. import fix_of_style
 from ..errors import RunError, refuse
 from ..host.command import Line
+from ..host.lammps import DAMAGED
 from ..loops.compiled import array
 from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
@@ -96,16 +97,15 @@ def _text(line: bytes) -> str:
     Raises:
         RunError: for letters beyond ASCII, which LAMMPS has damaged.
     """
-    try:
-        return line.decode()
-    except UnicodeDecodeError:
-        text = line.decode(errors="replace").replace("\n", " ")
-        raise RunError(
-            f"'{text}' has letters beyond ASCII, and LAMMPS keeps only "
-            "a part of them when it reads a script: use ASCII letters. A file with such a name "
-            "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
-            everywhere=True,
-        ) from None
+    text = line.decode(errors="replace")
+    shown = text.replace("\n", " ")
+    refuse(
+        DAMAGED in text,
+        f"'{shown}' has letters beyond ASCII, and LAMMPS keeps only "
+        "a part of them when it reads a script: use ASCII letters. A file with such a name "
+        "can be given by a variable of the command line: lmp -var FILE name, and v_FILE",
+    )
+    return text
 
 
 def _construct(bridge: Bridge) -> Any:
@@ -171,8 +171,6 @@ def _announce(bridge: Bridge, instance: Any) -> None:
         bridge.extensive = np.array([*map(bool, instance.vector_extensive)], np.int32)
         bridge.vector_size = len(bridge.extensive)
         bridge.vector_extensive = bridge.extensive.ctypes.data
-        names = "ecouple" if bridge.couples else "temp", *getattr(instance, "vector_names", ())
-        bridge.names = " ".join(names).encode()
     if hasattr(instance, "compute_array"):
         rows = getattr(instance, "array_rows", None)
         bridge.array_rows = -1 if rows is None else int(rows)

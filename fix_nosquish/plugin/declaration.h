@@ -109,7 +109,6 @@ void FixPythonMove::declare()
   scalar_flag = bridge.compute_scalar != nullptr;
   extscalar = bridge.couples;
   extarray = 0;
-  name_columns(this);
   if (bridge.vector_size > 0) {
     extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
     vector_flag = 1;

@@ -41,7 +41,7 @@ class Facts : public Part {
                    hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
                    other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,
                    other->virial_global_flag && other->thermo_virial, hooks(early_hooks) && !other->time_integrate,
-                   varies(other), other->ecouple_flag};
+                   varies(other)};
     return true;
   }
 

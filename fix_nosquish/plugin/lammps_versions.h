@@ -114,15 +114,6 @@ inline void forget_vectors(LAMMPS_NS::Variable &variable)
 }
 #endif
 
-// Since 4 Jul 2026 thermo_modify colname auto calls get_thermo_colname of fixes with this flag.
-
-inline void name_columns([[maybe_unused]] LAMMPS_NS::Fix *fix)
-{
-#if COMPILED_FOR_LAMMPS > 20250722
-  fix->thermo_modify_colname = 1;
-#endif
-}
-
 // The bits of KOKKOS for the arrays that a rigid body changes; all bits for a version whose header was not read.
 
 #if __has_include("atom_masks.h")

@@ -198,7 +198,6 @@ int64_t FixPythonMove::set_box(const double *numbers)
 {
   if (bridge.held) clusters.find();    // ghost atoms are images by the box as it was
   box.set(numbers);
-  facts.log(box.warning().c_str());
   return 0;
 }
 
@@ -239,19 +238,6 @@ void FixPythonMove::write_restart(FILE *file)
   call(bridge.keep_bodies);
   call(bridge.write_restart);
   state.write(file);
-}
-
-// The name of f_ID[n + 1], or of f_ID if n is -1, for thermo_modify colname auto; empty for the default. LAMMPS calls it with the first
-// index of f_ID[i][j], too.
-
-std::string FixPythonMove::get_thermo_colname(int n)
-{
-  const std::string ours = std::string("f_") + id, row = ours + "[" + std::to_string(n + 1) + "][";
-  int k = 0;
-  while (auto word = static_cast<const char *>(lammps_last_thermo(lmp, "keyword", k++)))
-    if (std::string(word).rfind(row, 0) == 0) return "";
-  const auto names = utils::split_words(bridge.names ? bridge.names : "");
-  return n + 1 < (int) names.size() ? ours + ":" + names[n + 1] : "";
 }
 
 double FixPythonMove::compute_vector(int i)

@@ -77,7 +77,6 @@ class FixPythonMove : public Fix {
   double compute_scalar() override { return query<double>(bridge.compute_scalar); }
   double compute_vector(int) override;
   double compute_array(int, int) override;
-  std::string get_thermo_colname(int);    // an override since 4 Jul 2026
   void *extract(const char *, int &) override;
   double memory_usage() override { return exchange.bytes(); }
   bool has_bodies() const { return bridge.rows_of_rank; }

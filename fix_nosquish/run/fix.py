@@ -137,7 +137,6 @@ class Fix(Registered):
         self.needs_energy = needs_energy(integrator.parts)
         self.box_every = box_every(integrator.parts)
         self.restart_state = integrator.restart_state
-        self.vector_names = *VALUES, *integrator.values
         self.vector_extensive = *VALUES.values(), *integrator.values.values()
         of_body = ROWS + integrator.rows + integrator.kept + 3 * bool(self.command.moments)
         of_atom = extended.ROWS if self._oriented else extended.ORIENT

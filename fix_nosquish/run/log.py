@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bodies.bodies import Bodies, StartDiagnosis
+from ..bodies.bodies import StartDiagnosis
 from ..bodies.build import BuildReport, least_moment
 from ..bodies.membership import Membership
 from ..errors import RunError
@@ -14,7 +14,6 @@ from ..host.hosts import Host
 from ..host.lammps import Lammps
 from ..version import VERSION
 from .integrator import Integrator
-from .other_fixes import OtherFixes
 from .rotation import Rotation
 from .thermo import Thermo, freedom
 from .velocities import is_projected
@@ -37,8 +36,6 @@ class BodyFacts:
         solid, flat, linear, single: how many bodies there are of each kind; in two dimensions the
             first two are those that rotate.  atoms: how many atoms they have.
         flexible: how many atoms are flexible.
-        rotors, lines: how many bodies rotate as rotors and as lines, with flexible particles.
-        shared: how many bodies are on several ranks.
         planar: whether they are in two dimensions.
         removed, left: degrees of freedom that rigidity takes from the atoms, and that bodies have.
         temperature: of the bodies' velocities.
@@ -52,9 +49,6 @@ class BodyFacts:
     single: int
     atoms: int
     flexible: int
-    rotors: int
-    lines: int
-    shared: int
     planar: bool
     removed: int
     left: int
@@ -66,7 +60,7 @@ def facts_of(thermo: Thermo, report: BuildReport) -> BodyFacts:
     """Gather the `BodyFacts`; collective."""
     bodies, lammps, ranks = thermo
     owned, listed, flat = bodies.sharers.owned, bodies.listed, bodies.flat
-    rotors, turning, shared = bodies.rotors, bodies.turning, bodies.sharers.bodies
+    rotors, turning = bodies.rotors, bodies.turning
     counts = {
         "bodies": listed.sum(),
         "solid": (listed[:rotors] & ~flat).sum(),
@@ -75,9 +69,6 @@ def facts_of(thermo: Thermo, report: BuildReport) -> BodyFacts:
         "single": listed[turning : len(bodies)].sum(),
         "atoms": bodies.natoms[listed].sum(),
         "flexible": (owned & ~listed).sum(),
-        "rotors": owned[:rotors].sum(),
-        "lines": owned[rotors:turning].sum(),
-        "shared": len(shared[owned[shared]]),
         "left": freedom(bodies, lammps.dimension)[owned].sum(),
     }
     totals = ranks.total(np.array([*counts.values()], float)).astype(int).tolist()
@@ -100,7 +91,7 @@ def summary(
     """The lines on the bodies: four that are always there, and more.
 
     Args:
-        method: the integrator's.  freedom_note: what its thermostat adds on degrees of freedom.
+        method: of the integrator.  freedom_note: what its thermostat adds on degrees of freedom.
         more: lines on what this run has.
     """
     flexible = f"; {facts.flexible} flexible atoms, of group {command.flexible}"
@@ -144,33 +135,6 @@ def _start(facts: BodyFacts) -> str:
         f"{removed:.8g} of the kinetic energy {kinetic:.8g} was not rigid motion "
         f"and was removed; temperature {now:.8g} of the bodies"
     )
-
-
-def of_run(
-    fixes: OtherFixes, *, box_every: int, external: bool, half_step: bool, virial: bool
-) -> list[str]:
-    """Rows on this run, for keyword details.
-
-    Args:
-        box_every: steps between changes of the box, 0 for none.
-        external: whether there are external forces.
-        half_step: whether the atoms' velocities may be read in the middle of a step.
-        virial: whether LAMMPS asks for it.
-    """
-    late = " and ".join(f"fix {fix.id}" for fix in fixes.late)
-    steps = fixes.velocities_every
-    often = (
-        f"every {' and '.join(map(str, steps))} steps and with output" if steps else "with output"
-    )
-    rows = (
-        (box_every, f"change of the box every {box_every} steps"),
-        (external, "external forces and torques"),
-        (late, f"velocities that {late} may change at the end of a step"),
-        (True, f"velocities of the atoms {'in each step' if 1 in steps else often}"),
-        (half_step, "velocities of the atoms at the half step"),
-        (virial, "constraint virial where the pressure is needed"),
-    )
-    return [text for needed, text in rows if needed]
 
 
 def of_words(command: Command, lammps: Lammps) -> list[str]:
@@ -226,7 +190,6 @@ class FixLog:
         report: BuildReport,
         mask: np.ndarray | None,
         lines: Sequence[str] = (),
-        of_run: Sequence[str] = (),
         warnings: Iterable[str] = (),
     ) -> None:
         """Log what the bodies are, if that has changed, and warnings; collective.
@@ -234,13 +197,11 @@ class FixLog:
         Args:
             thermo: of the bodies.  report: on how they were made.
             mask: which components of force and torque act; see `switches.mask`.
-            lines, of_run, warnings: more lines on this run, rows for keyword details, and warnings.
+            lines, warnings: more lines on this run, and warnings.
         """
         command, integrator = self._command, self._integrator
         facts = facts_of(thermo, report)
         lines = [*of_words(command, thermo.lammps), *lines]
-        if command.details:
-            lines.append(self._work(facts, thermo.bodies, of_run))
         warmed = bool(integrator.thermostat or command.steps)
         warnings = [
             *of_start(report, warmed, (self._host.group, command.group)),
@@ -251,34 +212,16 @@ class FixLog:
             *of_time_step(thermo.lammps),
         ]
         note = getattr(integrator.thermostat, "freedom_note", "")
-        before, lines = self._summary, summary(facts, integrator.method, command, note, lines)
+        method, turning = integrator.method, facts.solid + facts.flat
+        if turning and self._rotation.exact:
+            method += ", exact rotation"
+        before, lines = self._summary, summary(facts, method, command, note, lines)
         self._summary = lines[:4]
         if before[:3] != lines[:3]:
             self._host.log("\n".join([*lines, *self._host.advice(facts.removed), ""]))
         elif before[3] != lines[3] and is_projected(report.removed, report.kinetic):
             self._host.log(lines[3] + "\n")
         self.warn(warnings)
-
-    def _work(self, facts: BodyFacts, bodies: Bodies, of_run: Sequence[str]) -> str:
-        """What a step does, for keyword details, with these rows on the run."""
-        command, integrator = self._command, self._integrator
-        split = f", mrot {command.mrot}, order {command.order}" if integrator.splits else ""
-        how = " in the plane" if facts.planar else ", exact" if self._rotation.exact else split
-        output = command.output and command.output.steps
-        rows = (
-            (True, "translation"),
-            (facts.rotors, f"rotation{how}"),
-            (facts.lines, "rotation of linear bodies, exact"),
-            (bodies.spin, "torque and spin of particles of finite size"),
-            (bodies.oriented, "orientation of particles"),
-            (integrator.thermostat, "thermostat"),
-            (command.steps, f"new momenta and a test every {command.steps} steps"),
-            (integrator.scheme.go_on, "second pass over the bodies, after a sum over all ranks"),
-            (command.force or command.torque, "components of force and torque switched off"),
-            (output, f"table of the bodies every {output} steps"),
-            (facts.shared, f"messages for {facts.shared} bodies shared by ranks"),
-        )
-        return "\n    ".join(["  in a step:", *(text for needed, text in rows if needed), *of_run])
 
     def warn(self, lines: Sequence[str]) -> None:
         """Log these lines, each of them once."""

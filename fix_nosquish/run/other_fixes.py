@@ -38,6 +38,7 @@ WITH_SWITCHES = (
     "that press on a fluid keep the box (fix nvt), and add the pressure's force to them (fix "
     "addforce)"
 )
+_DRAWING = "temp/csld"  # a thermostat that draws a velocity for each atom, and counts it as heat
 # fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
 # and what to use instead of each
 _SWAPPING = {
@@ -80,7 +81,6 @@ class Swaps(NamedTuple):
     id: str
     style: str
     nevery: int
-    counts_heat: bool = False
 
 
 def _swaps(command: Sequence[str], step: int) -> list[Swaps]:
@@ -271,6 +271,13 @@ def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | N
             f"{other} exchanges the velocity of atom {tag} of the rigid bodies with "
             "that of another one: this is no rigid motion, so energy would be lost, and f_"
             f"{fix.id} would count more than was carried: {swaps}"
+        )
+    if fix.style == _DRAWING:
+        return (
+            f"{other} gives each atom of the rigid bodies a velocity of its own, most of which is "
+            "no rigid motion, but counts as heat: the bodies would be too cold. Use a thermostat "
+            "of this package (fix nosquish/nvt, nosquish/npt), fix langevin, or one that scales "
+            "velocities, such as temp/csvr"
         )
     if moves:
         return (

@@ -210,18 +210,13 @@ class Run:
     def report_start(self) -> None:
         """Log the bodies as a run begins, if they have changed, and warnings."""
         fixes, parts = self.conditions.other_fixes, self.integrator.parts
-        of_run = log.of_run(
-            fixes,
-            box_every=self.box_every,
-            external=self.external.acts,
-            half_step=self.conditions.half_step,
-            virial=bool(self.host.vflag),
-        )
         warnings = (
             line for part in (*parts, self.integrator) for line in part.extra_warnings(self)
         )
-        copies = self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
-        self.setting.log.report(self.thermo, self.report, self.mask, copies, of_run, warnings)
+        lines = self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
+        if self.box_every:
+            lines.append(f"  change of the box every {self.box_every} steps")
+        self.setting.log.report(self.thermo, self.report, self.mask, lines, warnings)
         start = self.bodies.start = log.forces_at_start(self.thermo, self.membership.name)
         names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in fixes.possible_movers())
         self.bodies.possible_causes = names and f", perhaps {names}"
@@ -254,7 +249,7 @@ class Run:
 
     def _report_ignored(self, why: str) -> None:
         """Log that velocities were changed between runs that go on, if they were."""
-        if self.velocities.added(self.phase != Phase.OVER) is not None:
+        if self.velocities.were_changed(self.phase != Phase.OVER):
             self.host.log(
                 "The velocities of the bodies' atoms were changed between runs: "
                 f"without effect, because the bodies go on ({why})\n"
@@ -374,12 +369,11 @@ class Run:
         if any(map(may_move, due)):
             self.bodies.refuse_moved_atoms(self.lammps)
         remapped = self.phase != Phase.OVER
-        energies = velocities.take_changes(due, self.velocities, remapped)
-        if energies is None:
+        if not due or not self.velocities.were_changed(remapped):
             return
+        before, now = self.velocities.take_late()
         self.set_velocities()
         self.cache.clear()
-        before, now = energies
         self.lost.total += before - now
         self.lost.least = velocities.ROUNDING * before
         if not self.lost.logged:
@@ -388,7 +382,7 @@ class Run:
                 excepted = " (not those of the infile)"
             elif self.setting.maker.keeps_bodies:
                 excepted = " (not those with a mass, com or inertia of their molecule template)"
-            self.host.log(velocities.report_of_changes(at, due, energies, excepted))
+            self.host.log(velocities.report_of_changes(at, due, before, now, excepted))
 
     def write_table(self) -> None:
         """Write the table of this step to the file of keyword output, if it is due and not written

@@ -114,7 +114,6 @@ def test_couple(run, value):
 ACTS = {
     **dict.fromkeys(("force", "torque"), "test_keywords.py::test_force_and_torque"),
     "reinit": "test_keywords.py::test_reinit",
-    "details": "test_output.py::test_details",
     "infile": "test_keywords.py::test_infile",
     "mrot": "test_nve.py::test_mrot",
     "rotor": "test_exact_rotor.py::test_free_bodies_in_lammps",

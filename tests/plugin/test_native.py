@@ -206,26 +206,3 @@ def test_aliases(run_lammps, alias):
     assert f"Fix 1: {alias} is {style}\n" in run.log
     np.testing.assert_allclose(table(run), expected, rtol=1e-9)
     assert of_style(alias) is of_style(style)
-
-
-NAMED = {
-    "nve": "temp ke_trans ke_rot temp_trans temp_rot",
-    "nvt": "ecouple ke_trans ke_rot temp_trans temp_rot shadow",
-    "hmc": "temp ke_trans ke_rot temp_trans temp_rot acceptance dH accepted",
-}
-
-if NUMBER >= 20260704:
-
-    @pytest.mark.parametrize("name", NAMED)
-    def test_names_of_columns(run_lammps, name):
-        """Locks out thermo_modify colname auto that names a value otherwise, and a row of the array
-        by the name of a value."""
-        system, names = mixture("solid planar"), NAMED[name].split()
-        columns = " ".join(("f_1", *(f"f_1[{k + 1}]" for k in range(len(names) - 1))))
-        text = run_of(system, name, "native", 0)
-        text += f"thermo_style custom step {columns} f_1[1][1]\nthermo_modify colname auto\nrun 0\n"
-        heads = run_lammps(text, files=system.files).log.splitlines()
-        last = [line.split() for line in heads if line.split()[:1] == ["Step"]][-1]
-        named = [f"f_1:{one}" for one in names]
-        named[1] = "f_1[1]"  # LAMMPS asks alike for f_1[1] and f_1[1][1]
-        assert last == ["Step", *named, "f_1[1][1]"]

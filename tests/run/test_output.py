@@ -1,7 +1,6 @@
 """What the fix tells of its bodies: the file of keyword output, body_table, f_ID columns,
 the virial of each atom."""
 
-import itertools
 import re
 import sys
 
@@ -76,11 +75,11 @@ def test_values(simulate, tmp_path):
         "dump 1 all custom 20 dump.* id x y z vx vy vz fx fy fz ix iy iz\n"
         "dump_modify 1 sort id format float %.17g"
     )
-    run = simulate(
+    simulate(
         system,
         OURS,
         40,
-        words="molecule output 20 v_table details yes",
+        words="molecule output 20 v_table",
         before=f"{FILE}\n{dump}",
         ranks=2,
     )
@@ -98,30 +97,21 @@ def test_values(simulate, tmp_path):
             assert row["natoms"] == mine.sum()
             compare_centre(row, system, mine, x, v, f)
             compare_rotation(row, system, mine, x, v, f)
-    assert "table of the bodies every 20 steps" in run.log
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_details(run_lammps, ranks):
+def test_lines_on_bodies(run_lammps, ranks):
     """Locks out a log with more on bodies than their number, degrees of freedom and temperature (it
-    had ten lines on passes that no page explained), and a keyword details that is forgotten in one
-    of the forms of the fix line."""
+    had ten lines on passes that no page explained)."""
     system = mixture("solid row")
-    forms = OURS, LIKE_LAMMPS.replace("order 123", ""), "suffix nosquish\n" + RIGID
-    for line, details in itertools.product(forms, ("", " details no", " details yes")):
-        fix = line.format(group="bodies", words="molecule" + details)
+    for line in OURS, "suffix nosquish\n" + RIGID:
+        fix = line.format(group="bodies", words="molecule")
         log = run_lammps(f"{system.setup}\n{fix}\nrun 0\n", files=system.files, ranks=ranks).log
         said = re.search(r"^Rigid bodies by .*\n((  .*\n)+)", log, re.M)[1].splitlines()
         begins = [text.split()[0] for text in said[:3]]
         assert begins == [str(len(set(system.molecule))), said[1].split()[0], "start"], said
         assert "degrees of freedom" in said[1] and "temperature" in said[2]
-        rows = ["  in a step:", "    translation", f"    rotation, mrot 1, order {order(line)}"]
-        assert said[3:6] == (rows if "yes" in details else []), said
-
-
-def order(line):
-    """That of the default, of each form of the fix line."""
-    return 123 if "rigid/" in line else 321
+        assert not said[3:], said
 
 
 def test_orientation_goes_on(simulate, tmp_path):

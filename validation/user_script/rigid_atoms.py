@@ -34,13 +34,7 @@ SHARED_KEYWORDS: dict[str, tuple[str, ...]]
 SHARED_KEYWORDS = dict.fromkeys(("infile", "gravity", "dilate"), ("rigid", "small"))
 SHARED_KEYWORDS |= {"force": ("rigid",), "torque": ("rigid",), "mol": ("small",), "reinit": ()}
 # keywords that each integrator gets in its own form
-SCHEME_KEYWORDS = (
-    "seed",
-    "thermostat",
-    "barostat",
-    "flexible",
-    "details",
-)  # others have them in another form
+SCHEME_KEYWORDS = "seed", "thermostat", "barostat", "flexible"  # others have them in another form
 LARGEST_CLUSTER = 3  # atoms of the largest cluster that shake keeps rigid
 
 

@@ -46,7 +46,7 @@ WORDS = {  # of the script's fix: which of these rows there are
     "rigid/nve/small molecule infile bodies": (0, 1, 2),
     "rigid/npt/small molecule temp 1 1 1 iso 1 1 1": (0, 1, 2, 3),
     "rigid/npt molecule temp 1 1 1 iso 1 1 1 dilate some": (0, 1, 2),
-    "nosquish/nve molecule details yes": (0, 1, 2, 3),
+    "nosquish/nve molecule flexible rest": (0, 1, 2, 3),
 }
 
 
