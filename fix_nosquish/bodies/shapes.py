@@ -15,7 +15,6 @@ from .particles import Particles
 _TORN = 2.0  # atoms off by more than this times the body's size do not determine its position
 _LINE = 1e-10  # relative size of the second singular value below which a body is a line
 _ANOTHER = 1e-6  # change of an orientation, radians, that counts as a different one
-_WEAK = 1e-6  # directions with a smaller component across the line do not determine its twist
 _MISTAKEN = 0.2  # replaces _TORN where atoms are matched by their IDs alone
 
 
@@ -45,8 +44,7 @@ def keep(
     A deformed body is placed at the centre of mass of its atoms, with the orientation of the
     mass-weighted least-squares fit (Kabsch, Acta Cryst. A 34, 827 (1978)).  A body with other atoms
     than before takes the shape of its atoms.  The fit also gives the rotation of a body that was
-    rotated as a whole, by which its particles are rotated.  Atoms on a line do not determine the
-    rotation about that line: the present orientations of the particles do.
+    rotated as a whole, by which its particles are rotated.
 
     Args:
         previous: the previous bodies of LAMMPS's atoms.
@@ -55,7 +53,8 @@ def keep(
         the `Members`, with particles rotated with their bodies; r in the restored shapes; and the
         `ShapeCorrection`.
     Raises:
-        RunError: on all ranks, if a body was torn apart.
+        RunError: on all ranks, if a body was torn apart, or if the rotation of its particles is not
+            known.
     """
     communicator, atoms, body = members.communicator, members.atoms, members.body
     columns, before = previous.displace[:, atoms], np.where(previous.known, previous.natoms, 0)
@@ -75,7 +74,9 @@ def keep(
     if not communicator.any(moved.any()):
         return members, r, ShapeCorrection(new=new)
     particles = members.particles if len(columns) > ORIENT else None
-    turn = _turns(members, previous, moved, r, d, particles)
+    if particles is not None:
+        _refuse_oriented_lines(members, moved, d, np.any(columns[ORIENT:], axis=0))
+    turn = _turns(members, moved, r, d)
     placed = np.einsum("mab,bm->ma", turn[body], d)
     far = off(placed) * moved
     deformed, text, turned = far > bound, "", 0
@@ -92,33 +93,43 @@ def keep(
     return members, placed, ShapeCorrection(atoms[here], shift, text, turned, new)
 
 
-def _turns(
-    members: Members,
-    previous: PreviousBodies,
-    moved: np.ndarray,
-    r: np.ndarray,
-    d: np.ndarray,
-    particles: Particles | None,
-) -> np.ndarray:
+def _turns(members: Members, moved: np.ndarray, r: np.ndarray, d: np.ndarray) -> np.ndarray:
     """The rotation of each body from its principal frame, (n, 3, 3); collective.
 
     Args:
         moved: (n,) bool, the bodies to fit; the others get the identity.
         r, d: (m, 3), (3, m) present positions relative to the centre of mass, space frame; and
             positions in the principal frame.
-        particles: the atoms' orientations; None if no atom can have one.
     """
-    n, plane = len(moved), members.lammps.dimension == 2
-    weight = members.atom_mass * moved[members.body]
+    n, weight = len(moved), members.atom_mass * moved[members.body]
     products = members.total(weight * a * b for a in r.T for b in d).T.reshape(n, 3, 3)
     turn = np.tile(np.eye(3), (n, 1, 1))
-    turn[moved] = best_turns(products[moved], plane)
-    if particles is not None and not plane:
-        directions = _directions(particles, previous.displace[:, members.atoms]).reshape(9, -1)
-        of_particles = members.total(directions).T.reshape(n, 3, 3)
-        before = matrices(members.highest(*previous.q[:, members.atoms])).transpose(2, 0, 1)
-        turn[moved] = twist(turn[moved], products[moved], of_particles[moved], before[moved])
+    turn[moved] = best_turns(products[moved], members.lammps.dimension == 2)
     return turn
+
+
+def _refuse_oriented_lines(
+    members: Members, moved: np.ndarray, d: np.ndarray, oriented: np.ndarray
+) -> None:
+    """Raise an error if a line of oriented particles has moved: its atoms do not tell the rotation
+    of the particles about the line; collective.
+
+    Args:
+        moved: (n,) bool.  d: (3, m) see `_turns`.  oriented: (m,) bool.
+    """
+    (has,) = members.highest(1.0 * oriented)
+    mass = members.atom_mass
+    sums = members.total(mass * a * b for a in d for b in d).T.reshape(len(moved), 3, 3)
+    size = np.linalg.svd(sums, compute_uv=False)
+    line = (size[:, 1] <= _LINE * size[:, 0]) & (members.lammps.dimension == 3)
+    members.refuse(
+        moved & (has > 0) & line,
+        lambda k: (
+            "is a line of particles with an orientation, and something has turned or deformed it "
+            "between the runs, so their rotation about the line is not known: unfix this fix and "
+            "define it again"
+        ),
+    )
 
 
 def best_turns(products: np.ndarray, plane: bool = False) -> np.ndarray:
@@ -143,19 +154,6 @@ def best_turns(products: np.ndarray, plane: bool = False) -> np.ndarray:
     return left @ right
 
 
-def _directions(particles: Particles, columns: np.ndarray) -> np.ndarray:
-    """Sums of a bᵀ over each particle's directions: a at present, b in its body, (3, 3, m).
-
-    Args:
-        columns: (rows, m) of `Bodies.displace`.
-    """
-    orient, dipole = columns[ORIENT:OWN_MOMENT], columns[DIPOLE:]
-    axes = np.einsum("akm,bkm->abm", particles.axes, matrices(orient)) * orient.any(axis=0)
-    square = (dipole**2).sum(axis=0)
-    both = np.einsum("am,bm->abm", particles.dipole, dipole)
-    return axes + np.divide(both, square, out=np.zeros_like(both), where=square > 0)
-
-
 def _turned(
     before: Particles, which: np.ndarray, turn: np.ndarray, columns: np.ndarray
 ) -> tuple[Particles, int]:
@@ -177,30 +175,6 @@ def _turned(
     others = np.abs(now.axes - before.axes).max(axis=(0, 1)) > _ANOTHER
     others |= np.abs(dipole - before.dipole).max(axis=0) > _ANOTHER * size
     return now, int(others.sum())
-
-
-def twist(turn: np.ndarray, products: np.ndarray, *others: np.ndarray) -> np.ndarray:
-    """Rotate bodies that are lines about their line, so that directions fit best.
-
-    Args:
-        turn: (n, 3, 3) result of `best_turns`.  products: (n, 3, 3) its argument.
-        others: products of other vectors, (n, 3, 3) each; a later one is used where the earlier
-            ones do not determine the rotation about the line.
-    Returns:
-        (n, 3, 3) rotation matrices.
-    """
-    left, size, _ = np.linalg.svd(products)
-    left_out = size[:, 1] <= _LINE * size[:, 0]
-    along = left[:, :, :1] @ left[:, :, :1].transpose(0, 2, 1)
-    across, turn = np.eye(3) - along, turn.copy()
-    for other in others:
-        other = other @ turn.transpose(0, 2, 1)
-        size = np.linalg.norm(other, axis=(1, 2))[:, None, None]
-        about = across @ other @ across
-        which = left_out & (np.linalg.norm(about, axis=(1, 2)) > _WEAK * size[:, 0, 0])
-        turn[which] = best_turns((about + size * along)[which]) @ turn[which]
-        left_out &= ~which
-    return turn
 
 
 def _deformation_line(

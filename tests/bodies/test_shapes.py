@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fix_nosquish.bodies import shapes
 from support.systems import MASSES, OURS, assemble, mixture
 from validation.scenes.data_file import data_file
 
@@ -230,6 +231,17 @@ def test_ranks_without_bodies(run_lammps):
     system = mixture(ALL)
     run = run_lammps(f"{system.setup}\n{one}\n{then}", files=system.files, ranks=4, timeout=60)
     assert re.search(SAID, run.log).groups()[:2] == ("1", "3")
+
+
+def test_fitted_turns():
+    """Locks out a fit that mirrors a body, and one that is not exact for a body that is flat."""
+    rng = np.random.default_rng(3)
+    turns = shapes.best_turns(rng.normal(size=(200, 3, 3)))
+    np.testing.assert_allclose(np.linalg.det(turns), 1.0, rtol=1e-12)
+    turn = Rotation.random(200, random_state=rng).as_matrix()
+    shape = rng.normal(size=(200, 5, 3)) * [1, 1, 0]
+    products = np.einsum("nka,nkb->nab", shape @ turn.transpose(0, 2, 1), shape)
+    np.testing.assert_allclose(shapes.best_turns(products), turn, rtol=0, atol=1e-10)
 
 
 # ---- bodies of one kind
