@@ -6,8 +6,10 @@ environment variables.  Only the public interfaces of numba and llvmlite are use
 
 import gc
 import importlib
+import inspect
 import math
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from functools import cache as cached
@@ -38,6 +40,7 @@ OPTIONS = {
     "no_cfunc_wrapper": True,
 }
 LONG = ir.IntType(64)
+LONGEST = 1500  # characters of an error
 C_FUNCTIONS = "realloc", "perror", "_exit"  # which loops call, besides those of math
 NO_MEMORY = (
     "ERROR: fix_nosquish: there is no memory left on this node for the bodies of this rank. Use "
@@ -222,10 +225,10 @@ def _bitcode(loops: Sequence[compiled.Loop]) -> bytes:
     for loop in loops:
         try:
             entry = cfunc(types.int64(CELLS), **OPTIONS)(_entry(loop))
-        except NumbaError as error:
+        except (NumbaError, KeyError) as error:
             raise RuntimeError(
-                f"numba cannot compile {loop.name} (is each function that it calls marked "
-                f"@inlined, and made of numbers, tuples and functions of math?): {error}"
+                f"numba cannot compile {loop.name}: {_cause(error)}. Is each function that it "
+                "calls marked @inlined, and made of numbers, tuples and functions of math?"
             ) from error
         module = llvm.parse_assembly(entry.inspect_llvm())
         for value in (*module.functions, *module.global_variables):
@@ -242,6 +245,19 @@ def _bitcode(loops: Sequence[compiled.Loop]) -> bytes:
             )
         linked.link_in(module)
     return linked.as_bitcode()
+
+
+def _cause(error: Exception) -> str:
+    """What is wrong, and in which function; numba's text says this after all functions that call
+    it."""
+    if isinstance(error, KeyError):  # by a record, without a place
+        (field,) = error.args
+        users = (user.__qualname__ for user in INLINED if field in user.__code__.co_names)
+        return f"there is no field {field} (in function {' or '.join(users)})"
+    cause, _, callers = str(error).rpartition("nopython frontend)")[2].partition("raised from")
+    function = re.search(r"<function (\S+) at", callers)
+    place = f" (in function {function[1]})" if function else ""
+    return f"{type(error).__name__}: {inspect.cleandoc(cause)[:LONGEST]}{place}"
 
 
 def _simplify(module: Any) -> list[str]:

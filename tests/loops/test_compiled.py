@@ -4,6 +4,7 @@ and where their machine code is kept."""
 import importlib
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -383,6 +384,47 @@ def test_a_loop_that_needs_python_is_refused(written, loops, name):
     bad = getattr(__import__(name), name)
     with pytest.raises(RuntimeError, match=f"{name}.{name} makes an array or raises"):
         bad.bind_to({}, x=np.ones(3))
+
+
+WRONG = """
+from math import exp
+from fix_nosquish.loops.compiled import F, F1, inlined, loop, record
+
+Parameters = record("Parameters", rate=F)
+
+@inlined
+def relaxed(parameters, dt):
+    return {wrong}
+
+@inlined
+def factor(parameters, dt):
+    return 2.0 * relaxed(parameters, dt)
+
+@loop
+def scale(parameters: Parameters, dt: F, result: F1):
+    result[0] = factor(parameters, dt)
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "cause"),
+    [
+        ("field", "exp(-parameters.rat * dt)", "there is no field rat"),
+        ("name", "ex(-parameters.rate * dt)", "name 'ex' is not defined"),
+        ("type", "exp('one')", "No implementation of function .*exp.*found for signature"),
+        ("unmarked", "min(dt, open(dt))", "Untyped global name 'open'"),
+    ],
+)
+def test_the_cause_of_an_error_in_a_function_of_ones_own(written, loops, name, wrong, cause):
+    """Locks out a message with numba's text on functions of this package, of which the part on the
+    user's is cut off: what is wrong, and in which function."""
+    (written / f"wrong_{name}.py").write_text(WRONG.format(wrong=wrong))
+    __import__(f"wrong_{name}")
+    with pytest.raises(RuntimeError) as refused:
+        cache.run_compiler(written, [f"wrong_{name}"], [machine_code.LEVELS[0]])
+    said = str(refused.value).partition(f"numba cannot compile wrong_{name}.scale: ")[2]
+    assert re.search(cause, said) and said.index("relaxed)") < 2000, said
+    assert "in function relaxed)" in said and "Is each function that it calls marked" in said
 
 
 LOUD = """

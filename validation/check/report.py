@@ -11,13 +11,8 @@ def describe(summary: dict) -> Report:
     """The report on whether a script is sound."""
     checks = summary["checks"]
     out, unknown = (_subjects(checks, verdict) for verdict in VERDICTS[1:])
-    answer = "All numbers that have bounds are within them."
-    if out or unknown:
-        sentences = (
-            f"Out of their bounds: {out}." * bool(out),
-            f"Not known: {unknown}." * bool(unknown),
-        )
-        answer = " ".join(filter(None, sentences))
+    sentences = f"Out of their bounds: {out}." * bool(out), f"Not known: {unknown}." * bool(unknown)
+    answer = " ".join(filter(None, sentences)) or "All numbers that have bounds are within them."
     if none_starts(summary):
         answer = "No integrator can run the start: LAMMPS's errors are in the table."
     labels = ", ".join(row["label"] for row in summary["integrators"] if row["uncounted"])
