@@ -160,12 +160,10 @@ DATA = {
     "message": Type("char {}[4096]", ctypes.c_char * 4096),
     "argument": INT,  # of LAMMPS's fix command, that is wrong; -1 for none
     # set by Python: what the instance declares, see `_announce` in plugin/bridge.py
-    "wants_virial": INT,  # it computes a virial
     "flips": INT,  # it may choose other box vectors of the same lattice
     "needs_energy": INT,  # it needs the potential energy
     "couples": INT,  # it exchanges energy with a reservoir
     "restart_file": INT,  # it writes a file beside restart files
-    "follows_atoms": INT,  # it needs the origins of atoms, and computes a virial of each
     "carries": INT,  # how many numbers go with an atom to another rank
     "changes_box": INT,  # it changes the box after steps that are multiples of this; 0: never
     "restart_size": INT,  # how many numbers it has in restart files
@@ -250,7 +248,8 @@ FUNCTIONS = {
     "molecule": of_fix(INT, INT, NUMBERS),  # 13 of a template, see templates.h; 0 if unknown
 }
 
-# methods of the instance, by their names; null if it does not have them
+# methods of `run.fix.Fix`, by their names; null when it is gone.  They return an Outcome.  If the
+# last argument is LONGS or DOUBLES, the method returns one int or float, or several, for this place
 HOOKS = {
     "init": function(INT),
     "setup": function(INT, INT),

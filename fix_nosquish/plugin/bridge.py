@@ -33,7 +33,6 @@ from ..loops.compiled import array
 from ..structs import CHECKSUM, HOOKS, Bridge, Outcome
 from .host import LISTS, Host
 
-REQUIRED = "initial_integrate", "final_integrate"
 RESULTS = {POINTER(c_int64): int, POINTER(c_double): float}  # the last argument of some hooks
 
 new_capsule = PYFUNCTYPE(py_object, c_void_p, c_char_p, c_void_p)(("PyCapsule_New", pythonapi))
@@ -59,30 +58,25 @@ def failed(bridge: Bridge, problem: BaseException, line: Line | None = None) -> 
 
 
 # by the address of a bridge: bridge, instance and host, while the fix exists
-_live: dict[int, tuple[Bridge, Any, Host | None]] = {}
+_live: dict[int, tuple[Bridge, Any, Host]] = {}
 
 
 def attach(address: int) -> None:
-    """Make the instance for a new fix, and set its hooks. The plugin calls this."""
+    """Make the `run.fix.Fix` for a new fix, and set its hooks. The plugin calls this."""
     bridge = Bridge.from_address(address)
     if bridge.checksum != CHECKSUM:
         print("fix_nosquish: the compiled plugin is of another version: reinstall", file=sys.stderr)
         return
     try:
-        instance, host = _construct(bridge), None
-        if hasattr(instance, "host"):
-            instance.host = host = Host(bridge)
-            if notice := getattr(instance, "replacement_notice", None):
-                host.log(notice)
-        if hasattr(instance, "define_bodies"):
-            instance.define_bodies()
-        if hasattr(instance, "virial"):
-            bridge.wants_virial = 1
-            instance.virial = array(bridge.virial, (6,), float)
+        instance = _construct(bridge)
+        instance.host = host = Host(bridge)
+        if notice := instance.replacement_notice:
+            host.log(notice)
+        instance.define_bodies()
+        instance.virial = array(bridge.virial, (6,), float)
         _announce(bridge, instance)
         for name, kind in HOOKS.items():
-            if callable(getattr(instance, name, None)):
-                setattr(bridge, name, kind.python(_hook(bridge, instance, name, kind.python)))
+            setattr(bridge, name, kind.python(_hook(bridge, instance, name, kind.python)))
         bridge.release = _release
     except BaseException as problem:  # no exception may pass into C++
         bridge.outcome = failed(bridge, problem)
@@ -150,31 +144,29 @@ def _of_target(target: str, capsule: object) -> Any:
             text += f". Have in it: __getattr__ = fix_nosquish.of_fix_line({first})"
         raise RunError(text, everywhere=True) from None
     instance = factory(capsule)
-    for method in REQUIRED:
-        refuse(
-            not callable(getattr(instance, method, None)), f"{target!r} has no method {method}()"
-        )
+    missing = [name for name in HOOKS if not callable(getattr(instance, name, None))]
+    refuse(
+        missing,
+        f"{target!r} is no integrator of fix_nosquish (it has no method {', '.join(missing[:1])}). "
+        "The plugin's fix python/move drives only these: for other classes use LAMMPS's own, "
+        "without the plugin",
+    )
     return instance
 
 
 def _announce(bridge: Bridge, instance: Any) -> None:
     """Tell LAMMPS what it must know when the fix is made, such as the size of its vector."""
-    template = getattr(instance, "template", None)
-    bridge.template_id = template and template.encode()
-    for name in "restart_file", "follows_atoms", "flips", "needs_energy", "couples", "carries":
-        setattr(bridge, name, int(getattr(instance, name, 0)))
-    bridge.changes_box = int(getattr(instance, "box_every", 0))
-    state = getattr(instance, "restart_state", None)
+    bridge.template_id = instance.template and instance.template.encode()
+    for name in "restart_file", "flips", "needs_energy", "couples", "carries", "array_columns":
+        setattr(bridge, name, int(getattr(instance, name)))
+    bridge.changes_box = instance.box_every
+    state, rows = instance.restart_state, instance.array_rows
     if state is not None:
         bridge.restart_size, bridge.restart_state = len(state), state.ctypes.data
-    if hasattr(instance, "compute_vector"):
-        bridge.extensive = np.array([*map(bool, instance.vector_extensive)], np.int32)
-        bridge.vector_size = len(bridge.extensive)
-        bridge.vector_extensive = bridge.extensive.ctypes.data
-    if hasattr(instance, "compute_array"):
-        rows = getattr(instance, "array_rows", None)
-        bridge.array_rows = -1 if rows is None else int(rows)
-        bridge.array_columns = int(instance.array_columns)
+    bridge.extensive = np.array(instance.vector_extensive, np.int32)
+    bridge.vector_size = len(bridge.extensive)
+    bridge.vector_extensive = bridge.extensive.ctypes.data
+    bridge.array_rows = -1 if rows is None else rows
 
 
 def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[..., int]:
@@ -194,7 +186,7 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
                 for k, number in enumerate(returned if isinstance(returned, tuple) else [returned]):
                     place[k] = result(number)
         except BaseException as problem:
-            return failed(bridge, problem, getattr(instance, "line", None))
+            return failed(bridge, problem, instance.line)
         return Outcome.DONE
 
     return call
@@ -204,18 +196,15 @@ def _hook(bridge: Bridge, instance: Any, name: str, signature: Any) -> Callable[
 def _release(address: int) -> None:
     """Release the instance, because the fix and the memory of the bridge end."""
     bridge, instance, host = _live.pop(address)
-    if bridge.wants_virial:
-        instance.virial = instance.virial.copy()
+    instance.virial = instance.virial.copy()
     for name, kind in HOOKS.items():
         setattr(bridge, name, kind.python())  # the callbacks refer to the instance
     bridge.release = type(bridge.release)()
     for name in (*LISTS, "body", "masstotal", "array", "arrays", "body_of", "displace", "state"):
         setattr(bridge, name, None)
     bridge.phase = 0
-    if hasattr(instance, "let_go"):  # a driver may still have it, and must not read freed memory
-        instance.let_go()
-    if host:
-        vars(host).clear()  # it has addresses of the fix
+    instance.let_go()  # a driver may still have it, and must not read freed memory
+    vars(host).clear()  # it has addresses of the fix
 
 
 @atexit.register

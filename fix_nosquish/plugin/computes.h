@@ -64,8 +64,8 @@ class ComputeOfBodies : public Compute {
     Fix *other = modify->get_fix_by_id(bodies);
     if (!other) end_on_all(lmp, problem("there is no fix " + bodies));
     auto ours = dynamic_cast<FixPythonMove *>(other);
-    if (!ours || !ours->has_bodies())
-      end_on_all(lmp, problem("fix " + bodies + " (style " + other->style + ") is no fix of fix_nosquish with rigid bodies. For one of "
+    if (!ours)
+      end_on_all(lmp, problem("fix " + bodies + " (style " + other->style + ") is no fix of fix_nosquish. For one of "
                                 "LAMMPS's own define the compute with the suffix off"));
     return ours;
   }

@@ -91,12 +91,9 @@ void FixPythonMove::fill_bridge()
 
 void FixPythonMove::declare()
 {
-  if (bridge.dof) dof_flag = 1;
-  if (bridge.wants_virial) virial_global_flag = thermo_virial = 1;
-  if (bridge.follows_atoms) virial_peratom_flag = 1;
+  dof_flag = virial_global_flag = thermo_virial = virial_peratom_flag = restart_global = 1;
   centroidstressflag = CENTROID_AVAIL;    // because the virial of an atom is not symmetric
   restart_file = bridge.restart_file;
-  state.announce();
   ecouple_flag = bridge.couples;
   if (bridge.changes_box) {
     comm_forward = comm_reverse = 3;
@@ -104,33 +101,26 @@ void FixPythonMove::declare()
     no_change_box = 1;
     pre_exchange_migrate = bridge.flips;
   }
-  rigid_flag = bridge.follows_atoms;    // fix deform calls deform() of rigid fixes
+  rigid_flag = 1;    // fix deform calls deform() of rigid fixes
 
-  scalar_flag = bridge.compute_scalar != nullptr;
+  scalar_flag = vector_flag = array_flag = 1;
   extscalar = bridge.couples;
   extarray = 0;
-  if (bridge.vector_size > 0) {
-    extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
-    vector_flag = 1;
-    size_vector = bridge.vector_size;
-    extvector = -1;
-    extlist = extensive.data();
-  }
-  if (bridge.array_columns > 0) {
-    array_flag = 1;
-    size_array_cols = bridge.array_columns;
-    size_array_rows = std::max(0, bridge.array_rows);
-    size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time needs a fixed number
-  }
+  extensive.assign(bridge.vector_extensive, bridge.vector_extensive + bridge.vector_size);
+  size_vector = bridge.vector_size;
+  extvector = -1;
+  extlist = extensive.data();
+  size_array_cols = bridge.array_columns;
+  size_array_rows = std::max(0, bridge.array_rows);
+  size_array_rows_variable = bridge.array_rows < 0;    // fix ave/time needs a fixed number
   global_freq = 1;
-  if (bridge.follows_atoms) arrays.declare();    // other classes may change all arrays
+  arrays.declare();
 }
 
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
-      (bridge.changes_box ? PRE_REVERSE : 0) | (bridge.post_neighbor ? POST_NEIGHBOR : 0) | (bridge.end_of_step ? END_OF_STEP : 0) |
-      (bridge.post_run ? POST_RUN : 0) | (bridge.min_force ? MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY : 0);
+      (bridge.changes_box ? PRE_REVERSE : 0) | POST_NEIGHBOR | END_OF_STEP | POST_RUN | MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY;
 }
 
 // external: forces and torques on bodies, to the end of the command; Python interprets the words. bodyforces: bodies have the forces of
@@ -139,12 +129,12 @@ int FixPythonMove::setmask()
 int FixPythonMove::modify_param(int narg, char **arg)
 {
   const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
-  if (word == "external" && bridge.modify_external) {
+  if (word == "external") {
     call(bridge.modify_external, external.expanded(narg, arg).c_str());
     external.replace_fix();
     return narg;
   }
-  if (!bridge.follows_atoms || narg < 2) return 0;
+  if (narg < 2) return 0;
   if ((bridge.changes_box && (word == "temp" || word == "press")) || (word == "temp" && replaces(style))) {
     failures.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
                "the atoms that its box takes along");

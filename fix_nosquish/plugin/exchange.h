@@ -31,7 +31,7 @@ class Exchange : public Part {
 
   ~Exchange() override
   {
-    if (bridge.follows_atoms && modify->get_fix_by_id(fix->id)) atom->delete_callback(fix->id, Atom::GROW);
+    if (modify->get_fix_by_id(fix->id)) atom->delete_callback(fix->id, Atom::GROW);
     release();
   }
 
@@ -43,11 +43,10 @@ class Exchange : public Part {
     for (int i = 0; i < atom->nlocal; i++) reset(i);
   }
 
-  // Have LAMMPS call the fix for atoms, if its class follows them.
+  // Have LAMMPS call the fix for atoms.
 
   void begin()
   {
-    if (!bridge.follows_atoms) return release();
     fix->create_attribute = 1;
     fix->maxexchange = 1 + std::max(1, bridge.carries);
     atom->add_callback(Atom::GROW);
@@ -121,7 +120,7 @@ class Exchange : public Part {
              "such atoms: have all bodies and atoms of keyword flexible in that group (and in that of atom_modify first), or leave it out");
   }
 
-  double bytes() const { return bridge.follows_atoms ? 2.0 * atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double) : 0.0; }
+  double bytes() const { return 2.0 * atom->nmax * sizeof(int64_t) + arrived.capacity() * sizeof(double); }
 
  private:
   void release()

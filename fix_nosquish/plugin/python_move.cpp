@@ -1,11 +1,10 @@
 /* A LAMMPS plugin with the fixes nosquish/nve, /nvt, ..., rigid/nosquish, rigid/nve/nosquish, ..., and python/move.
 
-   A fix calls the methods of one instance of a Python class. Fix python/move names the class,
+   A fix calls the methods of a run.fix.Fix in Python, which has an integrator. Fix python/move names its class,
 
-       fix ID group python/move "module.class"
+       fix ID group python/move "module.class words"
 
-   and replaces LAMMPS's own fix of this name, of which it is a superset. The classes of other styles are in fix_nosquish.INTEGRATORS
-   and host/rigid_fixes.py. The Python side is bridge.py; both sides share the struct Bridge (structs.py). */
+   and replaces LAMMPS's own fix of this name. The classes of other styles are in fix_nosquish.INTEGRATORS and host/rigid_fixes.py. The Python side is bridge.py; both sides share the struct Bridge (structs.py). */
 
 #include "python_move.h"
 
@@ -41,7 +40,6 @@ void FixPythonMove::post_neighbor()
   bridge.facts = box.now() == box.known ? bridge.facts & ~other : bridge.facts | other;
   if (!follow(bridge.at_neighbor)) call(bridge.post_neighbor);
   box.note();
-  state.announce();
 }
 
 void FixPythonMove::initial_integrate(int vflag)
@@ -204,12 +202,10 @@ int64_t FixPythonMove::set_box(const double *numbers)
 void FixPythonMove::init()
 {
   respa = utils::strmatch(update->integrate_style, "^respa");
-  if (respa && !(bridge.initial_integrate_respa && bridge.final_integrate_respa))
-    failures.refuse("its class has no methods for run_style respa");
   if (respa && arrays.early) failures.refuse("bodyforces early is not for run_style respa: use run_style verlet");
   facts.refuse_casts();
   bridge.dmax = 0.0;
-  if (update->whichflag == 2 && bridge.min_force) begin_minimization();
+  if (update->whichflag == 2) begin_minimization();
   bridge.remap_group = domain->deform_vremap ? domain->deform_groupbit : 0;
   if (bridge.remap_group)
     for (const auto &other : modify->get_fix_by_style("^deform")) other->init();    // it computes its rates, perhaps after this fix
@@ -218,9 +214,8 @@ void FixPythonMove::init()
   bridge.ghost_velocity = comm->ghost_velocity;
   bridge.scalar_pressure = force->kspace && force->kspace->scalar_pressure_flag;
   call(bridge.init);
-  state.announce();
   exchange.refuse_stale_forces();
-  if (!dynamic && bridge.follows_atoms)
+  if (!dynamic)
     failures.warn("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are");
   dynamic = 1;
   if (bridge.changes_box) pressure.request_from(update->ntimestep);

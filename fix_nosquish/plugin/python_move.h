@@ -79,7 +79,6 @@ class FixPythonMove : public Fix {
   double compute_array(int, int) override;
   void *extract(const char *, int &) override;
   double memory_usage() override { return exchange.bytes(); }
-  bool has_bodies() const { return bridge.rows_of_rank; }
   double kinetic_energy(int which) { return query<double>(bridge.compute_vector, which); }    // of translation (0) or rotation (1)
   int rows_of_rank(const char *words, int group, double *&values);
 

@@ -21,10 +21,6 @@ class Restart : public Part {
  public:
   using Part::Part;
 
-  // Tell LAMMPS whether this fix has a state.
-
-  void announce() const { fix->restart_global = has_state() || bridge.follows_atoms; }
-
   // Write the size in bytes, then the state, on rank 0.
 
   void write(FILE *file) const

@@ -73,7 +73,6 @@ class Fix(Registered):
             plugin's fix.
     """
 
-    follows_atoms = True
     array_columns = 15  # of `output.global_array`
 
     def __init__(
