@@ -103,6 +103,8 @@ def _line(membership: Membership, first: np.ndarray, row: np.ndarray) -> str:
     if np.count_nonzero(counts) > 1:
         text += "; " + " and ".join(f"{n:.0f} are {what}" for n, what in zip(counts, _SHAPES) if n)
     return (
-        f"{text}. If like molecules are meant, give them one shape before the fix is defined "
-        "(before that, minimize bends molecules)"
+        f"{text}. Was there a minimize before this fix was defined? It moves atoms individually, "
+        "also beside a rigid fix of LAMMPS: call it after this line, which keeps bodies rigid. If "
+        "like molecules are meant, give them one shape before, for example by 'nosquish check "
+        "SCRIPT --rigid'"
     )

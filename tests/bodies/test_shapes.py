@@ -308,6 +308,22 @@ def test_molecules_of_one_kind_with_other_shapes(run_lammps, name, ranks):
     assert told == [str(differ)] * (differ > 0)
 
 
+@pytest.mark.parametrize("before", ["", "fix 0 all rigid/nve/small molecule"])
+def test_a_minimization_before_the_fix(run_lammps, before):
+    """Locks out a warning of shapes that does not name the minimize that bent them, without a fix
+    or beside LAMMPS's own rigid one, and advice that does not help: minimize after the fix."""
+    system, relax = herd("stretched"), "min_modify dmax 0.02\nminimize 0 1e-3 1 40"
+    ours = "fix 1 all nosquish/nve molecule"
+    bent = run_lammps(
+        "\n".join([system.setup, before, relax, "unfix 0" * bool(before), ours, "run 0"]),
+        files=system.files,
+    )
+    (said,) = re.findall("^WARNING: the 27 bodies .* differ in shape.*", bent.log, re.M)
+    assert "Was there a minimize before this fix was defined?" in said and "26 differ" in said
+    rigid = run_lammps("\n".join([system.setup, ours, relax, "run 0"]), files=system.files)
+    assert "1 differ from it" in rigid.log
+
+
 def ring(n, radius):
     """The corners of a regular polygon, (n, 3)."""
     angle = 2 * np.pi * np.arange(n) / n
