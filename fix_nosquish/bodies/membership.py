@@ -8,7 +8,7 @@ from ..errors import refuse
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
-from ..ranks.lookup import find
+from ..ranks.lookup import find, look_up
 from ..ranks.migration import OUT, UNDECIDED
 
 FLEXIBLE = 2**52  # a flexible atom's ID is this plus its tag; IDs of bodies are smaller
@@ -53,6 +53,8 @@ class Membership:
         masks: bits of `lammps.groups` by name.  By the rule, an atom is in a body if its groups
             have a bit of fix_group and a bit of body_groups, and flexible if they have a bit of
             flexible.
+        left_out: number of atoms that have the molecule-ID of a body but are not in the groups, as
+            the fix was defined.
 
     Raises:
         RunError: on all ranks, for a group or variable that does not exist.
@@ -131,6 +133,18 @@ class Membership:
         )
         self.decide()
         assigned[assigned == UNDECIDED] = OUT
+        self.left_out = self._count_left_out()
+
+    def _count_left_out(self) -> int:
+        """The number of atoms in no body with the molecule-ID of a body, of style molecule;
+        collective."""
+        out = self.assigned == OUT
+        if self.command.style != "molecule" or not self.communicator.any(out.any()):
+            return 0
+        molecules, which = np.unique(self._values()[out], return_inverse=True)
+        bodies = np.unique(self.assigned[self.assigned > OUT])
+        known = look_up(self.communicator, bodies, np.ones((len(bodies), 1), int), molecules)
+        return self.communicator.count((known[which] > 0).sum())
 
     def decide(self) -> None:
         """Assign the atoms in the fix line's groups that were added since; collective.

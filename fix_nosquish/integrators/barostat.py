@@ -155,10 +155,13 @@ class Barostat(EnsemblePart):
                 everywhere=True,
             )
         outside = run.ranks.count(len(run.lammps.groups) - len(run.bodies.index))
+        left_out = run.membership.left_out
+        note = f"; {left_out} of them have the molecule-ID of a body, see the warning above"
         refuse(
             outside and not self.command.dilate,
-            f"{outside} atoms are in no body: give their group to keyword flexible, so that this "
-            "fix moves them, too, or say by keyword dilate which of them the box takes along",
+            f"{outside} atoms are in no body{note * bool(left_out)}: give their group to keyword "
+            "flexible, so that this fix moves them, too, or say by keyword dilate which of them "
+            "the box takes along",
         )
         self.has_others = outside > 0
         self._look_at_constraints(run)

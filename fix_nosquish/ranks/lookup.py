@@ -8,7 +8,7 @@ from .sharing import places
 
 
 def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """The index in `keys` (unique integers) of each entry of `wanted`, or -1."""
+    """The index in `keys` (integers) of each entry of `wanted`, or -1."""
     order = np.argsort(keys)
     index = np.append(order, -1)[np.searchsorted(keys, wanted, sorter=order)]
     return np.where(np.append(keys, -1)[index] == wanted, index, -1)
@@ -50,7 +50,7 @@ def look_up(
     """Look up rows by key in a directory that is distributed over the ranks; collective.
 
     Args:
-        keys: (n,) int64, each on one rank only.
+        keys: (n,) int64. A key that several ranks have has the same row there.
         rows: (n, width) int64.
         wanted: (m,) keys.
     Returns:

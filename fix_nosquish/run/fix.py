@@ -26,7 +26,7 @@ from .beginning import begin_run
 from .conditions import refuse_time_step
 from .external import ExternalForces, all_ids
 from .integrator import Integrator
-from .log import FixLog
+from .log import FixLog, of_left_out
 from .making import BodyMaker
 from .part import box_every, needs_energy
 from .registry import Registered, siblings_of
@@ -124,7 +124,8 @@ class Fix(Registered):
             FixLog(self.host, self.command, integrator, self._rotation, self.membership),
             self.number, self.rigid_flag,
         )  # fmt: skip
-        self.setting.log.warn(former_names.warnings(*_classes(integrator)))
+        left_out = of_left_out(self.membership.left_out, self.command.group)
+        self.setting.log.warn([*former_names.warnings(*_classes(integrator)), *left_out])
         self._declare(integrator)
 
     def _declare(self, integrator: Integrator) -> None:

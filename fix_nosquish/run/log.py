@@ -234,6 +234,16 @@ class FixLog:
 # ----------------------------------------------------------------- warnings
 
 
+def of_left_out(number: int, group: str) -> list[str]:
+    """A line on atoms of bodies' molecules that are not in the fix's group; none if there are
+    none."""
+    line = (
+        f"WARNING: {number} atoms have the molecule-ID of a body, but are not in group {group}, so "
+        "they are not part of the body. If they should be, give the fix a group of whole molecules"
+    )
+    return [line] * bool(number)
+
+
 def of_start(report: BuildReport, warmed: bool, groups: tuple[str | None, str]) -> Iterator[str]:
     """Lines on how bodies were made.
 

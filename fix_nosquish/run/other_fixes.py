@@ -143,12 +143,16 @@ class OtherFixes(list[OtherFix]):
         self.report_box = bool(changes) and all(fix.style.startswith(_REPORTING) for fix in changes)
 
     def possible_movers(self) -> list[OtherFix]:
-        """Those that may have moved atoms that something has moved: also at the end of a step."""
+        """Those that may have moved atoms that something has moved: also at the end of a step, or
+        with the box."""
         late = {fix.id for fix in self.late if may_move(fix)}
         return [
             fix
             for fix in self
-            if fix in self.movers or fix.id in late or fix.style.startswith(_USERS)
+            if fix in self.movers
+            or fix.box_change
+            or fix.id in late
+            or fix.style.startswith(_USERS)
         ]
 
     def pushing(self) -> list[OtherFix]:

@@ -210,15 +210,17 @@ class Run:
     def report_start(self) -> None:
         """Log the bodies as a run begins, if they have changed, and warnings."""
         fixes, parts = self.conditions.other_fixes, self.integrator.parts
-        warnings = (
-            line for part in (*parts, self.integrator) for line in part.extra_warnings(self)
-        )
+        acting = () if self.minimization else (*parts, self.integrator)  # no thermostat acts in one
+        warnings = (line for part in acting for line in part.extra_warnings(self))
         lines = self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
         if self.box_every:
             lines.append(f"  change of the box every {self.box_every} steps")
         self.setting.log.report(self.thermo, self.report, self.mask, lines, warnings)
         start = self.bodies.start = log.forces_at_start(self.thermo, self.membership.name)
-        names = " or ".join(f"fix {fix.id} (style {fix.style})" for fix in fixes.possible_movers())
+        names = " or ".join(
+            f"fix {fix.id} (style {fix.style}{', which changes the box' * bool(fix.box_change)})"
+            for fix in fixes.possible_movers()
+        )
         self.bodies.possible_causes = names and f", perhaps {names}"
         if start.diagnosis and not self.minimization:
             self.setting.log.warn([f"WARNING: {start.diagnosis}: {start.advice}"])

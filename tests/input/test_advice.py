@@ -225,15 +225,16 @@ def test_atoms_that_nobody_is_said_to_move(run_lammps, tmp_path):
 
 
 def test_suspects():
-    """Locks out fix python/invoke, which needs no group, among those that cannot have moved atoms,
-    and those that change velocities alone among the others."""
+    """Locks out fix python/invoke, which needs no group, and a fix that changes the box among those
+    that cannot have moved atoms, and those that change velocities alone among the others."""
     nothing = dict.fromkeys(OtherFix._fields, 0)
     fixes = [
         OtherFix(**nothing | {"id": style, "style": style, "end_of_step": 1, "called": 1})
         for style in ("python/invoke", "momentum", "ave/time", "temp/csvr", "deform", "new/style")
     ]
-    results = [fix.style for fix in OtherFixes(fixes).possible_movers()]
-    assert results == ["python/invoke", "new/style"]
+    fixes.append(OtherFix(**nothing | {"id": "box", "style": "deform", "box_change": True}))
+    results = [fix.id for fix in OtherFixes(fixes).possible_movers()]
+    assert results == ["python/invoke", "new/style", "box"]
 
 
 def test_advice_of_noise_that_no_energy_tests(run_lammps, tmp_path):
