@@ -99,8 +99,9 @@ class Bodies:
             dimensions the third is about z).
         x, v: (3, n) in the space frame; x is wrapped into the box, with image flags `image` (3, n).
         q, p: (4, n).
-        wrench: (6, n) force and torque in the space frame, summed over sharing ranks, including
-            inactive components: see `acting_wrench`.
+        wrench: (6, n) force and torque in the space frame, including inactive components: see
+            `acting_wrench`.  After the list "gather" of passes they are summed over sharing ranks;
+            in a step they may be of this rank's atoms alone, or of an earlier step.
         force, torque: (3, n), the two parts of it.
         index, displace: this rank's atoms in the order of the loops; see `block.Layout`.
         body, tag: (m,) the body of each of these atoms, and its atom ID.

@@ -13,6 +13,7 @@ from ..host.hosts import OtherFix
 from ..host.lammps import Lammps
 from ..loops.compiled import F1, L1, Cell, I, Kind, Loop
 from ..run.other_fixes import READERS, WITH_SWITCHES
+from ..run.run import Run
 from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 
 AXES = "xyz"
@@ -76,13 +77,13 @@ class Barostat(EnsemblePart):
     def flips(self) -> bool:
         return bool(self.changing_tilts)
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         self._refuse(run)
         usual = min(self.damping(run.lammps) / (PARTS * run.lammps.dt) + 1e-9, 2.0**31 - 1.0)
         self.box_every = run.host.changes_box = self.command.every or max(1, int(usual))
         return {}
 
-    def start(self, run: Any) -> None:
+    def start(self, run: Run) -> None:
         """Raise an error if keyword dilate remaps only a part of a cluster of shake; collective."""
         if run.host.held:
             atom = run.host.cut_cluster()
@@ -93,7 +94,7 @@ class Barostat(EnsemblePart):
                 else None
             )
 
-    def extra_warnings(self, run: Any) -> Iterator[str]:
+    def extra_warnings(self, run: Run) -> Iterator[str]:
         """Warnings of rare changes of the box, and of fixes whose forces are missing in LAMMPS's
         virial, although the virial within bodies includes them."""
         if run.external.moves_centres and not run.external.words.virial:
@@ -127,7 +128,7 @@ class Barostat(EnsemblePart):
                 f"break. Give {longer if every == 1 else 'keyword every a smaller number'}"
             )
 
-    def failure(self, found: int, run: Any) -> str:
+    def failure(self, found: int, run: Run) -> str:
         if found != OUT_OF_BOUNDS:
             return ""
         every = self.box_every
@@ -144,7 +145,7 @@ class Barostat(EnsemblePart):
             f"{'give a longer PDAMP' if every == 1 else rare}",
         )
 
-    def _refuse(self, run: Any) -> None:
+    def _refuse(self, run: Run) -> None:
         """Raise an error for a system whose box this fix cannot change; collective."""
         run.host.need("box")
         for sibling in run.conditions.siblings:
@@ -199,7 +200,7 @@ class Barostat(EnsemblePart):
                     everywhere=True,
                 )
 
-    def _look_at_constraints(self, run: Any) -> None:
+    def _look_at_constraints(self, run: Run) -> None:
         """Find whether fixes constrain atoms that are remapped with the box; collective.
 
         Raises:
@@ -223,7 +224,7 @@ class Barostat(EnsemblePart):
             )
         run.host.held = int(self._dilated(run.lammps)) if deciding else 0
 
-    def _look_at_forces(self, run: Any) -> None:
+    def _look_at_forces(self, run: Run) -> None:
         """Find whether fixes apply forces that LAMMPS's virial does not include to atoms whose
         contribution is subtracted from it; collective.
 
@@ -262,7 +263,7 @@ class Barostat(EnsemblePart):
         bit = lammps.group_bit(self.command.dilate or "")
         return np.array([bit], np.uint32).view(np.int32)[0]
 
-    def _hits(self, fix: OtherFix, run: Any, moving: bool) -> bool:
+    def _hits(self, fix: OtherFix, run: Run, moving: bool) -> bool:
         """Whether a fix acts on atoms in no body that are remapped (`moving`) or are not;
         collective."""
         if not self.has_others:
@@ -272,7 +273,7 @@ class Barostat(EnsemblePart):
         atoms[run.bodies.index] = False
         return run.ranks.any(fix.has(groups[atoms]).any())
 
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+    def extra_lists(self, run: Run, cells: dict[str, Cell]) -> dict[str, list]:
         host, moving = run.host, []
         of_bodies = cell.virial_about_centres.bind_to(_counted(cells, self._noise_on_bodies))
         lists = {"pressure": [of_bodies]}
@@ -281,7 +282,7 @@ class Barostat(EnsemblePart):
             if host.held:
                 finder = {"cluster_finder": host.find_clusters}
                 lists["pressure"].append(free_atoms.find_clusters.bind_to(cells, **finder))
-            virial = free_atoms.virial_of_free_atoms.bind_to(_counted(cells, host.counts))
+            virial = free_atoms.virial_of_free_atoms.bind_to(_counted(cells, host.counts > 0))
             lists["pressure"].append(virial)
             moving.append(free_atoms.move_free_atoms.bind_to(cells))
         lists["pressure"].append(self.forces_known.bind_to(cells))
@@ -303,7 +304,7 @@ class Barostat(EnsemblePart):
         self.command.refuse_unless_positive("PDAMP", damping)
         return damping
 
-    def new_numbers(self, run: Any) -> np.record:
+    def new_numbers(self, run: Run) -> np.record:
         """The parameters of the barostat at the start of a run; collective."""
         lammps, numbers = run.lammps, self.of_numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
@@ -329,7 +330,7 @@ class Barostat(EnsemblePart):
             numbers.weight[k] = 1.0 + along - across
         return numbers
 
-    def extra_cells(self, run: Any) -> dict[str, Cell]:
+    def extra_cells(self, run: Run) -> dict[str, Cell]:
         self.numbers, host = self.new_numbers(run), run.host
         return {
             "barostat": Cell(self.of_numbers, self.numbers),

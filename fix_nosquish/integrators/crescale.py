@@ -18,7 +18,6 @@ before and after, which is correct to second order in the change.
 """
 
 from math import log, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -44,6 +43,7 @@ from ..motion.periodic import PeriodicBox
 from ..motion.philox import normal_pair
 from ..motion.step import place_all
 from ..ranks.mpi import Mpi, add_up
+from ..run.run import Run
 from .barostat import Barostat
 from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
 
@@ -205,7 +205,7 @@ class Crescale(Barostat):
     def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
         return {"cell": [rescale_cell.bind_to(cells), *moving]}
 
-    def new_numbers(self, run: Any) -> np.record:
+    def new_numbers(self, run: Run) -> np.record:
         numbers, lammps = super().new_numbers(run), run.lammps
         damping = self.damping(lammps)
         if self.command.compressibility:

@@ -20,6 +20,7 @@ from ..host.lammps import Lammps
 from ..loops.compiled import F1, L1, Cell, F, record
 from ..ranks.communicator import Alone
 from ..run.integrator import Integrator
+from ..run.run import Run
 from .momentum import Momentum
 from .thermostat import EnsemblePart, Thermostat, key_of
 
@@ -41,6 +42,9 @@ class Ensemble(Integrator):
 
     A derived class maps the values of a keyword to the classes of thermostats and barostats.  The
     first one is the default.
+
+    It does not support remap v of fix deform: its thermostat is at rest, and would act on the flow
+    that velocities then contain.
 
     Attributes:
         thermostats, barostats: see above.
@@ -127,7 +131,7 @@ class Ensemble(Integrator):
         words = kind.__module__, kind.__qualname__, *state, *self.barostat.kind_of_state()
         return 1.0 + crc32(" ".join(map(str, (FIELDS, *words))).encode())
 
-    def failure(self, found: int, run: Any) -> str:
+    def failure(self, found: int, run: Run) -> str:
         return "".join(part.failure(found, run) for part in self.parts)
 
     def temperature(self) -> tuple[float, float, float]:
@@ -144,7 +148,7 @@ class Ensemble(Integrator):
                 self.command.refuse_unless_positive(f"keyword temp: {name}", value)
         return start, stop, 1.0 / damping
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         lammps = run.lammps
         self._targets = start, stop, rate = self._find_targets(lammps)
         if start != stop:
@@ -159,14 +163,14 @@ class Ensemble(Integrator):
             "step": -1, "key_0": key_0, "key_1": key_1, "factor": 1.0,
         }  # fmt: skip
 
-    def extra_cells(self, run: Any) -> dict[str, Cell]:
+    def extra_cells(self, run: Run) -> dict[str, Cell]:
         begin, end = run.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         return {
             "step": run.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
             "thermostat_state": Cell(F1, self.parts[-1].state),
         }  # fmt: skip
 
-    def _continue_state(self, run: Any) -> None:
+    def _continue_state(self, run: Run) -> None:
         """Continue with the state of a restart file, or of the last run."""
         state = self.restart_record
         if state.kind != self._kind:
@@ -186,12 +190,12 @@ class Ensemble(Integrator):
             state.times_back += 1
             state.last_step = run.lammps.step
 
-    def _energy_given(self, run: Any) -> float:
+    def _energy_given(self, run: Run) -> float:
         """The energy transferred from the bodies to the thermostat, in mass times velocity squared;
         collective."""
         return self._energy - run.ranks.total(np.array([run.parameters.heat]))[0]
 
-    def scalar(self, run: Any) -> float:
+    def scalar(self, run: Run) -> float:
         """The energy to add to the potential and kinetic energy of the atoms to obtain the
         conserved energy; collective.
 
@@ -202,7 +206,7 @@ class Ensemble(Integrator):
         scalar = run.lammps.mvv2e * self._energy_given(run) + end - middle
         return self.barostat.with_energy(scalar)
 
-    def prepare_restart(self, run: Any) -> None:
+    def prepare_restart(self, run: Run) -> None:
         state = self.restart_record
         state.energy, state.last_step = self._energy_given(run), run.lammps.step
         run.stepped |= run.steps_made

@@ -39,6 +39,7 @@ from ..motion.philox import minus_log, words
 from ..motion.step import make_pass, place_all
 from ..run.other_fixes import pushing_pair_style
 from ..run.part import Part
+from ..run.run import Run
 from .langevin import WORK, thermalise
 from .nve import NVE
 from .thermostat import ALL_BODIES, Bath, key_of
@@ -112,7 +113,7 @@ class Trajectory(Part):
     def __init__(self, steps: int, record: Any) -> None:
         self._steps, self._record = steps, record
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         """Check the run, and plan the first trajectory."""
         _refuse(run)
         self._plan(run, run.lammps.step)
@@ -121,7 +122,7 @@ class Trajectory(Part):
             self._refuse_part(run.host.last_step)
         return {}
 
-    def extra_lists(self, run: Any, cells: dict[str, Cell]) -> dict[str, list]:
+    def extra_lists(self, run: Run, cells: dict[str, Cell]) -> dict[str, list]:
         draw = draw_momenta.bind_to(cells, dt=1.0), keep_bodies.bind_to(cells)
         return {"draw": [*draw], "back": [go_back.bind_to(cells)]}
 
@@ -133,7 +134,7 @@ class Trajectory(Part):
             f"have it end in a multiple of {self._steps}, the number of keyword steps",
         )
 
-    def resume(self, run: Any) -> None:
+    def resume(self, run: Run) -> None:
         self._refuse_part(run.host.last_step)
         refuse(
             run.lammps.step != run.host.begins,
@@ -141,11 +142,11 @@ class Trajectory(Part):
             "begin the run with 'pre yes'",
         )
 
-    def _plan(self, run: Any, step: int) -> None:
+    def _plan(self, run: Run, step: int) -> None:
         """Plan the next trajectory to begin after this step."""
         run.host.begins, run.host.energy_step = step + 1, (step // self._steps + 1) * self._steps
 
-    def begin_trajectory(self, run: Any) -> None:
+    def begin_trajectory(self, run: Run) -> None:
         """Draw momenta."""
         self._warn_of_output(run)
         run.parameters.step = run.lammps.step
@@ -153,7 +154,7 @@ class Trajectory(Part):
         run.cache.clear()
         self._before = _total_energy(run)
 
-    def _warn_of_output(self, run: Any) -> None:
+    def _warn_of_output(self, run: Run) -> None:
         """Warn once of output within a trajectory, where configurations are not yet tested."""
         if self._has_warned:
             return
@@ -175,7 +176,7 @@ class Trajectory(Part):
                 f"not tested. Have all output in multiples of {steps} steps\n"
             )
 
-    def end_trajectory(self, run: Any) -> None:
+    def end_trajectory(self, run: Run) -> None:
         """Test the trajectory, and restore the stored state if it is rejected."""
         parameters, state = run.parameters, self._record
         change = run.ranks.share(_total_energy(run) - self._before)
@@ -194,7 +195,7 @@ class Trajectory(Part):
             run.set_velocities()
             run.cache.clear()
 
-    def end(self, run: Any) -> None:
+    def end(self, run: Run) -> None:
         """Warn if something else has ended the run within a trajectory."""
         if run.steps_made and run.lammps.step >= run.host.begins:
             run.host.log(
@@ -203,12 +204,12 @@ class Trajectory(Part):
             )
 
 
-def _total_energy(run: Any) -> float:
+def _total_energy(run: Run) -> float:
     """Kinetic energy of the bodies plus LAMMPS's potential energy; collective."""
     return run.thermo.energies().kinetic + run.host.energy
 
 
-def _refuse(run: Any) -> None:
+def _refuse(run: Run) -> None:
     """Raise an error if LAMMPS, the forces or other fixes do not permit a correct test."""
     run.host.need("trajectories")
     refuse(
@@ -276,7 +277,7 @@ class HMC(NVE):
         self.restart_record = RestartState.of(self.restart_state)
         self.parts = (Trajectory(command.steps, self.restart_record),)
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         state, command, lammps = self.restart_record, self.command, run.lammps
         if state.kind != self.kind:
             run.host.log("WARNING: the restart file has no state of hybrid Monte Carlo\n")
@@ -291,7 +292,7 @@ class HMC(NVE):
         key_0, key_1 = key_of(command, state.times_back, run.host.world)
         return {"rate": rate, "kt": kt, "step": -1, "key_0": key_0, "key_1": key_1}
 
-    def extra_values(self, run: Any) -> tuple[float, ...]:
+    def extra_values(self, run: Run) -> tuple[float, ...]:
         """The acceptance rate; the energy change of the last trajectory, and whether it was
         accepted."""
         state = self.restart_record

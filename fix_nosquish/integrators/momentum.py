@@ -12,6 +12,7 @@ from ..host.hosts import OtherFix
 from ..run import thermo
 from ..run.other_fixes import acts_on_bodies, pushing_pair_style
 from ..run.part import Part
+from ..run.run import Run
 
 _UNIFORM = "efield", "efield/tip4p"  # fixes whose field is uniform unless it varies
 NEUTRAL = 1e-6  # largest total charge, from rounding, of a neutral system
@@ -37,7 +38,7 @@ class Momentum(Part):
     def __init__(self, conserved: bool, thermostat: Any) -> None:
         self._conserved, self._thermostat = conserved, thermostat
 
-    def begin(self, run: Any) -> None:
+    def begin(self, run: Run) -> None:
         self._run = weakref.proxy(run)
 
     def degrees(self) -> np.ndarray:
@@ -69,7 +70,7 @@ class Momentum(Part):
         )
         return np.array([max(free[0] - freedom, 0.0), free[1]])
 
-    def extra_warnings(self, run: Any) -> Iterator[str]:
+    def extra_warnings(self, run: Run) -> Iterator[str]:
         """A warning if the total momentum is taken as zero but is not zero."""
         self._part = run.thermo.momentum_part() if self.freedom else 0.0
         if self._part > DRIFT:
@@ -79,7 +80,7 @@ class Momentum(Part):
                 "run: velocity ... zero linear"
             )
 
-    def end(self, run: Any) -> None:
+    def end(self, run: Run) -> None:
         """Warn if the total momentum was taken as conserved but has changed in the run."""
         if not self._thermostat or not self.freedom or self._part > DRIFT:
             return
@@ -93,13 +94,13 @@ class Momentum(Part):
             )
 
 
-def _pushed_by(run: Any) -> str | None:
+def _pushed_by(run: Run) -> str | None:
     """The name of an interaction that may change the total momentum, or None; collective."""
     if run.conditions.gravity is not None:
         return "keyword gravity"
     if run.external.moves_centres:
         return "external forces"
-    if style := pushing_pair_style(run.host, run.lammps.setting("newton_pair")):
+    if style := pushing_pair_style(run.host, run.lammps.setting("newton_pair") > 0):
         return f"pair style {style}"
     pushing = run.conditions.other_fixes.pushing()
     changing = next((fix for fix in pushing if _pushes(fix, run.membership)), None)

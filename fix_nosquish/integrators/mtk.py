@@ -57,6 +57,7 @@ from ..motion.block import COUNTED, LANES, MASS, Images, V, X, three
 from ..motion.periodic import PeriodicBox
 from ..motion.step import Operation, Scheme
 from ..ranks.mpi import Mpi, add_up
+from ..run.run import Run
 from ..run.thermo import Thermo
 from ..run.thermo import freedom as degrees_of_freedom
 from .barostat import Barostat
@@ -386,10 +387,10 @@ class Mtk(Barostat):
     def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
         return {"after_motion": moving}
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         return super().extra_parameters(run) | {"shears": self.flips}
 
-    def _heat(self, run: Any) -> float:
+    def _heat(self, run: Run) -> float:
         """The k T of the piston's inertia: of the highest temperature of the run; without a
         thermostat, of the bodies at the start of their first run, or LAMMPS's default if they are
         at rest; collective."""
@@ -410,7 +411,7 @@ class Mtk(Barostat):
             self.piston.inertia_kt = lammps.boltz * kelvin
         return self.piston.inertia_kt
 
-    def new_numbers(self, run: Any) -> np.record:
+    def new_numbers(self, run: Run) -> np.record:
         numbers, d, axes = super().new_numbers(run), run.lammps.dimension, self.axes
         freedom = self.ensemble.momentum.degrees()[0]
         refuse(
@@ -434,7 +435,7 @@ class Mtk(Barostat):
             numbers.heavier = 2 * d * d
         return numbers
 
-    def extra_cells(self, run: Any) -> dict[str, Cell]:
+    def extra_cells(self, run: Run) -> dict[str, Cell]:
         return super().extra_cells(run) | {"piston": Cell(Piston, self.piston)}
 
     def with_energy(self, scalar: float) -> float:

@@ -4,6 +4,7 @@ from math import exp
 from typing import Any
 
 from ..loops.compiled import inlined
+from ..run.run import Run
 from .rescaling import Rescaling, scaling_by
 from .thermostat import instability, note_heat
 
@@ -101,10 +102,10 @@ class NoseHoover(Rescaling):
     def kind_of_state(self) -> tuple:
         return self.length, self.command.separate
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         return {**super().extra_parameters(run), "chain": 2 * self.length}
 
-    def failure(self, found: int, run: Any) -> str:
+    def failure(self, found: int, run: Run) -> str:
         if found != UNSTABLE:
             return ""
         dt, damping = run.lammps.dt, run.lammps.number(self.command.temp[2])

@@ -1,10 +1,10 @@
 """NVT: rigid bodies at constant temperature; see `thermostat`."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
+from ..run.run import Run
 from .csvr import Csvr
 from .ensemble import TEMPERATURE, Ensemble
 from .langevin import Langevin
@@ -22,7 +22,7 @@ class NVT(Ensemble):
     thermostats: Mapping[str, type[Thermostat]] = THERMOSTATS
     values: Mapping[str, bool] = {"shadow": True}
 
-    def extra_values(self, run: Any) -> tuple[float, ...]:
+    def extra_values(self, run: Run) -> tuple[float, ...]:
         """(dt^2 / 24) (sum of F^2 / M + sum of T_k^2 / I_k), over bodies and their principal axes:
         the configurational part of the shadow Hamiltonian's second-order term; collective."""
         bodies, lammps = run.completed_bodies(), run.lammps

@@ -28,6 +28,7 @@ from ..motion.block import (
 from ..motion.frames import angular_momentum, angular_velocity
 from ..motion.step import Operation
 from ..ranks.mpi import add_up
+from ..run.run import Run
 from .nve import NVE
 from .thermostat import Bath, Thermostat
 
@@ -111,10 +112,11 @@ def scaling_by(factor_of: Callable) -> Callable:
     """A `Thermostat.acts` that sets the factors of the step.
 
     Args:
-        factor_of: an inlined function (parameters, state, k, dt) that returns the factor of motion
-            k, and 0 or the value that ends the run.  parameters.energies[k] is twice the kinetic
-            energy, never 0, in mass times velocity squared as is parameters.kt, and
-            parameters.degrees[k] the degrees of freedom.
+        factor_of: an inlined function (parameters, state, k, dt) that returns the factor of the
+            velocities of motion k, of any sign, and 0 or the value that ends the run.  dt is the
+            whole step.  parameters.energies[k] is twice the kinetic energy, never 0, in mass times
+            velocity squared as is parameters.kt, and parameters.degrees[k] the degrees of freedom.
+            The heat is counted here.
     """
 
     @inlined
@@ -144,7 +146,8 @@ def scaling_by(factor_of: Callable) -> Callable:
 
 
 class Rescaling(Thermostat):
-    """A thermostat that scales velocities; a derived class sets `acts` by `scaling_by`."""
+    """A thermostat that scales velocities; a derived class sets `acts` by `scaling_by`, and
+    `keywords` if it draws no random numbers."""
 
     operation = Operation(scale, prepared=True, measures=measure)
     merged: ClassVar[Operation | None] = Operation(
@@ -152,10 +155,10 @@ class Rescaling(Thermostat):
     )
     numbers, work, keywords = Scales, WORK, ("seed", "separate")
 
-    def extra_parameters(self, run: Any) -> dict[str, Any]:
+    def extra_parameters(self, run: Run) -> dict[str, Any]:
         return {"degrees": self._degrees(), "separate": self.command.separate}
 
-    def extra_warnings(self, run: Any) -> Iterator[str]:
+    def extra_warnings(self, run: Run) -> Iterator[str]:
         """Also a warning of motions at rest at the start of a run: in an ideal gas they would stay
         at rest."""
         yield from super().extra_warnings(run)
@@ -167,8 +170,8 @@ class Rescaling(Thermostat):
         for name, energy, degrees in zip(names, energies, parameters.degrees, strict=True):
             if degrees > 0 and not 2.0 * energy > degrees * heat:
                 yield (
-                    f"WARNING: the bodies have no {name} that thermostat "
-                    f"{self.command.thermostat} could scale: it waits until forces give them one. "
+                    f"WARNING: the bodies have no {name} that {self.method} could scale: it waits "
+                    "until forces give them one. "
                     "Give them velocities (velocity ... create), or use thermostat langevin"
                 )
 
@@ -177,5 +180,5 @@ class Rescaling(Thermostat):
         degrees = self.ensemble.momentum.degrees()
         return degrees if self.command.separate else np.array([degrees.sum(), 0.0])
 
-    def bodies_changed(self, run: Any) -> None:
+    def bodies_changed(self, run: Run) -> None:
         run.parameters.degrees = self._degrees()

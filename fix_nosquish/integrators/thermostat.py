@@ -6,7 +6,7 @@ a thermostat at the ends (Davidchack, Ouldridge and Tretyakov, J. Chem. Phys. 14
 Leimkuhler and Matthews, Proc. R. Soc. A 472, 20160138, 2016; Zhang et al., J. Phys. Chem. A 123,
 6056, 2019).
 
-`langevin`, `csvr` and `nose_hoover` implement one each.
+`langevin`, `csvr` and `nose_hoover` implement one each; `nvt.THERMOSTATS` is the list.
 """
 
 import weakref
@@ -26,6 +26,7 @@ from ..motion.philox import normal_pair, words
 from ..motion.step import Operation, Scheme
 from ..ranks.mpi import Mpi
 from ..run.part import Part
+from ..run.run import Run
 from .nve import NVE
 
 Bath: Any = record(
@@ -156,7 +157,7 @@ class EnsemblePart(Part):
         ensemble: the `ensemble.Ensemble` that it belongs to.
 
     Attributes:
-        keywords: which of `ensemble.OPTIONAL` it uses; a seed is then required.
+        keywords: which of `ensemble.OPTIONAL` it uses.  If "seed" is among them it must be given.
         state_size: number of values that a restart needs.
         state: these values, a view of `Ensemble.restart_state`.
     """
@@ -194,7 +195,7 @@ class EnsemblePart(Part):
         return scalar
 
 
-def instability(run: Any, what: str, advice: str) -> str:
+def instability(run: Run, what: str, advice: str) -> str:
     """A message on an instability in this step, with the advice, or with the diagnosis of the start
     of the run if atoms overlapped there."""
     start, step = run.bodies.start, run.lammps.step
@@ -206,6 +207,9 @@ def instability(run: Any, what: str, advice: str) -> str:
 class Thermostat(EnsemblePart):
     """The base class of thermostats, with the declarations of a derived class.
 
+    One of the package is named in `nvt.THERMOSTATS`, for fix nosquish/nvt and fix nosquish/npt.  A
+    restart file has a hash of the module and the name of the class, see `Ensemble`.
+
     Attributes:
         operation: letter O, an `Operation` that is `prepared`.
         merged: an operation that does A O A as one, or None.
@@ -214,8 +218,9 @@ class Thermostat(EnsemblePart):
         acts: inlined function (mpi, parameters, state, dt, gained), called once a step before O.
             `state` is the thermostat's state, and `gained` the increase of twice the kinetic energy
             since O's `measures`.  It returns 0, or a negative value to end the run with `failure`.
-        on_piston: inlined function (mpi, parameters, cell, state, dt) that thermostats a piston;
-            see `mtk.PistonBox`.
+        on_piston: inlined function (mpi, parameters, cell, state, dt) that acts on the strain rates
+            of a piston in steps in which the box changes, and calls `note_heat`; by default
+            nothing.  `thermalise_piston` draws random numbers, so it needs the keyword seed.
         scheme, prepares: the step at constant volume and the loop before O, derived from these.
 
         keeps_momentum: whether it keeps a total momentum of zero.
@@ -254,12 +259,12 @@ class Thermostat(EnsemblePart):
     def kind_of_state(self) -> tuple:
         return 0, self.command.separate
 
-    def extra_warnings(self, run: Any) -> Iterable[str]:
+    def extra_warnings(self, run: Run) -> Iterable[str]:
         """A warning of an unusual TDAMP."""
         damping = run.lammps.number(self.command.temp[2])
         return far_off("TDAMP", damping, run.lammps, MOST_STEPS)
 
-    def resume(self, run: Any) -> None:
+    def resume(self, run: Run) -> None:
         last = max(run.parameters.step, self.ensemble.restart_record.last_step)
         refuse(
             self.command.seed is not None and run.lammps.step <= last,
@@ -267,7 +272,7 @@ class Thermostat(EnsemblePart):
             "begin the run with 'pre yes', which takes others",
         )
 
-    def reset_target(self, temperature: float, run: Any) -> None:
+    def reset_target(self, temperature: float, run: Run) -> None:
         words = (*(repr(temperature),) * 2, self.command.temp[2])
         self.ensemble.command = replace(self.command, temp=words)
         if run:

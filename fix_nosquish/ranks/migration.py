@@ -1,4 +1,7 @@
-"""Migration: bodies follow their atoms, which LAMMPS moves between ranks and in its arrays."""
+"""Migration: bodies follow their atoms, which LAMMPS moves between ranks and in its arrays.
+
+`plugin/exchange.h` writes the rows of `arrived`, or with LAMMPS's own fix `host.own_fix`.
+"""
 
 from typing import NamedTuple
 

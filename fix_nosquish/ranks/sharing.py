@@ -1,4 +1,4 @@
-"""Shared bodies: which ranks share them, and one exchange per step.
+"""Shared bodies: which ranks share them, and one exchange per step (two where a virial is asked).
 
 Each rank that owns an atom of a body has a copy of the body's state.  In each step the ranks that
 share a body exchange their partial sums of force and torque, and add them up in the order of the
@@ -226,7 +226,7 @@ def find_sharers(mpi: Mpi, sharing: L2):
 
 @loop
 def give(mpi: Mpi, sharing: L2, values: F2):
-    """Start to send the columns of shared bodies to the partners, and to receive theirs."""
+    """Begin an exchange, which `combine` ends: send the columns of shared bodies to partners."""
     copies, rows, begin = longs_in(sharing, SHARING.copies), values.shape[0], 0
     partners, shares = longs_in(sharing, SHARING.partners), longs_in(sharing, SHARING.shares)
     resize(sharing, SHARING.packed, copies.size, rows)
@@ -244,7 +244,7 @@ def give(mpi: Mpi, sharing: L2, values: F2):
 
 @loop
 def combine(mpi: Mpi, sharing: L2, values: F2, how: I):
-    """Wait for the parts of shared bodies, and combine them in the order of the ranks.
+    """End an exchange: wait for the parts of shared bodies, combine them in the order of the ranks.
 
     Args:
         how: ADD or GREATEST.
@@ -271,7 +271,8 @@ class Sharers:
     Attributes:
         bodies: (m,) columns of the shared bodies.
         home: (n,) lowest rank that has each body.
-        owned: (n,) bool, whether this is that rank, which counts the body in sums over bodies.
+        owned: (n,) bool, whether this is that rank, which counts the body in sums over bodies, and
+            does nothing else for it: all ranks that share a body move it alike.
         cells: the cells of an `Mpi`, and "sharing".
     """
 

@@ -27,7 +27,8 @@ class Conditions:
         mid_step: whether atoms have the velocities of the middle of the step at its end.
         goes_on: whether the bodies are those of the last run.
         half_step: whether something may read atoms' velocities between the halves of a step.
-        deformed_box: the box that another fix changes, with which bodies move; None if none does.
+        deformed_box: the box that another fix changes, if bodies can follow it; else None, and
+            a `watch.BoxWatch` ends the run when the box changes.
         remaps_velocities: whether this is with remap v, so that velocities change at faces.
         gravity: the acceleration of keyword gravity, (3,); None without it.
     """

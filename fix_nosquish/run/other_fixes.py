@@ -14,9 +14,10 @@ TEMPER = "command temper"  # which changes velocities, as some fixes do
 
 # fixes by which accelerator packages compute forces, and which change nothing besides
 _PACKAGES = "GPU", "OMP", "INTEL"
-# fixes that change the box and report it to rigid fixes, or do not in a run
+# fixes that change the box and report it to rigid fixes; box/relax is refused in a minimization,
+# see `beginning`, and changes nothing in a run
 _REPORTING = "deform", "press/berendsen"
-_FOLLOWED = (*_REPORTING, "box/relax")
+_ELSEWHERE = (*_REPORTING, "box/relax")
 # fixes that read no velocities but those of their own atoms; and these between the halves of a
 # step, if they do not vary; fixes of dynamic groups, which act there without a hook; pair styles
 # that read velocities, besides those for which ghost atoms have some
@@ -108,7 +109,9 @@ class OtherFixes(list[OtherFix]):
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
         change_box: whether the box may change.
-        report_box: whether all that change it report it to rigid fixes, as fix deform does.
+        report_box: whether all that change it report it to rigid fixes, as fix deform does with
+            remap x or v.  With remap none it does not, and LAMMPS does not tell which it is: see
+            `watch.BoxWatch`.
         movers: those that may move atoms besides their integrator.
     """
 
@@ -245,8 +248,8 @@ def refuse_other_integrators(
 def _of_box(fix: OtherFix, ours: Ours) -> str | None:
     """Why a fix cannot change the box of a run with ours, or None.
 
-    LAMMPS itself refuses two fixes that change the same axis or tilt, so one beside ours."""
-    if not fix.box_change or fix.style.startswith(_FOLLOWED) or ours.changes_box:
+    Our barostats claim all axes and tilts, so LAMMPS itself refuses another fix beside them."""
+    if not fix.box_change or fix.style.startswith(_ELSEWHERE) or ours.changes_box:
         return None
     instead = (
         "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "

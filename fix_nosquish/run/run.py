@@ -427,7 +427,9 @@ class Run:
     # ------------------------------------------------------------- what is asked of the bodies
 
     def completed_bodies(self, forces: bool = True) -> Bodies:
-        """The bodies as at the end of a step with output, with their forces, if wanted."""
+        """The bodies as at the end of a step with output, with their forces, if wanted, and with
+        the velocities that other fixes have given their atoms at this end."""
+        self.take_seen_velocities()
         self.complete_step(forces)
         return self.bodies
 

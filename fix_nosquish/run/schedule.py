@@ -1,12 +1,28 @@
 """What is done at each hook of a step, in order: the schedule that every run follows.
 
 LAMMPS calls the fix at its hooks.  At each of them the actions of `SCHEDULE` that apply are done,
-one after the other: an action runs a list of passes (see `passes`), or calls a method of the
-`run.Run`, and names the next phase.  Nothing else sets the phase.
+one after the other, each in the phase that those before it have set: an action runs a list of
+passes (see `passes`), or calls a method of the `run.Run`, and names the next phase.  Nothing else
+sets the phase.
 
 The plugin follows the schedule in C++, and calls Python only for an action that needs it.  `follow`
 does the same in Python: for hooks that are not in each step, and for LAMMPS's own fix python/move.
 Between hooks LAMMPS moves atoms to their ranks, builds neighbor lists, and computes forces.
+
+A step with a thermostat, on several ranks:
+
+    begin     list "whole": `gather` sums the forces of the last step on this rank's atoms of shared
+              bodies, and `give` sends the sums, six numbers a body.  Meanwhile `advance` moves the
+              bodies that are not shared: it ends the last step (letter B) and begins this one (B A
+              O A).  `combine` receives the sums and adds them in the order of the ranks, and
+              `advance` moves the shared bodies, on each rank that has one.  `prepares` comes before
+              `advance`; a thermostat that needs a sum over all bodies has it between two passes, of
+              which the second is `go_on`.
+    neighbor  list "follow", if LAMMPS has re-neighbored: atoms that have come brought a copy of
+              their body (`plugin/exchange.h`), and the ranks ask who shares what
+              (`ranks.sharing.find`).  Two sums over all ranks.
+    end       nothing, or list "velocities" if something reads them.  If LAMMPS asks for the virial,
+              list "constraint_virial" sums and exchanges the new forces, which "whole" does again.
 """
 
 from collections.abc import Callable
@@ -86,7 +102,8 @@ ACTIONS = (
     # another fix has changed the box, or taken other vectors of the same lattice for it
     A("deform", ANY, passes="deform"),
     A("flipped", ANY, passes="flipped", call="follow_atoms"),
-    # final_integrate: the second half of a step, left to the next one if nothing reads it
+    # final_integrate: the second half of a step.  With MID_STEP it is always left to the next one
+    # (list "whole"), else if nothing reads it
     A("end", (HALF,), when=WATCHED, call="refuse_new_box"),
     A("end", (HALF,), when=MID_STEP, then=WAITING),
     A("end", (HALF,), unless=SHOWN | VIRIAL | TABLE | ENERGY, then=WAITING),

@@ -31,7 +31,8 @@ class Energies(NamedTuple):
         return self.translation + self.rotation
 
 
-# the first of `Energies` as f_ID[1] to f_ID[4], of all integrators: names, and whether extensive
+# f_ID[1] to f_ID[4] of all integrators, in the order of `Energies`: names, and whether extensive.
+# Computes ke/rigid and erotate/rigid are the first two, see `plugin/computes.h`
 VALUES = {"ke_trans": True, "ke_rot": True, "temp_trans": False, "temp_rot": False}
 
 

@@ -301,6 +301,29 @@ def test_velocity_scale(run_all, ranks):
 DRIFTING = "velocity all set 0.5 0.3 -0.2 sum yes"
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_velocities_in_local_rows(run_lammps, ranks):
+    """Locks out rows of compute rigid/local with the velocities from before a fix has changed them
+    in this step, where f_ID[i][j] has those from after it."""
+    system = mixture("solid planar")
+    fix = OURS.format(group="all", words="molecule")
+    script = f"""{system.setup}
+{DRIFTING}
+{fix}
+fix 2 all momentum 10 linear 1 1 1
+compute rows all rigid/local/nosquish 1 vx
+compute local all reduce sum c_rows inputs local
+variable array equal sum(f_1[4])
+thermo_style custom step c_local v_array
+thermo_modify norm no format float %.16g
+thermo 10
+run 20
+"""
+    table = run_lammps(script, files=system.files, ranks=ranks).thermo
+    assert abs(table["c_local"][0]) > 1.0 and np.ptp(table["c_local"]) > 1.0
+    np.testing.assert_allclose(table["c_local"], table["v_array"], rtol=0, atol=1e-9)
+
+
 @pytest.mark.quick("1")
 @pytest.mark.parametrize("ranks", [1, 4])
 def test_velocities_changed_by_fixes(run_all, ranks):
