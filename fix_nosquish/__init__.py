@@ -17,7 +17,6 @@ from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from .errors import refuse
 from .host import quoted
 from .version import VERSION
 
@@ -34,12 +33,6 @@ INTEGRATORS = {
     "NPH": "nph",
     "HMC": "hmc",
 }  # class: its module in `integrators`, which is imported when a fix line names the class
-NO_FIRE = (
-    "fix nosquish/fire was removed: define fix nosquish/nve, or another fix of this package, "
-    "instead, and replace 'run' by 'minimize 0.0 FTOL MAXITER MAXEVAL'. LAMMPS's minimize moves "
-    "and rotates rigid bodies, until neither the force on a body nor the torque divided by its "
-    "radius of gyration is above FTOL (force units)"
-)
 
 
 def _maker(kind: type) -> Callable[[Any, Any], Any]:
@@ -50,17 +43,11 @@ def _maker(kind: type) -> Callable[[Any, Any], Any]:
 
 
 def _integrator(name: str) -> type:
-    refuse(name == "FIRE", NO_FIRE)
     return getattr(import_module(f"{__name__}.integrators.{INTEGRATORS[name]}"), name)
 
 
-_of_line = quoted.line_lookup(__name__, INTEGRATORS, lambda name: _maker(_integrator(name)))
-
-
-def __getattr__(text: str) -> Any:
-    """What LAMMPS's fix python/move gets for the words of a fix line."""
-    refuse(text.split()[:1] == ["FIRE"], NO_FIRE)
-    return _of_line(text)
+# what LAMMPS's fix python/move gets for the words of a fix line
+__getattr__ = quoted.line_lookup(__name__, INTEGRATORS, lambda name: _maker(_integrator(name)))
 
 
 def of_fix_line(*classes: type) -> Callable[[str], Any]:

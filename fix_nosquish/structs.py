@@ -218,7 +218,7 @@ DATA = {
     "counts": INT,  # fill counted_f, and leave shake and rattle out of the virial
     # external forces (fix_modify external)
     "pushes": INT,  # set by Python: call push when the forces of a step are known
-    "words": TEXT,  # set by Python: the variables and columns that it needs, separated by spaces
+    "words": TEXT,  # set by Python: the variables that it needs, separated by spaces
     **each(INT, "counts_energy counts_virial"),  # set by Python: what LAMMPS counts of them
     "values": DOUBLES,  # of the words, one after the other
     "sizes": INTS,  # how many values each word has: 0 for one that is for all bodies

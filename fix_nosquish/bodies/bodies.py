@@ -393,7 +393,7 @@ class Bodies:
         """
         mass, wrench = lammps.masses, self.wrench.copy()
         of_atoms = mass[:, None] * lammps.v
-        gather.bind_to(self.cells, atom_f=of_atoms, all_bodies=True)()
+        gather.bind_to(self.cells, atom_f=of_atoms, part=block.ALL)()
         momentum = self.wrench.copy()
         if particles is not None:
             spins = particles.momentum

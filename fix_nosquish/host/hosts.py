@@ -173,8 +173,8 @@ class Host:
         """The current acceleration by another fix, (3,); None if it gives none."""
 
     def ask_for(self, words: Sequence[str], *, energy: bool, virial: bool) -> None:
-        """Have LAMMPS evaluate these words (variables and columns) when it calls `push`, and have
-        it include the energy and the virial of external forces."""
+        """Have LAMMPS evaluate these words, v_NAME, when it calls `push`, and include the energy
+        and the virial of external forces."""
 
     def values(self) -> list[np.ndarray]:
         """The current values of the words of `ask_for`, in this order: arrays (n,) or ()."""

@@ -33,7 +33,8 @@ LINE = 8  # doubles in a cache line
 
 # kinds of bodies: points, linear bodies, bodies that rotate about z only, rotors with three moments
 POINT, LINEAR, PLANAR, ROTOR = range(4)
-ALL, WHOLE, DIVIDED = range(3)  # bodies: all, those with all atoms on this rank, the shared ones
+# bodies: all, those with all atoms on this rank, those with atoms on other ranks, too
+ALL, UNSHARED, SHARED = range(3)
 
 
 # The kind of each body: [0, rotors) have three moments, or one if planar; [rotors, turning) are

@@ -16,8 +16,9 @@ from .block import (
     MATRIX,
     MOMENT,
     ROWS,
+    SHARED,
     TORQUE,
-    WHOLE,
+    UNSHARED,
     Images,
     Layout,
     P,
@@ -167,17 +168,17 @@ def gather_block(layout, k, atom_f):
 
 
 @loop
-def gather(layout: Layout, atom_f: F2, all_bodies: I) -> I:
+def gather(layout: Layout, atom_f: F2, part: I) -> I:
     """Sum force and torque (space frame, about the centre of mass) over this rank's atoms.
 
     Args:
-        all_bodies: whether to sum for all bodies, or only for those shared with other ranks.
+        part: of the bodies: ALL or SHARED.
     Returns:
         the number of bodies with non-finite sums.
     """
     wrong = 0
     for k in range(layout.blocks.shape[0] - 1):
-        if layout.blocks[k, 2] and not all_bodies:
+        if layout.blocks[k, 2] and part == SHARED:
             continue
         fetch_ahead(layout, k + 1, Q, Q + 4, atom_f)
         take(layout, k, Q, Q + 4, Q)
@@ -412,14 +413,14 @@ def _make_advance(parts: Stages, owner: tuple[str, str], numbers: Kind, rows: in
         It completes the previous step if `ends`, and begins this one if `begins`, so a whole step
         can be one pass.  If it gathers, force and torque of bodies with all atoms on this rank are
         summed here, and DROPS or KEEPS says whether they are stored.  `part` selects the bodies:
-        ALL, WHOLE or DIVIDED; the loop is called for WHOLE before DIVIDED.
+        ALL, UNSHARED or SHARED; the loop is called for UNSHARED before SHARED.
 
         Returns:
             as `gather`, or 0.
         """
         wrong, blocks, block = 0, layout.blocks, layout.block
         for k in range(blocks.shape[0] - 1):
-            if part != ALL and blocks[k, 2] != (part == WHOLE):
+            if part != ALL and blocks[k, 2] != (part == UNSHARED):
                 continue
             fetch_ahead(layout, k + 1, MASS, P + 4, atom_f if gathers else atom_x)
             take(layout, k, MASS, P + 4, MASS)
@@ -447,7 +448,7 @@ def _make_advance(parts: Stages, owner: tuple[str, str], numbers: Kind, rows: in
             put(layout, k, ROWS, ROWS + rows, BLOCK_ROWS)
             if not several:
                 place(layout, k, atom_x)
-        if not several and part != WHOLE:
+        if not several and part != UNSHARED:
             move_to_images(layout, images, atom_x)
         return wrong
 

@@ -86,7 +86,7 @@ class Box : public Part {
   // With remap v, fix deform changes the box without calling other fixes. Returns whether it has done so. Ends the run if its rates
   // are others than when the run began, from which bodies that cross a face get their velocities.
 
-  bool remaps_velocities() const
+  bool was_remapped() const
   {
     if (!bridge.remap_group || !bridge.at_deform || now() == known) return false;
     if (!std::equal(first_rate, first_rate + 6, domain->h_rate))

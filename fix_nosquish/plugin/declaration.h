@@ -130,7 +130,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
 {
   const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
   if (word == "external") {
-    call(bridge.modify_external, external.expanded(narg, arg).c_str());
+    call(bridge.modify_external, external.words_of(narg, arg).c_str());
     external.replace_fix();
     return narg;
   }

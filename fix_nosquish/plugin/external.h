@@ -7,7 +7,6 @@
 #include "part.h"
 
 #include "input.h"
-#include "memory.h"
 #include "modify.h"
 #include "update.h"
 #include "variable.h"
@@ -53,7 +52,7 @@ class ExternalForces : public Fix {
   }
 };
 
-// Python interprets the words of fix_modify external; LAMMPS evaluates the variables and columns among them in each step.
+// Python interprets the words of fix_modify external; LAMMPS evaluates the variables among them in each step.
 
 class External : public Part {
  public:
@@ -66,20 +65,14 @@ class External : public Part {
     if (bridge.words && modify->nfix) ExternalForces::replace(modify, id(), false, false);
   }
 
-  // The words after fix_modify external, with f_ID[*] expanded to columns.
+  // The words after fix_modify external.
 
-  std::string expanded(int narg, char **arg) const
+  std::string words_of(int narg, char **arg) const
   {
     Fix *other = modify->get_fix_by_id(id());
     if (other && !dynamic_cast<ExternalForces *>(other))
       refuse("fix " + id() + " (style " + other->style + ") has the ID that external forces need: give it another ID");
-    char **all = arg;
-    const int n = utils::expand_args(FLERR, narg, arg, 1, all, lmp);
-    const auto words = utils::join_words({all + 1, all + n}, " ");
-    if (all == arg) return words;
-    for (int k = 0; k < n; k++) delete[] all[k];
-    memory->sfree(all);
-    return words;
+    return utils::join_words({arg + 1, arg + narg}, " ");
   }
 
   // After Python has interpreted the words.
@@ -94,6 +87,7 @@ class External : public Part {
     values.clear();
     sizes.clear();
     modify->clearstep_compute();
+    forget_vectors(*input->variable);
     for (std::string word; words >> word;) sizes.push_back(add(word));
     forget_vectors(*input->variable);    // they may be of velocities within a step
     modify->addstep_compute(update->ntimestep + 1);
@@ -117,16 +111,12 @@ class External : public Part {
 
   std::string id() const { return std::string(fix->id) + "_external"; }
 
-  // Append the value of a word: one number (returns 0), or one for each body (returns how many). A column becomes a temporary
-  // vector-style variable.
+  // Append the value of a word, v_NAME: one number (returns 0), or one for each body (returns how many).
 
   int add(const std::string &word)
   {
     Variable &variable = *input->variable;
-    const bool column = word[0] != 'v';
-    if (column) variable.set(id() + " vector " + word);
-    forget_vectors(variable);
-    const std::string name = column ? id() : word.substr(2);
+    const std::string name = word.substr(2);
     const int number = variable.find(name.c_str());
     int count = 0;
     if (number >= 0 && variable.vectorstyle(number)) {
@@ -140,7 +130,6 @@ class External : public Part {
                      (number < 0 ? ": there is no such variable" : " is of a variable of another style") +
                      ": define it with 'variable " + name + " equal ...' or 'variable " + name + " vector ...'");
     }
-    if (column) variable.set(id() + " delete");
     return count;
   }
 };

@@ -75,8 +75,8 @@ struct CurrentCommand : LAMMPS_NS::Input {
   static const char *of(LAMMPS_NS::Input *input) { return input->*(&CurrentCommand::command); }
 };
 
-// LAMMPS does not evaluate a vector-style variable again in the same step, although atoms may have moved since, or the variable may be
-// another one of the same number. The members that make it do so are private.
+// LAMMPS does not evaluate a vector-style variable again in the same step, although atoms may have moved since. The members that make it
+// do so are private.
 
 #if COMPILED_FOR_LAMMPS <= 20250722
 template <auto member> struct PrivateMember {
@@ -107,10 +107,7 @@ inline int number_of(LAMMPS_NS::Variable &variable)
 
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {
-  for (auto &entry : Variables::of(variable)) {
-    entry.vec.currentstep = -1;
-    if (!entry.vec.values) entry.vec.nmax = 0;    // 4 Jul 2026 keeps that of a deleted variable, whose place the next one takes
-  }
+  for (auto &entry : Variables::of(variable)) entry.vec.currentstep = -1;
 }
 #endif
 

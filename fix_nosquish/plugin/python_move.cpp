@@ -187,7 +187,7 @@ void FixPythonMove::deform(int after)
 
 void FixPythonMove::follow_remapping_box()
 {
-  if (box.remaps_velocities()) deform(1);
+  if (box.was_remapped()) deform(1);
 }
 
 // Set the box that a loop has computed.

@@ -13,7 +13,7 @@ namespace nosquish {
 using namespace LAMMPS_NS;
 
 const std::string PYTHON_MOVE = "python/move";
-const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc", "nosquish/fire"};
+const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc"};
 
 // The styles and computes that replace LAMMPS's with -sf nosquish.
 

@@ -67,9 +67,9 @@ def conditions_of(setting: Setting) -> Conditions:
     )
     ours = {host.fix_id, *(sibling.host.fix_id for sibling in siblings)}
     # a sibling may end its step after this fix
-    siblings_read = any(sibling.external.may_read_atoms(ours) for sibling in siblings)
+    siblings_read = any(sibling.external.words.named for sibling in siblings)
     fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step, siblings_read)
-    reads = siblings_read or setting.external.may_read_atoms(ours)
+    reads = siblings_read or setting.external.words.named
     follows = fixes.report_box and not box_every(integrator.parts) and not levels
     deformed_box = host.deformed_box if follows else None
     remaps = deformed_box is not None and bool(host.remap_group)

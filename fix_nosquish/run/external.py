@@ -1,12 +1,11 @@
 """External forces: a force and a torque that are handed in for each body.
 
-They come from fix_modify external, whose words are numbers, variables, and columns of other fixes
-and computes, and from Python, by `bodies.Bodies.add_force`.  Each rank knows those of all bodies,
+They come from fix_modify external, whose words are numbers and variables, and from Python, by
+`bodies.Bodies.add_force`.  Each rank knows those of all bodies,
 by their IDs, so that they need not follow a body to another rank.
 """
 
 import re
-from collections.abc import Collection
 from typing import NamedTuple
 from zlib import crc32
 
@@ -23,10 +22,10 @@ from ..ranks.communicator import Alone
 
 ENERGY, COLUMNS = 6, 7  # after three components of the force and three of the torque
 _PARTS = {"force": range(3), "torque": range(3, 6), "energy": range(6, 7)}
-_STANDS_FOR_NUMBERS = re.compile(r"v_\w+|[fc]_\w+(\[[1-9]\d*\])?")
+_VARIABLE = re.compile(r"v_\w+")
 _EXPECTED = (
-    "a number, v_NAME of an equal-style or vector-style variable, or f_ID[i] or c_ID[i], a column "
-    "of the global array of a fix or a compute, is expected"
+    "a number, or v_NAME of an equal-style or vector-style variable, is expected (for a column of "
+    "a fix or a compute: 'variable NAME vector f_ID[i]')"
 )
 _COMPONENTS = (0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)  # of LAMMPS's virial
 
@@ -41,7 +40,7 @@ class Words(NamedTuple):
 
     Attributes:
         numbers: (COLUMNS,) of each column, 0 where a word stands for it.
-        named: of columns, the variables and columns of other fixes that give their numbers.
+        named: of columns, the variables that give their numbers.
         python: whether Python may hand in forces.
         virial: whether LAMMPS counts their virial.
         energy: whether it counts their energy.
@@ -83,11 +82,6 @@ class ExternalForces:
         self.acts = self.changed = False
         self.words, self._given = NO_WORDS, _NOTHING_GIVEN
         self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
-
-    def may_read_atoms(self, ours: Collection[str | None]) -> bool:
-        """Whether a word may depend on atoms: all but columns of fixes of this package, `ours`."""
-        words = self.words.named.values()
-        return any(word[0] != "f" or word[2:].partition("[")[0] not in ours for word in words)
 
     @property
     def moves_centres(self) -> bool:
@@ -285,7 +279,7 @@ def _read(words: list[str]) -> Words:
                     numbers[column] = float(word)
                 else:
                     _refuse(
-                        not _STANDS_FOR_NUMBERS.fullmatch(word),
+                        not _VARIABLE.fullmatch(word),
                         f"'{word}' was given after {part}, where {_EXPECTED}",
                     )
                     named[column] = word

@@ -36,9 +36,9 @@ from ..motion import step, virial
 from ..motion.block import (
     ALL,
     BLOCK_ROWS,
-    DIVIDED,
     LANES,
-    WHOLE,
+    SHARED,
+    UNSHARED,
 )
 from ..motion.body_forces import push, weigh
 from ..motion.step import DROPS, KEEPS
@@ -143,17 +143,17 @@ class Passes:
         # the ranks send each other force and torque of bodies that they share, and add what comes
         sends = [give.bind_to(cells, values=cells["wrench"])] if several else []
         adds = [combine.bind_to(cells, values=cells["wrench"], how=ADD)] if several else []
-        gather = [step.gather.bind_to(cells, all_bodies=True), *torques, *sends, *adds, *pushes]
+        gather = [step.gather.bind_to(cells, part=ALL), *torques, *sends, *adds, *pushes]
         how = KEEPS if self._conditions.half_step else DROPS
         if torques or pushes:
             return gather, [*gather, *prepares, self._advance()]
         if not several:
             return gather, [*prepares, self._advance(gathers=how)]
         # messages are under way while the bodies that need none move
-        some = step.gather.bind_to(cells, all_bodies=False)
-        undivided = self._advance(gathers=how, part=WHOLE)
-        divided = self._advance(gathers=how, part=DIVIDED)
-        return gather, [some, *sends, *prepares, undivided, *adds, divided]
+        of_shared = step.gather.bind_to(cells, part=SHARED)
+        unshared = self._advance(gathers=how, part=UNSHARED)
+        shared = self._advance(gathers=how, part=SHARED)
+        return gather, [of_shared, *sends, *prepares, unshared, *adds, shared]
 
     def _velocities(self, spin: bool) -> list:
         """The atoms' velocities."""

@@ -47,7 +47,8 @@ class BoxWatch:
             ((box.h != self._bodies.cells["h"].array) & held).any(),
             f"the box has changed by step {self._lammps.step}, and bodies do not move "
             "with it. In a run use fix nosquish/npt, fix nosquish/nph, or fix deform with "
-            "remap x or v and run_style verlet, each with this package's plugin; between runs any "
+            "remap x (with fix nosquish/nve also v) and run_style verlet, each with this package's "
+            "plugin; between runs any "
             "command may change the box, with reinit yes and without infile or 'pre no'",
         )
         self._box = box

@@ -79,12 +79,12 @@ NVE, MN = "nosquish/nve molecule", target("MatubayasiNakahara")
         (
             NVE,
             "all deform 1 x erate 0.3 remap none",
-            "fix deform with remap x or v",
+            "fix deform with remap x (with fix nosquish/nve also v)",
         ),
         (
             NVE,
             "all deform 1 xy erate 0.01 remap none",
-            "fix deform with remap x or v",
+            "fix deform with remap x (with fix nosquish/nve also v)",
         ),
         (
             NVE,

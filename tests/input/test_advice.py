@@ -9,7 +9,7 @@ import pytest
 
 from fix_nosquish.host.hosts import OtherFix
 from fix_nosquish.run.other_fixes import OtherFixes
-from support.endings import LINEAR, assert_ended
+from support.endings import LINEAR, PLAIN, assert_ended
 
 CO2 = """
 units real
@@ -203,16 +203,18 @@ def test_recenter_of_another_group(run_lammps, tmp_path, ranks):
     np.testing.assert_array_equal(ends[0], ends[2])
 
 
-PUSH = """
+PUSH = (
+    PLAIN
+    + """
 from fix_nosquish.host.lammps import Lammps
 
-class Push:
+class Push(Plain):
     def __init__(self, ptr):
         self.lammps = Lammps(ptr)
-    def final_integrate(self): pass
     def initial_integrate(self, vflag):
         self.lammps.x[self.lammps.tags == 9] += 0.01
 """
+)
 
 
 def test_atoms_that_nobody_is_said_to_move(run_lammps, tmp_path):

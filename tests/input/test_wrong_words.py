@@ -269,12 +269,6 @@ REFUSED = [
         f"{TRAJECTORIES}run 20\nthermo_style custom step\nreset_timestep 0\nrun 20 pre no\n",
         "step 1 does not follow the last trajectory",
     ),
-    Refused(native("FIRE all molecule force 1.5 torque 1"), "nosquish/fire was removed: define"),
-    Refused(
-        "fix 1 all nosquish/fire molecule force 1 torque 1\n",
-        "fix nosquish/fire was removed: define fix nosquish/nve",
-        ranks=2,
-    ),
     *(Refused(native(f"NVE all molecule {words}"), says) for words, says in OF_NVE),
     # noise of which a part is no rigid motion: bodies were too cold, by 3/4 in a case
     Refused(

@@ -8,6 +8,7 @@ import pytest
 
 from support import insertion
 from support.debian import debian, obstacle
+from support.endings import PLAIN
 from support.running import ROOT
 from support.systems import SHAPES, assemble, mixture
 from validation.statistics import motion
@@ -105,16 +106,18 @@ def test_as_addtorque(run_bodies, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_columns_of_others(run_bodies, ranks):
-    """Locks out columns that all are the first one, as LAMMPS keeps a variable's values within a
-    step, or that are of another step: of another fix's bodies, and of a compute."""
+    """Locks out columns that are of another step, as LAMMPS keeps a variable's values within a
+    step: of another fix's bodies, and of a compute."""
     system = mixture("single", side=4, spacing=1.4)
     some, rest = "group some molecule <= 32\n", "group rest molecule > 32\n"
     lines = (
         f"{some}{rest}fix 2 rest nosquish/nve molecule\nfix 1 some nosquish/nve molecule\n"
         "compute chunk some chunk/atom molecule\n"
         "compute centre some com/chunk chunk\n"
-        "fix_modify 1 external force f_2[1*3] torque 0 0 0\n"
-        "fix_modify 2 external force c_centre[*]\n"
+        + "".join(f"variable p{k} vector f_2[{k}]\n" for k in (1, 2, 3))
+        + "".join(f"variable c{k} vector c_centre[{k}]\n" for k in (1, 2, 3))
+        + "fix_modify 1 external force v_p1 v_p2 v_p3 torque 0 0 0\n"
+        "fix_modify 2 external force v_c1 v_c2 v_c3\n"
         + "".join(f"variable off{k} equal f_1[9][{6 + k}]-f_2[9][{k}]\n" for k in (1, 2, 3))
         + "".join(f"variable of{k} equal f_2[9][{6 + k}]-c_centre[9][{k}]\n" for k in (1, 2, 3))
         + "variable far equal f_2[9][1]-f_2[9][3]\n"
@@ -333,14 +336,16 @@ def test_forces_from_python(run_bodies, run_lammps, tmp_path, ranks):
     assert np.ptp(expected["TotEng"][1:]) > 1e-3
 
 
-LATE = """
+LATE = (
+    PLAIN
+    + """
 import fix_nosquish
-class Late:
+class Late(Plain):
     def __init__(self, ptr): self.ptr = ptr
-    def initial_integrate(self, vflag): pass
     def final_integrate(self):
         fix_nosquish.rigid_bodies(self.ptr, "1").add_force([1], [1.0, 0.0, 0.0])
 """
+)
 TOO_LATE = """lmp.command("group none empty")
 lmp.command("fix 2 none python/move late.Late")
 lmp.command("run 9")
@@ -437,8 +442,7 @@ VARIABLES = (
     [
         ("force v_three 0 0", "v_three has 3 values, and there are 27 bodies"),
         ("force 0 0 0 energy v_three torque 1 0 0", "v_three has 3 values, and there are 27"),
-        ("force f_1[1] f_1 0", "f_1 has 4 values, and there are 27 bodies"),
-        ("force f_1[1] f_7[2] 0", "Variable 1_external"),
+        ("force f_1[1] 0 0", "'variable NAME vector f_ID[i]'"),
         ("force v_some 0 0", "v_some is of a variable of another style"),
         ("force v_word 0 0", "v_word is of a variable of another style"),
         ("force v_missing 0 0", "v_missing: there is no such variable"),

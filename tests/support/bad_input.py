@@ -266,7 +266,7 @@ CASES = {
     ),
     "box deformed alone": Case(
         "all molecule",
-        ("box has changed by step", "remap x or v", "between runs"),
+        ("box has changed by step", "remap x (with fix_nosquish.NVE also v)", "between runs"),
         before="neigh_modify every 1 delay 0 check no",
         after="fix 2 all deform 1 x erate 0.01 remap none",
     ),

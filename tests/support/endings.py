@@ -42,21 +42,36 @@ Types
 """
 
 # Classes that do, when LAMMPS calls them, what no input script can.
-SPOIL = """
+# a class that the plugin takes, and which does nothing
+PLAIN = """
+from fix_nosquish.structs import HOOKS
+
+class Plain:
+    line = template = restart_state = replacement_notice = array_rows = None
+    restart_file = flips = needs_energy = couples = carries = box_every = array_columns = 0
+    vector_extensive = False,
+
+    def __getattr__(self, name):
+        if name in HOOKS or name in ("define_bodies", "let_go"):
+            return lambda *arguments: 0
+        raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+"""
+
+SPOIL = (
+    PLAIN
+    + """
 from ctypes import c_double
 from fix_nosquish.host.command import Line
 from fix_nosquish.host.lammps import Lammps
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.run.fix import fix_of
 
-class NoMass:
+class NoMass(Plain):
     mass = 0.0
     def __init__(self, ptr):
         lammps = Lammps(ptr)
         table = lammps.lib.lammps_extract_atom(lammps.handle, b"mass")
         (c_double * 2).from_address(table)[1] = self.mass
-    def initial_integrate(self, vflag): pass
-    def final_integrate(self): pass
 
 class NegativeMass(NoMass):
     mass = -1.0
@@ -73,6 +88,7 @@ def BreaksOnOneRank(ptr):
     fix.run_action, fix.final_integrate = breaking(fix.run_action), breaking(fix.final_integrate)
     return made
 """
+)
 
 
 def processes_in(folder):
