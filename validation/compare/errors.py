@@ -203,12 +203,15 @@ class Pooled(NamedTuple):
     settles: float
 
     @classmethod
-    def of(cls, starts: Starts, shared: bool, like: Starts | None = None) -> "Pooled":
+    def of(
+        cls, starts: Starts, shared: bool, like: Starts | None = None, times: float = 1.0
+    ) -> "Pooled":
         """The means over the points' starts.
 
         Args:
             shared: whether they are compared with another run.
             like: runs from which the noise is estimated; None means these.
+            times: length of the runs in ``starts``, in lengths of those in ``like``.
         """
         noise_source = starts if like is None else like
         known = _chance(_values(noise_source))
@@ -223,7 +226,10 @@ class Pooled(NamedTuple):
             )
             few = noise.wider > 1 and (freedom is None or noise.freedom < freedom)
             means[point] = Estimate(mean, noise.wider * error, noise.freedom if few else freedom)
-        return cls(means, 0.0 if shared else _settling(noise_source, known))
+        # a deviation that decays between the starts to LEFT times its decrease, at the slowest, is
+        # gone after as many short runs
+        part = 0.0 if shared else min(1.0, LEFT / times)
+        return cls(means, part * _settling(noise_source, known))
 
     def with_settling(self, estimate: Estimate | None) -> Estimate | None:
         """An error of these means with that of starts that are not in equilibrium added."""
@@ -350,10 +356,12 @@ def errors(
         like: shorter runs from which the noise is estimated; None means these.
         times: length of the runs in ``results``, in lengths of those in ``like``.
     """
-    noise_source = results if like is None else like
+    results, noise_source = (
+        _without(source, case.unknown) for source in (results, results if like is None else like)
+    )
 
     def means(of, shared=False):
-        return Pooled.of(_starts(results, of), shared, _starts(noise_source, of))
+        return Pooled.of(_starts(results, of), shared, _starts(noise_source, of), times)
 
     every = [numbers for starts in results.values() for numbers in starts.values()]
     scalars = {
@@ -382,6 +390,24 @@ def errors(
             name: estimate for name, estimate in estimates.items() if estimate and name not in lost
         }
     return result
+
+
+def _without(results: Results, unknown: Mapping[str, Sequence[str]]) -> Results:
+    """The results without estimates that an integrator's runs cannot measure: the noise and the
+    starts' chances of all points together must not contain them."""
+    return {
+        point: {
+            n: numbers._replace(
+                estimates={
+                    name: estimate
+                    for name, estimate in numbers.estimates.items()
+                    if name not in unknown.get(point.scheme, ())
+                }
+            )
+            for n, numbers in starts.items()
+        }
+        for point, starts in results.items()
+    }
 
 
 def _starts(results: Results, of: Callable[[Numbers], Any]) -> dict[Point, dict[int, Any]]:

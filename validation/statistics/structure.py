@@ -57,7 +57,7 @@ class Motion:
         if group.shape[1] == 2:
             return np.ones(len(group), bool)
         r = self.x[0][group]
-        r = measures.nearest_image(r - r[:, :1], self.cell, self.periodic)
+        r = measures.nearest_image(r - r[:, :1], self.cells[0], self.periodic)
         singular = np.linalg.svd(r - r.mean(axis=1, keepdims=True), compute_uv=False)
         return singular[:, 1] < STRAIGHT * singular[:, 0]
 

@@ -175,6 +175,38 @@ def test_noise_that_runs_hide_makes_bars_wider():
     assert pooled({points[0]: {1: Estimate(2.0, 0.1)}}, False)[:2] == (2.0, 0.1)
 
 
+def test_energies_that_nobody_counts_change_no_other():
+    """Locks out bars a thousand times as wide: LAMMPS's rigid/npt/small, whose energy is not the
+    conserved one, was in the noise and in the starts' chance of all integrators together."""
+    points = [Point(name, dt) for dt in (1.0, 2.0) for name in ("a", "b")]
+
+    size = {"a": 0.01, "b": 500.0}
+    case = replace(CASE, reference="a", unknown={"b": ("drift",)})
+
+    def told(names):
+        results = {
+            point: {n: Numbers({"drift": Estimate(size[point.scheme] * n, 0.01)}) for n in (1, 2)}
+            for point in points
+            if point.scheme in names
+        }
+        return errors.errors(case, results, points[0])
+
+    both, alone = told("ab"), told("a")
+    assert "drift" not in both[points[1]]
+    assert both[points[0]]["drift"] == alone[points[0]]["drift"]
+    assert alone[points[0]]["drift"].margin < 0.2
+
+
+def test_a_long_run_ends_what_settles():
+    """Locks out a long run that cannot decide anything, because the starts' difference in short
+    runs counts for it, too, however long it is."""
+    points = [Point("a", dt) for dt in (1.0, 2.0, 3.0)]
+    short = {point: {1: Estimate(1.0, 0.1), 2: Estimate(-1.0, 0.1)} for point in points}
+    long = {points[0]: {2: Estimate(0.0, 0.02)}}
+    bars = [errors.Pooled.of(long, False, short, times).settles for times in (1.0, 2.0, 30.0)]
+    assert bars[0] == bars[1] > 5 and bars[2] == pytest.approx(bars[0] / 10)
+
+
 @pytest.mark.parametrize("number, least", [(2, 0.88), (3, 0.93), (6, 0.93)])
 def test_margins_of_few_points_cover(number, least):
     """Locks out degrees of freedom that the common part of the starts has taken: then margins of
