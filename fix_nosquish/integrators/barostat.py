@@ -12,7 +12,8 @@ from ..host.command import PRESSURES, TILTS
 from ..host.hosts import OtherFix
 from ..host.lammps import Lammps
 from ..loops.compiled import F1, L1, Cell, I, Kind, Loop
-from ..run.other_fixes import READERS, WITH_SWITCHES
+from ..run.other_boxes import WITH_SWITCHES
+from ..run.other_fixes import READERS
 from ..run.run import Run
 from .thermostat import MOST_STEPS, EnsemblePart, far_off, instability
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..bodies.membership import Membership
 from ..box import deform
 from ..errors import refuse
 from ..loops import machine_code
 from . import gravity
+from .other_boxes import followed_box, refuse_remap
 from .other_fixes import OtherFixes, reading_pair_style
 from .part import Part, box_every, needs_energy
 from .registry import siblings_of
@@ -28,7 +28,7 @@ class Conditions:
         goes_on: whether the bodies are those of the last run.
         half_step: whether something may read atoms' velocities between the halves of a step.
         deformed_box: the box that another fix changes, if bodies can follow it; else None, and
-            a `watch.BoxWatch` ends the run when the box changes.
+            a `BoxWatch` ends the run when it changes.
         remaps_velocities: whether this is with remap v, so that velocities change at faces.
         gravity: the acceleration of keyword gravity, (3,); None without it.
     """
@@ -70,19 +70,15 @@ def conditions_of(setting: Setting) -> Conditions:
     siblings_read = any(sibling.external.words.named for sibling in siblings)
     fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step, siblings_read)
     reads = siblings_read or setting.external.words.named
-    follows = fixes.report_box and not box_every(integrator.parts) and not levels
-    deformed_box = host.deformed_box if follows else None
+    deformed_box = followed_box(
+        host, fixes.changing_box, is_ours=bool(box_every(integrator.parts)), levels=levels
+    )
     remaps = deformed_box is not None and bool(host.remap_group)
     if deformed_box is not None:
         machine_code.load(setting.ranks, deform.__name__)
     if remaps:
-        refuse(
-            not integrator.supports_remap_v or needs_energy(integrator.parts),
-            "fix deform has remap v, with which bodies get another velocity at periodic faces: "
-            f"{name} does not support it. Use fix nosquish/nve, and fix langevin with fix_modify "
-            "temp for a temperature",
-        )
-        _refuse_remap_of_few(setting.membership, host.remap_group)
+        supported = integrator.supports_remap_v and not needs_energy(integrator.parts)
+        refuse_remap(supported, name, setting.membership, host.remap_group)
     return Conditions(
         siblings=siblings,
         other_fixes=fixes,
@@ -97,12 +93,3 @@ def conditions_of(setting: Setting) -> Conditions:
             needs_energy=needs_energy(integrator.parts), levels=levels,
         ),
     )  # fmt: skip
-
-
-def _refuse_remap_of_few(membership: Membership, remap_group: int) -> None:
-    """End the run if remap v of fix deform leaves out atoms of the bodies; collective."""
-    groups, bit = membership.lammps.groups[membership.atoms()], remap_group & 0xFFFFFFFF
-    refuse(
-        membership.communicator.any((groups & bit == 0).any()),
-        "fix deform has remap v for a group that lacks atoms of the bodies: give it group all",
-    )

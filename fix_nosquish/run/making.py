@@ -15,8 +15,8 @@ from ..bodies.species import compare
 from ..errors import refuse
 from ..host.hosts import Host
 from . import switches
+from .masses import MassWatch
 from .rotation import Rotation
-from .watch import MassWatch
 
 
 @dataclass

@@ -9,15 +9,12 @@ from ..errors import refuse
 from ..host.command import Command
 from ..host.hosts import Host, OtherFix
 from ..host.lammps import Lammps
+from .other_boxes import REPORTING, why_not
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
 # fixes by which accelerator packages compute forces, and which change nothing besides
 _PACKAGES = "GPU", "OMP", "INTEL"
-# fixes that change the box and report it to rigid fixes; box/relax is refused in a minimization,
-# see `beginning`, and changes nothing in a run
-_REPORTING = "deform", "press/berendsen"
-_ELSEWHERE = (*_REPORTING, "box/relax")
 # fixes that read no velocities but those of their own atoms; and these between the halves of a
 # step, if they do not vary; fixes of dynamic groups, which act there without a hook; pair styles
 # that read velocities, besides those for which ghost atoms have some
@@ -31,14 +28,7 @@ _THERMOSTATS = "langevin", "temp/", "gle", "gld", "ttm", "nvt", "npt", "bocs", "
 # if they do not vary
 READERS = "ave/", "print", "vector", "store/", "STORE/", "halt"
 _IDLE = "deform", "colvars"
-_UNCHANGING = *READERS, *_REPORTING, "dt/reset"
-# what to do with bodies that have keyword force or torque, in a box that changes
-WITH_SWITCHES = (
-    "keywords force and torque are for a box that does not change. Leave bodies that do not move "
-    "at all out of the fix, because atoms that no fix integrates stay where they are; for bodies "
-    "that press on a fluid keep the box (fix nvt), and add the pressure's force to them (fix "
-    "addforce)"
-)
+_UNCHANGING = *READERS, *REPORTING, "dt/reset"
 _DRAWING = "temp/csld"  # a thermostat that draws a velocity for each atom, and counts it as heat
 # fixes that exchange velocities of two atoms, and others that move atoms besides their integrator;
 # and what to use instead of each
@@ -108,10 +98,7 @@ class OtherFixes(list[OtherFix]):
         late: those that act at the end of a step, and so may change velocities.
         half_step: whether something may read the atoms' velocities between the halves of a step.
         velocities_every: every how many steps something may read them at its end.
-        change_box: whether the box may change.
-        report_box: whether all that change it report it to rigid fixes, as fix deform does with
-            remap x or v.  With remap none it does not, and LAMMPS does not tell which it is: see
-            `watch.BoxWatch`.
+        changing_box: those that change the box.
         movers: those that may move atoms besides their integrator.
     """
 
@@ -139,11 +126,9 @@ class OtherFixes(list[OtherFix]):
         reading = any(fix.integrates and not fix.style.startswith(_BLIND) for fix in self)
         each = unknown or reading or siblings_read
         self.velocities_every = (1,) if each else tuple({fix.nevery for fix in ending})
-        changes = [fix for fix in self if fix.box_change]
-        self.change_box = unknown or bool(changes)
+        self.changing_box = [fix for fix in self if fix.box_change]
         moving = [fix for fix in self if fix.moves or fix.style.startswith(_LATE_MOVING)]
         self.movers = [fix for fix in moving if not _stays(fix)]
-        self.report_box = bool(changes) and all(fix.style.startswith(_REPORTING) for fix in changes)
 
     def possible_movers(self) -> list[OtherFix]:
         """Those that may have moved atoms that something has moved: also at the end of a step, or
@@ -241,25 +226,9 @@ def refuse_other_integrators(
             acts = host.moved_by(fix.id, lammps.x)
         both = atoms[acts[atoms]]
         tag = lammps.tags[both[0]] if len(both) else None
-        problem = _of_box(fix, ours) or _of_atom(fix, tag, ours, fix in fixes.movers) or problem
+        of_box = why_not(fix, ours.command, ours.changes_box)
+        problem = of_box or _of_atom(fix, tag, ours, fix in fixes.movers) or problem
     membership.communicator.agree(problem)
-
-
-def _of_box(fix: OtherFix, ours: Ours) -> str | None:
-    """Why a fix cannot change the box of a run with ours, or None.
-
-    Our barostats claim all axes and tilts, so LAMMPS itself refuses another fix beside them."""
-    if not fix.box_change or fix.style.startswith(_ELSEWHERE) or ours.changes_box:
-        return None
-    instead = (
-        "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "
-        "also moves atoms that are in no body"
-    )
-    switched = ours.command.force or ours.command.torque
-    return (
-        f"fix {fix.id} (style {fix.style}) changes the box, and bodies do not move with it: "
-        f"{WITH_SWITCHES if switched else instead}"
-    )
 
 
 def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | None:

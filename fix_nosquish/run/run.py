@@ -9,11 +9,12 @@ import numpy as np
 from ..bodies.bodies import Bodies
 from ..errors import RunError, refuse
 from ..host.hosts import OtherFix, Phase
-from . import gravity, log, schedule, switches, velocities, watch
+from . import gravity, log, masses, schedule, switches, velocities
 from .cards import Cards
 from .conditions import Conditions
 from .making import MadeBodies
 from .minimization import Minimization
+from .other_boxes import BoxWatch
 from .other_fixes import Ours, acts_on_bodies, may_move, refuse_constraints
 from .output import table
 from .part import box_every, needs_energy
@@ -22,7 +23,6 @@ from .schedule import ACTIONS, GATHERS, SEEN
 from .setting import Setting
 from .thermo import Energies, Thermo
 from .velocities import AtomVelocities, LostEnergy
-from .watch import BoxWatch
 
 T = TypeVar("T")
 
@@ -61,9 +61,10 @@ class Run:
         self.membership, self.external = setting.membership, setting.external
         self.bodies, self.report, self.switches = made.bodies, made.report, made.switches
         fixes, remaps = conditions.other_fixes, conditions.remaps_velocities
-        may_change = fixes.change_box and conditions.deformed_box is None
+        may_change = fixes.unknown or bool(fixes.changing_box)
+        may_change &= conditions.deformed_box is None
         self.box = BoxWatch(made.bodies, self.lammps, may_change, bool(self.box_every))
-        self.masses_may_change = watch.masses_may_change(fixes, self.lammps)
+        self.masses_may_change = masses.masses_may_change(fixes, self.lammps)
         self.thermo = Thermo(made.bodies, self.lammps, self.ranks)
         self.velocities = AtomVelocities(
             made.bodies, self.lammps, self.ranks, made.report, setting.maker.shapes, remaps

@@ -94,7 +94,7 @@ ACTIONS = (
     # with run_style respa the innermost level moves the bodies, when all others have kicked them
     A("move", ANY, passes="begin", then=HALF, clears=SEEN),
     # LAMMPS exchanges atoms and rebuilds its lists: before it, and after it.  Another box ends the
-    # run, if it is not the bodies' own: see `watch.BoxWatch`
+    # run, if it is not the bodies' own: see `other_boxes`
     A("exchange", ANY, passes="flip"),
     A("neighbor", ANY, when=OTHER_BOX, call="follow_atoms"),
     A("neighbor", ANY, when=LOOKS, unless=OTHER_BOX, call="follow_atoms"),

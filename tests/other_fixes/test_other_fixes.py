@@ -494,8 +494,6 @@ def test_values_read_before_a_step_begins(simulate):
 PULL = "fix_modify 1 external force {} 0 0"
 READERS = {
     "equal-style variable": PULL.format("v_v"),
-    "compute": "compute ch bodies chunk/atom molecule compress yes\n"
-    f"compute cm bodies vcm/chunk ch\n{PULL.format('c_cm[1]')}",
     "compute in a vector": "compute ch bodies chunk/atom molecule compress yes\n"
     f"compute cm bodies vcm/chunk ch\nvariable w vector c_cm[1]\n{PULL.format('v_w')}",
     "average": "fix a all ave/time 1 1 1 v_v\nvariable w equal f_a\n" + PULL.format("v_w"),

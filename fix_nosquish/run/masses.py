@@ -1,10 +1,10 @@
-"""What of box and masses must stay as it is in a run: a change ends it."""
+"""The masses of the bodies' atoms: a change in a run ends it."""
 
 import numpy as np
 
 from ..bodies.bodies import Bodies
 from ..errors import refuse
-from ..host.lammps import Box, Lammps
+from ..host.lammps import Lammps
 from ..ranks.communicator import Alone
 from .other_fixes import OtherFixes
 
@@ -12,46 +12,6 @@ _ROUNDING = 1e-9  # of a total mass
 PHI = 0.5 * (5**0.5 - 1)  # multiples of it are spread over [0, 1)
 # fixes that change types of atoms, and so perhaps their masses
 _OF_TYPES = "set", "atom/swap", "atom_swap", "bond/react", "sgcmc", "mol/swap"
-
-
-class BoxWatch:
-    """The box of a run, as the bodies know it: where they move with it they know the new one.
-
-    Any other change ends the run: at the end of the step where another fix `may_change` the box
-    and bodies cannot follow (with run_style respa, with LAMMPS's own fix python/move, or beside a
-    fix that does not tell them), else where atoms are followed (fix deform with remap none, or a
-    change between runs with reinit no or infile), and where a run with 'pre no' begins.
-
-    Args:
-        bodies: their cells have the box that they know.
-        lammps: the `Lammps`.
-        may_change: whether another fix may change the box without bodies that move with it.
-        is_ours: whether this fix changes the box itself, so that any change is right.
-    """
-
-    def __init__(self, bodies: Bodies, lammps: Lammps, may_change: bool, is_ours: bool) -> None:
-        self._bodies, self._lammps, self._is_ours = bodies, lammps, is_ours
-        self.may_change = may_change
-        self._box: Box | None = None
-
-    def refuse_change(self, held: bool | np.ndarray = True) -> None:
-        """End the run if one of the box vectors that are held, (3,) bool, has changed.
-
-        Raises:
-            RunError: on all ranks.
-        """
-        box = self._lammps.box
-        if box is self._box or self._is_ours:
-            return
-        refuse(
-            ((box.h != self._bodies.cells["h"].array) & held).any(),
-            f"the box has changed by step {self._lammps.step}, and bodies do not move "
-            "with it. In a run use fix nosquish/npt, fix nosquish/nph, or fix deform with "
-            "remap x (with fix nosquish/nve also v) and run_style verlet, each with this package's "
-            "plugin; between runs any "
-            "command may change the box, with reinit yes and without infile or 'pre no'",
-        )
-        self._box = box
 
 
 class MassWatch:
