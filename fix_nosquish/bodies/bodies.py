@@ -27,7 +27,7 @@ from ..motion.frames import (
 from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
-from ..ranks.communicator import ALONE, Alone
+from ..ranks.communicator import ALONE, Ranks
 from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
 from ..ranks.sharing import Sharers, places
 from .membership import FLEXIBLE, Membership, PreviousBodies
@@ -136,7 +136,7 @@ class Bodies:
         planar: bool,
         spin: bool,
         oriented: bool = False,
-        communicator: Alone = ALONE,
+        communicator: Ranks = ALONE,
         chosen: int = 0,
     ) -> None:
         self.planar, self.spin, self.oriented, self.chosen = planar, spin, oriented, chosen

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..motion.frames import matrices
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from .bodies import Bodies
 from .build import Prescribed
 from .membership import FLEXIBLE, Membership
@@ -71,7 +71,7 @@ def read(path: str, counts: bool, unwrapped: UnwrappedPositions) -> Prescribed:
     )
 
 
-def _offset(counts: bool, ids: np.ndarray, communicator: Alone) -> int:
+def _offset(counts: bool, ids: np.ndarray, communicator: Ranks) -> int:
     """Body ID minus ID in the file if the file counts from 1; else 0; collective."""
     if not counts:
         return 0

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..errors import refuse
 from ..host.lammps import Lammps
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from ..ranks.sharing import Sharers
 from .membership import FLEXIBLE, OUT, Membership
 from .particles import Particles, particles_of
@@ -43,7 +43,7 @@ class Members(NamedTuple):
         return self.membership.lammps
 
     @property
-    def communicator(self) -> Alone:
+    def communicator(self) -> Ranks:
         return self.membership.communicator
 
     @property
@@ -174,6 +174,6 @@ def _refuse_odd_atoms(
     )
 
 
-def sharers_of(communicator: Alone, ids: np.ndarray) -> Sharers:
+def sharers_of(communicator: Ranks, ids: np.ndarray) -> Sharers:
     """The `Sharers` of the bodies with these IDs (n,); collective."""
     return Sharers(communicator).find(len(ids), np.arange(len(ids)), ids, ids % communicator.size)

@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import refuse
 from ..host.command import Command
 from ..host.lammps import Lammps
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from ..ranks.lookup import find, look_up
 from ..ranks.migration import OUT, UNDECIDED
 
@@ -60,7 +60,7 @@ class Membership:
         RunError: on all ranks, for a group or variable that does not exist.
     """
 
-    def __init__(self, lammps: Lammps, communicator: Alone, command: Command) -> None:
+    def __init__(self, lammps: Lammps, communicator: Ranks, command: Command) -> None:
         self.lammps, self.communicator, self.command = lammps, communicator, command
         self._of_bodies = command.arguments if command.style == "group" else (command.group,)
         self._of_atoms = (command.flexible,) if command.flexible else ()

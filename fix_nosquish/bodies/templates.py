@@ -11,7 +11,7 @@ import numpy as np
 
 from ..host.hosts import Host
 from ..motion.frames import matrices
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from .build import Prescribed
 from .unwrap import UnwrappedPositions
 
@@ -45,7 +45,7 @@ class Molecules(NamedTuple):
     warnings: list[str]
 
 
-def inserted(host: Host, communicator: Alone) -> Molecules | None:
+def inserted(host: Host, communicator: Ranks) -> Molecules | None:
     """Take the `Molecules` from the host's record, and clear it; None if empty; collective."""
     rows = host.inserted()
     if not len(rows):

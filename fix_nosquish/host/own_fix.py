@@ -16,7 +16,7 @@ import numpy as np
 from ..errors import RunError, refuse
 from ..loops import machine_code
 from ..ranks import mpi
-from ..ranks.communicator import Alone, Communicator
+from ..ranks.communicator import Communicator, Ranks
 from ..ranks.lookup import find, look_up
 from ..ranks.migration import IN_NO_BODY, UNDECIDED
 from ..ranks.sharing import places
@@ -56,7 +56,7 @@ class OwnFix(Host):
     scalar_pressure = False
     ghost_velocity = True  # not known: velocities at the half step may be read
 
-    def __init__(self, lammps: Lammps, communicator: Communicator | Alone, line: Line) -> None:
+    def __init__(self, lammps: Lammps, communicator: Ranks, line: Line) -> None:
         self.lammps, self.communicator, self._line = lammps, communicator, line
         machine_code.load(communicator, mpi.__name__)
         # the world's number is not known: use the universe's rank of this world's first rank
@@ -169,9 +169,7 @@ class OwnFix(Host):
             self.communicator.abort()
 
 
-def driven(
-    make: Callable[[], Any], lammps: Lammps, communicator: Communicator | Alone, line: Line
-) -> Any:
+def driven(make: Callable[[], Any], lammps: Lammps, communicator: Ranks, line: Line) -> Any:
     """The object that LAMMPS calls: the fix itself with the plugin, else its `Driver`.
 
     Args:

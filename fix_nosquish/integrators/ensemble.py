@@ -18,7 +18,7 @@ from ..errors import refuse
 from ..host.command import Command
 from ..host.lammps import Lammps
 from ..loops.compiled import F1, L1, Cell, F, record
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from ..run.integrator import Integrator
 from ..run.run import Run
 from .momentum import Momentum
@@ -215,7 +215,7 @@ class Ensemble(Integrator):
         state.pending = np.nan if pending is None else pending
 
 
-def _refuse_parts_of_rotations(mask: np.ndarray, ranks: Alone) -> None:
+def _refuse_parts_of_rotations(mask: np.ndarray, ranks: Ranks) -> None:
     """Raise an error if some but not all components of a torque are active; collective.
 
     Args:

@@ -1,6 +1,6 @@
 """The ranks of a run: collective operations for Python, and the cells with which loops call MPI.
 
-`ALONE` is the communicator of a run on one rank, which does not import mpi4py.
+`ALONE` are the ranks of a run on one, which does not import mpi4py.
 """
 
 import time
@@ -15,8 +15,9 @@ from ..loops.memory import Memory
 from . import mpi
 
 
-class Alone:
-    """A run on one rank: each collective operation returns its argument.
+class Ranks:
+    """The ranks of a run.  This class is of a run on one rank, where each collective operation
+    returns its argument; `Communicator` is of several.
 
     Attributes:
         size, rank: the number of ranks, and the rank of this process.
@@ -99,10 +100,10 @@ class Alone:
         """Wait for all ranks without the busy waiting of an MPI barrier."""
 
 
-ALONE = Alone()
+ALONE = Ranks()
 
 
-class Communicator(Alone):
+class Communicator(Ranks):
     """Several ranks, with a duplicate of LAMMPS's communicator to keep messages separate.
 
     Args:

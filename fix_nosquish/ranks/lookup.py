@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .communicator import Alone
+from .communicator import Ranks
 from .mpi import deliver_parts
 from .sharing import places
 
@@ -15,7 +15,7 @@ def find(keys: np.ndarray, wanted: np.ndarray) -> np.ndarray:
 
 
 def exchange(
-    communicator: Alone, to: np.ndarray, rows: np.ndarray, sources: np.ndarray | None = None
+    communicator: Ranks, to: np.ndarray, rows: np.ndarray, sources: np.ndarray | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Send rows to ranks; collective.
 
@@ -45,7 +45,7 @@ def exchange(
 
 
 def look_up(
-    communicator: Alone, keys: np.ndarray, rows: np.ndarray, wanted: np.ndarray
+    communicator: Ranks, keys: np.ndarray, rows: np.ndarray, wanted: np.ndarray
 ) -> np.ndarray:
     """Look up rows by key in a directory that is distributed over the ranks; collective.
 
@@ -68,7 +68,7 @@ def look_up(
     return result
 
 
-def gone(communicator: Alone, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
+def gone(communicator: Ranks, lost: np.ndarray, gained: np.ndarray) -> np.ndarray:
     """The lost atoms that no rank has received; collective.
 
     Args:

@@ -44,14 +44,14 @@ class BodyRows(NamedTuple):
         atoms: (bodies,) number of each body's atoms on this rank.
         here, place: (found,) atoms of bodies on this rank, in LAMMPS's order, and the previous
             entry of index of each, or -1 minus its row of `arrived`.
-        owner: (found,) body of each: a column of the previous state, or, for a body that is new on
-            this rank, the number of these columns plus its entry of first.
+        old_body: (found,) body of each: a column of the previous state, or, for a body that is new
+            on this rank, the number of these columns plus its entry of first.
         first: (new,) a row of `arrived` for each new body.
         number, order: new column of each of these bodies, and the inverse permutation.
         source: (atoms,) previous entry of index of each atom, or -1 minus its row of `arrived`.
         line: (1, columns) scratch: a row of the previous state or displace.
-        ids, column: (shared + arrived,) ID, and body as in owner, of the previously shared bodies
-            and of the rows of `arrived`.
+        ids, column: (shared + arrived,) ID, and body as in old_body, of the previously shared
+            bodies and of the rows of `arrived`.
         following: (2 * bodies,) next round of each body and its lane there; for a body that fills
             a block alone, its next entry of index and -1.
         buckets, ends: scratch.
@@ -69,7 +69,7 @@ class BodyRows(NamedTuple):
     atoms: L1
     here: L1
     place: L1
-    owner: L1
+    old_body: L1
     first: L1
     number: L1
     order: L1
@@ -89,17 +89,17 @@ class Counts(NamedTuple):
     """Entries of the argument `counts` of `follow`: of this rank, then summed over all ranks.
 
     Attributes:
-        came: number of atoms without an origin.
+        new: number of atoms without an origin.
         more: change of the number of atoms in bodies.
         moved: number of atoms with a new index or rank.
         off: 1 if an atom is not at its position in its body.
     """
 
-    came: int
+    new: int
     more: int
     moved: int
     off: int
-    all_came: int
+    all_new: int
     all_more: int
     all_moved: int
     all_off: int
@@ -147,7 +147,7 @@ def locate(atoms, bodies, counts):
 
     An atom whose origin is out of range counts as new.
     """
-    count = came = moved = 0
+    count = new = moved = 0
     index, arrived, natoms = (
         ints_in(bodies, BODIES.index),
         atoms.arrived.shape[0],
@@ -160,7 +160,7 @@ def locate(atoms, bodies, counts):
             origin = atoms.origins[i]
             j = origin & 0xFFFFFFFF if origin >= 0 else origin + 1
             if origin == IN_NO_BODY or j >= index.size or -j > arrived:
-                came += 1
+                new += 1
                 continue
             moved += j < 0 or index[j] != i
             here[count], place[count] = i, j
@@ -168,10 +168,10 @@ def locate(atoms, bodies, counts):
         elif decided == UNDECIDED:
             groups = atoms.groups[i]
             if groups & atoms.flexible or (groups & atoms.fix_group and groups & atoms.body_groups):
-                came += 1
+                new += 1
     resize(bodies, BODIES.here, count, 1)
     resize(bodies, BODIES.place, count, 1)
-    counts[COUNTS.came], counts[COUNTS.more] = came, count - index.size
+    counts[COUNTS.new], counts[COUNTS.more] = new, count - index.size
     counts[COUNTS.moved] = moved + (count != index.size)
 
 
@@ -198,8 +198,8 @@ def bucket(b, atoms, state, arrived, first):
 
 
 @inlined
-def find_owners(arrived, bodies, sharing):
-    """Find the body of each atom on this rank: rows `owner` and `first`.
+def find_bodies_of_atoms(arrived, bodies, sharing):
+    """Find the body of each atom on this rank: rows `old_body` and `first`.
 
     Rows of `arrived` whose atoms have left again are ignored, because they may be outdated.  This
     occurs when a flip of the box moves atoms before LAMMPS does.
@@ -208,7 +208,8 @@ def find_owners(arrived, bodies, sharing):
     place, shared = longs_in(bodies, BODIES.place), longs_in(sharing, SHARING.shared)
     known, n = shared.size, shared.size + arrived.shape[0]
     ids, order = new_longs(bodies, BODIES.ids, n), new_longs(bodies, BODIES.order, n)
-    column, owner = new_longs(bodies, BODIES.column, n), new_longs(bodies, BODIES.owner, place.size)
+    column = new_longs(bodies, BODIES.column, n)
+    old_body = new_longs(bodies, BODIES.old_body, place.size)
     for i in range(n):
         ids[i] = state[ID, shared[i]] if i < known else arrived[i - known, OF_BODY + ID]
         column[i] = 0 if i < known else GONE_ON
@@ -230,7 +231,7 @@ def find_owners(arrived, bodies, sharing):
                 append(bodies, BODIES.first, i - known)
             last = i
     for j in range(place.size):
-        owner[j] = body[place[j]] if place[j] >= 0 else column[known - 1 - place[j]]
+        old_body[j] = body[place[j]] if place[j] >= 0 else column[known - 1 - place[j]]
 
 
 @inlined
@@ -239,7 +240,7 @@ def number_bodies(arrived, bodies):
 
     Row `ends` gets the end of each stretch.
     """
-    state, owner = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.owner)
+    state, old_body = floats_in(bodies, BODIES.state), longs_in(bodies, BODIES.old_body)
     first, ends = longs_in(bodies, BODIES.first), new_longs(bodies, BODIES.ends, STRETCHES)
     m = state.shape[1] + first.size
     number, order = new_longs(bodies, BODIES.number, m), new_longs(bodies, BODIES.order, m)
@@ -247,8 +248,8 @@ def number_bodies(arrived, bodies):
     buckets = new_longs(bodies, BODIES.buckets, STRETCHES * (LANES + 1) + 1)
     for b in range(m):
         number[b] = 0
-    for j in range(owner.size):
-        number[owner[j]] += 1  # for now the number of atoms
+    for j in range(old_body.size):
+        number[old_body[j]] += 1  # for now the number of atoms
     for k in range(buckets.size):
         buckets[k] = 0
     for b in range(m):
@@ -258,8 +259,8 @@ def number_bodies(arrived, bodies):
         buckets[k] += buckets[k - 1]
     for k in range(STRETCHES):
         ends[k] = buckets[(k + 1) * (LANES + 1)]
-    for j in range(owner.size):
-        b = owner[j]
+    for j in range(old_body.size):
+        b = old_body[j]
         if number[b] > 0:  # its first atom
             k = bucket(b, number[b], state, arrived, first)
             new = buckets[k]
@@ -278,7 +279,7 @@ def make_blocks(bodies):
     atoms, ends = longs_in(bodies, BODIES.atoms), longs_in(bodies, BODIES.ends)
     total, begin, block, turn, entry, stretch = atoms.size, 0, 0, 0, 0, 0
     resize(bodies, BODIES.blocks, total + 1, 3)
-    resize(bodies, BODIES.rounds, bodies[BODIES.owner, LENGTH] + 1, 1)
+    resize(bodies, BODIES.rounds, bodies[BODIES.old_body, LENGTH] + 1, 1)
     blocks, rounds = int_rows_in(bodies, BODIES.blocks), ints_in(bodies, BODIES.rounds)
     following = new_longs(bodies, BODIES.following, 2 * total)
     while begin < total:
@@ -310,13 +311,13 @@ def make_blocks(bodies):
 def place_atoms(bodies):
     """Set the rows `index`, `source` and `body`."""
     rounds, following = ints_in(bodies, BODIES.rounds), longs_in(bodies, BODIES.following)
-    here, owner = longs_in(bodies, BODIES.here), longs_in(bodies, BODIES.owner)
+    here, old_body = longs_in(bodies, BODIES.here), longs_in(bodies, BODIES.old_body)
     number, n = longs_in(bodies, BODIES.number), here.size
     resize(bodies, BODIES.index, n, 1)
     index, source = ints_in(bodies, BODIES.index), new_longs(bodies, BODIES.source, n)
     body = new_longs(bodies, BODIES.body, n)
     for j in range(n):
-        b = number[owner[j]]
+        b = number[old_body[j]]
         entry, lane = following[2 * b], following[2 * b + 1]
         if lane >= 0:
             entry = rounds[entry] + lane
@@ -372,7 +373,7 @@ def carry_over(arrived, bodies):
 @inlined
 def arrange(mpi, sharing, arrived, bodies, kinds):
     """Sort the bodies of this rank, and find which ranks share them; collective."""
-    find_owners(arrived, bodies, sharing)
+    find_bodies_of_atoms(arrived, bodies, sharing)
     number_bodies(arrived, bodies)
     ends = longs_in(bodies, BODIES.ends)
     kinds.rotors, kinds.turning = ends[1], ends[3]
@@ -452,10 +453,10 @@ def follow(
     arranges = what & ARRANGE
     if what & LOCATE:
         locate(atoms, bodies, counts)
-        sums = counts[COUNTS.all_came : COUNTS.all_off]
-        add_up(mpi, counts[COUNTS.came : COUNTS.off], sums)
+        sums = counts[COUNTS.all_new : COUNTS.all_off]
+        add_up(mpi, counts[COUNTS.new : COUNTS.off], sums)
         changed = counts[COUNTS.all_more] != 0.0 and not what & FEWER
-        if changed or counts[COUNTS.all_came] != 0.0:
+        if changed or counts[COUNTS.all_new] != 0.0:
             return CHANGED
         arranges = counts[COUNTS.all_moved] != 0.0
     if arranges:
@@ -474,7 +475,7 @@ def follow(
         layout = Layout(state, kinds, blocks, rounds, index, displace, block)
         settle(layout, bodies, box, atoms.atom_x, off)
         counts[COUNTS.off] = not off[0] <= box.near
-        add_up(mpi, counts[COUNTS.off : COUNTS.all_came], counts[COUNTS.all_off :])
+        add_up(mpi, counts[COUNTS.off : COUNTS.all_new], counts[COUNTS.all_off :])
         if counts[COUNTS.all_off] != 0.0:
             return OFF
     return 0

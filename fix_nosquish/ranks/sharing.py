@@ -16,7 +16,7 @@ import numpy as np
 
 from ..loops.compiled import F2, L1, L2, I, address, inlined, loop
 from ..loops.memory import LENGTH, Memory, append, floats_in, longs_in, new_longs, resize, rows
-from .communicator import Alone
+from .communicator import Ranks
 from .mpi import MESSAGES, PART, Mpi, deliver, start, wait
 
 ADD, GREATEST = range(2)  # how parts are combined
@@ -276,7 +276,7 @@ class Sharers:
         cells: the cells of an `Mpi`, and "sharing".
     """
 
-    def __init__(self, communicator: Alone) -> None:
+    def __init__(self, communicator: Ranks) -> None:
         self._communicator, self._memory = communicator, Memory("sharing", SharingRows)
         self.cells = communicator.cells | {"sharing": self._memory.cells["sharing"]}
 

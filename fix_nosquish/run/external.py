@@ -18,7 +18,7 @@ from ..host.command import is_number
 from ..host.hosts import Host
 from ..host.lammps import Box, Lammps
 from ..loops.compiled import F1, F2, Cell
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 ENERGY, COLUMNS = 6, 7  # after three components of the force and three of the torque
 _PARTS = {"force": range(3), "torque": range(3, 6), "energy": range(6, 7)}
@@ -77,7 +77,7 @@ class ExternalForces:
         cells: of the loop `passes.push`: the IDs of all bodies, in order, and what acts on each.
     """
 
-    def __init__(self, lammps: Lammps, ranks: Alone, host: Host) -> None:
+    def __init__(self, lammps: Lammps, ranks: Ranks, host: Host) -> None:
         self._lammps, self._ranks, self._host = lammps, ranks, host
         self.acts = self.changed = False
         self.words, self._given = NO_WORDS, _NOTHING_GIVEN
@@ -230,7 +230,7 @@ class ExternalForces:
         host.pushes = bool(words.named or words.virial)  # else nothing changes
 
 
-def all_ids(bodies: Bodies, ranks: Alone) -> np.ndarray:
+def all_ids(bodies: Bodies, ranks: Ranks) -> np.ndarray:
     """The IDs of all bodies, in order; collective."""
     return np.sort(ranks.gather_to_all(bodies.id[bodies.listed]))
 

@@ -20,7 +20,7 @@ from ..loops import machine_code
 from ..motion import body_forces, step, virial
 from ..motion.block import ROWS
 from ..ranks import migration, mpi, sharing
-from ..ranks.communicator import ALONE, Alone, Communicator
+from ..ranks.communicator import ALONE, Communicator, Ranks
 from . import former_names, output, switches
 from .beginning import begin_run
 from .conditions import refuse_time_step
@@ -75,9 +75,7 @@ class Fix(Registered):
 
     array_columns = 15  # of `output.global_array`
 
-    def __init__(
-        self, kind: type[Integrator], lammps: Lammps, ranks: Communicator | Alone, line: Line
-    ) -> None:
+    def __init__(self, kind: type[Integrator], lammps: Lammps, ranks: Ranks, line: Line) -> None:
         self.lammps, self.ranks, self.line = lammps, ranks, line
         self.host = cast(Host, None)  # set by what calls it, after this
         self.run: Run | None = None

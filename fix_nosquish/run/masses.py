@@ -5,7 +5,7 @@ import numpy as np
 from ..bodies.bodies import Bodies
 from ..errors import refuse
 from ..host.lammps import Lammps
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from .other_fixes import OtherFixes
 
 _ROUNDING = 1e-9  # of a total mass
@@ -26,7 +26,7 @@ class MassWatch:
         bodies, lammps: whose atoms these are.  ranks: the `Communicator` or `ALONE`.
     """
 
-    def __init__(self, bodies: Bodies, lammps: Lammps, ranks: Alone) -> None:
+    def __init__(self, bodies: Bodies, lammps: Lammps, ranks: Ranks) -> None:
         self._bodies, self._lammps, self._ranks = bodies, lammps, ranks
         self.note()
 

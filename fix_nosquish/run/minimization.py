@@ -14,7 +14,7 @@ import numpy as np
 from ..bodies.bodies import Bodies
 from ..loops.compiled import array
 from ..motion.frames import product, quaternion_momentum
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 
 class Minimization:
@@ -32,7 +32,7 @@ class Minimization:
             weigh alike; 0 if the body does not turn about it.
     """
 
-    def __init__(self, bodies: Bodies, communicator: Alone, alike: bool) -> None:
+    def __init__(self, bodies: Bodies, communicator: Ranks, alike: bool) -> None:
         self._bodies, self._communicator = bodies, communicator
         owned = bodies.sharers.owned
         self.ids = np.sort(communicator.gather_to_all(bodies.id[owned]))

@@ -113,7 +113,8 @@ class BoxWatch:
         self._box: Box | None = None
 
     def refuse_change(self, held: bool | np.ndarray = True) -> None:
-        """End the run if one of the box vectors that are held, (3,) bool, has changed.
+        """End the run if one of the box vectors that are held, (3,) bool, has changed: where LAMMPS
+        re-neighbors only the periodic ones, because shrink-wrapped faces may move.
 
         Raises:
             RunError: on all ranks.

@@ -10,7 +10,7 @@ import numpy as np
 from ..bodies.bodies import Bodies
 from ..host.lammps import Lammps
 from ..motion.frames import matrices
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 
 class _Units(NamedTuple):
@@ -173,7 +173,7 @@ class BodyFile:
         RunError: on all ranks, if the file cannot be written.
     """
 
-    def __init__(self, path: str, units: str, communicator: Alone) -> None:
+    def __init__(self, path: str, units: str, communicator: Ranks) -> None:
         self.path, self.communicator = path, communicator
         self.last: int | None = None  # the last step in it
         self._file: BinaryIO  # of rank 0, for the rest of the run

@@ -7,7 +7,7 @@ from ..host.command import Command
 from ..host.hosts import Host
 from ..motion.operations import EXACT
 from ..motion.step import Operation
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 
 class Rotation:
@@ -37,7 +37,7 @@ class Rotation:
                 f"keyword rotor exact is for the rotation of fix nosquish/nve, not that of {name}"
             )
 
-    def choose(self, bodies: Bodies, ranks: Alone, host: Host) -> None:
+    def choose(self, bodies: Bodies, ranks: Ranks, host: Host) -> None:
         """Choose whether the rotation is exact; collective.
 
         A restart file keeps a choice that is not the default of the bodies which there are
@@ -55,7 +55,7 @@ class Rotation:
         either = self._can_be_exact and self._splits
         return either and not (self._command.rotor or bodies.planar)
 
-    def _default(self, bodies: Bodies, ranks: Alone) -> bool:
+    def _default(self, bodies: Bodies, ranks: Ranks) -> bool:
         """Whether the rotation is exact for these bodies; collective.
 
         By default that of symmetric tops is, whose axes may be chosen in more than one way.

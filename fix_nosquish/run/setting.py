@@ -7,7 +7,7 @@ from ..bodies.membership import Membership
 from ..host.command import Command
 from ..host.hosts import Host
 from ..host.lammps import Lammps
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from .external import ExternalForces
 from .integrator import Integrator
 from .log import FixLog
@@ -37,7 +37,7 @@ class Setting:
     """
 
     lammps: Lammps
-    ranks: Alone
+    ranks: Ranks
     host: Host
     command: Command
     integrator: Integrator

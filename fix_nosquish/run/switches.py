@@ -8,7 +8,7 @@ from ..bodies.bodies import Bodies
 from ..bodies.membership import FLEXIBLE
 from ..errors import refuse
 from ..host.command import Command
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 _FORCE, _TORQUE = slice(0, 3), slice(3, 6)  # rows of a wrench
 
@@ -22,7 +22,7 @@ class Choice(NamedTuple):
     on: tuple[bool, ...]
 
 
-def choices(command: Command, communicator: Alone, bodies: Bodies) -> list[Choice]:
+def choices(command: Command, communicator: Ranks, bodies: Bodies) -> list[Choice]:
     """What the keywords say, in their order; collective.
 
     Bodies are numbered from 1 in the order of their IDs, as in fix rigid. An open end is one for

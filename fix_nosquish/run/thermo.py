@@ -7,7 +7,7 @@ import numpy as np
 from ..bodies.bodies import Bodies
 from ..bodies.extended import DIPOLE, ORIENT
 from ..host.lammps import Lammps
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 
 
 class Energies(NamedTuple):
@@ -54,7 +54,7 @@ class Thermo(NamedTuple):
 
     bodies: Bodies
     lammps: Lammps
-    ranks: Alone
+    ranks: Ranks
 
     def removed_freedom(self, bit: int) -> int:
         """Degrees of freedom that rigidity takes from a group of atoms.

@@ -12,7 +12,7 @@ from ..box import deform
 from ..host.hosts import OtherFix
 from ..host.lammps import Lammps
 from ..motion import step
-from ..ranks.communicator import Alone
+from ..ranks.communicator import Ranks
 from .other_fixes import TEMPER, Swaps
 
 ROUNDING = 1e-9  # of a kinetic energy: the part that a projection on rigid motion may take
@@ -37,7 +37,7 @@ class AtomVelocities:
         self,
         bodies: Bodies,
         lammps: Lammps,
-        ranks: Alone,
+        ranks: Ranks,
         report: BuildReport | None = None,
         shapes: Callable[[], np.ndarray | None] = lambda: None,
         remaps: bool = False,
