@@ -210,6 +210,54 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
         assert len(longest) > 10 and longest in source, (message, longest)
 
 
+# ---- what is reported against fix rigid
+
+
+REPORTS = (DOCS / "reported.md").read_text()
+INPUTS = {name: text.lstrip() for name, text in files(REPORTS).items() if name}
+
+
+def test_reports_name_tests_that_exist():
+    """Locks out a report that is shown by a test that was renamed or deleted."""
+    names = re.findall(r"`(tests/[\w/]+\.py)?::(test_\w+)`", REPORTS)
+    assert len(names) > 12
+    place = ""
+    for file, test in names:
+        place = file or place  # of `::test_name`, that of the name before it
+        assert re.search(rf"^def {test}\(", (ROOT / place).read_text(), re.M), (place, test)
+
+
+NH = "nosquish/nvt molecule temp 1 1 0.2 thermostat nh"
+NPT = "nosquish/npt molecule temp 1 1 0.2 iso 0.1 0.1 1 thermostat nh barostat mtk"
+WITH_OURS = {  # of a case the fix, and what would be 0 without the problem, within a limit
+    "run": (NH, lambda run: np.ptp(run.thermo["Econserve"]), 0.05),
+    "memory": (NH, lambda run: run.thermo["Press"] - 63e-3 * run.thermo["Temp"], 5e-3),
+    "gas": (NH, lambda run: run.thermo["Press"] - 0.055, 0.01),
+    "slabs": (NH, lambda run: np.ptp(run.thermo["Econserve"]), 0.05),
+    "minimize": ("", lambda run: run.thermo["v_largest"] - run.thermo["v_smallest"], 1e-9),
+    "insert": (f"{NH} mol bent", lambda run: run.thermo["Temp"][-3:] - 1.0, 0.3),
+    "shear": ("", lambda run: run.thermo["c_v[1]"][-1] + 1.0, 1e-9),
+    "bath": ("", lambda run: run.thermo["c_z"], 0.0),
+    "gcmc": (f"{NH} mol bent", lambda run: run.thermo["Atoms"][-1] - 3, 0.0),
+    "custom": ("nosquish/nve custom v_body", lambda run: np.ptp(run.thermo["TotEng"]), 0.1),
+    "large": ("", lambda run: np.ptp(run.thermo["TotEng"]), 1e-9),
+    "images": ("", lambda run: np.ptp(run.thermo["TotEng"]), 0.1),
+    "restart": (NPT, lambda run: np.diff(np.array(END.findall(run.log), float)), 1e-12),
+}
+END = re.compile(r"^(?:in one run|restarted): +(\S+)$", re.M)
+
+
+@pytest.mark.parametrize("case", re.findall(r"^label +(\w+)", INPUTS["in.reported"], re.M))
+def test_reports_with_ours(run_lammps, case):
+    """Locks out an input on the page that does not run, or that shows its problem with ours."""
+    fix, problem, limit = WITH_OURS[case]
+    words = {"case": case, "fix": fix or "nosquish/nve molecule", "moves": "0"}
+    words["dimension"] = "2" if case == "bath" else "3"
+    options = [word for name, value in words.items() for word in ("-var", name, value)]
+    run = run_lammps(INPUTS["in.reported"], files=INPUTS, options=options, launcher="lmp")
+    assert (np.abs(problem(run)) <= limit).all()
+
+
 # ---- the tutorial
 
 
