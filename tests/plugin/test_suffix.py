@@ -381,7 +381,7 @@ REFUSED = {
     "ours on LAMMPS's": (
         "compute 7 all {}/nosquish 1\nsuffix off\nunfix 1\nfix 1 bodies rigid/nve/small molecule\n",
         "rigid/nve/small",
-        "is no fix of fix_nosquish with rigid bodies",
+        "is no fix of fix_nosquish",
     ),
 }
 
