@@ -127,6 +127,24 @@ def test_check_says_what_its_table_cannot(tmp_path, capsys):
     assert "and below is within the tolerance (--tolerance)" in steps[3], steps
 
 
+def test_the_line_of_the_readme(tmp_path):
+    """Locks out a line that the README recommends and that `check` rejects: for moments that the
+    line replaces, or for neighbour lists of integrators without them, which 12 fs breaks."""
+    (row,) = re.findall(r"^\| water, averages .*", (ROOT / "README.md").read_text(), re.M)
+    fix, timestep = re.findall(r"`(.*?)`", row)
+    text = (ROOT / "inputs" / "water_smooth" / "in.smooth").read_text()
+    text, count = re.subn(r"(?m)^fix .*", fix, text)
+    assert count == 1
+    path, out = tmp_path / "in.smooth", tmp_path / "out"
+    exclude = "neigh_modify exclude molecule/intra water"  # as `check` advises for this scene
+    path.write_text(re.sub(r"(?m)^timestep .*", f"{exclude}\n{timestep}", text))
+    for file in "data.smooth", "forcefield.smooth":
+        shutil.copy(ROOT / "inputs" / "water_smooth" / file, tmp_path)
+    assert main(["check", str(path), "--out", str(out)]) == 0
+    summary = json_files.read(out / "summary.json")
+    assert (summary["integrators"][0]["name"], summary["dt"]) == (check.OWN, 12.0)
+
+
 def test_a_start_whose_run_has_no_numbers_fails(taken):
     """Locks out "ok" of an integrator whose energy is nan after some steps: LAMMPS goes on."""
     own = taken("spce")

@@ -24,6 +24,7 @@ from ..user_script.shapes import BodyGroup, BodyKind
 STEPS = 20  # with each integrator
 # rad: a body that rotates further in a step is not resolved
 TURN = 0.5
+OWN = "script"  # name of the row of the script's own fixes
 ALIKE = 1e-3  # relative to the largest moment; the rounding of a data file's digits is smaller
 SOME = 200  # atoms of a body whose pairs are counted, at most
 IDLE = (
@@ -75,11 +76,18 @@ def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, *
     return run.job(script.scene, integrator, folder, [steps], **how)
 
 
+def _own(script: UserScript) -> Integrator:
+    """The script's own fixes, with the keywords that other integrators do not get."""
+    lines = (*script.rigid.lines, *script.rigid.modified)
+    escaped = tuple(line.replace("{", "{{").replace("}", "}}") for line in lines)
+    return Integrator(OWN, "the script's own fixes", escaped, kind=script.rigid.kind)
+
+
 def _starts(
     script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter
 ) -> tuple[list[dict], bool]:
     """A row for each integrator, on the start and some steps; and whether a Ctrl-C ended it."""
-    integrators, runs = script.integrators.values(), out / "runs"
+    integrators, runs = [_own(script), *script.integrators.values()], out / "runs"
     how = {"ranks": ranks, "silence": silence}
     trajectories = [
         Trajectory(
@@ -161,9 +169,10 @@ def _step(
             name,
             "stability: frequency of the stiffest motion × step",
             frequency * dt,
-            high=time_step.UNSTABLE,
-            note=f"unstable above about {time_step.UNSTABLE / frequency:.3g} {unit}, if the start "
-            "is in equilibrium. One that is not shows more",
+            high=time_step.UNSTABLE[name],
+            note=f"unstable above about {time_step.UNSTABLE[name] / frequency:.3g} {unit}, by the "
+            "forces of the start. Before equilibration they are larger: then look at a later run "
+            "(--run 2)",
         )
     if frequencies:
         coefficient = time_step.error_coefficient(script, groups)
@@ -215,17 +224,17 @@ def _script(script: UserScript) -> Iterator[Check]:
 def _lists(rows: Sequence[Mapping]) -> Check:
     """Check whether neighbour lists are built in time, with a step that may be longer than the one
     for which the script sets how often LAMMPS checks them."""
-    late = [row["late"] for row in rows if row.get("late") is not None]
+    late = next((row.get("late") for row in rows if row["name"] == OWN), None)
     note = (
-        "atoms may have come within the cutoff before LAMMPS looked"
-        if late
-        else "LAMMPS has not looked"
+        "LAMMPS has not looked"
+        if late is None
+        else "atoms may have come within the cutoff before LAMMPS looked"
     )
     return Check(
         "script",
         "neighbour lists",
         f"built too late, perhaps, in {STEPS} steps",
-        max(late, default=None),
+        late,
         high=0,
         note=f"{note}. With long steps use '{time_step.LISTS}', or a larger skin",
     )

@@ -239,7 +239,7 @@ def of_script(script: UserScript) -> Case:
         },
         why=conserved_energy.WHY,
         thermostat=bath,
-        unstable=time_step.UNSTABLE / max(time_step.stiffest(script), 1e-300),
+        unstable=max(time_step.UNSTABLE.values()) / max(time_step.stiffest(script), 1e-300),
         notes=script.notes,
         script=script,
     )

@@ -9,8 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fix_nosquish.bodies.build import TURN
+
 from ..statistics import measures
 from . import rigid_atoms
+from .commands import split_words
 from .loader import UserScript
 
 THIN = 1e-7  # relative to the largest moment: a smaller one counts as zero, as in fix_nosquish
@@ -104,8 +107,8 @@ def body_kinds(script: UserScript, groups: Sequence[BodyGroup]) -> list[BodyKind
     for name, group, r, moments, _ in groups:
         mean = moments.mean(axis=0)
         shape, freedom = _shape(mean, flat)
-        largest = max(mean[0], 1e-300)
-        least = mean[0] if flat else mean[mean > THIN * largest].min(initial=np.inf)
+        largest, moved = max(mean[0], 1e-300), chosen_moments(script, mean)
+        least = moved[0] if flat else moved[mean > THIN * largest].min(initial=np.inf)
         turning = (
             np.sqrt(thermal_energy(script) / (least * mvv2e(script))) * script.scene.dt
             if freedom > 3
@@ -122,6 +125,16 @@ def body_kinds(script: UserScript, groups: Sequence[BodyGroup]) -> list[BodyKind
             )
         )
     return kinds
+
+
+def chosen_moments(script: UserScript, moments: np.ndarray) -> np.ndarray:
+    """The moments with which bodies rotate, (3,): those of the atoms, or of keyword moments."""
+    every = map(split_words, script.rigid.dropped)
+    how, *value = next((words[1:] for words in every if words[0] == "moments"), ("scale", "1"))
+    if how == "step":
+        heat = thermal_energy(script) / mvv2e(script)
+        return np.maximum(moments, heat * (script.scene.dt / TURN) ** 2)
+    return (np.ones_like(moments) if how == "equal" else moments) * float(value[0])
 
 
 def _shape(moments, flat) -> tuple[str, int]:
@@ -170,14 +183,20 @@ class Motion(NamedTuple):
     contacts: float
 
     @classmethod
-    def of(cls, force: np.ndarray, inertia: np.ndarray | float) -> list["Motion"]:
+    def of(
+        cls, force: np.ndarray, inertia: np.ndarray | float, beside: np.ndarray | None = None
+    ) -> list["Motion"]:
         """The motions along the axes, or one for all of them.
 
         Args:
             force: forces or torques, (bodies, axes).
             inertia: mass or moments times kT, (axes,), or one for all axes.
+            beside: the bodies' torques or forces.  Contacts are in both.  In TIP3P water the forces
+                alone look like contacts, and yet steps of 14 fs are stable with larger moments.
         """
-        contacts = max(1.0, _fourth(force) - NOISE / max(len(force), 1) ** 0.5)
+        contacts = _contacts(force)
+        if beside is not None and beside.any() and _contacts(beside) < CONTACTS[0]:
+            contacts = 1.0
         square = (force**2).mean(axis=0) / inertia
         if np.ndim(inertia):
             return [cls(float(value), len(force), contacts) for value in square]
@@ -188,6 +207,11 @@ class Motion(NamedTuple):
         """The angular frequency by which a run becomes unstable."""
         faster = float(np.interp(self.contacts, CONTACTS, FASTER))
         return faster * self.contacts * self.square**0.5
+
+
+def _contacts(force: np.ndarray) -> float:
+    """See `Motion`."""
+    return max(1.0, _fourth(force) - NOISE / max(len(force), 1) ** 0.5)
 
 
 def _fourth(force: np.ndarray) -> float:
@@ -234,13 +258,16 @@ def motions(script: UserScript, groups: Sequence[BodyGroup]) -> dict[str, list[M
         return motions_by_part
     for _, group, r, moments, axes in groups:
         f, mean = force[group], moments.mean(axis=0)
+        moved = chosen_moments(script, mean)
         torque = np.einsum("bik,bi->bk", axes, np.cross(r, f).sum(axis=1))
         whole = mass[group].sum(axis=1).mean() * unit
-        motions_by_part["centres"] += Motion.of(f.sum(axis=1)[:, :axes_of_space], whole)
+        pushes = f.sum(axis=1)[:, :axes_of_space]
         rotating = mean > THIN * max(mean[0], 1e-300)
         if axes_of_space == 2:
             rotating[1:] = False
-        motions_by_part["turning"] += Motion.of(torque[:, rotating], mean[rotating] * unit)
+        turns = torque[:, rotating]
+        motions_by_part["centres"] += Motion.of(pushes, whole, turns)
+        motions_by_part["turning"] += Motion.of(turns, moved[rotating] * unit, pushes)
     for kind in np.unique(script.atoms["type"][free]):
         mine = free & (script.atoms["type"] == kind)
         each = mass[mine].mean() * unit

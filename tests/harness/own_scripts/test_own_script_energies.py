@@ -57,6 +57,42 @@ def test_contacts_are_faster_than_their_mean():
     assert [motion.fastest for motion in few] == [motion.square**0.5 for motion in few]
 
 
+def test_contacts_are_in_forces_and_torques():
+    """Locks out a bound of 9 fs for water with larger moments, of which committed runs at 14 fs are
+    stable: the forces on its molecules are not harmonic, but the torques are."""
+    random = np.random.default_rng(4)
+    torque = random.normal(size=(1000, 3))
+    push = random.normal(size=(1000, 3)) * (random.random((1000, 1)) < 0.25)
+    (alone,) = shapes.Motion.of(push, 1.0)
+    (beside,) = shapes.Motion.of(push, 1.0, torque)
+    (of_spheres,) = shapes.Motion.of(push, 1.0, 0.0 * torque)
+    assert alone.contacts == of_spheres.contacts > 3 and beside.contacts == 1.0
+    assert shapes.Motion.of(push, 1.0, push)[0].contacts == alone.contacts
+
+
+@pytest.mark.parametrize(
+    ("words", "moments"),
+    [("", (1.8, 1.2, 0.6)), ("moments equal 6", (6, 6, 6)), ("moments scale 4", (7.2, 4.8, 2.4))],
+)
+def test_moments_of_the_fix_line(tmp_path, words, moments):
+    """Locks out a frequency, or an angle in a step, of moments that the fix line replaces."""
+    own = take(scripts.co2(tmp_path), tmp_path / "out")
+    own = replace(own, rigid=replace(own.rigid, dropped=("reinit no", words)[: 1 + bool(words)]))
+    assert shapes.chosen_moments(own, np.array([1.8, 1.2, 0.6])) == pytest.approx(moments)
+    groups, _ = shapes.body_groups(own)
+    own_moment = groups[0].moments[:, 0].mean()
+    plain = replace(own, rigid=replace(own.rigid, dropped=()))
+    ratio = shapes.chosen_moments(own, groups[0].moments.mean(axis=0))[0] / own_moment
+    for function, index in (shapes.fastest_motions, "turning"), (_angle, 0):
+        assert function(own, groups)[index] == pytest.approx(
+            function(plain, groups)[index] / ratio**0.5
+        )
+
+
+def _angle(script, groups):
+    return [kind.angle for kind in shapes.body_kinds(script, groups)]
+
+
 def test_units_are_lammpss():
     """Locks out a temperature that is a thousand times too low in units electron."""
     code = (
