@@ -57,7 +57,8 @@ def refused(text, tmp_path, **ask):
 
 def with_lines(text, advice):
     """A script changed as a verb advises: its lines replace the last of the fixes that they replace
-    and, if it says so, the timestep; commands that name these fixes are removed."""
+    and, if it says so, the timestep, or that of one run; commands that name these fixes are
+    removed."""
     kept, lost = text.replace("&\n", "").splitlines(), []
     (place,) = re.findall(r"These lines.* replace .*", advice)
     for named in re.findall(r"or its computes: (.*)\.", advice):
@@ -72,6 +73,11 @@ def with_lines(text, advice):
     fixes = [line for line in kept if line.startswith("fix ") and line.split()[1] in ids]
     assert ids and {line.split()[1] for line in fixes} == set(ids)
     made = [line.strip() for line in advice.splitlines() if line.startswith("    ")]
-    lost += [line for line in kept if line.startswith("timestep") and "timestep" in place]
+    before = re.findall(r"timestep directly before '(.*?)'", advice)
+    if before:
+        at = len(kept) - 1 - [line.split() for line in kept[::-1]].index(before[0].split())
+        kept.insert(at, made.pop(made.index(next(one for one in made if "timestep" in one))))
+    else:
+        lost += [line for line in kept if line.startswith("timestep") and "timestep" in place]
     kept[kept.index(fixes[-1])] = "\n".join(made)
     return "\n".join(line for line in kept if line not in (*fixes, *lost)) + "\n"

@@ -53,9 +53,13 @@ def check(
     kinds = shapes.body_kinds(script, groups)
     rows, interrupted = _starts(script, out, ranks, silence, meter)
     suffix = [] if all(row["error"] for row in rows) else [*_suffix(script, out, ranks, silence)]
-    checks = [*_bodies(script, gap, kinds), *_step(script, groups, kinds, tolerance)]
-    checks += _script(script)
-    checks += [_lists(rows), _forces_within(script, groups, out, ranks, silence)]
+    checks = (
+        *_bodies(script, gap, kinds),
+        *_step(script, groups, kinds, tolerance),
+        *_script(script),
+        _lists(rows),
+        _forces_within(script, groups, out, ranks, silence),
+    )
     return machine.circumstances() | {
         "title": script.scene.title,
         "notes": script.notes,

@@ -54,8 +54,8 @@ def write_bodies(
     request = replace(options, group=GROUP, bodies=STYLE)  # at its first run, with any fixes
     reading, atoms, _ = loader.read(request, out, 1, silence)
     cell, periodic = np.array(reading["cell"]), reading["periodic"]
-    kinds = map(rigid_atoms.kind_of, reading["fixes"].values())
-    if not (options.group or options.bodies) and {*kinds} & {"ours", "rigid"}:
+    movers = {"ours", "rigid"} & {*map(rigid_atoms.kind_of, reading["fixes"].values())}
+    if movers and not (options.group or options.bodies):
         rigid = _found(reading, atoms, options)
         x, moved = parts.alike(atoms, rigid.body, cell, periodic)
         counts = {f"body of fix {' and '.join(rigid.ids)}": int(rigid.body.max())}

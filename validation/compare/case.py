@@ -150,16 +150,24 @@ class Case:
         return "ns" if self.scene.units in NS else f"1,000 {self.time}"
 
     def written(self, integrator: Integrator) -> tuple[list[str], str, list[str]]:
-        """Lines of an input script for an integrator, where they belong, and a notice on commands
-        that cannot be used together with them."""
+        """Lines of an input script for an integrator, where they belong, and notices: on commands
+        that cannot be used together with them, and on the place of the time step."""
         lines = integrator.commands(self.scene)
         if self.script is None:
             return lines, "These lines replace what moves the atoms", []
-        rigid = self.script.rigid
+        rigid, reading = self.script.rigid, self.script.reading
         replaced, lines = dict(zip(rigid.ids, rigid.lines)), [*rigid.setup, *lines]
-        lost = candidates.removal_notice(replaced, self.script.reading["commands"], lines)
+        notices = (
+            []
+            if integrator.then
+            else candidates.removal_notice(replaced, reading["commands"], lines)
+        )
+        notices += [
+            f"Set this timestep directly before '{reading['run']}': the runs before it were made "
+            "with yours, and a start that is not in equilibrium may need it."
+        ] * bool(reading["skipped"])
         lines += [line for line in self.scene.then if line == time_step.LISTS]
-        return lines, candidates.replacement_notice(replaced), [] if integrator.then else lost
+        return lines, candidates.replacement_notice(replaced), notices
 
 
 def of_scene(name: str, folder: Path) -> Case:

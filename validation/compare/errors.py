@@ -6,7 +6,7 @@ whatever its correlation time; all points together give its ratio to the error o
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -181,8 +181,11 @@ class Noise(NamedTuple):
                 n: estimate.value - chance.get(n, 0.0) for n, estimate in estimates.items()
             }
             mean = float(np.mean([*deviations.values()]))
-            known = {n: estimate.error for n, estimate in estimates.items() if estimate.error}
-            square += sum(((deviations[n] - mean) / error) ** 2 for n, error in known.items())
+            square += sum(
+                ((deviations[n] - mean) / estimate.error) ** 2
+                for n, estimate in estimates.items()
+                if estimate.error
+            )
             freedom += len(deviations) - 1
         freedom = max(0, freedom - max(0, len(chance) - 1))  # used for the chance of the starts
         return cls(math.sqrt(max(1.0, square / freedom)) if freedom else 1.0, freedom)
@@ -378,11 +381,14 @@ def errors(
         }
         for name in MEANS & estimates.keys():
             estimates[name] = _of_mean(case, name, scalars[name].means, point, held, by_itself)
-        estimates["temperature"] = _largest_difference(
+        differences = (
             pooled.with_settling(
                 by_law(point.dt, _steps_of_integrator(pooled.means, point, by_itself))
             )
             for pooled in kinds
+        )
+        estimates["temperature"] = max(  # the one with the largest possible error
+            filter(None, differences), key=lambda one: abs(one.value) + one.margin, default=None
         )
         estimates["rdf"] = structures and structures.error(point, held)
         lost = case.unknown.get(point.scheme, ())
@@ -428,15 +434,6 @@ def _steps_of_integrator(
         for other, mean in means.items()
         if other.scheme == point.scheme and (other.dt == point.dt or not by_itself)
     }
-
-
-def _largest_difference(kinds: Iterable[Estimate | None]) -> Estimate | None:
-    """The temperature difference with the largest possible error."""
-    return max(
-        filter(None, kinds),
-        key=lambda difference: abs(difference.value) + difference.margin,
-        default=None,
-    )
 
 
 def _of_mean(case, name, means, point, held, by_itself) -> Estimate | None:

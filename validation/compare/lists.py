@@ -85,8 +85,7 @@ def _others(lists: lammps_log.Lists | None) -> dict[str, tuple[str, ...]]:
         return {}
     wider = f"neighbor {WIDER * lists.skin:g} bin"
     smaller = f"neigh_modify binsize {BINS * lists.cutoff:.3g}"
-    both = wider, smaller
-    return {wider: (wider,), smaller: (smaller,), " and ".join(both): both}
+    return {wider: (wider,), smaller: (smaller,), f"{wider} and {smaller}": (wider, smaller)}
 
 
 def advise(measured: Sequence[Mapping]) -> Iterator[str]:

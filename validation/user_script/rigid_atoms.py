@@ -181,11 +181,6 @@ def short_name(line: str) -> str:
     return words[4].split()[0] if style == "python/move" else style
 
 
-def moves_atoms(line: str) -> bool:
-    """Whether a fix moves atoms, as far as is known."""
-    return bool(kind_of(line) or parse_fix(line)) or style_of(line) == "python/move"
-
-
 def kind_of(line: str) -> str | None:
     """How a fix moves atoms, see `RigidAtoms`; None if ours cannot replace it."""
     style, ours = style_of(line), parse_fix(line)

@@ -247,14 +247,14 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
     )
     text = path.read_text().replace("log water.log", "")
     columns = "thermo_style custom step temp pe\nthermo_modify norm no\nrun 3"
-    text = re.sub(r"^run [1-9]\d*$(?!(.|\n)*^run )", columns, text, flags=re.M)
     case = cases.of_script(own)
     for one in own.integrators.values():
         keys = "lines", "place", "lost"
         best = row(own.scene.dt, one.name) | dict(zip(keys, case.written(one)))
         told = [best["place"] + ", and of the script's timestep:", *best["lost"]]
         told += [f"    {line}" for line in report._input(best)]
-        done = run_lammps(with_lines(text, "\n".join(told)))
+        made = with_lines(text, "\n".join(told))
+        done = run_lammps(re.sub(r"^run [1-9]\d*$(?!(.|\n)*^run )", columns, made, flags=re.M))
         rows = read_thermo(done.log[done.log.rindex("   Step") :])
         assert rows["Step"][-1] - rows["Step"][0] == 3
         assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
@@ -386,8 +386,8 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
         summary = summary_of({"drift": 0.02}, one)
         return report.answered(summary)["minutes_that_tell"], told(summary)[0]
 
-    # ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5; then noise is half of the square
-    for (value, error), least in ((0.0, 0.1), 29), ((0.014, 0.01), 10), ((0.11, 0.1), 73):
+    # 2 ((1.96 + 0.84) * 0.1 / 0.02)^(2/3) times 5; then noise is half of the square
+    for (value, error), least in ((0.0, 0.1), 58), ((0.014, 0.01), 20), ((0.11, 0.1), 150):
         result, answer = minutes(value, error)
         assert result == least and f"About --budget {least} (minutes) would decide" in answer
     result, answer = minutes(0.0, 10.0, 1)
@@ -474,6 +474,47 @@ def test_the_same_command_runs_nothing_again(rings):
         assert alone["time"] > summary["time"]  # of which as much is left out
 
 
+@pytest.mark.timeout(900)
+def test_options_that_are_advised(tmp_path, monkeypatch):
+    """Locks out options of an answer that do not help: shorter steps where none is good, and
+    longer ones where the longest is."""
+    steady(monkeypatch, 3e-3)
+    path = scripts.rings(tmp_path)
+    path.write_text(path.read_text().replace("fix heat all langevin 300 300 200 11\n", ""))
+
+    def compare(words):
+        out = tmp_path / re.sub("[ =]", "-", words)
+        more = ["--only", "nosquish", "--out", str(out), *words.split()]
+        status = main(["compare", str(path), *more])
+        return status, " ".join(json.loads((out / "summary.json").read_text())["answer"])
+
+    wide = "--budget 0.05 --target drift=1e5 energy=9 rdf=none temperature=9"
+    for steps, why in ("30,44", "No step that was tried"), ("4", "the longest step that was tried"):
+        _, answer = compare(f"{wide} --steps {steps}")
+        (advised,) = re.findall(r"--steps [\d.,]*\d", answer)
+        assert why in answer and compare(f"{wide} {advised}")[0] == 0
+
+
+def test_other_thermostats_that_are_advised(tmp_path, monkeypatch):
+    """Locks out --only all, which an answer advises for averages only, that compares nothing more
+    than the script's own kind of thermostat."""
+    own = row(4.0, cost=[2.0], drift=(0.1, 0.01)) | {"thermostat": "nh"}
+    bath = {"kind": "nh", "damp": "100 fs", "dynamics": []}
+    _, lines = told(summary_of({"drift": 1.0}, own, thermostat=bath))
+    (advised,) = re.findall(r"--only \w+", " ".join(lines))
+    fix = "fix 1 all rigid/nvt/small molecule temp 298 298 100"
+    path, kinds = scripts.spce(tmp_path, fix=fix), set()
+
+    def prepare(case, points, *_):
+        kinds.update(thermostat.kind_of(case.integrators[one.scheme].lines) for one in points)
+        raise SystemExit(0)
+
+    monkeypatch.setattr(measure, "prepare", prepare)
+    with pytest.raises(SystemExit):
+        main(["compare", str(path), *advised.split(), "--out", str(tmp_path / "out")])
+    assert kinds == {"nh", "langevin", "csvr"}
+
+
 @pytest.mark.timeout(600)
 def test_a_scene_goes_the_same_way(tmp_path, monkeypatch):
     """Locks out a scene whose errors are not those of the square of the step, that is held against
@@ -507,6 +548,35 @@ def test_a_committed_point_is_measured_again(tmp_path, monkeypatch):
     )  # fmt: skip
     apart = measures.difference(Estimate.of(result), Estimate.of(known))
     assert abs(apart.value) < apart.margin
+
+
+def test_after_a_long_run_that_fails_comes_another(monkeypatch):
+    """Locks out half of a budget that is not used: the long run of a step fails in its first
+    seconds, and no shorter step is tried."""
+    rows, tried = [row(dt) for dt in (2.0, 4.0, 8.0)], []
+
+    def longest(prepared, rows):
+        good = [one for one in rows if not one["failed"]]
+        return SimpleNamespace(row=good[-1], point=None) if len(tried) < 5 else None
+
+    def long(prepared, best, runs, meter):
+        tried.append(best.row["dt"])
+        fails = "8: ERROR" if best.row["dt"] > 5 else None
+        return SimpleNamespace(interrupted=False), best.row | {"failed": fails, "alone": True}
+
+    done = SimpleNamespace(interrupted=False, versions={})
+    for name, value in {
+        "_summary": lambda *_: {"versions": {}}, "_perform": lambda *_: done,
+        "_rows": lambda *_: rows, "collected": lambda *_: None, "_lists": lambda *_: [],
+        "choose_long_run": longest, "run_longer": long,
+    }.items():  # fmt: skip
+        monkeypatch.setattr(measure, name, value)
+    monkeypatch.setattr(plan, "trajectories", lambda *_: [])
+    prepared = SimpleNamespace(case=None, every=[], lengths=None, settings=None, parts=True)
+    found = measure.compare(prepared, None)["points"]
+    assert tried == [8.0, 4.0]
+    assert [one["failed"] for one in found] == [None, None, "8: ERROR"]
+    assert [one["alone"] for one in found] == [False, True, True]
 
 
 def test_a_plan_keeps_its_budget():

@@ -9,12 +9,12 @@ import pytest
 from scipy import signal
 
 from validation.compare import case as cases
-from validation.compare import choice, errors
+from validation.compare import choice, errors, report
 from validation.compare.errors import Numbers, Series
 from validation.experiment import Point
 from validation.scenes.integrators import OURS
 from validation.statistics import measures
-from validation.statistics.estimate import Estimate
+from validation.statistics.estimate import CONFIDENCE, Estimate
 
 STEPS = 1.0, 1.5, 2.0, 3.0, 4.0, 6.0
 SAMPLES, BINS, EVERY = 400, 40, 12
@@ -148,6 +148,29 @@ def test_verdicts_are_wrong_as_seldom_as_they_say(kind):
         told = {name: sum(one[1] for one in own.values()) for name, own in counts.items()}
         every = {name: sum(one[0] for one in own.values()) for name, own in counts.items()}
         assert all(told[name] > 0.3 * every[name] for name in TARGETS)
+
+
+def test_a_budget_that_is_advised_decides():
+    """Locks out a --budget that leaves most verdicts as open as they were: advised for four of five
+    cases, and followed with as much less noise."""
+    random, decided = np.random.default_rng(3), []
+
+    def measured(noise):
+        world = World(random, 0.0, noise=noise)
+        found = {
+            point: {start: world.run(point, start) for start in (1, 2)} for point in POINTS[:6]
+        }
+        own = errors.errors(CASE, found, HELD)[POINTS[4]]
+        return {"failed": None, "errors": {name: choice.size(own[name]) for name in TARGETS}}
+
+    for name in 6 * ["temperature", "potential", "density"]:
+        for noise in 1.0, 1.5:
+            point, target = measured(noise), {name: TARGETS[name]}
+            above = report._above(point, name, TARGETS[name], CONFIDENCE)
+            longer = max(2.0, report.SPARE * above)
+            if choice.meets(point, target) is None and longer < report.FAR:
+                decided.append(choice.meets(measured(noise / np.sqrt(longer)), target))
+    assert len(decided) > 15 and np.mean([met is True for met in decided]) > 0.7
 
 
 def test_noise_that_runs_hide_makes_bars_wider():
