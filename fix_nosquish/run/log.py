@@ -294,8 +294,9 @@ def of_motion(thermo: Thermo, mask: np.ndarray | None, name: Callable[[int], str
         yield (
             f"WARNING: {name(body)} turns by {turn:.2g} rad in a step, "
             "which this time step cannot resolve: use one of about "
-            f"{0.2 * lammps.dt / turn:.2g}, or a better start. A body that is almost linear "
-            "can be made linear"
+            f"{0.2 * lammps.dt / turn:.2g}, or a better start. If the body is almost linear, "
+            "make it linear. If a minimize before this fix was defined has deformed it, call "
+            "minimize after this line"
         )
     distance = np.linalg.norm(bodies.displace[:3], axis=0)
     width = 2 * np.maximum(bodies.sharers.highest(bodies.body, distance)[0], 0.0)

@@ -11,7 +11,7 @@ from .shapes import BodyGroup
 
 # frequency x step above which runs fail: less than Verlet's 2, because the frequency is a mean and
 # some bodies move faster.  Estimated step, and steps at which runs went on and failed or heated:
-#   TIP3P 11 fs, 10 and 12; the peptide 5.3 fs, 5 and 6; liquid nitrogen 36 fs, 40 and 60;
+#   TIP3P 11 fs, 10 and 12; the peptide 4.6 fs, 5 and 6; liquid nitrogen 36 fs, 40 and 60;
 #   benzene of six LJ sites 31 fs, - and 40; SF6 43 fs, - and 50; octahedra (LJ) 0.043 τ, 0.02 and
 #   0.04; raspberries of 13 spheres (WCA) 0.06 τ, 0.05 and 0.065.
 # Without `Motion.contacts` the estimates of the last five are 2.7 to 9 times as long
