@@ -368,7 +368,7 @@ def verdicts():
     folders = [path.parent.name for path in RESULTS.glob("sample-*/checks.csv")]
     count = Counter(row["verdict"] for folder in folders for row in rows(folder, "checks"))
     counts = ", ".join(f"{verdict}: {count[verdict]}" for verdict in VERDICTS)
-    return f"Of {count.total()} bounds in {len(folders)} folders: {counts}."
+    return f"Of {count.total()} bounds, in {len(folders)} sets of runs: {counts}."
 
 
 def estimate(average):

@@ -49,8 +49,8 @@ def replacement_notice(fix_id: str, command: Command) -> str | None:
     period = ", the period of the box with this PDAMP" * alike
     return (
         f"Fix {fix_id}: nosquish/{kind.lower()}{with_words} replaces {command.line.name}\n"
-        f"  as in LAMMPS: words, f_{fix_id} and its columns, computes rigid/local, ke/rigid, "
-        f"erotate/rigid{period}\n"
+        f"  as in LAMMPS: the other keywords, f_{fix_id} and its columns, computes rigid/local, "
+        f"ke/rigid, erotate/rigid{period}\n"
         f"  different: {steps}\n"
     )
 

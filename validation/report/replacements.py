@@ -21,7 +21,9 @@ COLUMNS = (
 )
 ARROW = "Each cell with an arrow reads: value of the usual lines → value of fix nosquish."
 NOTE = (
-    "± is the 95 % confidence interval. Speeds are from CPU times. The temperature error is the "
+    "± is the 95 % confidence interval. The speed-up is that of simulated time, from CPU times. "
+    "For the same error of an average it can be smaller, because noise counts, too. "
+    "The temperature error is the "
     "change of temperature that would shift the mean potential energy as much. At constant "
     'pressure (NPT) the last column has the error of the density. "Averages" are energies, '
     "pressure and structure: a damping time of 50 fs and larger moments of inertia (keyword "
