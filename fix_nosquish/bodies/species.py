@@ -1,4 +1,4 @@
-"""Warn of rigid bodies that are molecules of the same species and differ in shape."""
+"""Species of rigid bodies, and a warning of bodies of one species that differ in shape."""
 
 import numpy as np
 
@@ -26,7 +26,7 @@ def compare(bodies: Bodies, membership: Membership) -> list[str]:
     """
     gathered = membership.communicator.gather_to_all
     which = bodies.sharers.owned & (bodies.natoms > 1)
-    key = _keys(bodies, membership.lammps.types[bodies.index])[which]
+    key = keys(bodies, membership.lammps.types[bodies.index])[which]
     extents = _extents(bodies)[which]
     first = np.column_stack([key, bodies.id[which], bodies.natoms[which], extents])
     first = _of_each(gathered(_of_each(first, 6)), 6)
@@ -63,7 +63,7 @@ def _extents(bodies: Bodies) -> np.ndarray:
     return np.sqrt(np.maximum(moments, 0.0))
 
 
-def _keys(bodies: Bodies, types: np.ndarray) -> np.ndarray:
+def keys(bodies: Bodies, types: np.ndarray) -> np.ndarray:
     """A number for each body, (n,), that is the same for bodies with the same types of atoms.
 
     Args:

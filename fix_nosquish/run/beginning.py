@@ -115,7 +115,7 @@ def _open_table(file: str, run: Run) -> BodyFile:
         f"two fixes write their table of bodies (keyword output) to {path}: "
         "give each a file of its own",
     )
-    return BodyFile(path, run.lammps.units, run.ranks)
+    return BodyFile(path, run.ranks)
 
 
 def _plan(run: Run) -> None:

@@ -2,81 +2,43 @@
 
 import contextlib
 import io
-from collections.abc import Callable
-from typing import BinaryIO, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import BinaryIO
 
 import numpy as np
 
 from ..bodies.bodies import Bodies
+from ..bodies.species import keys
 from ..host.lammps import Lammps
 from ..motion.frames import matrices
 from ..ranks.communicator import Ranks
 
-
-class _Units(NamedTuple):
-    """The units of one of LAMMPS's unit styles."""
-
-    mass: str
-    length: str
-    time: str
-    velocity: str
-    force: str
-    torque: str
-
-
-class _Field(NamedTuple):
-    """A field of the table of bodies.
-
-    Attributes:
-        columns: of the file, one for each component.
-        frame: in which the components are, "" for none.
-        unit: in terms of `_Units`, "" for none.
-    """
-
-    name: str
-    columns: tuple[str, ...]
-    frame: str = ""
-    unit: str = ""
-
-
-_UNITS = {
-    "lj": _Units("mass", "sigma", "tau", "sigma/tau", "epsilon/sigma", "epsilon"),
-    "real": _Units("g/mol", "Angstrom", "fs", "Angstrom/fs", "kcal/mol/Angstrom", "kcal/mol"),
-    "metal": _Units("g/mol", "Angstrom", "ps", "Angstrom/ps", "eV/Angstrom", "eV"),
-    "si": _Units("kg", "m", "s", "m/s", "N", "N m"),
-    "cgs": _Units("g", "cm", "s", "cm/s", "dyne", "dyne cm"),
-    "electron": _Units("amu", "Bohr", "fs", "Bohr/fs", "Hartree/Bohr", "Hartree"),
-    "micro": _Units("pg", "um", "us", "um/us", "pg um/us^2", "pg um^2/us^2"),
-    "nano": _Units("ag", "nm", "ns", "nm/ns", "ag nm/ns^2", "ag nm^2/ns^2"),
-}
-
-_FIELDS = (
-    _Field("step", ("step",)),
-    _Field("time", ("time",), unit="{time}"),
-    _Field("body", ("body",)),
-    _Field("natoms", ("natoms",)),
-    _Field("mass", ("mass",), unit="{mass}"),
-    _Field("x", ("x", "y", "z"), "space frame", "{length}"),
-    _Field("image", ("ix", "iy", "iz")),
-    _Field("v", ("vx", "vy", "vz"), "space frame", "{velocity}"),
-    _Field("q", ("q0", "q1", "q2", "q3"), "principal to space frame"),
-    _Field(
-        "angmom", ("angmomx", "angmomy", "angmomz"), "space frame", "{mass} {length} {velocity}"
-    ),
-    _Field("omega", ("omegax", "omegay", "omegaz"), "space frame", "rad/{time}"),
-    _Field("force", ("fx", "fy", "fz"), "space frame", "{force}"),
-    _Field("torque", ("tqx", "tqy", "tqz"), "space frame", "{torque}"),
-)
+_FIELDS = {
+    "step": "step",
+    "time": "time",
+    "body": "body",
+    "natoms": "natoms",
+    "mass": "mass",
+    "x": "x y z",
+    "image": "ix iy iz",
+    "v": "vx vy vz",
+    "q": "q0 q1 q2 q3",
+    "angmom": "angmomx angmomy angmomz",
+    "omega": "omegax omegay omegaz",
+    "force": "fx fy fz",
+    "torque": "tqx tqy tqz",
+}  # field of the table of bodies: columns of the file, one for each component
 _WHOLE = "step", "body", "natoms", "image"
+_QUATERNION = "quatw quati quatj quatk"  # the columns of field q in LAMMPS's words
+_DUMP = (
+    "mass x y z ix iy iz vx vy vz quati quatj quatk quatw angmomx angmomy angmomz "
+    "omegax omegay omegaz fx fy fz tqx tqy tqz"
+)  # columns of LAMMPS's dump format after id and type
 
 DTYPE = np.dtype(
     [
-        (
-            field.name,
-            np.int64 if field.name in _WHOLE else float,
-            (len(field.columns),) if len(field.columns) > 1 else (),
-        )
-        for field in _FIELDS
+        (name, np.int64 if name in _WHOLE else float, (n,) if (n := len(names.split())) > 1 else ())
+        for name, names in _FIELDS.items()
     ]
 )
 
@@ -121,17 +83,10 @@ def rows_of_rank(bodies: Bodies, lammps: Lammps, words: list[str], groupbit: int
     """
     listed = _listed(bodies)
     rows, (tag, molecule, groups) = table(bodies, lammps), _first_atoms(bodies, lammps)[:, listed]
-    columns = {"id": tag, "mol": molecule, "mass": rows["mass"]}
+    columns = _columns(rows) | {"id": tag, "mol": molecule}
     for names, values in (
-        ("x y z", rows["x"]),
         ("xu yu zu", rows["x"] + rows["image"] @ lammps.box.h.T),
-        ("ix iy iz", rows["image"]),
-        ("vx vy vz", rows["v"]),
-        ("fx fy fz", rows["force"]),
-        ("tqx tqy tqz", rows["torque"]),
-        ("omegax omegay omegaz", rows["omega"]),
-        ("angmomx angmomy angmomz", rows["angmom"]),
-        ("quatw quati quatj quatk", rows["q"]),
+        (_QUATERNION, rows["q"]),
         ("inertiax inertiay inertiaz", bodies.moments_of_atoms[:, listed].T),
     ):
         columns |= dict(zip(names.split(), values.T, strict=True))
@@ -160,31 +115,67 @@ def global_array(rows: np.ndarray) -> np.ndarray:
     return columns[np.argsort(rows["body"])]
 
 
+def _columns(rows: np.ndarray) -> dict[str, np.ndarray]:
+    """The columns (n,) of a table of bodies by name, in the order of the file."""
+    return {
+        name: column
+        for field, names in _FIELDS.items()
+        for name, column in zip(names.split(), np.atleast_2d(rows[field].T), strict=True)
+    }
+
+
 class BodyFile:
-    """The file of keyword output: comma-separated, column names, then a row per body and step.
+    """The file of keyword output.
+
+    Its ending decides the format: with ``.lammpstrj`` that of LAMMPS's dump files, one particle per
+    body; else comma-separated text, column names, then a row per body and step.
 
     Methods are collective; only rank 0 writes.  After each step all of it is on disk, and a step
     that does not fit is taken back, so that the file always ends with a whole step.
 
     Args:
         path: where; an older file of this name is replaced.
-        units: LAMMPS's unit style.  communicator: the `Communicator` or `ALONE`.
+        communicator: the `Communicator` or `ALONE`.
     Raises:
         RunError: on all ranks, if the file cannot be written.
     """
 
-    def __init__(self, path: str, units: str, communicator: Ranks) -> None:
+    def __init__(self, path: str, communicator: Ranks) -> None:
         self.path, self.communicator = path, communicator
         self.last: int | None = None  # the last step in it
         self._file: BinaryIO  # of rank 0, for the rest of the run
         self._size = 0
-        self._do(lambda: self._open(header(units)))
+        self._dump = path.endswith(".lammpstrj")
+        self._types: dict[float, int] = {}  # of rank 0: species, in the order in which they came
+        header = ",".join(" ".join(_FIELDS.values()).split()) + "\n"
+        self._do(lambda: self._open(b"" if self._dump else header.encode()))
 
-    def write(self, step: int, rows: np.ndarray) -> None:
-        """Append a step's rows, of all ranks and in the order of the bodies."""
-        rows = self.communicator.gather(rows)
-        self._do(lambda: self._append(_text(np.sort(rows, order="body"))))
-        self.last = step
+    def write(self, bodies: Bodies, lammps: Lammps) -> None:
+        """Append the bodies of this step, of all ranks and in the order of their IDs."""
+        gather = self.communicator.gather
+        rows, species = gather(table(bodies, lammps)), None
+        if self._dump:
+            species = gather(keys(bodies, lammps.types[bodies.index])[_listed(bodies)])
+        self._do(lambda: self._append(self._text(rows, species, lammps)))
+        self.last = lammps.step
+
+    def _text(self, rows: np.ndarray, species: np.ndarray | None, lammps: Lammps) -> bytes:
+        """A step's rows, (n,) in any order; species: (n,) a number for each, None in a CSV file."""
+        order = np.argsort(rows["body"])
+        rows, text = rows[order], io.BytesIO()
+        columns = _columns(rows)
+        if species is not None:
+            number = self._types.setdefault
+            types = [number(key, len(self._types) + 1) for key in species[order].tolist()]
+            columns |= dict(zip(_QUATERNION.split(), rows["q"].T, strict=True))
+            columns = {"id": rows["body"], "type": np.array(types, int)} | {
+                name: columns[name] for name in _DUMP.split()
+            }
+            text.write(_dump_header(lammps, len(rows), columns))
+        formats = ["%d" if column.dtype == int else "%.17g" for column in columns.values()]
+        delimiter = " " if self._dump else ","
+        np.savetxt(text, np.transpose([*columns.values()]), fmt=formats, delimiter=delimiter)
+        return text.getvalue()
 
     def _do(self, work: Callable[[], None]) -> None:
         problem = None
@@ -215,20 +206,17 @@ class BodyFile:
         self._size += len(text)
 
 
-def header(units: str) -> bytes:
-    """The line of column names: each says its frame and unit."""
-    symbols, names = _UNITS[units]._asdict(), []
-    for field in _FIELDS:
-        says = "; ".join(filter(None, (field.frame, field.unit.format(**symbols))))
-        names += [f"{name} ({says})" if says else name for name in field.columns]
-    return (",".join(names) + "\n").encode()
-
-
-def _text(rows: np.ndarray) -> bytes:
-    columns, formats = [], []
-    for field in _FIELDS:
-        columns += [*np.atleast_2d(rows[field.name].T)]
-        formats += ["%d" if field.name in _WHOLE else "%.17g"] * len(field.columns)
-    text = io.BytesIO()
-    np.savetxt(text, np.transpose(columns), fmt=formats, delimiter=",")
-    return text.getvalue()
+def _dump_header(lammps: Lammps, n: int, columns: Iterable[str]) -> bytes:
+    """What precedes the rows of a step in LAMMPS's dump format; n bodies."""
+    box = lammps.box
+    corners = box.lo + np.array([*np.ndindex(2, 2, 2)]) @ box.h.T
+    bounds, tilts = np.column_stack([corners.min(axis=0), corners.max(axis=0)]), ""
+    if lammps.setting("triclinic"):
+        bounds, tilts = np.column_stack([bounds, box.h[[0, 0, 1], [1, 2, 2]]]), "xy xz yz "
+    lines = [
+        f"ITEM: TIMESTEP\n{lammps.step}\nITEM: NUMBER OF ATOMS\n{n}",
+        f"ITEM: BOX BOUNDS {tilts}{' '.join('pp' if wraps else 'ff' for wraps in box.periodic)}",
+        *(" ".join(f"{bound:.17g}" for bound in row) for row in bounds),
+        f"ITEM: ATOMS {' '.join(columns)}\n",
+    ]
+    return "\n".join(lines).encode()

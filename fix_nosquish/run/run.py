@@ -16,7 +16,6 @@ from .making import MadeBodies
 from .minimization import Minimization
 from .other_boxes import BoxWatch
 from .other_fixes import Ours, acts_on_bodies, may_move, refuse_constraints
-from .output import table
 from .part import box_every, needs_energy
 from .passes import Passes
 from .schedule import ACTIONS, GATHERS, SEEN
@@ -393,7 +392,7 @@ class Run:
         output, file, step = self.command.output, self.setting.table, self.lammps.step
         if output and file and step % output.steps == 0 and file.last != step:
             self.complete_step()
-            file.write(step, table(self.bodies, self.lammps))
+            file.write(self.bodies, self.lammps)
 
     def complete_step(self, forces: bool = True) -> None:
         """Have the bodies as at the end of a step with output, with their forces, if wanted."""

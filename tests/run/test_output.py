@@ -4,13 +4,15 @@ the virial of each atom."""
 import re
 import sys
 
+import mdtraj
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from support.body_table import MOMENTS, NAMES, read_table, vector
+from support.body_table import MOMENTS, NAMES, read_dump, read_table, vector
 from support.endings import SECONDS, assert_ended
-from support.systems import LIKE_LAMMPS, OURS, RIGID, mixture
+from support.systems import LIKE_LAMMPS, OURS, RIGID, droplet, mixture
+from validation.statistics import motion
 
 FILE = "variable table string bodies.csv"
 
@@ -175,14 +177,18 @@ def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
     np.testing.assert_allclose(*centre, rtol=0, atol=1e-9 * np.abs(centre[0]).max())
 
 
-def test_steps_of_several_runs(simulate, tmp_path):
+@pytest.mark.parametrize("name, read", [("table", read_table), ("t.lammpstrj", read_dump)])
+def test_steps_of_several_runs(simulate, tmp_path, name, read):
     """Locks out steps that are no multiples of N, a step that stands in the file twice where one
-    run ends and the next begins, a second run that empties the file, and a file without a point in
-    its name that is not taken as it is."""
+    run ends and the next begins, a second run that empties the file, an older file that is not
+    replaced, and a file without a point in its name that is not taken as it is."""
+    (tmp_path / name).write_text("step,time,vx (space frame; sigma/tau)\n")
     system = mixture("solid planar pair")
     after = "run 9\nrun 3 pre no\nrun 0\nrun 4\nreset_timestep 60\nrun 5"
-    simulate(system, OURS, 20, words="molecule output 8 table", after=after, ranks=2)
-    table = read_table(tmp_path / "table")
+    before = f"variable table string {name}"
+    words = "molecule output 8 v_table" if "." in name else "molecule output 8 table"
+    simulate(system, OURS, 20, words=words, before=before, after=after, ranks=2)
+    table = read(tmp_path / name)
     steps = table["step"].reshape(-1, 27)
     assert (steps == steps[:, :1]).all() and (
         table["body"].reshape(-1, 27) == np.arange(1, 28)
@@ -206,43 +212,79 @@ def test_order_of_rows(simulate, tmp_path):
     )
 
 
-# mass, length, time, velocity, unit of angle's time, force, torque: LAMMPS's own words for each
-# style
-UNIT_WORDS = {
-    "lj": ("mass", "sigma", "tau", "sigma/tau", "tau", "epsilon/sigma", "epsilon"),
-    "real": ("g/mol", "Angstrom", "fs", "Angstrom/fs", "fs", "kcal/mol/Angstrom", "kcal/mol"),
-    "metal": ("g/mol", "Angstrom", "ps", "Angstrom/ps", "ps", "eV/Angstrom", "eV"),
-    "si": ("kg", "m", "s", "m/s", "s", "N", "N m"),
-    "cgs": ("g", "cm", "s", "cm/s", "s", "dyne", "dyne cm"),
-    "electron": ("amu", "Bohr", "fs", "Bohr/fs", "fs", "Hartree/Bohr", "Hartree"),
-    "micro": ("pg", "um", "us", "um/us", "us", "pg um/us^2", "pg um^2/us^2"),
-    "nano": ("ag", "nm", "ns", "nm/ns", "ns", "ag nm/ns^2", "ag nm^2/ns^2"),
-}
+# ---- the file in LAMMPS's dump format
+
+DUMP = "bodies.lammpstrj"
+ATOMS = (
+    "dump 1 all custom 15 atoms.lammpstrj id type mol xu yu zu\n"
+    "dump_modify 1 sort id format float %.17g"
+)
 
 
-@pytest.mark.parametrize("units", UNIT_WORDS)
-def test_units_in_the_header(run_lammps, tmp_path, units):
-    """Locks out a header that names another style's units, or a style that is not known."""
-    run_lammps(
-        f"units {units}\natom_style atomic\nregion b block 0 4 0 4 0 4\ncreate_box 1 b\n"
-        "create_atoms 1 single 1 1 1\n"
-        "create_atoms 1 single 2 1 1\nmass 1 1\npair_style none\n"
-        "fix 1 all nosquish/nve single output 1 table\nrun 0\n"
-    )
-    words = dict(
-        zip(("mass", "length", "time", "velocity", "clock", "force", "torque"), UNIT_WORDS[units])
-    )
-    names = dict(
-        name.rstrip(")").split(" (")
-        for name in (tmp_path / "table").read_text().splitlines()[0].split(",")
-        if "(" in name
-    )
-    assert names["time"] == words["time"] and names["mass"] == words["mass"]
-    for name, unit in ("z", "length"), ("vx", "velocity"), ("fy", "force"), ("tqz", "torque"):
-        assert names[name] == "space frame; " + words[unit]
-    assert names["omegax"] == "space frame; rad/" + words["clock"]
-    assert names["angmomy"] == "space frame; {mass} {length} {velocity}".format(**words)
-    assert names["q0"] == "principal to space frame"
+def boxes(path):
+    """The lines ITEM: BOX BOUNDS of a dump, and the numbers after them, (frames, 3, columns)."""
+    lines = path.read_text().splitlines()
+    places = [k for k, line in enumerate(lines) if "BOX BOUNDS" in line]
+    numbers = [[line.split() for line in lines[k + 1 : k + 4]] for k in places]
+    return [lines[k] for k in places], np.array(numbers, float)
+
+
+@pytest.mark.parametrize(
+    "system, ranks",
+    [
+        pytest.param(mixture(tilt=0.3), 4, marks=pytest.mark.quick),
+        (mixture("row pair single", tilt=-0.2), 1),
+        (droplet("p f f", margin=2.0), 2),
+    ],
+    ids=["tilted", "tilted back", "faces"],
+)
+def test_dump_beside_that_of_atoms(simulate, tmp_path, system, ranks):
+    """Locks out a box, faces, image flags, order or direction of a quaternion and species that are
+    not those of LAMMPS's dump of the atoms, where fix deform changes the box (here not in a step
+    of the files: it does so after the table); and a file that mdtraj cannot read."""
+    fix = f"fix 9 all deform 4 x scale 1.01 remap x\n{OURS}"
+    before = f"variable table string {DUMP}\n{ATOMS}"
+    simulate(system, fix, 30, words="molecule output 15 v_table", before=before, ranks=ranks)
+    lines, bounds = boxes(tmp_path / DUMP)
+    lines_of_atoms, bounds_of_atoms = boxes(tmp_path / "atoms.lammpstrj")
+    assert lines == lines_of_atoms
+    close(bounds, bounds_of_atoms, 1e-14 * np.abs(bounds).max())
+    table = read_dump(tmp_path / DUMP).reshape(3, -1)
+    atoms = motion.read(tmp_path / "atoms.lammpstrj")[1]
+    n, body = table.shape[1], np.searchsorted(table["body"][0], atoms[0, :, 2])
+    kinds = [tuple(np.sort(atoms[0, body == k, 1])) for k in range(n)]
+    types = [[*dict.fromkeys(kinds)].index(kind) + 1 for kind in kinds]
+    np.testing.assert_array_equal(table["type"], [types] * 3)
+
+    topology = mdtraj.Topology()
+    residue = topology.add_residue("bodies", topology.add_chain())
+    for _ in range(n):
+        topology.add_atom("body", mdtraj.element.virtual, residue)
+    read = mdtraj.load(tmp_path / DUMP, top=topology)
+    close(10 * read.xyz, vector(table, "x", "y", "z"), 1e-5)
+    inside = None
+    for k, rows in enumerate(table):
+        h = 10 * read.unitcell_vectors[k].T
+        centre = vector(rows, "x", "y", "z") + vector(rows, "ix", "iy", "iz") @ h.T
+        r = atoms[k, :, 3:] - centre[body]
+        turn = Rotation.from_quat(vector(rows, "q1", "q2", "q3", "q0"))[body]
+        inside = turn.inv().apply(r) if inside is None else inside
+        close(turn.apply(inside), r, 1e-5)  # mdtraj has single precision
+    assert np.abs(r - turn.apply(turn.inv().apply(atoms[0, :, 3:]))).max() > 0.01
+
+
+def test_species_keep_their_type(simulate, tmp_path):
+    """Locks out another type of a species in the next run, because the first one is gone."""
+    before = f"variable table string {DUMP}"
+    after = "delete_atoms group solid\nrun 10"
+    simulate(
+        mixture("solid planar pair"), OURS, 10, words="molecule output 10 v_table", before=before,
+        after=after, ranks=2,
+    )  # fmt: skip
+    table = read_dump(tmp_path / DUMP)
+    counts = [np.count_nonzero(table["type"] == kind) for kind in (1, 2, 3)]
+    assert len(table) == sum(counts) and counts == [18, 27, 27]
+    assert (table["type"] == 1 + (table["body"] > 9) + (table["body"] > 18)).all()
 
 
 # ---- a disk that does not take it
@@ -379,8 +421,9 @@ lmp.close()
 """
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 4])
-def test_table_in_python(run_lammps, tmp_path, ranks):
+@pytest.mark.parametrize("ranks", [1, 2, 4, 8])
+@pytest.mark.parametrize("name, read", [("bodies.csv", read_table), (DUMP, read_dump)])
+def test_table_in_python(run_lammps, tmp_path, ranks, name, read):
     """Locks out fields that are missing, a body on two ranks or on none, rows in another order than
     that of the bodies' IDs, another number than in the file, and a table that reads the atoms where
     they were before another command moved them."""
@@ -389,7 +432,8 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         SCRIPT.format(more="from mpi4py import MPI" if ranks > 1 else "", ranks=ranks)
     )
     fix = OURS.format(group="all", words="molecule output 20 v_table")
-    script = "\n".join([system.setup, FILE, fix, f"timestep {system.dt:.17g}", ""])
+    before = f"variable table string {name}"
+    script = "\n".join([system.setup, before, fix, f"timestep {system.dt:.17g}", ""])
     run = run_lammps(
         script,
         files=system.files,
@@ -398,10 +442,10 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         timeout=SECONDS,
     )
     assert "no fix 7" in run.screen and "before the first run" in run.screen
-    table = read_table(tmp_path / "bodies.csv")
+    table = read(tmp_path / name)
     fields = "step time body natoms mass x image v q angmom omega force torque"
-    for name in "start", "end", "later":
-        rows = np.load(tmp_path / f"{name}.npy")
+    for when in "start", "end", "later":
+        rows = np.load(tmp_path / f"{when}.npy")
         assert rows.dtype.names == tuple(fields.split())
         assert (
             rows["q"].shape == (27, 4)
@@ -410,13 +454,15 @@ def test_table_in_python(run_lammps, tmp_path, ranks):
         )
         np.testing.assert_array_equal(np.sort(rows["body"]), np.arange(1, 28))
         rows = np.sort(rows, order="body")
-        same = table[table["step"] == (0 if name == "start" else 20)]
+        same = table[table["step"] == (0 if when == "start" else 20)]
         plain = np.column_stack([rows[field] for field in fields.split()])
-        if name == "later":  # write_restart may have put the atoms into the box
+        if when == "later":  # write_restart may have put the atoms into the box
             centre = vector(same, "x", "y", "z") + vector(same, "ix", "iy", "iz") @ system.h.T
             close(rows["x"] + rows["image"] @ system.h.T, centre, 1e-12)
         else:
-            np.testing.assert_array_equal(plain, vector(same, *NAMES))
+            here = [field in same.dtype.names for field in NAMES]
+            assert sum(here) == len(NAMES) - 2 * (name == DUMP)
+            np.testing.assert_array_equal(plain[:, here], vector(same, *np.compress(here, NAMES)))
 
 
 # ---- f_ID
