@@ -69,9 +69,10 @@ TARGETS = {  # default largest error, unit, description, reason
         "less than the width of a line in a figure of g(r)",
     ),
 }
-# the default drift with a thermostat: what GROMACS allows by default, 0.005 kJ/mol per ps and atom
-# (verlet-buffer-tolerance), of rigid water at 300 K.  With a damping time of 1 ps it heats by 0.2 %
-HEATED, WHY_HEATED = 1.0, "as much as GROMACS allows by default; the thermostat takes it out"
+# relative rise of the temperature by the default drift with a thermostat, which takes the heat out.
+# With a damping time of 1 ps the drift is what GROMACS allows by default, 0.005 kJ/mol per ps and
+# atom (verlet-buffer-tolerance), of rigid water at 300 K
+HEATED, WHY_HEATED = 0.002, "the thermostat takes it out; the temperature rises by 0.2 %"
 COUNTED = (
     "what {fixes} does to the energy is not counted; of a fix that adds a force, 'fix_modify ID "
     "energy yes' has LAMMPS count it, if it can"
@@ -143,6 +144,12 @@ class Case:
     def ns(self) -> float:
         """Units of time in the unit of costs and drifts."""
         return NS.get(self.scene.units, 1e3)
+
+    @property
+    def heating(self) -> float:
+        """The drift, kT per degree of freedom, by which the temperature rises by `HEATED`."""
+        damping = float(self.thermostat["damp"].split()[0]) if self.thermostat else self.ns / 1e3
+        return HEATED / 2 * self.ns / damping
 
     @property
     def name_of_ns(self) -> str:
@@ -285,7 +292,7 @@ def targets(case: Case, wanted: Mapping[str, float]) -> dict[str, float]:
             raise LookupError(f"{name} says nothing of {case.word}: {case.lost[name]}")
     bounds = {name: default for name, (default, *_) in TARGETS.items() if name not in case.lost}
     if case.bath and "drift" in bounds:
-        bounds["drift"] = HEATED
+        bounds["drift"] = case.heating
     active = {
         name: wanted.get(name, most)
         for name, most in bounds.items()
@@ -307,6 +314,6 @@ def about(case: Case) -> dict[str, dict]:
     for name, (usual, *texts) in TARGETS.items():
         unit, what, why = (text.format(**words) for text in texts)
         if name == "drift" and case.bath:
-            usual, why = HEATED, WHY_HEATED
+            usual, why = case.heating, WHY_HEATED
         descriptions[name] = {"default": usual, "unit": unit, "what": what, "why": why}
     return descriptions
