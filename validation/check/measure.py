@@ -24,7 +24,6 @@ from ..user_script.shapes import BodyGroup, BodyKind
 STEPS = 20  # with each integrator
 # rad: a body that rotates further in a step is not resolved
 TURN = 0.5
-OWN = "script"  # name of the row of the script's own fixes
 ALIKE = 1e-3  # relative to the largest moment; the rounding of a data file's digits is smaller
 SOME = 200  # atoms of a body whose pairs are counted, at most
 IDLE = (
@@ -57,7 +56,7 @@ def check(
         *_bodies(script, gap, kinds),
         *_step(script, groups, kinds, tolerance),
         *_script(script),
-        _lists(rows),
+        _lists(rows, script.reference),
         _forces_within(script, groups, out, ranks, silence),
     )
     return machine.circumstances() | {
@@ -80,18 +79,11 @@ def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, *
     return run.job(script.scene, integrator, folder, [steps], **how)
 
 
-def _own(script: UserScript) -> Integrator:
-    """The script's own fixes, with the keywords that other integrators do not get."""
-    lines = (*script.rigid.lines, *script.rigid.modified)
-    escaped = tuple(line.replace("{", "{{").replace("}", "}}") for line in lines)
-    return Integrator(OWN, "the script's own fixes", escaped, kind=script.rigid.kind)
-
-
 def _starts(
     script: UserScript, out: Path, ranks: int, silence: float, meter: run.Meter
 ) -> tuple[list[dict], bool]:
     """A row for each integrator, on the start and some steps; and whether a Ctrl-C ended it."""
-    integrators, runs = [_own(script), *script.integrators.values()], out / "runs"
+    integrators, runs = script.integrators.values(), out / "runs"
     how = {"ranks": ranks, "silence": silence}
     trajectories = [
         Trajectory(
@@ -225,10 +217,10 @@ def _script(script: UserScript) -> Iterator[Check]:
     )
 
 
-def _lists(rows: Sequence[Mapping]) -> Check:
+def _lists(rows: Sequence[Mapping], own: str) -> Check:
     """Check whether neighbour lists are built in time, with a step that may be longer than the one
     for which the script sets how often LAMMPS checks them."""
-    late = next((row.get("late") for row in rows if row["name"] == OWN), None)
+    late = next((row.get("late") for row in rows if row["name"] == own), None)
     note = (
         "LAMMPS has not looked"
         if late is None

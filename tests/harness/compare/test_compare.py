@@ -242,7 +242,7 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
     path = getattr(scripts, kind)(tmp_path, **how)
     own = take(path, tmp_path / "out", **ask)
     first = next(one for one in own.integrators.values() if one.kind in ("ours", "rigid"))
-    (_, start), _ = check._starts(
+    (start,), _ = check._starts(
         replace(own, integrators={"": first}), tmp_path / "out", 1, 300.0, Silent()
     )
     text = path.read_text().replace("log water.log", "")
