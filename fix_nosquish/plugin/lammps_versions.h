@@ -107,7 +107,10 @@ inline int number_of(LAMMPS_NS::Variable &variable)
 
 inline void forget_vectors(LAMMPS_NS::Variable &variable)
 {
-  for (auto &entry : Variables::of(variable)) entry.vec.currentstep = -1;
+  for (auto &entry : Variables::of(variable)) {
+    entry.vec.currentstep = -1;
+    if (!entry.vec.values) entry.vec.nmax = 0;    // 4 Jul 2026 keeps that of a variable that is defined again, and writes to no memory
+  }
 }
 #endif
 
