@@ -146,7 +146,7 @@ def compare(prepared: Prepared, meter: run.Meter) -> dict:
     summary["versions"] |= machine.worker_versions(done.versions)
     runs = collected(prepared, done)
     rows = _rows(prepared, runs)
-    for _ in range(TRIES * prepared.parts):
+    for _ in range(TRIES if prepared.parts else 0):
         best = None if summary["interrupted"] else choose_long_run(prepared, rows)
         if best is None:
             break
