@@ -53,7 +53,7 @@ def add_verb(
 
 OF_SCRIPTS = "variables", "fix", "group", "bodies", "run_number"  # what `add_script_options` adds
 # options that are not called as their values
-OPTION_NAMES = {"variables": "-var", "run_number": "--run", "folder": "--from", "limits": "--from"}
+OPTION_NAMES = {"variables": "-var", "run_number": "--run", "folder": "--from", "earlier": "--from"}
 
 
 def refuse_options(arguments: argparse.Namespace, names: Collection[str], why: str) -> None:

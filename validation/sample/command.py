@@ -54,6 +54,9 @@ def add(verbs: command_line.Verbs) -> None:
     )
     command_line.add_number(parser, "--starts", 1, "N", "independent starts")
     parser.add_argument(
+        "--seed", type=command_line.positive_integer, metavar="SEED", help="for other starts"
+    )
+    parser.add_argument(
         "--to-zero",
         action="store_true",
         help="extrapolate the averages of one scheme to step zero, from two or more long steps "
@@ -62,9 +65,10 @@ def add(verbs: command_line.Verbs) -> None:
     parser.add_argument(
         "--from",
         type=Path,
-        dest="limits",
+        dest="earlier",
         metavar="DIR",
-        help="take the limit of small steps from this folder of another command for the same scene",
+        help="count the averages of another command for the same scene, in this folder, as those "
+        "of further starts",
     )
     command_line.add_silence(parser, 120.0)
     command_line.add_out(parser, "results/sample-SCENE", short=True)
@@ -87,6 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
     from . import criteria, engine, extrapolation, measure, report
     from .plan import TIMES, Lengths, Runs
     from .scenes import SCENES, of_script
+    from .schemes import FIRST_SEED
 
     short = not arguments.full
     if command_line.is_script(arguments.scene, scenes):
@@ -102,20 +107,22 @@ def run(arguments: argparse.Namespace) -> int:
     plan.refuse_long(arguments.dt or ())
     if arguments.to_zero:
         command_line.refuse_options(
-            arguments, ["limits"], "is for biases, which --to-zero does not tell"
+            arguments, ["earlier"], "is for biases, which --to-zero does not tell"
         )
         points = extrapolation.points(plan, only, arguments.dt)
     else:
         points = plan.points(only, arguments.dt, short)
     engine.versions(plan.schemes[point.scheme].engine for point in points)
-    known = measure.known_limits(arguments.limits, plan.scene.name) if arguments.limits else {}
-    lengths = Lengths(arguments.ps or TIMES[short], arguments.starts)
+    lengths = Lengths(arguments.ps or TIMES[short], arguments.starts, arguments.seed or FIRST_SEED)
+    earlier = {}
+    if arguments.earlier:
+        earlier = measure.earlier_rows(arguments.earlier, plan.scene.name, lengths)
     runs = Runs(
         plan, lengths, out / "runs" / lengths.folder, arguments.silence, fewer=arguments.to_zero
     )
     screen = console.console()
     with console.Meter(screen, runs.steps(points)) as meter:
-        summary = measure.sample(runs, points, known, meter)
+        summary = measure.sample(runs, points, earlier, meter)
     summary["checks"] = [check.plain() for check in criteria.checks(summary)]
     failed = all(row["error"] for row in summary["rows"])
     if arguments.to_zero:

@@ -20,8 +20,8 @@ from ..statistics.estimate import Estimate
 from . import engine, rivals
 from .criteria import LEAST_ERRORS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
-from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
-from .schemes import Scheme
+from .plan import KINETIC, SAMPLED, Lengths, Plan, Runs, start_name, table
+from .schemes import FIRST_SEED, Scheme
 
 # number of independent samples that each of two states needs, and of samples used per independent
 # one, because physical_validation bins them
@@ -29,7 +29,6 @@ LEAST_SAMPLES, DENSER = 50, 4
 LAMMPS = "LAMMPS"  # its limit is that of the scene's own forces
 # keys of a row with numbers of each observable
 NESTED = "means", "biases", "remembers", "noise", "faster", "seconds"
-KNOWN = Point("known", 0.0)  # the key of a limit from another command
 
 
 @dataclass
@@ -83,7 +82,7 @@ class Results:
 
 
 def sample(
-    runs: Runs, points: Collection[Point], known: Mapping[str, Mapping], meter: run.Meter
+    runs: Runs, points: Collection[Point], earlier: Mapping[Point, Mapping], meter: run.Meter
 ) -> dict:
     """Run what has no result yet, and measure, also the points of earlier commands with the same
     lengths in the folder.
@@ -91,8 +90,7 @@ def sample(
     Several processes with the same command share the runs.
 
     Args:
-        known: limits of small steps, by observable, in place of those of the runs, see
-            `known_limits`.
+        earlier: rows of another command, see `earlier_rows`.
 
     Returns:
         plain data: circumstances, settings, and what `summarize` gives.
@@ -121,20 +119,26 @@ def sample(
         "temperature": plan.temperature,
         "known": [point._asdict() for point in plan.known],
         "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
-        **summarize(results, runs, every, known),
+        **summarize(results, runs, every, earlier),
     }
 
 
-def known_limits(folder: Path, scene: str) -> dict:
-    """The limits of small steps of the same scene from another command.
+def earlier_rows(folder: Path, scene: str, lengths: Lengths) -> dict[Point, dict]:
+    """The rows of another command for the same scene, from other starts.
 
     Raises:
-        SystemExit: the folder has none, or of another scene.
+        SystemExit: the folder has none, or of another scene, or some from the same starts.
     """
     summary = json_files.read(folder / "summary.json") or {}
-    if summary.get("scene") != scene or not summary.get("limits"):
-        raise SystemExit(f"{folder} has no limit of small steps of the scene {scene}")
-    return summary["limits"]
+    if summary.get("scene") != scene or not summary.get("rows"):
+        raise SystemExit(f"{folder} has no averages of the scene {scene}")
+    seed, starts = summary["settings"].get("seed", FIRST_SEED), summary["settings"]["starts"]
+    if lengths.seed - starts < seed < lengths.seed + lengths.starts:
+        raise SystemExit(
+            f"{folder} has averages from the same starts, which would count twice: give another "
+            f"--seed, such as {seed + 1000}"
+        )
+    return {Point(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
 
 
 def _measure(results: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:
@@ -235,21 +239,31 @@ Fits = Mapping[str, Mapping[str, limit.Fit]]  # of each engine, of each observab
 
 
 def summarize(
-    results: Results, runs: Runs, points: Sequence[Point], known: Mapping[str, Mapping]
+    results: Results, runs: Runs, points: Sequence[Point], earlier: Mapping[Point, Mapping]
 ) -> dict:
     """Rows of the points that were run, and the limits that they are compared with; plain data.
 
     Args:
-        known: see `sample`.
+        earlier: see `sample`.  Their means count as further starts, those of other points for the
+            limits only.
 
     Returns:
         ``rows``, see `_row`; ``limits`` of the scene's forces, and ``others``, of each other engine
         the limits of its own points, see `limit_as_dict`; ``goals``, see `rivals.compare`.
     """
     means = {point: pool([*results.numbers[point].values()]) for point in results.good}
-    fits = fit_limits(means, runs.plan, known)
+    before = {
+        point: {key: Estimate.of(mean) for key, mean in row["means"].items()}
+        for point, row in earlier.items()
+    }
+    for point in means.keys() & before.keys():
+        for key in means[point].means.keys() & before[point].keys():
+            both = means[point].means[key], before[point][key]
+            means[point].means[key] = measures.weighted_mean(both)
+    own = {point: numbers.means for point, numbers in means.items()}
+    fits = fit_limits(before | own, runs.plan)
     rows = [
-        _row(point, results, runs, means, fits)
+        _row(point, results, runs, means, fits, earlier.get(point, {}).get("starts", 0))
         for point in points
         if point in means or point in results.errors
     ]
@@ -265,14 +279,13 @@ def summarize(
     }
 
 
-def fit_limits(means: Mapping[Point, Numbers], plan: Plan, known: Mapping[str, Mapping]) -> Fits:
+def fit_limits(means: Mapping[Point, Mapping[str, Estimate]], plan: Plan) -> Fits:
     """The limits of observables that each engine's points determine, LAMMPS's first."""
-    names = dict.fromkeys([LAMMPS, *(_engine(plan.schemes[point.scheme]) for point in means)])
+    schemes = (plan.schemes[point.scheme] for point in means if point.scheme in plan.schemes)
+    names = dict.fromkeys([LAMMPS, *map(_engine, schemes)])
     return {
         name: {
-            key: fit
-            for key in CONFIGURATIONS
-            if (fit := _fit(means, key, plan, name, known)) is not None
+            key: fit for key in CONFIGURATIONS if (fit := _fit(means, key, plan, name)) is not None
         }
         for name in names
     }
@@ -282,13 +295,9 @@ def _engine(scheme: Scheme) -> str:
     return scheme.engine.name if scheme.engine else LAMMPS
 
 
-def _fit(means, key, plan, engine, known) -> limit.Fit | None:
+def _fit(means, key, plan, engine) -> limit.Fit | None:
     """The limit of an observable that an engine's schemes share."""
-    of_points = {
-        point: numbers.means[key] for point, numbers in means.items() if key in numbers.means
-    }
-    if engine == LAMMPS and key in known:  # as if it were a separate point
-        return limit.Fit(of_points | {KNOWN: Estimate.of(known[key])}, {KNOWN: 1.0})
+    of_points = {point: averages[key] for point, averages in means.items() if key in averages}
     steps = {point: (point.scheme, point.dt) for point in of_points}
     reaches = {
         name: scheme.reach
@@ -306,9 +315,14 @@ def limit_as_dict(fit: limit.Fit) -> dict:
 
 
 def _row(
-    point: Point, results: Results, runs: Runs, means: Mapping[Point, Numbers], fits: Fits
+    point: Point,
+    results: Results,
+    runs: Runs,
+    means: Mapping[Point, Numbers],
+    fits: Fits,
+    earlier: int,
 ) -> dict:
-    """A point's row.
+    """A point's row, with this number of earlier starts.
 
     Returns:
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
@@ -326,7 +340,7 @@ def _row(
         "ours": scheme.ours,
         "dt": point.dt,
         "lines": runs.lines(point),
-        "starts": 0 if error else len(results.numbers[point]),
+        "starts": 0 if error else len(results.numbers[point]) + earlier,
         "error": error,
     }
     row |= {name: {} for name in NESTED}

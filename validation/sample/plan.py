@@ -67,15 +67,17 @@ FORCES = ("fx", "fy", "fz"), ("f_raw[1]", "f_raw[2]", "f_raw[3]")
 
 @dataclass(frozen=True)
 class Lengths:
-    """Length of the runs of each point from each start, ps, and the number of starts."""
+    """Length of the runs of each point from each start, ps, the number of starts, and the seed
+    that precedes those of the starts."""
 
     time: float
     starts: int = 1
+    seed: int = FIRST_SEED
 
     @property
     def folder(self) -> str:
-        """Folder of the runs; runs of other lengths have other folders."""
-        return f"{self.time:.12g}-ps"
+        """Folder of the runs; runs of other lengths or starts have other folders."""
+        return f"{self.time:.12g}-ps" + f"-{self.seed}" * (self.seed != FIRST_SEED)
 
     @property
     def settle(self) -> float:
@@ -270,7 +272,7 @@ class Runs:
 
     def start(self, number: int) -> run.Job:
         """The run that creates a start."""
-        seeded = self.plan.starter.seeded(number)
+        seeded = self.plan.starter.seeded(self.lengths.seed + number)
         return run.job(
             self._of(seeded, self.plan.scene),
             seeded,
@@ -294,7 +296,7 @@ class Runs:
         if scheme.engine:
             how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
             return scheme.engine.job(
-                EngineRun(*how, runs, SPARSE * every, FIRST_SEED + start),
+                EngineRun(*how, runs, SPARSE * every, self.lengths.seed + start),
                 of_scene(self.plan.scene),
                 folder,
                 self.silence,
@@ -360,7 +362,8 @@ class Runs:
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
     ) -> run.Job:
         """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
-        scheme, dump = self.plan.schemes[point.scheme].seeded(start), self._dump(start)
+        seeded = self.plan.schemes[point.scheme].seeded(self.lengths.seed + start)
+        scheme, dump = seeded, self._dump(start)
         begun = from_dump(
             self.plan.scene, dump, self._begin, box=self.plan.starter.pressure is not None
         )

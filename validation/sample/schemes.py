@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from ..scenes.integrators import Integrator, constrained, nosquish, rigid
 from .engine import Engine
 
-FIRST_SEED = 7100
+FIRST_SEED = 7100  # precedes those of the starts
 SEED = "SEED"  # placeholder in a scheme's lines
 DAMPING, STRONG = 200.0, 50.0  # fs; friction of 5/ps and 20/ps
 PRESSURE_DAMPING = 500.0  # fs
@@ -141,10 +141,9 @@ class Scheme(Integrator):
         """Whether it is this package's."""
         return self.kind == "ours"
 
-    def seeded(self, start: int) -> "Scheme":
-        """The scheme with the random numbers of a start, from 1."""
-        seed = str(FIRST_SEED + start)
-        return replace(self, lines=tuple(line.replace(SEED, seed) for line in self.lines))
+    def seeded(self, seed: int) -> "Scheme":
+        """The scheme with the random numbers of a seed."""
+        return replace(self, lines=tuple(line.replace(SEED, str(seed)) for line in self.lines))
 
 
 def by_name(schemes: Iterable[Scheme]) -> dict[str, Scheme]:

@@ -127,6 +127,15 @@ def mean_of_starts(starts: Sequence[Estimate]) -> Estimate:
     return Estimate(apart.value, float(np.sqrt(total)) / len(starts), float(freedom))
 
 
+def weighted_mean(estimates: Sequence[Estimate]) -> Estimate:
+    """The mean of independent estimates of one number, each weighted by its margin to the power of
+    -2."""
+    weights = np.array([estimate.margin for estimate in estimates]) ** -2.0
+    parts = [estimate.times(weight) for estimate, weight in zip(estimates, weights / sum(weights))]
+    error, freedom = combined(*(part[1:] for part in parts))
+    return Estimate(sum(part.value for part in parts), error, freedom)
+
+
 def mean(x: np.ndarray) -> Estimate:
     """`Estimate` of the mean, in units of ``x``.
 

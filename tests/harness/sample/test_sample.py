@@ -242,10 +242,6 @@ def test_rows_of_known_schemes(tmp_path):
     faster = rows["langevin-20", 4.0]["faster"]["potential"]["value"]
     room = 2 * 0.006**2
     assert faster == pytest.approx((room - 0.0016**2) / (room - 0.001**2), rel=1e-3)
-    known = {"potential": {"value": -9.6, "error": 0.01, "freedom": None}}
-    told = measure.summarize(result, runs_of(plan, tmp_path), list(numbers), known)
-    bias = told["rows"][0]["biases"]["potential"]
-    assert bias["value"] == pytest.approx(0.1 - 1e-4) and bias["error"] == pytest.approx(0.01)
     result.errors[Point("langevin-20", 4.0)] = "Lost atoms"
     lost = measure.summarize(result, runs_of(plan, tmp_path), list(numbers), {})["rows"][2]
     assert lost["error"] == "Lost atoms" and not lost["means"] and not lost["starts"]
@@ -258,15 +254,60 @@ def test_a_step_that_is_too_long():
         planned().refuse_long((2.0, 200.0))
 
 
-def test_limits_of_another_folder(tmp_path):
-    """Locks out a limit that is taken from another scene's results, or from none."""
-    (tmp_path / "summary.json").write_text(
-        json.dumps({"scene": "co2", "limits": {"potential": {}}})
-    )
-    assert measure.known_limits(tmp_path, "co2") == {"potential": {}}
-    for folder in tmp_path, tmp_path / "nothing":
-        with pytest.raises(SystemExit, match="no limit of small steps of the scene water"):
-            measure.known_limits(folder, "water")
+def test_averages_of_another_folder(tmp_path):
+    """Locks out averages of another scene, of starts that count twice, and of a point that failed;
+    and a sum in which they weigh differently from more starts of the same command."""
+    plan, rng = planned(), np.random.default_rng(2)
+    points = [Point("langevin-20", dt) for dt in (2.0, 4.0, 8.0)]
+    drawn = {point: rng.normal(-9.5, 0.01, 6) for point in points}
+
+    def result_of(points, starts):
+        result = measure.Results()
+        for point in points:
+            result.numbers[point] = {
+                n: measure.Numbers(
+                    {"potential": Estimate(drawn[point][n], 0.01)},
+                    {"potential": Estimate(0.5)},
+                    {"potential": 1.0},
+                )
+                for n in starts
+            }
+        return result
+
+    def summary(result, earlier=None):
+        points = list(result.numbers)
+        return measure.summarize(result, runs_of(plan, tmp_path), points, earlier or {})
+
+    whole = summary(result_of(points, range(6)))
+    before = summary(result_of(points, range(2)))
+    settings = {"time": 1.0, "starts": 2}
+    failed = before["rows"][0] | {"dt": 6.0, "error": "Lost atoms"}
+    rows = [*before["rows"], failed]
+    for scene, its in ("co2", rows), ("water", rows):
+        told = json.dumps({"scene": scene, "rows": its, "settings": settings})
+        (tmp_path / f"{scene}.json").write_text(told)
+    with pytest.raises(SystemExit, match="no averages of the scene water"):
+        measure.earlier_rows(tmp_path / "nothing", "water", Lengths(1.0, 4, 7500))
+    (tmp_path / "co2.json").rename(tmp_path / "summary.json")
+    with pytest.raises(SystemExit, match="no averages of the scene water"):
+        measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, 7500))
+    (tmp_path / "water.json").rename(tmp_path / "summary.json")
+    for seed in 7097, 7100, 7101:
+        with pytest.raises(SystemExit, match=r"the same starts, .* another --seed, such as 8100"):
+            measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, seed))
+    earlier = measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, 7102))
+    assert list(earlier) == points
+    parts = summary(result_of(points[1:], range(2, 6)), earlier)
+    assert [row["starts"] for row in parts["rows"]] == [6, 6]
+    for row, same in zip(parts["rows"], whole["rows"][1:]):
+        assert row["means"]["potential"] == pytest.approx(same["means"]["potential"])
+    # all of both for the points of this command, two starts for the shortest step
+    weights = {dt: weight for _, dt, weight in parts["limits"]["potential"]["points"]}
+    mean = {point.dt: np.mean(values[:6]) for point, values in drawn.items()}
+    mean[2.0] = np.mean(drawn[points[0]][:2])
+    assert sum(weights.values()) == pytest.approx(1.0) and set(weights) == {2.0, 4.0, 8.0}
+    limit = sum(weight * mean[dt] for dt, weight in weights.items())
+    assert parts["limits"]["potential"]["value"] == pytest.approx(limit)
 
 
 def test_rows_of_engines(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 from support.running import BIN
 from validation.__main__ import main
 from validation.running import run
-from validation.sample import engine, gromacs_engine, measure, openmm_engine, scenes
+from validation.sample import engine, gromacs_engine, openmm_engine, scenes
 from validation.sample.engine import BAR, KJ, EngineRun, of_scene
 
 SCENE = scenes.SCENES["water"](Path()).scene
@@ -167,20 +167,12 @@ def test_how_gromacs_ends(gromacs, mdrun):
 
 
 def test_an_engine_that_is_not_there(monkeypatch, tmp_path):
-    """Locks out a traceback, or a message without a way to go on; and a limit that is taken from
-    another scene's results."""
+    """Locks out a traceback, or a message without a way to go on."""
     monkeypatch.setenv("PATH", str(tmp_path))
     words = ["sample", "water", "--out", str(tmp_path / "out"), "--only"]
     with pytest.raises(SystemExit, match=r"GROMACS.*apt-get install gromacs") as it:
         main([*words, "gromacs-sd"])
     assert "leave its schemes out of --only" in str(it.value)
-    (tmp_path / "summary.json").write_text(
-        json.dumps({"scene": "co2", "limits": {"potential": {}}})
-    )
-    with pytest.raises(SystemExit, match="no limit of small steps of the scene water"):
-        main([*words, "nh", "--from", str(tmp_path)])
-    with pytest.raises(SystemExit, match="no limit of small steps of the scene water"):
-        measure.known_limits(tmp_path / "nothing", "water")
     assert engine.versions([None]) == {}
 
 
@@ -188,13 +180,23 @@ def test_a_short_run(tmp_path, capsys):
     """Locks out a verb that does not come to its page, and a pressure in other units: OpenMM's is
     the same function of a configuration as LAMMPS's, whose liquid has a few hundred atm."""
     pytest.importorskip("openmm", reason="the extra 'engines' is not installed")
-    limits = {
+    means = {
         "potential": {"value": -9.5, "error": 0.01},
         "pressure": {"value": 500.0, "error": 9.0},
     }
-    (tmp_path / "summary.json").write_text(json.dumps({"scene": "water", "limits": limits}))
+    row = {"scheme": "langevin-20", "starts": 1, "error": None, "means": means}
+    (tmp_path / "summary.json").write_text(
+        json.dumps(
+            {
+                "scene": "water",
+                "settings": {"time": 1.0, "starts": 1},
+                "rows": [row | {"dt": dt} for dt in (2.0, 4.0)],
+            }
+        )
+    )
     out = tmp_path / "out"
     words = ["sample", "water", "--ps", "0.2", "--dt", "8", "--only", "openmm-langevin-20"]
+    words += ["--seed", "7200"]
     assert main([*words, "--from", str(tmp_path), "--out", str(out)]) == 0
     summary = json.loads((out / "summary.json").read_text())
     (row,) = summary["rows"]
