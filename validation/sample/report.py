@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from functools import partial
 
 from ..pages import Column, Figure, Report, Table
+from ..statistics import measures
 from ..statistics.check import VERDICTS
 from ..statistics.estimate import SURE, Estimate
 from . import answers, figures
@@ -12,6 +13,7 @@ from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, warmer
 from .plan import LEAST
 
+PER_HOUR, PER_DAY = 3600.0, 86.4  # s; of 1 s per ps, in ns
 POINT = (
     Column("label", "scheme", kind="text"),
     Column("dt", "step", "fs", "number"),
@@ -59,6 +61,14 @@ GOALS = (
     Column("dt", "its step", "fs", "number"),
     Column("seconds", "its time", "s", "interval"),
 )
+SIDES = (
+    Column("speed", "speed", "ns/day, one core"),
+    Column("warmer", "temperature error", "K", "estimate"),
+    Column("biases pressure", "pressure error", "atm", "estimate"),
+    Column("hourly potential", "samples of the energy", "1/h", "estimate"),
+    Column("hourly dipole", "samples of the dipole", "1/h", "estimate"),
+    Column("remembers dipole", "memory of the dipole", "ps", "estimate"),
+)
 TO_ERROR = "How many times less time than the best rival"
 # these are of the kinetic energy, and of the wall time of another engine
 FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
@@ -93,6 +103,10 @@ NOTES = {
     "the exact one, in standard deviations, by physical_validation: of enthalpies at two "
     "temperatures, of volumes at two pressures. The first state is that of the scheme with the "
     "same name, at the same step.",
+    "speed": "ns of simulated time in a day of one core.",
+    "temperature error": "T of U/N.",
+    "samples": "Independent samples in an hour of one core.",
+    "memory": "Simulated time per independent sample, 2τ.",
     "2τ, cost": "Simulated time per independent sample, and CPU time per ps without output. All "
     "points were timed in turn.",
     "sample of the slowest": "Cost times the largest of these 2τ: CPU time per independent sample "
@@ -144,6 +158,12 @@ def _flat(row: dict, limits: Mapping) -> dict:
     more = {f"{name} {key}": value for name in NESTED for key, value in row.get(name, {}).items()}
     if change := warmer(row.get("biases", {}), limits):
         more["warmer"] = change.plain()
+    if cost := row.get("cost"):
+        ends = ("median", "median"), ("min", "max"), ("max", "min")
+        more["speed"] = {part: PER_DAY / cost[other] for part, other in ends}
+        for key, time in row["remembers"].items():
+            samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), Estimate.of(time))
+            more[f"hourly {key}"] = samples.plain()
     return row | more | {"status": row["error"] or "ok"}
 
 
@@ -152,6 +172,7 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     row."""
     costs = Column("cost", "cost", "s/ps"), *REMEMBERS, SAMPLE, CLOCK
     parts = {
+        "Side by side": SIDES,
         "Bias, from the limit of small steps": (*BIASES, FAR),
         "At constant pressure": MEANS if any("means density" in row for row in rows) else (),
         "What an independent sample costs": costs,
@@ -160,7 +181,7 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     every = []
     for title, columns in parts.items():
         shown = [column for column in columns if any(row.get(column.key) for row in rows)]
-        every += shown
+        every += shown if columns is not SIDES else []
         if shown:
             yield Table(title, (*POINT, *shown), rows)
     ends = [column for column in ENDS if any(row.get(column.key) for row in rows)]

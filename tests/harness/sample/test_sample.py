@@ -11,7 +11,7 @@ from validation import __main__
 from validation.experiment import Point
 from validation.running import rounds, run
 from validation.running.lammps_log import Loop
-from validation.sample import criteria, measure, observables, scenes, schemes
+from validation.sample import criteria, measure, observables, report, scenes, schemes
 from validation.sample import plan as plans
 from validation.sample.observables import BY_KEY, of_momentum
 from validation.sample.plan import DIPOLE, Lengths, Runs
@@ -356,6 +356,26 @@ def test_rows_at_two_states(tmp_path):
     assert first["deviation"] is six["deviation"] is few["deviation"] is None
     assert 0 <= pressed["deviation"]["value"] < 4
     assert "density" in six["biases"] and "density" not in pressed["biases"]
+
+
+def test_side_by_side():
+    """Locks out a speed, or a number of samples, that is its inverse or of another unit.
+
+    By hand: 2 s of CPU time per ps are 43.2 ns/day, and an hour has 360 memories of 5 ps.
+    """
+    row = {
+        "label": "ours",
+        "dt": 8.0,
+        "error": None,
+        "cost": {"median": 2.0, "min": 1.8, "max": 2.4},
+    }
+    row |= {"remembers": {"dipole": Estimate(5.0, 0.5).plain()}}
+    flat = report._flat(row, {})
+    table = next(report._tables({"goals": {}}, [flat | {"lines": []}]))
+    assert table.title == "Side by side"
+    assert flat["speed"] == pytest.approx({"median": 43.2, "min": 36.0, "max": 48.0})
+    assert flat["hourly dipole"]["value"] == pytest.approx(360.0)
+    assert flat["hourly dipole"]["error"] == pytest.approx(36.0)
 
 
 # ---- verdicts
