@@ -349,18 +349,24 @@ def shake_made():
 
 
 def gains():
-    """How much less CPU time ours needs for the same error of an average: a row for each liquid."""
+    """For which averages ours needs less CPU time for the same error, or more, and for which the
+    intervals cannot tell: a row for each liquid."""
     rows = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*")))).rows
-    titles = list(dict.fromkeys(row["average"] for row in rows))
-    liquids = defaultdict(dict)
+    liquids = defaultdict(lambda: defaultdict(list))
     for row in rows:
-        point = row["scene"], f"{row['scheme']}, {row['dt']:g} fs"
-        liquids[point][row["average"]] = _gain(row["gain"])
+        point, low, high = (row["scene"], row["scheme"], row["dt"]), *_ends(row["gain"])
+        told = f"{row['average']}: {_gain(row['gain'])}" if low > 1 or high < 1 else row["average"]
+        liquids[point]["less" if low > 1 else "more" if high < 1 else "open"].append(told)
     body = [
-        [*point, *(by_title.get(title, NOTHING) for title in titles)]
-        for point, by_title in liquids.items()
+        [scene, f"{scheme}, {dt:g} fs"]
+        + ["; ".join(parts[part]) or NOTHING for part in ("less", "more", "open")]
+        for (scene, scheme, dt), parts in liquids.items()
     ]
-    return markdown(["liquid", "ours", *titles], body)
+    return markdown(["liquid", "ours", "times less CPU time", "more", "cannot tell"], body)
+
+
+def _ends(gain):
+    return (math.inf if gain[end] is None else gain[end] for end in ("low", "high"))
 
 
 def verdicts():

@@ -1,6 +1,6 @@
 """The report of `sample`."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 from ..pages import Column, Figure, Report, Table
@@ -45,7 +45,12 @@ REMEMBERS = tuple(
     Column(f"remembers {key}", f"2τ of {BY_KEY[key].title}", "ps", "estimate", wide=True)
     for key in CONFIGURATIONS
 )
-SAMPLE = Column("sample", "sample of the slowest", "s", "estimate")
+COSTS = (
+    Column("cost", "cost", "s/ps"),
+    *REMEMBERS,
+    Column("sample", "sample of the slowest", "s", "estimate"),
+    Column("clock", "clock", "s/ps"),  # wall time of another engine
+)
 WORKS = tuple(
     Column(
         f"{what} {key}", f"{heading}{BY_KEY[key].title}", unit, "interval", wide=what == "seconds"
@@ -70,8 +75,7 @@ SIDES = (
     Column("remembers dipole", "memory of the dipole", "ps", "estimate"),
 )
 TO_ERROR = "How many times less time than the best rival"
-# these are of the kinetic energy, and of the wall time of another engine
-FAR, CLOCK = Column("distribution", "K", "sd", wide=True), Column("clock", "clock", "s/ps")
+FAR = Column("distribution", "K", "sd", wide=True)  # of the kinetic energy
 ENDS = Column("status", "status", kind="text"), Column("slowest", "slowest", kind="text")
 NOTES = {
     "biases": "The mean minus the limit of small steps. The interval includes the error of the "
@@ -168,24 +172,21 @@ def _flat(row: dict, limits: Mapping) -> dict:
 
 
 def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
-    """Yield the tables of the page and of the file, with the columns that have a number in any
-    row."""
-    costs = Column("cost", "cost", "s/ps"), *REMEMBERS, SAMPLE, CLOCK
+    """Yield the tables of the page and of the file."""
+    yield Table("Side by side", (*POINT, *_shown(SIDES, rows)), rows)
+    pressed = MEANS if any("means density" in row for row in rows) else ()
     parts = {
-        "Side by side": SIDES,
         "Bias, from the limit of small steps": (*BIASES, FAR),
-        "At constant pressure": MEANS if any("means density" in row for row in rows) else (),
-        "What an independent sample costs": costs,
+        "At constant pressure": pressed,
+        "": COSTS,  # in the file only
         TO_ERROR: WORKS,
     }
     every = []
     for title, columns in parts.items():
-        shown = [column for column in columns if any(row.get(column.key) for row in rows)]
-        every += shown if columns is not SIDES else []
-        if shown:
+        every += (shown := _shown(columns, rows))
+        if shown and title:
             yield Table(title, (*POINT, *shown), rows)
-    ends = [column for column in ENDS if any(row.get(column.key) for row in rows)]
-    yield Table("", (*POINT, *every, *ends), rows, "table")
+    yield Table("", (*POINT, *every, *_shown(ENDS, rows)), rows, "table")
     goals = [
         goal
         | {"title": BY_KEY[key].title, "unit": BY_KEY[key].unit, "goal": goal["error"], "error": ""}
@@ -195,6 +196,11 @@ def _tables(summary: dict, rows: list[dict]) -> Iterator[Table]:
     lines = {row["label"]: row for row in rows}
     lines_column = Column("lines", "input lines", kind="code")
     yield Table("Input of each scheme", (POINT[0], lines_column), [*lines.values()], long=True)
+
+
+def _shown(columns: Iterable[Column], rows: list[dict]) -> list[Column]:
+    """The columns with a number in any row."""
+    return [column for column in columns if any(row.get(column.key) for row in rows)]
 
 
 def _verdicts(summary: Mapping) -> str:
