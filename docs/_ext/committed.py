@@ -303,7 +303,7 @@ def own_scripts():
 
 def step_zero():
     """Averages of water at step zero from three long steps, beside the limit of all points."""
-    sample, keys, steps = summary("sample-water"), ("potential", "pressure", "torque"), (4, 6, 8)
+    sample, keys, steps = summary("sample-water-steps"), ("potential", "pressure", "torque"), (4, 6, 8)
     body = []
     for scheme in "langevin-5", "langevin-20", "csvr":
         selected = [row for row in sample["rows"] if row["scheme"] == scheme and row["dt"] in steps]

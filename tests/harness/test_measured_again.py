@@ -89,5 +89,5 @@ def test_sample(tmp_path):
         )
         return Estimate.of(row["means"]["torque"])
 
-    off = measures.difference(torque(tmp_path), torque(RESULTS / "sample-water"))
+    off = measures.difference(torque(tmp_path), torque(RESULTS / "sample-water-steps"))
     assert abs(off.value) < 2.5 * off.margin and off.margin < 0.05 * torque(tmp_path).value

@@ -35,7 +35,7 @@ class Lengths:
 
 @dataclass(frozen=True)
 class Timing:
-    """What a completed run took: medians of the segments after the warm-up, if it has any.
+    """What a completed run took: medians of the segments after the warm-up, if it has several.
 
     Attributes:
         modify, loop, sections: us per step, of LAMMPS's timing table.
@@ -143,7 +143,8 @@ def orders(names: Sequence[str], rounds: int) -> Iterator[list[str]]:
 
 def timing(job: run.Job, result: run.Result) -> Timing:
     """What is kept of a completed run."""
-    segments = result.timings[job.setups + 1 :]
+    segments = result.timings[job.setups + (len(job.runs) > 1) :]
+    names = segments[0].sections if segments else ()
 
     def median(section: str = "") -> float | None:
         seconds = [
@@ -152,7 +153,6 @@ def timing(job: run.Job, result: run.Result) -> Timing:
         times = [spent / segment.steps for spent, segment in zip(seconds, segments)]
         return float(np.median(times)) * 1e6 if times else None
 
-    names = segments[0].sections if segments else ()
     shares = [segment.cpu for segment in segments if segment.cpu is not None]
     spent = [
         1e4 * segment.cpu * segment.seconds / segment.steps
@@ -160,13 +160,13 @@ def timing(job: run.Job, result: run.Result) -> Timing:
         if segment.cpu is not None
     ]
     return Timing(
-        modify=median("Modify"),
+        modify=median("Modify") if "Modify" in names else None,
         loop=median(),
         spent=float(np.median(spent)) if spent else None,
         cpu=min(shares, default=None),
         sections={name: median(name) for name in names},
         steps=[segment.steps for segment in segments],
-        setups=result.seconds["setups"],
+        setups=result.seconds.get("setups", []),
         memory=result.memory,
         versions=result.versions,
     )

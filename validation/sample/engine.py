@@ -135,6 +135,8 @@ class Engine:
         words: returns lines about that input for the page.
         samples: does the run in the worker, from the input and the folder.  Raises `Failed` if the
             engine ends it.
+        seconds: returns the wall time of the steps of the run in a folder; None: from its first
+            sample to its last.
         same: whether its forces are those of the scene in LAMMPS.
     """
 
@@ -144,6 +146,7 @@ class Engine:
     worker_input: Callable[[EngineRun, Water], dict]
     words: Callable[[dict], list[str]]
     samples: Callable[[dict, Path], Iterator[Sample]]
+    seconds: Callable[[Path], float] | None = None
     same: bool = False
 
     def job(self, course: EngineRun, water: Water, folder: Path, silence: float) -> run.Job:

@@ -22,14 +22,17 @@ def work(job: dict, folder: Path) -> None:
     harness = Path(__file__).resolve().parents[1]
     sys.path[0] = str(harness.parent)  # instead of this file's folder
     data, log = job["input"], folder / "log.lammps"
-    engine, begin = import_module(f"{harness.name}.sample.{data['module']}"), time.perf_counter()
+    engine, begin = import_module(f"{harness.name}.sample.{data['module']}"), 0.0
     for number, (step, potential, pressure) in enumerate(engine.samples(data, folder)):
+        begin = begin or time.perf_counter()  # of the steps
         values = step * data["dt"], potential, pressure, data["volume"]
         line = f"{step} " + " ".join(f"{value:.15g}" for value in values) + "\n"
         # before the first sample there may be the engine's own log
         with open(log, "a" if number else "w") as file:
             file.write(line if number else f"{COLUMNS}\n{line}")
     seconds, size = time.perf_counter() - begin, f"{data['atoms']} atoms"
+    if engine.ENGINE.seconds:
+        seconds = engine.ENGINE.seconds(folder)
     with open(log, "a") as file:
         file.write(f"Loop time of {seconds} on 1 procs for {step} steps with {size}\n")
     json_files = import_module(f"{harness.name}.running.json_files")

@@ -22,7 +22,7 @@ from .engine import BAR, KJ, NM, Engine, EngineRun, Failed, Sample, Water
 from .schemes import Scheme
 
 GMX = "gmx"
-ENERGIES = "energies.xvg"
+ENERGIES, LOG = "energies.xvg", "run.log"  # the log of mdrun -deffnm run
 # signals by which a process ends itself, for example if atoms are far outside the box
 OWN = signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS
 LIST_STEPS, TOLERANCE = 10, 1e-4  # steps between pair lists; buffer tolerance, kJ/mol/ps per atom
@@ -164,17 +164,24 @@ def samples(data: dict, folder: Path) -> Iterator[Sample]:
     for name, text in data["files"].items():
         (folder / name).write_text(text)
     _gmx(folder, "grompp", "-f", "run.mdp", "-p", "topol.top", "-c", "start.gro", "-o", "run.tpr")
-    # who watches the run looks at this log
-    log = folder / "log.lammps"
+    watched = folder / "log.lammps"  # where output shows that the run goes on
+    watched.symlink_to(LOG)
     one_core = "-ntmpi", "1", "-ntomp", "1", "-pin", "off", "-nb", "cpu"
-    _gmx(folder, "mdrun", "-deffnm", "run", "-g", log.name, *one_core)
-    shutil.copy(log, folder / "run.log")
+    _gmx(folder, "mdrun", "-deffnm", "run", *one_core)
+    shutil.copy(folder / LOG, folder / "log.part")
+    (folder / "log.part").replace(watched)  # it is never missing
     _gmx(
         folder,
         *("energy", "-f", "run.edr", "-o", ENERGIES, "-dp", "-xvg", "none"),
         typed="Potential\nPressure\n\n",
     )
     yield from read((folder / ENERGIES).read_text(), data["dt"])
+
+
+def seconds(folder: Path) -> float:
+    """See `Engine`: the last number of the line "Time:", core time, wall time, percent."""
+    (wall,) = re.findall(r"^ +Time: +\S+ +(\S+)", (folder / LOG).read_text(), re.M)
+    return float(wall)
 
 
 def read(text: str, dt: float) -> Iterator[Sample]:
@@ -211,7 +218,9 @@ def _gmx(folder: Path, *words: str, typed: str = "") -> None:
         )
 
 
-ENGINE = Engine("GROMACS", "apt-get install gromacs", version, worker_input, words, samples)
+ENGINE = Engine(
+    "GROMACS", "apt-get install gromacs", version, worker_input, words, samples, seconds
+)
 _STEPS = (1.0, 2.0, 4.0, 6.0)
 SCHEMES = [
     Scheme(

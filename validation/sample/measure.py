@@ -14,7 +14,6 @@ import numpy as np
 
 from ..experiment import Point
 from ..running import json_files, machine, run
-from ..scenes import FS_PER_PS
 from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
 from . import engine, rivals
@@ -159,12 +158,8 @@ def _timed(results: Results, runs: Runs, meter: run.Meter, time: bool) -> bool:
     Args:
         time: whether to time points without a stored cost.
     """
-    # of LAMMPS, from the first start that a point has
-    first = {
-        point: next(iter(results.numbers[point].items()))
-        for point in results.good
-        if not runs.plan.schemes[point.scheme].engine
-    }
+    # from the first start that a point has
+    first = {point: next(iter(results.numbers[point].items())) for point in results.good}
     loops = {point: (start, numbers.loop) for point, (start, numbers) in first.items()}
     try:
         results.costs = runs.costs(loops, meter, time)
@@ -328,8 +323,7 @@ def _row(
         plain data: what it is, and by observable ``means``; ``biases``, in the observables' units;
         ``remembers``, ps per independent sample.  ``deviation``: from the first state, see
         `structure.between_states`.  ``distribution``: of the kinetic energy, over starts.
-        ``clock``: of OpenMM, wall time per ps, s.  The others are of `_spent` and of
-        `rivals.compare`.
+        The others are of `_spent` and of `rivals.compare`.
     """
     plan, error = runs.plan, results.errors.get(point)
     scheme = plan.schemes[point.scheme]
@@ -344,7 +338,7 @@ def _row(
         "error": error,
     }
     row |= {name: {} for name in NESTED}
-    row |= dict.fromkeys(("deviation", "distribution", "clock", "cost", "slowest", "sample"))
+    row |= dict.fromkeys(("deviation", "distribution", "cost", "slowest", "sample"))
     if error:
         return row
     numbers, biases = means[point], _biases(point, plan, means, fits)
@@ -356,9 +350,6 @@ def _row(
     row["deviation"] = deviation(point, plan, means)
     far = [start.far for start in results.numbers[point].values() if start.far is not None]
     row["distribution"] = measures.spread(far) if far else None
-    if scheme.engine:
-        loops = [start.loop for start in results.numbers[point].values()]
-        row["clock"] = measures.spread(loop * FS_PER_PS / point.dt for loop in loops)
     if point in results.costs:
         row |= _spent(
             numbers, results.costs[point], {key: _unit(key, fits[LAMMPS]) for key in biases}

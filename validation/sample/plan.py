@@ -294,13 +294,7 @@ class Runs:
             self.lengths.every(point.dt, scheme),
         )
         if scheme.engine:
-            how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
-            return scheme.engine.job(
-                EngineRun(*how, runs, SPARSE * every, self.lengths.seed + start),
-                of_scene(self.plan.scene),
-                folder,
-                self.silence,
-            )
+            return self._engine_job(point, start, folder, runs, SPARSE * every)
         return self._job(point, start, folder, runs, every, self.plan.prints(scheme))
 
     def lines(self, point: Point) -> list[str]:
@@ -330,6 +324,9 @@ class Runs:
             stride = self.plan.schemes[names[name].scheme].stride
             runs = [-(-count // stride) * stride for count in rounds.lengths(loop, SECONDS).runs]
             folder = self.folder / TIMED / f"{name}-{number}"
+            if self.plan.schemes[names[name].scheme].engine:
+                steps = sum(runs)
+                return self._engine_job(names[name], start, folder, [steps], steps)
             refined = self.plan.schemes[names[name].scheme].refined
             return self._job(
                 names[name],
@@ -380,6 +377,20 @@ class Runs:
             silence=self.silence,
             more=more,
             origin=machine.origin(self.plan.scene, scheme, dump),
+        )
+
+    def _engine_job(
+        self, point: Point, start: int, folder: Path, runs: list[int], every: int
+    ) -> run.Job:
+        """A run of another engine."""
+        scheme = self.plan.schemes[point.scheme]
+        assert scheme.engine
+        how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
+        return scheme.engine.job(
+            EngineRun(*how, runs, every, self.lengths.seed + start),
+            of_scene(self.plan.scene),
+            folder,
+            self.silence,
         )
 
     @property

@@ -49,7 +49,6 @@ COSTS = (
     Column("cost", "cost", "s/ps"),
     *REMEMBERS,
     Column("sample", "sample of the slowest", "s", "estimate"),
-    Column("clock", "clock", "s/ps"),  # wall time of another engine
 )
 WORKS = tuple(
     Column(
@@ -111,8 +110,8 @@ NOTES = {
     "temperature error": "T of U/N.",
     "samples": "Independent samples in an hour of one core.",
     "memory": "Simulated time per independent sample, 2τ.",
-    "2τ, cost": "Simulated time per independent sample, and CPU time per ps without output. All "
-    "points were timed in turn.",
+    "2τ, cost": "Simulated time per independent sample; CPU time per ps without output, of other "
+    "engines wall time on one core. All points were timed in turn.",
     "sample of the slowest": "Cost times the largest of these 2τ: CPU time per independent sample "
     "of the slowest average.",
     "E": "The error to reach: the upper end of the 95 % interval of the bias of the best of "
@@ -120,8 +119,6 @@ NOTES = {
     "times less": "CPU time of the best rival divided by that of the point, until bias² + variance "
     f"= 2 E², with the {SURE} interval. The best rival is the one of LAMMPS's fixes that takes the "
     "least time. 0 means that the bias alone is above E, or may be; ∞ that the rival's may be.",
-    "clock": "Wall time of the whole run of another engine, on a core that may have had other "
-    "work. Do not compare engines by it.",
 }
 
 

@@ -180,7 +180,7 @@ def test_what_is_run(water):
 def test_committed_points_lead_to_the_committed_limit():
     """Locks out extrapolations that real runs contradict: of water's schemes with three steps up to
     8 fs each average is beside the limit, which other schemes and short steps have told, too."""
-    summary = json.loads((RESULTS / "sample-water" / "summary.json").read_text())
+    summary = json.loads((RESULTS / "sample-water-steps" / "summary.json").read_text())
     number = 0
     for scheme in "langevin-5", "langevin-20", "csvr":
         rows = [row for row in summary["rows"] if row["scheme"] == scheme and row["dt"] <= 8]
