@@ -303,8 +303,8 @@ def own_scripts():
 
 def step_zero():
     """Averages of water at step zero from three long steps, beside the limit of all points."""
-    sample, keys, steps = summary("sample-water-steps"), ("potential", "pressure", "torque"), (4, 6, 8)
-    body = []
+    keys, steps, body = ("potential", "pressure", "torque"), (4, 6, 8), []
+    sample = summary("sample-water-steps")
     for scheme in "langevin-5", "langevin-20", "csvr":
         selected = [row for row in sample["rows"] if row["scheme"] == scheme and row["dt"] in steps]
         zero = extrapolation.extrapolate(selected, sample["settings"]["time"])
@@ -430,7 +430,7 @@ def what_to_type():
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
     usual = replacements.table(map(summary, folders))
     whole = replace(usual, rows=[*usual.rows, _beside_solute()])
-    return f"{replacements.ARROW}\n\n{styled(pages.markdown(whole))}\n\n{replacements.NOTE}"
+    return f"{styled(pages.markdown(whole))}\n\n{replacements.NOTE}"
 
 
 def _beside_solute():

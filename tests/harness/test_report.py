@@ -187,7 +187,7 @@ def test_replacements_follow_the_numbers():
         row["lines"] = ["fix bath", line]
     (row,) = replacements.table([WHERE, summary]).rows
     assert row["speed"] == "43.2 → 173" and row["times"] == "4"
-    assert re.match(r"2\.01\d* ± .* → 1\.006\d* ±", row["warmer"])
+    assert re.match(r"1\.006\d* ±", row["warmer"])
     assert row["lines"][0] == "fix 1 water nosquish/nvt molecule temp 298 298 50 seed 4928"
     assert row["lines"][1] == "timestep 12" and row["pressure"] == "does not apply"
     assert not replacements.table([sample(usual)]).rows
