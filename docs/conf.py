@@ -18,7 +18,7 @@ release = version = fix_nosquish.__version__
 html_title = f"fix_nosquish {release}"
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_copybutton",
@@ -28,6 +28,10 @@ extensions = [
 napoleon_custom_sections = [(title, "params_style") for title in ("The step", "What it supports")]
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "force"
+nb_execution_in_temp = True
+nb_execution_raise_on_error = True
+nb_execution_timeout = 120
 exclude_patterns = ["_build", "_ext"]
 html_theme = "furo"
 html_math_renderer = "mathml"
