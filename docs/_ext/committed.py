@@ -36,6 +36,7 @@ NOTHING = "–"
 SPENT = "CPU time median (s/ns)"
 NBSP = "\N{NO-BREAK SPACE}"
 PM = f"{NBSP}±{NBSP}"
+ENDS = "low", "high"
 
 
 # ---- reading
@@ -348,25 +349,40 @@ def shake_made():
     )
 
 
-def gains():
-    """For which averages ours needs less CPU time for the same error, or more, and for which the
-    intervals cannot tell: a row for each liquid."""
+def _decided():
+    """By liquid, scheme and step: the averages for which ours needs less CPU time for the same
+    error than the best of LAMMPS's fixes, those for which it needs more, and those for which the
+    intervals cannot tell."""
     rows = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*")))).rows
-    liquids = defaultdict(lambda: defaultdict(list))
+    points = defaultdict(lambda: {"less": [], "more": [], "cannot tell": []})
     for row in rows:
-        point, low, high = (row["scene"], row["scheme"], row["dt"]), *_ends(row["gain"])
-        told = f"{row['average']}: {_gain(row['gain'])}" if low > 1 or high < 1 else row["average"]
-        liquids[point]["less" if low > 1 else "more" if high < 1 else "open"].append(told)
+        low, high = (math.inf if row["gain"][end] is None else row["gain"][end] for end in ENDS)
+        part = "less" if low > 1 else "more" if high < 1 else "cannot tell"
+        number = f": {_gain(row['gain'])}" * (part != "cannot tell")
+        points[row["scene"], f"{row['scheme']}, {row['dt']:g} fs"][part].append(
+            row["average"] + number
+        )
+    return points
+
+
+def gains():
+    """How many times less CPU time ours needs for the same error: a row for each liquid."""
     body = [
-        [scene, f"{scheme}, {dt:g} fs"]
-        + ["; ".join(parts[part]) or NOTHING for part in ("less", "more", "open")]
-        for (scene, scheme, dt), parts in liquids.items()
+        [*point, *("; ".join(averages) or NOTHING for averages in parts.values())]
+        for point, parts in _decided().items()
     ]
     return markdown(["liquid", "ours", "times less CPU time", "more", "cannot tell"], body)
 
 
-def _ends(gain):
-    return (math.inf if gain[end] is None else gain[end] for end in ("low", "high"))
+def gain(liquid):
+    """The significant gains of a liquid, a sentence."""
+    ((scheme, less),) = (
+        (scheme, parts["less"]) for (name, scheme), parts in _decided().items() if name == liquid
+    )
+    return (
+        f"For the same error of an average, {scheme}, needs less CPU time than the best of "
+        f"LAMMPS's fixes at its best step. Ratio of the times: {'; '.join(less)}."
+    )
 
 
 def verdicts():
@@ -462,7 +478,18 @@ FILLS = {
     function.__name__: function
     for function in (
         *(compare_water, compare_times, standing, cases, reported, own_scripts),
-        *(step_zero, beside_shake, shake_made, gains, verdicts, scene, holding, checks, table),
+        *(
+            step_zero,
+            beside_shake,
+            shake_made,
+            gains,
+            gain,
+            verdicts,
+            scene,
+            holding,
+            checks,
+            table,
+        ),
         *(what_to_type, listing),
     )
 }
