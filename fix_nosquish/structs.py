@@ -165,7 +165,7 @@ DATA = {
     "couples": INT,  # it exchanges energy with a reservoir
     "restart_file": INT,  # it writes a file beside restart files
     "carries": INT,  # how many numbers go with an atom to another rank
-    "changes_box": INT,  # it changes the box after steps that are multiples of this; 0: never
+    "box_every": INT,  # it changes the box after steps that are multiples of this; 0: never
     "restart_size": INT,  # how many numbers it has in restart files
     "restart_state": DOUBLES,
     "kept_bodies": DOUBLES,  # in restart files, (kept_rows, 3): see bodies/membership.py

@@ -220,8 +220,8 @@ class Bodies:
         )
         bound["arrived_cell"] = Cell(L1, membership.lammps.cells["arrived"].numbers)
         follows = LOCATE | ARRANGE | NOTE | SETTLE
-        self.following = migration.follow.bind_to(bound, what=follows)
-        self._following_fewer = migration.follow.bind_to(bound, what=follows | FEWER)
+        self.follow_pass = migration.follow.bind_to(bound, what=follows)
+        self._follow_fewer = migration.follow.bind_to(bound, what=follows | FEWER)
         self.note = migration.follow.bind_to(bound, what=NOTE)
         self._settle = migration.follow.bind_to(bound, what=SETTLE)
 
@@ -235,7 +235,7 @@ class Bodies:
             RunError: on all ranks, if atoms are not at their positions in the bodies.
         """
         self.update_box(lammps.box)
-        return self._run(self.following) != migration.CHANGED
+        return self._run(self.follow_pass) != migration.CHANGED
 
     def change(self, lammps: Lammps, gone: np.ndarray, new: "Bodies | None" = None) -> None:
         """Remove bodies whose atoms are gone, and add others; collective.
@@ -256,7 +256,7 @@ class Bodies:
             )
             arrived.set(np.concatenate([arrived.array, rows]))
         refuse(
-            self._run(self._following_fewer) == migration.CHANGED,
+            self._run(self._follow_fewer) == migration.CHANGED,
             f"atoms came into bodies by step {lammps.step} that this fix does not know: "
             "unfix it and define it again",
         )

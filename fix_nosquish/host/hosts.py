@@ -41,7 +41,7 @@ class Host:
         energy_step: the next step at whose end Python needs the potential energy; -1 for none.
         last_step: the last step of the run.
         span: (1,) int64 each, first and last step of the run; None if not known.
-        changes_box: the box changes in the steps after multiples of this number, 0 for never.
+        box_every: the box changes in the steps after multiples of this number, 0 for never.
         held: bit of the group whose atoms move with the box, if a fix shake or rattle constrains
             some of them; else 0.
         counts: whether the cell `counted_f` gets the forces before those of fixes in steps that
@@ -79,7 +79,7 @@ class Host:
     energy_step: int
     last_step: int
     span: tuple | None
-    changes_box: int
+    box_every: int
     held: int
     counts: int
     forces_virial: np.ndarray | None
@@ -211,7 +211,7 @@ class Host:
         """The facts about this step, bits of `When`."""
         raise NotImplementedError
 
-    def follow_schedule(
+    def set_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0
     ) -> None:
         """Follow the schedule from now on, with these lists of passes.

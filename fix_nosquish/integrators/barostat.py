@@ -81,7 +81,7 @@ class Barostat(EnsemblePart):
     def extra_parameters(self, run: Run) -> dict[str, Any]:
         self._refuse(run)
         usual = min(self.damping(run.lammps) / (PARTS * run.lammps.dt) + 1e-9, 2.0**31 - 1.0)
-        self.box_every = run.host.changes_box = self.command.every or max(1, int(usual))
+        self.box_every = run.host.box_every = self.command.every or max(1, int(usual))
         return {}
 
     def start(self, run: Run) -> None:

@@ -229,7 +229,7 @@ def _refuse(run: Run) -> None:
         "or use fix nosquish/nvt with thermostat langevin",
     )
     refuse(
-        run.external.acts,
+        run.external.present,
         "external forces (fix_modify external, add_force) cannot be used with hybrid Monte Carlo, "
         "which tests the energy of all forces: use a fix with an energy instead, such as efield, "
         "spring or addforce with fix_modify energy yes",

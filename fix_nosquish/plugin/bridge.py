@@ -157,9 +157,9 @@ def _of_target(target: str, capsule: object) -> Any:
 def _announce(bridge: Bridge, instance: Any) -> None:
     """Tell LAMMPS what it must know when the fix is made, such as the size of its vector."""
     bridge.template_id = instance.template and instance.template.encode()
-    for name in "restart_file", "flips", "needs_energy", "couples", "carries", "array_columns":
+    numbers = "restart_file flips needs_energy couples carries box_every array_columns"
+    for name in numbers.split():
         setattr(bridge, name, int(getattr(instance, name)))
-    bridge.changes_box = instance.box_every
     state, rows = instance.restart_state, instance.array_rows
     if state is not None:
         bridge.restart_size, bridge.restart_state = len(state), state.ctypes.data

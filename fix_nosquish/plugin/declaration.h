@@ -35,7 +35,7 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
   if (bridge.outcome != DONE) failures.end_run(bridge.message, 5.0);    // imports may take their time
 
   if (lmp->citeme && (!quoted || std::string(arg[3]).rfind("fix_nosquish.", 0) == 0)) lmp->citeme->add(PAPER);
-  if (bridge.changes_box) pressure.add("_virial", " all pressure NULL virial");
+  if (bridge.box_every) pressure.add("_virial", " all pressure NULL virial");
   if (bridge.needs_energy) energy.add("_energy", " all pe");
   declare();
   exchange.begin();
@@ -95,7 +95,7 @@ void FixPythonMove::declare()
   centroidstressflag = CENTROID_AVAIL;    // because the virial of an atom is not symmetric
   restart_file = bridge.restart_file;
   ecouple_flag = bridge.couples;
-  if (bridge.changes_box) {
+  if (bridge.box_every) {
     comm_forward = comm_reverse = 3;
     box_change |= BOX_CHANGE_SIZE | (domain->triclinic ? BOX_CHANGE_SHAPE : 0);
     no_change_box = 1;
@@ -120,7 +120,7 @@ void FixPythonMove::declare()
 int FixPythonMove::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
-      (bridge.changes_box ? PRE_REVERSE : 0) | POST_NEIGHBOR | END_OF_STEP | POST_RUN | MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY;
+      (bridge.box_every ? PRE_REVERSE : 0) | POST_NEIGHBOR | END_OF_STEP | POST_RUN | MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY;
 }
 
 // external: forces and torques on bodies, to the end of the command; Python interprets the words. bodyforces: bodies have the forces of
@@ -135,7 +135,7 @@ int FixPythonMove::modify_param(int narg, char **arg)
     return narg;
   }
   if (narg < 2) return 0;
-  if ((bridge.changes_box && (word == "temp" || word == "press")) || (word == "temp" && replaces(style))) {
+  if ((bridge.box_every && (word == "temp" || word == "press")) || (word == "temp" && replaces(style))) {
     failures.warn("fix_modify " + word + " " + value + " has no effect: temperature and pressure are those of what this fix moves, and of "
                "the atoms that its box takes along");
     return 2;

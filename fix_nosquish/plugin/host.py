@@ -47,7 +47,7 @@ class Host(hosts.Host):
     attribute."""
 
     phase, facts, vflag, changes = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
-    changes_box, held, counts, rotor = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
+    box_every, held, counts, rotor = _Shared(int), _Shared(int), _Shared(int), _Shared(int)
     begins, pushes, remap_group = _Shared(int), _Shared(int), _Shared(int)
     world, min_dof, dmax = _Shared(int), _Shared(int), _Shared(float)
     ghost_velocity, scalar_pressure = _Shared(bool), _Shared(bool)
@@ -140,7 +140,7 @@ class Host(hosts.Host):
     def lend_array(self, rows: np.ndarray) -> None:
         self._array, self._bridge.array = rows, _address(rows)
 
-    def follow_schedule(
+    def set_schedule(
         self, lists: dict | None, *, velocities_every: int = 0, table_every: int = 0
     ) -> None:
         self._bridge.velocities_every, self._bridge.table_every = velocities_every, table_every

@@ -73,14 +73,14 @@ class Pressure : public OwnCompute {
 
   using OwnCompute::OwnCompute;
 
-  bool box_is_due(bigint step) const { return bridge.changes_box && step % bridge.changes_box == 0; }
+  bool box_is_due(bigint step) const { return bridge.box_every && step % bridge.box_every == 0; }
   bool is_due(bigint step) const { return box_is_due(step) || box_is_due(step - 1); }
 
   // Have LAMMPS tally the virial in the first step, from this one on, that needs it.
 
   void request_from(bigint step) const
   {
-    const bigint every = bridge.changes_box;
+    const bigint every = bridge.box_every;
     request(box_is_due(step - 1) ? step : (step + every - 1) / every * every);
   }
 

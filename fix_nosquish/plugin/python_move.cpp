@@ -24,7 +24,7 @@ void FixPythonMove::setup(int vflag)
   if (arrays.early) post_force(vflag);
   bridge.vflag = vflag;
   with_virial([&] {
-    if (!follow(bridge.at_setup)) call(bridge.setup, vflag);
+    if (!perform(bridge.at_setup)) call(bridge.setup, vflag);
   });
 }
 
@@ -33,12 +33,12 @@ void FixPythonMove::post_neighbor()
   point();
   if (bridge.at_flipped && box.now() != box.known) {    // by fix deform
     box.note_deformed();
-    follow(bridge.at_flipped);
+    perform(bridge.at_flipped);
     box.note();
   }
   const int64_t other = (int64_t) 1 << OTHER_BOX;
   bridge.facts = box.now() == box.known ? bridge.facts & ~other : bridge.facts | other;
-  if (!follow(bridge.at_neighbor)) call(bridge.post_neighbor);
+  if (!perform(bridge.at_neighbor)) call(bridge.post_neighbor);
   box.note();
 }
 
@@ -48,9 +48,9 @@ void FixPythonMove::initial_integrate(int vflag)
   if (minimized) failures.refuse("'run N pre no' cannot follow a minimization: use 'run N pre yes'");
   if (logfile) fflush(logfile);
   v_init(vflag);
-  follow_remapping_box();
+  note_remapping_box();
   bridge.vflag = pressure.requested_by_others(vflag);
-  if (!follow(bridge.at_begin)) call(bridge.initial_integrate, bridge.vflag);
+  if (!perform(bridge.at_begin)) call(bridge.initial_integrate, bridge.vflag);
 }
 
 void FixPythonMove::final_integrate()
@@ -59,7 +59,7 @@ void FixPythonMove::final_integrate()
   pressure.sum_virial(box.volume());
   if (!bridge.vflag) update->vflag_global = -1;    // whoever reads a virial nevertheless hears that there is none
   with_virial([&] {
-    if (!follow(bridge.at_end)) call(bridge.final_integrate);
+    if (!perform(bridge.at_end)) call(bridge.final_integrate);
   });
 }
 
@@ -120,7 +120,7 @@ int64_t FixPythonMove::now() const
 
 // Do the actions of a hook; returns false if it has none. run/schedule.py has the same in Python.
 
-bool FixPythonMove::follow(const Action *action)
+bool FixPythonMove::perform(const Action *action)
 {
   if (!action) return false;
   const int64_t now = this->now();
@@ -171,7 +171,7 @@ void FixPythonMove::apply_external()
 
 void FixPythonMove::end_of_step()
 {
-  follow_remapping_box();
+  note_remapping_box();
   if (respa) with_virial([this] { call(bridge.end_of_step); });
 }
 
@@ -181,11 +181,11 @@ void FixPythonMove::deform(int after)
 {
   if (!after || !bridge.at_deform) return;    // a class that cannot follow will find that the box differs
   box.note_deformed();
-  follow(bridge.at_deform);
+  perform(bridge.at_deform);
   box.note();
 }
 
-void FixPythonMove::follow_remapping_box()
+void FixPythonMove::note_remapping_box()
 {
   if (box.was_remapped()) deform(1);
 }
@@ -218,13 +218,13 @@ void FixPythonMove::init()
   if (!dynamic)
     failures.warn("fix_modify dynamic/dof no has no effect: degrees of freedom are always those of the bodies there are");
   dynamic = 1;
-  if (bridge.changes_box) pressure.request_from(update->ntimestep);
+  if (bridge.box_every) pressure.request_from(update->ntimestep);
   if (bridge.needs_energy) energy.request(update->ntimestep);
 }
 
 void FixPythonMove::post_run()
 {
-  follow_remapping_box();
+  note_remapping_box();
   call(bridge.post_run);
 }
 

@@ -36,7 +36,7 @@ class FixPythonMove : public Fix {
   void post_neighbor() override;
   void setup_pre_reverse(int, int) override { pressure.store_counted_forces(); }
   void pre_reverse(int, int) override { pressure.store_counted_forces(); }
-  void pre_exchange() override { follow(bridge.at_exchange); }
+  void pre_exchange() override { perform(bridge.at_exchange); }
   void post_force(int) override { arrays.store_forces(); }
   void initial_integrate(int) override;
   void final_integrate() override;
@@ -124,7 +124,7 @@ class FixPythonMove : public Fix {
   std::vector<int> extensive;
   std::vector<double> of_atoms;    // the virial of each atom, nine numbers
 
-  void fill_bridge(), declare(), apply_external(), follow_remapping_box();
+  void fill_bridge(), declare(), apply_external(), note_remapping_box();
   int64_t set_box(const double *);
   static int64_t address(double *numbers) { return reinterpret_cast<int64_t>(numbers); }
   void point()
@@ -133,7 +133,7 @@ class FixPythonMove : public Fix {
   }
   void set_array_rows(int n) { size_array_rows = n; }
   int64_t now() const;
-  bool follow(const Action *);
+  bool perform(const Action *);
   bool go_back();
 
   // Run a list of passes; returns the first result that is not 0, or 0.

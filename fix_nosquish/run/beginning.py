@@ -33,7 +33,7 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
     if last:
         last.note_pending()
     refuse_time_step(lammps.dt, integrator.parts, command.line.name)
-    host.follow_schedule(None)
+    host.set_schedule(None)
     host.phase = Phase.NEW
     host.set_bodies(None, None)  # the atoms are not those of the last run
     if maker.goes_on:
@@ -82,7 +82,7 @@ def _bind(run: Run) -> None:
     setting.parameters = integrator.numbers(ftm2v=run.lammps.ftm2v, mrot=mrot, **parameters)
     run.passes = Passes(
         integrator, bodies, run.lammps, run.parameters, run.conditions,
-        external.cells if external.acts else None, run.host.orient_atom,
+        external.cells if external.present else None, run.host.orient_atom,
         _joined(each.extra_cells(run) for each in declaring),
         lambda cells: _joined(each.extra_lists(run, cells) for each in declaring),
     )  # fmt: skip
@@ -135,7 +135,7 @@ def _plan(run: Run) -> None:
     if host.facts & RESETS:
         run.passes.level_dt.set(pending)
     output = run.command.output
-    host.follow_schedule(
+    host.set_schedule(
         run.passes.lists,
         velocities_every=gcd(*conditions.other_fixes.velocities_every),
         table_every=output.steps if output else 0,
@@ -152,7 +152,7 @@ def _begin_minimization(run: Run) -> Minimization:
         "yes' instead",
     )
     refuse(
-        run.external.acts,
+        run.external.present,
         f"{unknown}fix_modify external: use a run with fix nosquish/nvt at a low temperature",
     )
     refuse(

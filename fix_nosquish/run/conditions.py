@@ -71,7 +71,7 @@ def conditions_of(setting: Setting) -> Conditions:
     fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step, siblings_read)
     reads = siblings_read or setting.external.words.named
     deformed_box = followed_box(
-        host, fixes.changing_box, is_ours=bool(box_every(integrator.parts)), levels=levels
+        host, fixes.changing_box, has_barostat=bool(box_every(integrator.parts)), levels=levels
     )
     remaps = deformed_box is not None and bool(host.remap_group)
     if deformed_box is not None:

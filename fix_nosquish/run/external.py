@@ -71,7 +71,7 @@ class ExternalForces:
         lammps, ranks, host: see `fix.Fix`.
 
     Attributes:
-        acts: whether there may be some in this run.
+        present: whether there may be some in this run.
         changed: whether there are others since it began.
         words: those of fix_modify external.
         cells: of the loop `passes.push`: the IDs of all bodies, in order, and what acts on each.
@@ -79,7 +79,7 @@ class ExternalForces:
 
     def __init__(self, lammps: Lammps, ranks: Ranks, host: Host) -> None:
         self._lammps, self._ranks, self._host = lammps, ranks, host
-        self.acts = self.changed = False
+        self.present = self.changed = False
         self.words, self._given = NO_WORDS, _NOTHING_GIVEN
         self.cells = {"pushed": Cell(F1, np.empty(0)), "external": Cell(F2, np.empty((0, 6)))}
 
@@ -88,7 +88,7 @@ class ExternalForces:
         """Whether there may be forces, not torques alone."""
         words = self.words
         of_words = words.numbers[:3].any() or any(column < 3 for column in words.named)
-        return self.acts and bool(of_words or words.python or len(self._given.ids))
+        return self.present and bool(of_words or words.python or len(self._given.ids))
 
     # ------------------------------------------------------------- what gives them
 
@@ -115,7 +115,7 @@ class ExternalForces:
             all_ids: the IDs of all bodies.
         """
         refuse(
-            not self.acts and self._lammps.running,
+            not self.present and self._lammps.running,
             "add_force was called in a run that began without external forces: call it before "
             "the run, or have 'fix_modify ID external python' before it",
         )
@@ -149,8 +149,8 @@ class ExternalForces:
             np.concatenate([self._given.ids[stay], ids]),
             np.concatenate([self._given.wrenches[stay], rows]),
         )
-        self.changed |= not self.acts
-        self._host.pushes = self.acts
+        self.changed |= not self.present
+        self._host.pushes = self.present
 
     # ------------------------------------------------------------- a run
 
@@ -163,11 +163,11 @@ class ExternalForces:
             RunError: on all ranks, with run_style respa.
         """
         words, self.changed = self.words, False
-        self.acts = bool(
+        self.present = bool(
             words.python or words.named or words.numbers[:ENERGY].any() or len(self._given.ids)
         )
         refuse(
-            self.acts and levels,
+            self.present and levels,
             "external forces cannot be used with run_style respa: use run_style verlet",
         )
 
@@ -181,8 +181,8 @@ class ExternalForces:
 
     def set_bodies(self, bodies: Bodies) -> None:
         """Know the bodies that there are now, and keep what acts on those of before; collective."""
-        self._host.pushes = self.acts
-        if not self.acts:
+        self._host.pushes = self.present
+        if not self.present:
             return
         before, rows = (cell.array for cell in self.cells.values())
         ids = all_ids(bodies, self._ranks)

@@ -166,7 +166,7 @@ class Fix(Registered):
 
     def setup(self, vflag: int) -> None:
         """The first forces of a run are known."""
-        self._run.follow("setup")
+        self._run.perform("setup")
 
     def post_neighbor(self) -> None:
         """LAMMPS has re-neighbored."""
@@ -184,11 +184,11 @@ class Fix(Registered):
     def initial_integrate(self, vflag: int) -> None:
         """The first half of a step."""
         self.host.vflag, self._run.stepped = vflag, True
-        self._run.follow("begin")
+        self._run.perform("begin")
 
     def final_integrate(self) -> None:
         """The second half of a step."""
-        self._run.follow("end")
+        self._run.perform("end")
 
     def initial_integrate_respa(self, vflag: int, level: int, loop: int) -> None:
         """A level of run_style respa begins a step."""
@@ -201,17 +201,17 @@ class Fix(Registered):
     def end_of_step(self) -> None:
         """A step of run_style respa is over, and LAMMPS has added up the forces of its levels."""
         self._run.cache.clear()
-        self._run.follow("end_levels")
+        self._run.perform("end_levels")
 
     def reset_dt(self) -> None:
         """The time step may have changed."""
         refuse_time_step(self.lammps.dt, self.integrator.parts, self.line.name)
         if self.run:
-            self.run.follow("reset_dt")
+            self.run.perform("reset_dt")
 
     def post_run(self) -> None:
         """A run is over."""
-        self._run.follow("post_run")
+        self._run.perform("post_run")
 
     # ------------------------------------------------------------- a minimization
 
@@ -363,7 +363,6 @@ class Fix(Registered):
     def compute_array(self, i: int, j: int) -> float:
         """Value j of body i: see `output.global_array`; collective."""
         run = self._run
-        run.take_seen_velocities()
 
         def of_all() -> np.ndarray:
             rows = output.table(run.bodies, self.lammps)

@@ -40,14 +40,14 @@ WITH_SWITCHES = (
 )
 
 
-def why_not(fix: OtherFix, command: Command, is_ours: bool) -> str | None:
+def why_not(fix: OtherFix, command: Command, has_barostat: bool) -> str | None:
     """Why a fix cannot change the box of a run of ours, or None.
 
     Args:
-        command: of our fix.  is_ours: whether our fix changes the box, too.
+        command: of our fix.  has_barostat: whether our fix changes the box, too.
     """
     elsewhere = fix.style.startswith((*REPORTING, "box/relax"))
-    if not fix.box_change or elsewhere or is_ours:
+    if not fix.box_change or elsewhere or has_barostat:
         return None
     instead = (
         "use fix nosquish/npt or fix nosquish/nph instead, whose keyword flexible GROUP "
@@ -60,16 +60,16 @@ def why_not(fix: OtherFix, command: Command, is_ours: bool) -> str | None:
 
 
 def followed_box(
-    host: Host, changing: Sequence[OtherFix], *, is_ours: bool, levels: bool
+    host: Host, changing: Sequence[OtherFix], *, has_barostat: bool, levels: bool
 ) -> np.ndarray | None:
     """The box that other fixes change, if bodies follow it; else None.
 
     Args:
-        changing: these fixes.  is_ours: whether our fix changes the box.
+        changing: these fixes.  has_barostat: whether our fix changes the box.
         levels: whether the run has the levels of run_style respa.
     """
     reported = changing and all(fix.style.startswith(REPORTING) for fix in changing)
-    return host.deformed_box if reported and not is_ours and not levels else None
+    return host.deformed_box if reported and not has_barostat and not levels else None
 
 
 def refuse_remap(supported: bool, name: str, membership: Membership, remap_group: int) -> None:
@@ -104,11 +104,13 @@ class BoxWatch:
         bodies: their cells have the box that they know.
         lammps: the `Lammps`.
         may_change: whether another fix may change the box without bodies that move with it.
-        is_ours: whether this fix changes the box itself, so that any change is right.
+        has_barostat: whether this fix changes the box itself, so that any change is right.
     """
 
-    def __init__(self, bodies: Bodies, lammps: Lammps, may_change: bool, is_ours: bool) -> None:
-        self._bodies, self._lammps, self._is_ours = bodies, lammps, is_ours
+    def __init__(
+        self, bodies: Bodies, lammps: Lammps, may_change: bool, has_barostat: bool
+    ) -> None:
+        self._bodies, self._lammps, self._has_barostat = bodies, lammps, has_barostat
         self.may_change = may_change
         self._box: Box | None = None
 
@@ -120,7 +122,7 @@ class BoxWatch:
             RunError: on all ranks.
         """
         box = self._lammps.box
-        if box is self._box or self._is_ours:
+        if box is self._box or self._has_barostat:
             return
         refuse(
             ((box.h != self._bodies.cells["h"].array) & held).any(),

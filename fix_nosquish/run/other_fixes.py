@@ -201,12 +201,12 @@ class Ours(NamedTuple):
 
     Attributes:
         fix_id: its ID.  command: its `Command`.
-        changes_box, thermostats: whether it does.
+        has_barostat: whether it changes the box.  thermostats: whether it keeps a temperature.
     """
 
     fix_id: str | None
     command: Command
-    changes_box: bool
+    has_barostat: bool
     thermostats: bool
 
 
@@ -226,7 +226,7 @@ def refuse_other_integrators(
             acts = host.moved_by(fix.id, lammps.x)
         both = atoms[acts[atoms]]
         tag = lammps.tags[both[0]] if len(both) else None
-        of_box = why_not(fix, ours.command, ours.changes_box)
+        of_box = why_not(fix, ours.command, ours.has_barostat)
         problem = of_box or _of_atom(fix, tag, ours, fix in fixes.movers) or problem
     membership.communicator.agree(problem)
 
@@ -268,7 +268,7 @@ def _of_atom(fix: OtherFix, tag: int | None, ours: Ours, moves: bool) -> str | N
     if ours.thermostats and fix.style.startswith(_THERMOSTATS):
         return (
             f"{other} keeps a temperature of atom {tag} of the rigid bodies, as {this} does: "
-            f"give it {without}, or use fix nosquish/{'nph' if ours.changes_box else 'nve'}"
+            f"give it {without}, or use fix nosquish/{'nph' if ours.has_barostat else 'nve'}"
         )
     return None
 

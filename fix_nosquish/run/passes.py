@@ -118,11 +118,11 @@ class Passes:
             "orient": orient,
             "place": [step.place_atoms.bind_to(cells), *orient, *velocities],
             "constraint_virial": [*gather, *of_bodies] if conditions.mid_step else of_bodies,
-            "follow": [bodies.following],
+            "follow": [bodies.follow_pass],
         }
         if "cell" in extra:
             extra["cell"] += after
-        self.lists |= self._follow_box() | extra
+        self.lists |= self._of_new_box() | extra
 
     def _advance(self, ends: bool = True, part: int = ALL, gathers: int = 0) -> Any:
         """The bodies' motion to the next forces, after the end of a step if it `ends` one."""
@@ -164,14 +164,14 @@ class Passes:
             velocities.append(extended.set_spins.bind_to(self.cells))
         return velocities
 
-    def _follow_box(self) -> dict[str, list]:
+    def _of_new_box(self) -> dict[str, list]:
         """The lists for a change of the box by another fix."""
         box, remaps = self._conditions.deformed_box, self._conditions.remaps_velocities
         if box is None:
             return {}
         cells = self.cells | {"deformed_box": Cell(F1, box)}
-        follows = deform.move_images if remaps else deform.deform
-        return {"deform": [follows.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
+        move = deform.move_images if remaps else deform.deform
+        return {"deform": [move.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
 
     def run(self, name: str) -> int:
         """Run a list of passes. Returns: what the first that failed has returned, or 0."""

@@ -149,9 +149,9 @@ class Run:
         name = self.membership.name
         raise log.of_infinite_forces(self.thermo, name, self.phase == Phase.NEW, step)
 
-    def follow(self, hook: str) -> None:
+    def perform(self, hook: str) -> None:
         """Do what the schedule has for a hook."""
-        schedule.follow(hook, self.host, self.passes, self.act)
+        schedule.perform(hook, self.host, self.passes, self.act)
 
     def act(self, number: int, code: int) -> None:
         """Do what the action of this number has for Python.
@@ -232,7 +232,7 @@ class Run:
         host, setting = self.host, self.setting
         vflag, table = host.vflag, setting.table  # they are for the step which begins
         host.vflag, setting.table = 0, None
-        self.follow("setup")
+        self.perform("setup")
         host.vflag, setting.table = vflag, table
 
     def continue_(self) -> None:
@@ -277,11 +277,11 @@ class Run:
         self.host.vflag, self.stepped = vflag, True
         outermost = self.is_outermost(level)
         if outermost:
-            self.follow("begin")
+            self.perform("begin")
         self.passes.level_dt.set(self.levels[level])
         self.run_passes("kick", self.lammps.step - outermost)
         if level == 0:
-            self.follow("move")
+            self.perform("move")
 
     def end_level(self, level: int) -> None:
         """A level's new forces end its step."""
@@ -396,9 +396,9 @@ class Run:
 
     def complete_step(self, forces: bool = True) -> None:
         """Have the bodies as at the end of a step with output, with their forces, if wanted."""
-        self.follow("complete")
+        self.perform("complete")
         if forces:
-            self.follow("know_forces")
+            self.perform("know_forces")
 
     def end(self) -> None:
         """Have the atoms as the bodies are, now that the run is over."""
@@ -434,7 +434,7 @@ class Run:
         return self.bodies
 
     def cached(self, name: str, make: Callable[[], T], forces: bool = True) -> T:
-        """What make() returns of the bodies at the end of the step, once for each step.
+        """What make() returns of the `completed_bodies`, computed once for each step.
 
         Args:
             forces: whether it needs the bodies' forces.
@@ -443,6 +443,7 @@ class Run:
         def now() -> tuple[int, int, int]:
             return self.lammps.step, self.host.phase, self.host.changes
 
+        self.take_seen_velocities()
         when, value = self.cache.get(name, (None, None))
         if when != now():
             self.complete_step(forces)
@@ -452,7 +453,6 @@ class Run:
 
     def energies(self) -> Energies:
         """Kinetic energies and temperatures of the bodies."""
-        self.take_seen_velocities()
         return self.cached("energies", self.thermo.energies, forces=False)
 
     def kinetic_at_end(self) -> tuple[float, float]:

@@ -1,12 +1,13 @@
-"""What is done at each hook of a step, in order: the schedule that every run follows.
+"""What is done at each hook of a step, in order: the same in every run.
 
 LAMMPS calls the fix at its hooks.  At each of them the actions of `SCHEDULE` that apply are done,
 one after the other, each in the phase that those before it have set: an action runs a list of
 passes (see `passes`), or calls a method of the `run.Run`, and names the next phase.  Nothing else
 sets the phase.
 
-The plugin follows the schedule in C++, and calls Python only for an action that needs it.  `follow`
-does the same in Python: for hooks that are not in each step, and for LAMMPS's own fix python/move.
+The plugin follows the schedule in C++, and calls Python only for an action that needs it.
+`perform` does the same in Python: for hooks that are not in each step, and for LAMMPS's own fix
+python/move.
 Between hooks LAMMPS moves atoms to their ranks, builds neighbor lists, and computes forces.
 
 A step with a thermostat, on several ranks:
@@ -138,8 +139,8 @@ SCHEDULE = {
 }
 
 
-def follow(hook: str, host: Host, passes: Passes, act: Callable[[int, int], None]) -> None:
-    """Do what the schedule has for a hook, in Python; the plugin's `follow` does the same.
+def perform(hook: str, host: Host, passes: Passes, act: Callable[[int, int], None]) -> None:
+    """Do what the schedule has for a hook, in Python; the plugin's `perform` does the same.
 
     Args:
         act: does what the action of a number has for Python, as `run.Run.act`.
