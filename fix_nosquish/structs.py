@@ -128,6 +128,7 @@ class OtherFix(NamedTuple):
 
 IN_NO_BODY = -1  # the origin of an atom, see exchange.h
 UNDECIDED = -(2**62)  # in place of the ID of an atom's body: the atom is newer than the membership
+OUT = -(2**61)  # the same, if the atom is in no body; the ID of a body is larger
 CONSTANTS = {"IN_NO_BODY": IN_NO_BODY, "UNDECIDED": UNDECIDED}
 
 # cells for LAMMPS's arrays, by the kinds and names that they have in loops

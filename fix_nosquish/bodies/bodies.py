@@ -27,8 +27,9 @@ from ..motion.frames import (
 from ..motion.periodic import PeriodicBox
 from ..motion.step import gather
 from ..ranks import migration
+from ..ranks.arrangement import OF_BODY
 from ..ranks.communicator import ALONE, Ranks
-from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, OF_BODY, SETTLE
+from ..ranks.migration import ARRANGE, FEWER, LOCATE, NOTE, SETTLE
 from ..ranks.sharing import Sharers, places
 from .membership import FLEXIBLE, Membership, PreviousBodies
 from .particles import Particles

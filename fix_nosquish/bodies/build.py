@@ -11,7 +11,7 @@ from ..host.lammps import Lammps
 from ..loops import machine_code
 from ..loops.memory import Memory
 from ..motion.frames import matrices, quaternions
-from ..ranks.migration import BodyRows
+from ..ranks.arrangement import BodyRows
 from . import extended, shapes
 from .bodies import HOME, ID, IMAGE, MASS, MOMENT, NATOMS, ROWS, Bodies, Q, X
 from .members import Members, find_members, sharers_of

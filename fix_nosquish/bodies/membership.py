@@ -9,7 +9,7 @@ from ..host.command import Command
 from ..host.lammps import Lammps
 from ..ranks.communicator import Ranks
 from ..ranks.lookup import find, look_up
-from ..ranks.migration import OUT, UNDECIDED
+from ..structs import OUT, UNDECIDED
 
 FLEXIBLE = 2**52  # a flexible atom's ID is this plus its tag; IDs of bodies are smaller
 _LEAST_ID = -(2**53)  # IDs travel as floating-point numbers

@@ -4,8 +4,8 @@ import numpy as np
 
 from ..errors import refuse
 from ..ranks.lookup import gone
-from ..ranks.migration import IN_NO_BODY
 from ..ranks.sharing import places
+from ..structs import IN_NO_BODY
 from .bodies import Bodies
 from .build import Recipe, build
 from .membership import Membership

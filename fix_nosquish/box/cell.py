@@ -116,23 +116,23 @@ def three_of(numbers):
 
 
 @inlined
-def volume_of(box, numbers):
+def volume_of(box, barostat):
     """The volume of the box, in two dimensions its area."""
-    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if numbers.dimension == 3 else 1.0)
+    return box.h[0, 0] * box.h[1, 1] * (box.h[2, 2] if barostat.dimension == 3 else 1.0)
 
 
 @inlined
-def pressure_now(numbers, k, part):
+def pressure_now(barostat, k, part):
     """The target pressure of component k, when the fraction `part` of the run is over."""
-    return numbers.p_start[k] + part * (numbers.p_stop[k] - numbers.p_start[k])
+    return barostat.p_start[k] + part * (barostat.p_stop[k] - barostat.p_start[k])
 
 
 @inlined
-def is_in_bounds(numbers):
+def is_in_bounds(barostat):
     """Whether all changes of axes and tilts are finite and within bounds."""
     inside = True
     for k in range(3):
-        inside &= 1.0 / MOST < numbers.stretch[k] < MOST and abs(numbers.shear[k]) < MOST - 1.0
+        inside &= 1.0 / MOST < barostat.stretch[k] < MOST and abs(barostat.shear[k]) < MOST - 1.0
     return inside
 
 
@@ -143,25 +143,25 @@ def stretch_box(cell, box, shift):
     Returns:
         OUT_OF_BOUNDS if a factor or a shear is or has been out of bounds, else 0.
     """
-    h, lo, numbers = box.h, box.lo, cell.barostat
-    if numbers.broken or not is_in_bounds(numbers):
-        numbers.broken = 1
+    h, lo, barostat = box.h, box.lo, cell.barostat
+    if barostat.broken or not is_in_bounds(barostat):
+        barostat.broken = 1
         return OUT_OF_BOUNDS
     for k in range(3):
-        factor, centre = numbers.stretch[k], lo[k]
+        factor, centre = barostat.stretch[k], lo[k]
         for i in range(3):
             centre += 0.5 * h[k, i]
-        numbers.centre[k] = centre
+        barostat.centre[k] = centre
         lo[k] = centre + factor * (lo[k] - centre)
         for i in range(3):
             h[k, i] *= factor
         for i in range(shift.shape[0]):
             shift[i, k] *= factor
-    if numbers.tilted:
-        shear_box(numbers, h, lo, shift)
+    if barostat.tilted:
+        shear_box(barostat, h, lo, shift)
     update_new_box(box, cell.new_box)
     call(cell.set_box[0], cell.set_box[1], address(cell.new_box))
-    numbers.open = 1
+    barostat.open = 1
     return 0
 
 
@@ -177,10 +177,10 @@ def update_new_box(box, new_box):
 
 
 @inlined
-def shear_box(numbers, h, lo, shift):
+def shear_box(barostat, h, lo, shift):
     """Shear the box about its centre."""
-    shear = three_of(numbers.shear)
-    x, y = sheared(shear, lo[1] - numbers.centre[1], lo[2] - numbers.centre[2])
+    shear = three_of(barostat.shear)
+    x, y = sheared(shear, lo[1] - barostat.centre[1], lo[2] - barostat.centre[2])
     lo[0] += x
     lo[1] += y
     for k in range(3):

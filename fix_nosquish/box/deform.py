@@ -18,7 +18,7 @@ from ..motion.periodic import (
     reflag,
 )  # fmt: skip
 from ..motion.step import move_to_images, place_all
-from ..ranks.migration import OF_BODY
+from ..ranks.arrangement import OF_BODY
 from .cell import three_of
 
 SAME_LATTICE = 1e-9  # tolerance of a tilt for the same lattice, as a fraction of a box vector

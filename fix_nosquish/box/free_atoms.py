@@ -7,7 +7,7 @@ as a body is.  Its bonds keep their length, so the constraints do no work.
 from ..loops.compiled import F1, F2, I1, L1, I, call, inlined, loop
 from ..motion.block import at
 from ..motion.periodic import PeriodicBox
-from ..ranks.migration import IN_NO_BODY
+from ..structs import IN_NO_BODY
 from .cell import ChangingBox, add_products, is_due, sheared, three_of, undone
 
 
@@ -51,7 +51,7 @@ def virial_of_free_atoms(
         dilated: bits of the groups whose atoms are remapped.
         clusters: see `of_cluster`.
     """
-    numbers, h, lo = cell.barostat, box.h, box.lo
+    barostat, h, lo = cell.barostat, box.h, box.lo
     cx = lo[0] + 0.5 * (h[0, 0] + h[0, 1] + h[0, 2])
     cy = lo[1] + 0.5 * (h[1, 1] + h[1, 2])
     cz = lo[2] + 0.5 * h[2, 2]
@@ -60,12 +60,12 @@ def virial_of_free_atoms(
             if groups[i] & dilated:
                 m = atom_mass[i] if atom_mass.size else type_mass[type[i]]
                 place, (vx, vy, vz) = of_cluster(clusters, atom_v, i)
-                x, y, z = -m * numbers.unit * vx, -m * numbers.unit * vy, -m * numbers.unit * vz
-                add_products(numbers, (x, y, z), (vx, vy, vz))
+                x, y, z = -m * barostat.unit * vx, -m * barostat.unit * vy, -m * barostat.unit * vz
+                add_products(barostat, (x, y, z), (vx, vy, vz))
             else:
                 x, y, z = vector(atom_x, i)
                 place = x - cx, y - cy, z - cz
-            add_products(numbers, place, vector(atom_f, i))
+            add_products(barostat, place, vector(atom_f, i))
 
 
 @inlined
@@ -85,10 +85,10 @@ def move_free_atoms(
     Args:
         dilated, clusters: see `virial_of_free_atoms`.
     """
-    numbers = cell.barostat
+    barostat = cell.barostat
     if is_due(step, cell):
-        shear, (f1, f2, f3) = three_of(numbers.shear), three_of(numbers.stretch)
-        c1, c2, c3 = three_of(numbers.centre)
+        shear, (f1, f2, f3) = three_of(barostat.shear), three_of(barostat.stretch)
+        c1, c2, c3 = three_of(barostat.centre)
         for i in range(groups.size):
             if origins[i] == IN_NO_BODY and groups[i] & dilated:
                 (dx, dy, dz), (ux, uy, uz) = of_cluster(clusters, atom_v, i)

@@ -192,12 +192,14 @@ class Keyword(NamedTuple):
         read: function of the words and of `expected` that returns the value.
         within: dictionary of `Command` that holds the value, "" for a separate field.
         repeats: whether it may be given several times; the field is then a tuple of values.
+        instead: for an integrator that does not have it, what to use instead.
     """
 
     expected: str
     read: Callable[[_Words, str], Any]
     within: str = ""
     repeats: bool = False
+    instead: str = ""
 
 
 STYLES = "single, molecule, custom i_NAME, custom v_NAME or group N ID1 ... IDN"
@@ -213,13 +215,7 @@ _SWITCHES = Keyword(
     repeats=True,
 )
 _INTEGER, _LONGEST_CHAIN = 2**31 - 1, 1000
-_YES_OR_NO = Keyword("yes or no", _Words.choice)
 _integer = partial(_Words.whole, most=_INTEGER)
-
-
-def _one_of(allowed: tuple[str, ...]) -> Keyword:
-    """A keyword that must be followed by one of these words."""
-    return Keyword(f"one of {', '.join(allowed)}", partial(_Words.one_of, allowed=allowed))
 
 
 KEYWORDS = {
@@ -241,7 +237,7 @@ KEYWORDS = {
     ),
     "force": _SWITCHES,
     "torque": _SWITCHES,
-    "reinit": _YES_OR_NO,
+    "reinit": Keyword("yes or no", _Words.choice),
     "infile": Keyword(_FILE, _Words.take),
     "output": Keyword(
         f"N, {_COUNT}, and {_FILE}",
@@ -256,14 +252,26 @@ KEYWORDS = {
         _Words.take,
     ),
 }
+_NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
+_OF_THERMOSTATS = "this integrator has no thermostat: use fix nosquish/nvt or fix nosquish/npt"
+_OF_BAROSTATS = f"this integrator has no barostat: use {_NPT_NPH.replace('and', 'or')}"
+_OF_HMC = "it is a keyword of fix nosquish/hmc"
+_OF_NPT = "fix nosquish/npt has it: without a thermostat the barostat is always the piston"
 # keywords that only some integrators have; after a space: the form for other arguments
 OWN_KEYWORDS = {
-    "temp": Keyword(f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers),
+    "temp": Keyword(
+        f"TSTART, TSTOP and TDAMP, each {_NUMBER}", _Words.numbers, instead=_OF_THERMOSTATS
+    ),
     "temp T": Keyword(f"T, {_NUMBER}", partial(_Words.numbers, count=1)),
-    "steps": Keyword(_COUNT, _integer),
-    "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number),
-    "thermostat": Keyword("the name of a thermostat", _Words.take),
-    "seed": Keyword("a whole number from 1 to 2147483647", _integer),
+    "steps": Keyword(_COUNT, _integer, instead=_OF_HMC),
+    "mix": Keyword(f"{_NUMBER}, above 0 and at most 1", _Words.number, instead=_OF_HMC),
+    "thermostat": Keyword("the name of a thermostat", _Words.take, instead=_OF_THERMOSTATS),
+    "seed": Keyword(
+        "a whole number from 1 to 2147483647",
+        _integer,
+        instead="this integrator uses no random numbers; fix nosquish/nvt, fix nosquish/npt and "
+        "fix nosquish/hmc do",
+    ),
     "tchain": Keyword(
         f"the length of the chain, {_COUNT}",
         partial(
@@ -271,75 +279,74 @@ OWN_KEYWORDS = {
             most=_LONGEST_CHAIN,  # each costs time in every step
             why=": more than some ten thermostats in a chain change nothing",
         ),
+        instead=_OF_THERMOSTATS,
     ),
-    "separate": _YES_OR_NO,
+    "separate": Keyword("yes or no", _Words.choice, instead=_OF_THERMOSTATS),
     "moments": Keyword(
         f"equal VALUE (mass times length squared) or scale FACTOR, {_NUMBER}, or step",
         _Words.moments,
+        instead="other moments change the dynamics: it is a keyword of fix nosquish/nvt, fix "
+        "nosquish/npt and fix nosquish/hmc",
     ),
     **dict.fromkeys(
         PRESSURES,
-        Keyword(f"PSTART, PSTOP and PDAMP, each {_NUMBER}", _Words.numbers, "pressure"),
+        Keyword(
+            f"PSTART, PSTOP and PDAMP, each {_NUMBER}",
+            _Words.numbers,
+            "pressure",
+            instead=_OF_BAROSTATS,
+        ),
     ),
-    "couple": _one_of(COUPLES),
-    "barostat": Keyword("the name of a barostat", _Words.take),
-    "every": Keyword(_COUNT, _integer),
+    "couple": Keyword(
+        f"one of {', '.join(COUPLES)}",
+        partial(_Words.one_of, allowed=COUPLES),
+        instead=_OF_BAROSTATS,
+    ),
+    "barostat": Keyword("the name of a barostat", _Words.take, instead=_OF_NPT),
+    "every": Keyword(_COUNT, _integer, instead=_OF_BAROSTATS),
     "dilate": Keyword(
-        "the ID of a group, whose atoms, of those in no body, move with the box", _Words.take
+        "the ID of a group, whose atoms, of those in no body, move with the box",
+        _Words.take,
+        instead=_OF_BAROSTATS,
     ),
-    "compressibility": Keyword(_NUMBER, _Words.number),
+    "compressibility": Keyword(_NUMBER, _Words.number, instead=_OF_NPT),
 }
+_OF_CHAINS = (
+    "fix nosquish/nvt and fix nosquish/npt have thermostat nh with tchain N; the other parameters "
+    "of the chains cannot be changed"
+)
 # keywords of LAMMPS's rigid fixes: see `rigid_fixes.give_meaning`
 OF_RIGID_FIXES = {
     "langevin": Keyword(
         f"TSTART, TSTOP, TDAMP and a seed: three numbers and {_COUNT}",
         lambda words, expected: (*words.numbers(expected), words.whole(expected, _INTEGER)),
+        instead="fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     ),
     "tparam": Keyword(
         "the length of the chains, iterations and order, three whole numbers of at least 1",
         lambda words, expected: tuple(
             words.whole(expected, most) for most in (_LONGEST_CHAIN, _INTEGER, _INTEGER)
         ),
+        instead=_OF_CHAINS,
     ),
-    "pchain": Keyword(f"the length of the barostat's chain, {_COUNT}", _Words.whole),
+    "pchain": Keyword(
+        f"the length of the barostat's chain, {_COUNT}",
+        _Words.whole,
+        instead="the chain of the piston of fix nosquish/npt has the length tchain",
+    ),
 }
-# keywords of other fixes and of other integrators, and what to use instead
-_NPT_NPH = "fix nosquish/npt and fix nosquish/nph"
-_NPT_OR_NPH = _NPT_NPH.replace("and", "or")
+# keywords of other fixes, and what to use instead
 _ELSEWHERE = {
-    "langevin": "fix nosquish/nvt has Langevin's thermostat: temp TSTART TSTOP TDAMP seed N",
     **dict.fromkeys(
         ("bodyforces", "energy", "virial", "respa", "dynamic/dof", "external"),
         "give it by fix_modify, after this fix",
     ),
-    **dict.fromkeys(
-        ("temp", "tchain", "thermostat", "separate"),
-        "this integrator has no thermostat: use fix nosquish/nvt or fix nosquish/npt",
-    ),
-    "seed": "this integrator uses no random numbers; fix nosquish/nvt, fix nosquish/npt and fix "
-    "nosquish/hmc do",
-    **dict.fromkeys(("steps", "mix"), "it is a keyword of fix nosquish/hmc"),
-    "moments": "other moments change the dynamics: it is a keyword of fix nosquish/nvt, fix "
-    "nosquish/npt and fix nosquish/hmc",
     "ptemp": f"the temperature of the bodies sets the mass of the piston of {_NPT_NPH}: leave it "
     "out",
     "mtk": "barostat mtk of fix nosquish/npt, and the barostat of fix nosquish/nph, is the one of "
     "Martyna, Tobias and Klein: leave it out",
     **dict.fromkeys(("nreset", "drag"), "the piston of this package has none: leave it out"),
-    **dict.fromkeys(
-        ("tparam", "tloop", "ploop"),
-        "fix nosquish/nvt and fix nosquish/npt have thermostat nh with tchain N; the other "
-        "parameters of the chains cannot be changed",
-    ),
-    **dict.fromkeys(
-        (*PRESSURES, "couple", "every", "dilate"),
-        f"this integrator has no barostat: use {_NPT_OR_NPH}",
-    ),
-    **dict.fromkeys(
-        ("barostat", "compressibility"),
-        "fix nosquish/npt has it: without a thermostat the barostat is always the piston",
-    ),
-    "pchain": "the chain of the piston of fix nosquish/npt has the length tchain",
+    **dict.fromkeys(("tloop", "ploop"), _OF_CHAINS),
     "points": "it is called flexible now: flexible GROUP",
     "details": "it was removed: the log says how bodies rotate, and how often the box changes",
     "fixedpoint": f"with {_NPT_NPH} the box changes about its centre: leave it out",
@@ -349,6 +356,7 @@ _ELSEWHERE = {
         f"with {_NPT_NPH} a tilt without its own keyword scales with its edge: leave it out",
     ),
     "update": "dipoles rotate with their bodies: leave it out",
+    **{name: keyword.instead for name, keyword in (OWN_KEYWORDS | OF_RIGID_FIXES).items()},
 }
 
 
@@ -537,7 +545,7 @@ def _read_keyword(words: _Words, values: dict[str, Any], known: dict[str, Keywor
     """
     name = words.take("a keyword")
     if name not in known:
-        instead = _ELSEWHERE.get(name, f"expected {', '.join(known)}")
+        instead = _ELSEWHERE.get(name) or f"expected {', '.join(known)}"
         raise words.wrong(f"unknown keyword '{name}': {instead}")
     keyword = known[name]
     place = values.setdefault(keyword.within, {}) if keyword.within else values

@@ -18,9 +18,8 @@ from ..loops import machine_code
 from ..ranks import mpi
 from ..ranks.communicator import Communicator, Ranks
 from ..ranks.lookup import find, look_up
-from ..ranks.migration import IN_NO_BODY, UNDECIDED
 from ..ranks.sharing import places
-from ..structs import When
+from ..structs import IN_NO_BODY, UNDECIDED, When
 from .command import Line
 from .hosts import Host, Phase
 from .lammps import Lammps

@@ -40,9 +40,9 @@ class Barostat(EnsemblePart):
     the others are remapped with the box.
 
     Attributes:
-        of_numbers: type of the record of parameters.
+        numbers: type of the record of parameters.
         forces_known: the loop that uses the virial of the bodies' forces.
-        numbers: that record; see `cell`.
+        parameters: that record, the cell `barostat` of its loops; see `cell`.
         axes: the groups of coupled axes and tilts, (6,): see `cell.BarostatNumbers`.
         has_others: whether there are atoms in no body.
         dampings: (6,) PDAMP of each group of coupled axes and of each tilt.
@@ -53,9 +53,9 @@ class Barostat(EnsemblePart):
     """
 
     modules = cell.__name__, free_atoms.__name__
-    of_numbers: ClassVar[Kind] = BarostatNumbers
+    numbers: ClassVar[Kind] = BarostatNumbers
     forces_known: ClassVar[Loop]
-    numbers: Any = None
+    parameters: Any = None
     has_others = False
     box_every = 1  # until a run begins
     reversible = False
@@ -305,9 +305,9 @@ class Barostat(EnsemblePart):
         self.command.refuse_unless_positive("PDAMP", damping)
         return damping
 
-    def new_numbers(self, run: Run) -> np.record:
+    def new_parameters(self, run: Run) -> np.record:
         """The parameters of the barostat at the start of a run; collective."""
-        lammps, numbers = run.lammps, self.of_numbers(axes=self.axes)
+        lammps, parameters = run.lammps, self.numbers(axes=self.axes)
         of_group: dict[int, tuple[float, ...]] = {}
         self.dampings = np.full(len(self.axes), self.damping(lammps))
         for k, (part, group) in enumerate(zip(PARTS_OF_BOX, self.axes, strict=True)):
@@ -321,20 +321,20 @@ class Barostat(EnsemblePart):
                         f"{theirs}, and an axis coupled to it {others}: give both the same"
                     )
                 self.dampings[group] = damping
-                numbers.p_start[k] = start / lammps.nktv2p
-                numbers.p_stop[k] = stop / lammps.nktv2p
-        numbers.unit, numbers.box_every = lammps.mvv2e, self.box_every
-        numbers.dimension, numbers.tilted = lammps.dimension, self.flips
+                parameters.p_start[k] = start / lammps.nktv2p
+                parameters.p_stop[k] = stop / lammps.nktv2p
+        parameters.unit, parameters.box_every = lammps.mvv2e, self.box_every
+        parameters.dimension, parameters.tilted = lammps.dimension, self.flips
         # stretching an axis stretches tilts along it, and reduces tilts of which it is the second
         for k, axis in enumerate(AXES):
             along, across = (sum(tilt[n] == axis for tilt in self.changing_tilts) for n in (0, 1))
-            numbers.weight[k] = 1.0 + along - across
-        return numbers
+            parameters.weight[k] = 1.0 + along - across
+        return parameters
 
     def extra_cells(self, run: Run) -> dict[str, Cell]:
-        self.numbers, host = self.new_numbers(run), run.host
+        self.parameters, host = self.new_parameters(run), run.host
         return {
-            "barostat": Cell(self.of_numbers, self.numbers),
+            "barostat": Cell(self.numbers, self.parameters),
             "forces_virial": Cell(F1, host.forces_virial),
             "new_box": Cell(F1, np.zeros(12)),
             "set_box": Cell(L1, host.set_box),

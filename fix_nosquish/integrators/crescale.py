@@ -45,7 +45,7 @@ from ..motion.step import place_all
 from ..ranks.mpi import Mpi, add_up
 from ..run.run import Run
 from .barostat import Barostat
-from .thermostat import OF_BAROSTAT, Bath, Steps, prepare, words_of_all
+from .thermostat import OF_BAROSTAT, Bath, Steps, set_temperature, words_of_all
 
 COMPRESSIBILITY = 4.6e-5  # of water, 1/atm
 # the unit of pressure in atm
@@ -58,24 +58,24 @@ _PER_ATM = {
 @inlined
 def find_stretch(parameters, cell, box, part, dt):
     """Set the factors of the axes, and the shear, for a time dt, from kinetic energy and virial."""
-    kt, numbers = parameters.kt * cell.barostat.unit, cell.barostat
-    motion, spread = motion_of(numbers.total), spread_of(numbers.total)
-    volume = volume_of(box, numbers)
+    kt, barostat = parameters.kt * cell.barostat.unit, cell.barostat
+    motion, spread = motion_of(barostat.total), spread_of(barostat.total)
+    volume = volume_of(box, barostat)
     for k in range(3):
-        numbers.stretch[k] = 1.0
+        barostat.stretch[k] = 1.0
     for group in range(3):
         count, excess, weight = 0, 0.0, 0.0
         for k in range(3):
-            if numbers.axes[k] == group:
+            if barostat.axes[k] == group:
                 count += 1
-                energy = motion[k] * numbers.unit
+                energy = motion[k] * barostat.unit
                 energy += cell.forces_virial[k] - spread[k]
-                excess += pressure_now(numbers, k, part) - energy / volume
-                weight += numbers.weight[k]
+                excess += pressure_now(barostat, k, part) - energy / volume
+                weight += barostat.weight[k]
         if count > 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
-            root, strength = sqrt(volume), numbers.rate * count * dt / 6.0
+            root, strength = sqrt(volume), barostat.rate * count * dt / 6.0
             root -= strength * root * (excess / count - (weight / count - 0.5) * kt / volume)
             root += sqrt(strength * kt) * noise
             factor, volume = root * root / volume, root * root
@@ -84,30 +84,30 @@ def find_stretch(parameters, cell, box, part, dt):
             elif count == 3:
                 factor = factor ** (1.0 / 3.0)
             for k in range(3):
-                if numbers.axes[k] == group:
-                    numbers.stretch[k] = factor
-    if numbers.tilted:
-        find_shear(parameters, cell, box, part, kt, numbers.rate * dt / 3.0)
+                if barostat.axes[k] == group:
+                    barostat.stretch[k] = factor
+    if barostat.tilted:
+        find_shear(parameters, cell, box, part, kt, barostat.rate * dt / 3.0)
 
 
 @inlined
 def find_shear(parameters, cell, box, part, kt, strength):
     """Set the shear from the off-diagonal components of the pressure tensor."""
-    numbers, volume = cell.barostat, volume_of(box, cell.barostat)
-    motion, spread = motion_of(numbers.total), spread_of(numbers.total)
+    barostat, volume = cell.barostat, volume_of(box, cell.barostat)
+    motion, spread = motion_of(barostat.total), spread_of(barostat.total)
     for k in range(3):
-        numbers.shear[k] = 0.0
-        if numbers.axes[XY + k] >= 0:
+        barostat.shear[k] = 0.0
+        if barostat.axes[XY + k] >= 0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + XY + k)
             noise, _ = normal_pair(w0, w1)
-            energy = motion[XY + k] * numbers.unit
+            energy = motion[XY + k] * barostat.unit
             energy += cell.forces_virial[XY + k] - spread[XY + k]
-            excess = pressure_now(numbers, XY + k, part) - energy / volume
-            numbers.shear[k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
+            excess = pressure_now(barostat, XY + k, part) - energy / volume
+            barostat.shear[k] = sqrt(2.0 * strength * kt / volume) * noise - strength * excess
 
 
 @inlined
-def measure_motion(state, rank, numbers):
+def measure_motion(state, rank, barostat):
     """Set `motion_of` to the sums of this rank's bodies: twice the kinetic energy tensor."""
     sums = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for b in range(state.shape[1]):
@@ -115,17 +115,17 @@ def measure_motion(state, rank, numbers):
             x, y, z = three(state, V, b)
             sums = add_motion(sums, state[MASS, b], x, y, z)
     for k in range(COMPONENTS):
-        motion_of(numbers.sums)[k] = sums[k]
+        motion_of(barostat.sums)[k] = sums[k]
 
 
 @inlined
 def note_work(mpi, parameters, cell):
     """Add half of the work of the forces in a change of the box to this rank's heat: called once
     with the forces before the change, and once with the forces after it."""
-    numbers, tilted = cell.barostat, cell.barostat.tilted
-    spread = spread_of(numbers.sums)
-    x, y, z = (log(numbers.stretch[0]), log(numbers.stretch[1]), log(numbers.stretch[2]))
-    xy, xz, yz = three_of(numbers.shear)
+    barostat, tilted = cell.barostat, cell.barostat.tilted
+    spread = spread_of(barostat.sums)
+    x, y, z = (log(barostat.stretch[0]), log(barostat.stretch[1]), log(barostat.stretch[2]))
+    xy, xz, yz = three_of(barostat.shear)
     # logarithm of shear times stretch, to second order
     tilts = (
         xy + 0.5 * xy * (y - x), xz + 0.5 * xz * (z - x) - 0.5 * xy * yz, yz + 0.5 * yz * (z - y)
@@ -139,13 +139,13 @@ def note_work(mpi, parameters, cell):
             heat -= axes[k] * cell.forces_virial[k]
             if tilted:
                 heat -= tilts[k] * cell.forces_virial[XY + k]
-    parameters.heat += 0.5 * heat / numbers.unit
+    parameters.heat += 0.5 * heat / barostat.unit
 
 
 @inlined
-def note_motion(parameters, numbers, sign):
+def note_motion(parameters, barostat, sign):
     """Add this rank's translational kinetic energy, times sign, to its heat."""
-    x, y, z = three_of(motion_of(numbers.sums))
+    x, y, z = three_of(motion_of(barostat.sums))
     parameters.heat += 0.5 * sign * (x + y + z)
 
 
@@ -167,31 +167,31 @@ def rescale_cell(
     Returns:
         as `stretch_box`.
     """
-    state, numbers = layout.state, cell.barostat
-    tilted = numbers.tilted
-    measure_motion(state, mpi.rank, numbers)
-    add_up(mpi, numbers.sums, numbers.total)
-    part = prepare(parameters, steps)
-    find_stretch(parameters, cell, box, part, dt * numbers.box_every)
+    state, barostat = layout.state, cell.barostat
+    tilted = barostat.tilted
+    measure_motion(state, mpi.rank, barostat)
+    add_up(mpi, barostat.sums, barostat.total)
+    part = set_temperature(parameters, steps)
+    find_stretch(parameters, cell, box, part, dt * barostat.box_every)
     if stretch_box(cell, box, images.shift) < 0:
         return OUT_OF_BOUNDS
     note_work(mpi, parameters, cell)
-    shear, bodies = three_of(numbers.shear), state.shape[1]
+    shear, bodies = three_of(barostat.shear), state.shape[1]
     if tilted:
-        note_motion(parameters, numbers, -1.0)
+        note_motion(parameters, barostat, -1.0)
         shear_rows(state, V, bodies, undone(shear), 0.0, 0.0)
-        measure_motion(state, mpi.rank, numbers)
-        note_motion(parameters, numbers, 1.0)
+        measure_motion(state, mpi.rank, barostat)
+        note_motion(parameters, barostat, 1.0)
     for k in range(3):
-        slower = 1.0 / (numbers.stretch[k] * numbers.stretch[k])
-        parameters.heat += 0.5 * motion_of(numbers.sums)[k] * (slower - 1.0)
+        slower = 1.0 / (barostat.stretch[k] * barostat.stretch[k])
+        parameters.heat += 0.5 * motion_of(barostat.sums)[k] * (slower - 1.0)
     for k in range(3):
-        factor, centre = numbers.stretch[k], numbers.centre[k]
+        factor, centre = barostat.stretch[k], barostat.centre[k]
         for b in range(bodies):
             state[X + k, b] = centre + factor * (state[X + k, b] - centre)
             state[V + k, b] /= factor
     if tilted:
-        shear_rows(state, X, bodies, shear, numbers.centre[1], numbers.centre[2])
+        shear_rows(state, X, bodies, shear, barostat.centre[1], barostat.centre[2])
     place_all(layout, images, atom_x)
     return 0
 
@@ -205,8 +205,8 @@ class Crescale(Barostat):
     def box_lists(self, cells: dict[str, Cell], moving: list) -> dict[str, list]:
         return {"cell": [rescale_cell.bind_to(cells), *moving]}
 
-    def new_numbers(self, run: Run) -> np.record:
-        numbers, lammps = super().new_numbers(run), run.lammps
+    def new_parameters(self, run: Run) -> np.record:
+        parameters, lammps = super().new_parameters(run), run.lammps
         damping = self.damping(lammps)
         if self.command.compressibility:
             compressibility = lammps.number(self.command.compressibility)
@@ -224,5 +224,5 @@ class Crescale(Barostat):
                 f"PDAMP is {damping:g} for one axis and {others[0]:g} for another: give all "
                 "axes the same, or use barostat mtk"
             )
-        numbers.rate = compressibility * lammps.nktv2p / damping
-        return numbers
+        parameters.rate = compressibility * lammps.nktv2p / damping
+        return parameters

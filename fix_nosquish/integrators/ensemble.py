@@ -33,8 +33,7 @@ RestartState: Any = record(
     pending=F,  # `Run.pending_half_kick`, nan for None
 )  # in a restart file, followed by the states of barostat and thermostat
 FIELDS = len(RestartState.dtype.fields or ())
-TEMPERATURE = "temp", "thermostat", "seed", "tchain", "separate", "moments"  # keywords
-OPTIONAL = "seed", "tchain", "separate", "compressibility"  # that some of the parts use
+TEMPERATURE = "temp", "thermostat", "moments"  # keywords, besides those of each thermostat
 
 
 class Ensemble(Integrator):
@@ -48,6 +47,8 @@ class Ensemble(Integrator):
 
     Attributes:
         thermostats, barostats: see above.
+        keywords: as in `Integrator`, and all those of its thermostats and barostats.
+        of_parts: keywords that only some of these have; with another one they are refused.
         thermostat, barostat: those of the fix line; without a thermostat None, without a barostat
             an `EnsemblePart` that does nothing.
         momentum: the `Momentum`.
@@ -61,11 +62,16 @@ class Ensemble(Integrator):
 
     thermostats: Mapping[str, type[Thermostat]] = {}
     barostats: Mapping[str, type[EnsemblePart]] = {}
+    of_parts: tuple[str, ...] = ()
     mid_step = True
     restart_state: np.ndarray
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
+        parts = *cls.thermostats.values(), *cls.barostats.values()
+        words = [word for part in parts for word in part.keywords]
+        cls.of_parts = tuple(dict.fromkeys((*cls.of_parts, *words)))
+        cls.keywords = tuple(dict.fromkeys((*cls.keywords, *cls.of_parts)))
         for barostat in cls.barostats.values():  # make the loops of all combinations
             for thermostat in cls.thermostats.values() or (Thermostat,):
                 barostat.step_with(thermostat, cls.__module__)
@@ -107,14 +113,14 @@ class Ensemble(Integrator):
     def _check_keywords(self) -> None:
         """Raise an error for keywords that no part uses, or that are missing."""
         thermostat, barostat = self.thermostat or EnsemblePart(self), self.barostat
-        used = "temp", *thermostat.keywords, *barostat.keywords
-        for word in OPTIONAL:
+        used = *thermostat.keywords, *barostat.keywords
+        for word in self.of_parts:
             if word not in used and getattr(self.command, word):
                 raise self.command.wrong(
                     f"keyword {word} has no effect with {thermostat.method}{barostat.method}: "
                     "leave it out"
                 )
-        needed = [word for word in ("temp", "seed") if word in used and word in self.keywords]
+        needed = ["temp"] * bool(self.thermostat) + ["seed"] * ("seed" in used)
         part = "thermostat" if "seed" in thermostat.keywords else "barostat"
         self.command.refuse_missing(*needed, seed=f", because this {part} draws random numbers")
 
@@ -167,7 +173,7 @@ class Ensemble(Integrator):
         begin, end = run.host.span or (np.zeros(1, np.int64), np.zeros(1, np.int64))
         return {
             "step": run.lammps.step_cell, "begin_step": Cell(L1, begin), "end_step": Cell(L1, end),
-            "thermostat_state": Cell(F1, self.parts[-1].state),
+            "thermostat_state": Cell(F1, self.parts[-1].state),  # unused without a thermostat
         }  # fmt: skip
 
     def _continue_state(self, run: Run) -> None:

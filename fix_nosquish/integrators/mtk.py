@@ -61,9 +61,10 @@ from ..run.run import Run
 from ..run.thermo import Thermo
 from ..run.thermo import freedom as degrees_of_freedom
 from .barostat import Barostat
+from .nose_hoover import NoseHoover
 from .nve import NVE
 from .rescaling import REST
-from .thermostat import Steps, Thermostat, part_of_run, prepare
+from .thermostat import Steps, Thermostat, part_of_run, set_temperature
 
 PistonNumbers: Any = record(
     "PistonNumbers",
@@ -132,34 +133,34 @@ def dilate(block, kind, dt, parameters):
 @inlined
 def push(cell, box, part, dt):
     """Change the strain rates by the virial and the target pressure for a time dt."""
-    numbers, volume = cell.barostat, volume_of(box, cell.barostat)
-    axes, rates = numbers.axes, cell.piston.rates
+    barostat, volume = cell.barostat, volume_of(box, cell.barostat)
+    axes, rates = barostat.axes, cell.piston.rates
     for k in range(COMPONENTS):
         if axes[k] >= 0:
-            force = numbers.virial[k] - pressure_now(numbers, k, part) * volume
-            rates[axes[k]] += dt * force / numbers.inertia[axes[k]]
+            force = barostat.virial[k] - pressure_now(barostat, k, part) * volume
+            rates[axes[k]] += dt * force / barostat.inertia[axes[k]]
 
 
 @inlined
 def strain(parameters, cell, box, part, dt):
     """Update the factors, and the kinetic energies, by the strain rates of the axes."""
-    numbers, total, against, volume = cell.barostat, 0.0, 0.0, volume_of(box, cell.barostat)
-    axes, rates, weighted = numbers.axes, cell.piston.rates, 0.0
-    along = motion_of(numbers.total)
+    barostat, total, against, volume = cell.barostat, 0.0, 0.0, volume_of(box, cell.barostat)
+    axes, rates, weighted = barostat.axes, cell.piston.rates, 0.0
+    along = motion_of(barostat.total)
     for k in range(3):
-        volume *= numbers.stretch[k]
+        volume *= barostat.stretch[k]
         if axes[k] >= 0:
             total += rates[axes[k]]
-            weighted += numbers.weight[k] * rates[axes[k]]
-            against += pressure_now(numbers, k, part) * rates[axes[k]]
+            weighted += barostat.weight[k] * rates[axes[k]]
+            against += pressure_now(barostat, k, part) * rates[axes[k]]
     for k in range(3):
         rate = rates[axes[k]] if axes[k] >= 0 else 0.0
-        factor, longer = exp(-dt * (rate + weighted / numbers.freedom)), exp(dt * rate)
+        factor, longer = exp(-dt * (rate + weighted / barostat.freedom)), exp(dt * rate)
         parameters.slow[k] *= factor
         along[k] *= factor * factor
-        numbers.stretch[k] *= longer
-        if numbers.tilted:  # a stretch after a shear is a different shear after the stretch
-            stretch_shear(numbers.shear, k, longer)
+        barostat.stretch[k] *= longer
+        if barostat.tilted:  # a stretch after a shear is a different shear after the stretch
+            stretch_shear(barostat.shear, k, longer)
             stretch_shear(parameters.slow_shear, k, factor)
             for n in range(3):
                 along[XY + n] *= factor if FIRST[n] == k or SECOND[n] == k else 1.0
@@ -183,18 +184,18 @@ def stretch_shear(shear, axis, factor):
 @inlined
 def tilt(parameters, cell, box, part, dt):
     """Update the shears, and the kinetic energies, by the strain rates of the tilts."""
-    numbers, rates = cell.barostat, cell.piston.rates
-    axes, along = numbers.axes, motion_of(numbers.total)
+    barostat, rates = cell.barostat, cell.piston.rates
+    axes, along = barostat.axes, motion_of(barostat.total)
     xy = dt * rates[axes[XY]] if axes[XY] >= 0 else 0.0
     xz = dt * rates[axes[XZ]] if axes[XZ] >= 0 else 0.0
     yz = dt * rates[axes[YZ]] if axes[YZ] >= 0 else 0.0
-    volume = volume_of(box, numbers)
+    volume = volume_of(box, barostat)
     for k in range(3):
-        volume *= numbers.stretch[k]
-    against = xy * pressure_now(numbers, XY, part) + xz * pressure_now(numbers, XZ, part)
-    cell.piston.work += (against + yz * pressure_now(numbers, YZ, part)) * volume
+        volume *= barostat.stretch[k]
+    against = xy * pressure_now(barostat, XY, part) + xz * pressure_now(barostat, XZ, part)
+    cell.piston.work += (against + yz * pressure_now(barostat, YZ, part)) * volume
     both = 0.5 * xy * yz  # second-order term of the matrix exponential
-    add_shear(numbers.shear, xy, xz + both, yz)
+    add_shear(barostat.shear, xy, xz + both, yz)
     xy, xz, yz = -xy, both - xz, -yz
     add_shear(parameters.slow_shear, xy, xz, yz)
     xx, yy, zz = three_of(along)
@@ -217,13 +218,13 @@ def add_shear(shear, xy, xz, yz):
 @inlined
 def push_by_motion(cell, dt):
     """Change the strain rates by the kinetic energies for a time dt."""
-    numbers, rates = cell.barostat, cell.piston.rates
-    axes, along = numbers.axes, motion_of(numbers.total)
-    shared = (along[0] + along[1] + along[2]) / numbers.freedom
+    barostat, rates = cell.barostat, cell.piston.rates
+    axes, along = barostat.axes, motion_of(barostat.total)
+    shared = (along[0] + along[1] + along[2]) / barostat.freedom
     for k in range(COMPONENTS):
         if axes[k] >= 0:
-            force = numbers.unit * (along[k] + numbers.weight[k] * shared)
-            rates[axes[k]] += dt * force / numbers.inertia[axes[k]]
+            force = barostat.unit * (along[k] + barostat.weight[k] * shared)
+            rates[axes[k]] += dt * force / barostat.inertia[axes[k]]
 
 
 @inlined
@@ -233,20 +234,20 @@ def begin_move(mpi, parameters, due, cell, box, part, dt):
     Returns:
         the change of twice the kinetic energy.
     """
-    numbers, gained = cell.barostat, 0.0
-    along = motion_of(numbers.total)
+    barostat, gained = cell.barostat, 0.0
+    along = motion_of(barostat.total)
     for k in range(3):
         parameters.slow[k] = parameters.strain[k] = 1.0
         parameters.slow_shear[k] = parameters.strain_shear[k] = 0.0
     if due:
-        half, count = 0.5 * dt * numbers.box_every, COMPONENTS if numbers.tilted else 3
+        half, count = 0.5 * dt * barostat.box_every, COMPONENTS if barostat.tilted else 3
         push(cell, box, part, half)
         add_up(mpi, parameters.along[0:count], along[0:count])
         for k in range(3):
             gained -= along[k]
-            numbers.stretch[k], numbers.shear[k] = 1.0, 0.0
+            barostat.stretch[k], barostat.shear[k] = 1.0, 0.0
         strain(parameters, cell, box, part, half)
-        if numbers.tilted:
+        if barostat.tilted:
             tilt(parameters, cell, box, part, half)
         push_by_motion(cell, half)
         for k in range(3):
@@ -263,36 +264,36 @@ def end_move(parameters, due, cell, box, shift, part, dt):
     Returns:
         as `stretch_box`.
     """
-    numbers, factor = cell.barostat, parameters.factor[0]
+    barostat, factor = cell.barostat, parameters.factor[0]
     if due:
         for k in range(COMPONENTS):
-            motion_of(numbers.total)[k] *= factor * factor
-        half = 0.5 * dt * numbers.box_every
+            motion_of(barostat.total)[k] *= factor * factor
+        half = 0.5 * dt * barostat.box_every
         push_by_motion(cell, half)
-        if numbers.tilted:
+        if barostat.tilted:
             tilt(parameters, cell, box, part, half)
         strain(parameters, cell, box, part, half)
         if stretch_box(cell, box, shift) < 0:
             return OUT_OF_BOUNDS
         for k in range(3):
-            parameters.strain[k] = numbers.stretch[k]
-            parameters.strain_shear[k] = numbers.shear[k]
-            parameters.centres[k] = numbers.centre[k]
+            parameters.strain[k] = barostat.stretch[k]
+            parameters.strain_shear[k] = barostat.shear[k]
+            parameters.centres[k] = barostat.centre[k]
     return 0
 
 
 @loop
 def see_virial(mpi: Mpi, steps: Steps, dt: F, cell: PistonBox, box: PeriodicBox):
     """Compute the molecular virial of the new forces; if the box has just changed, complete B."""
-    numbers = cell.barostat
-    spread = spread_of(numbers.total)
-    add_up(mpi, spread_of(numbers.sums), spread)
+    barostat = cell.barostat
+    spread = spread_of(barostat.total)
+    add_up(mpi, spread_of(barostat.sums), spread)
     for k in range(COMPONENTS):
-        numbers.virial[k] = cell.forces_virial[k] - spread[k]
-    if numbers.open:
+        barostat.virial[k] = cell.forces_virial[k] - spread[k]
+    if barostat.open:
         part = part_of_run(steps)
-        push(cell, box, part, 0.5 * dt * numbers.box_every)
-        numbers.open = 0
+        push(cell, box, part, 0.5 * dt * barostat.box_every)
+        barostat.open = 0
 
 
 # ---------------------------------------------------------------- with a thermostat
@@ -321,7 +322,7 @@ def _step(thermostat: type[Thermostat], owner: tuple[str, str]) -> tuple[Scheme,
         work=thermostat.work,
         ends=(NVE.scheme.lead, NVE.scheme.tail),
     )
-    return scheme, _prepares(thermostat, scheme.numbers, owner)
+    return scheme, _preparing_loop(thermostat, scheme.numbers, owner)
 
 
 def _both(measures: Callable) -> Callable:
@@ -335,7 +336,7 @@ def _both(measures: Callable) -> Callable:
     return both
 
 
-def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]) -> Loop:
+def _preparing_loop(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]) -> Loop:
     """The loop before letters D and O."""
     acts, on_piston = thermostat.acts, thermostat.on_piston
 
@@ -349,7 +350,7 @@ def _prepares(thermostat: type[Thermostat], numbers: Any, owner: tuple[str, str]
         Returns:
             as `stretch_box`, and as the thermostat's `acts`.
         """
-        due, part = is_due(steps.step, cell), prepare(parameters, steps)
+        due, part = is_due(steps.step, cell), set_temperature(parameters, steps)
         gained = begin_move(mpi, parameters, due, cell, box, part, dt)
         bursts = due and not is_in_bounds(cell.barostat)
         if due:
@@ -368,7 +369,7 @@ class Mtk(Barostat):
         piston: its state, as a record.
     """
 
-    method, of_numbers = ", and the piston of Martyna, Tobias and Klein", PistonNumbers
+    method, numbers = ", and the piston of Martyna, Tobias and Klein", PistonNumbers
     state_size, forces_known = Piston.dtype.itemsize // 8, see_virial
 
     @classmethod
@@ -411,8 +412,8 @@ class Mtk(Barostat):
             self.piston.inertia_kt = lammps.boltz * kelvin
         return self.piston.inertia_kt
 
-    def new_numbers(self, run: Run) -> np.record:
-        numbers, d, axes = super().new_numbers(run), run.lammps.dimension, self.axes
+    def new_parameters(self, run: Run) -> np.record:
+        parameters, d, axes = super().new_parameters(run), run.lammps.dimension, self.axes
         freedom = self.ensemble.momentum.degrees()[0]
         refuse(
             not freedom > 0,
@@ -424,23 +425,23 @@ class Mtk(Barostat):
         inertia = (freedom + d) * self._heat(run) * damping**2
         for group in range(COMPONENTS):
             slower = self.dampings[group] / shortest
-            numbers.inertia[group] = (axes == group).sum() / d * inertia * slower**2
-        numbers.rate, numbers.freedom = 1.0 / damping, freedom
-        numbers.heavier = np.count_nonzero(numbers.inertia)
-        if replaces and self.command.thermostat == "nh":
+            parameters.inertia[group] = (axes == group).sum() / d * inertia * slower**2
+        parameters.rate, parameters.freedom = 1.0 / damping, freedom
+        parameters.heavier = np.count_nonzero(parameters.inertia)
+        if replaces and isinstance(self.ensemble.thermostat, NoseHoover):
             # The chain of fix rigid has masses d^2 and 1, times k T PDAMP^2; only half of its
             # friction acts, and it uses the mean energy of the axes as that of the piston.  These
             # masses damp a fast piston equally, and keep its energy at k T.
-            numbers.rate = 1.0 / (shortest * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
-            numbers.heavier = 2 * d * d
-        return numbers
+            parameters.rate = 1.0 / (shortest * np.sqrt(2 * np.count_nonzero(axes[:3] >= 0)))
+            parameters.heavier = 2 * d * d
+        return parameters
 
     def extra_cells(self, run: Run) -> dict[str, Cell]:
         return super().extra_cells(run) | {"piston": Cell(Piston, self.piston)}
 
     def with_energy(self, scalar: float) -> float:
         """The scalar plus the work against the pressure and the energy of the piston."""
-        moving = 0.5 * (self.numbers.inertia * self.piston.rates**2).sum()
+        moving = 0.5 * (self.parameters.inertia * self.piston.rates**2).sum()
         return scalar + self.piston.work + moving
 
 

@@ -65,18 +65,18 @@ def factor_of_chain(parameters, state, k, dt):
 @inlined
 def move_chain_of_piston(mpi, parameters, cell, state, dt):
     """Apply the chain to the strain rates, for the whole time of a change of the box."""
-    numbers, rates, twice, degrees = cell.barostat, cell.piston.rates, 0.0, 0.0
+    barostat, rates, twice, degrees = cell.barostat, cell.piston.rates, 0.0, 0.0
     for group in range(rates.size):
-        twice += numbers.inertia[group] * rates[group] * rates[group] / numbers.unit
-        degrees += 1.0 if numbers.inertia[group] > 0.0 else 0.0
-    chain, time = state[2 * parameters.chain :], dt * numbers.box_every
+        twice += barostat.inertia[group] * rates[group] * rates[group] / barostat.unit
+        degrees += 1.0 if barostat.inertia[group] > 0.0 else 0.0
+    chain, time = state[2 * parameters.chain :], dt * barostat.box_every
     factor = move_chain(
-        chain, chain.size // 2, twice, degrees, numbers.heavier, parameters.kt, numbers.rate, time
+        chain, chain.size // 2, twice, degrees, barostat.heavier, parameters.kt, barostat.rate, time
     )
     for group in range(rates.size):
         before = rates[group]
         rates[group] = factor * before
-        note_heat(mpi, parameters, numbers, group, before, rates[group])
+        note_heat(mpi, parameters, barostat, group, before, rates[group])
 
 
 class NoseHoover(Rescaling):

@@ -13,6 +13,6 @@ from .thermostat import EnsemblePart, Thermostat
 class NPT(Ensemble):
     """fix ID group nosquish/npt BODYSTYLE temp ... iso PSTART PSTOP PDAMP ..."""
 
-    keywords = *TEMPERATURE, *PRESSURE, "barostat", "compressibility"
+    keywords = *TEMPERATURE, *PRESSURE, "barostat"
     thermostats: Mapping[str, type[Thermostat]] = THERMOSTATS
     barostats: Mapping[str, type[EnsemblePart]] = {"crescale": Crescale, "mtk": Mtk}

@@ -67,7 +67,7 @@ def part_of_run(steps):
 
 
 @inlined
-def prepare(parameters, steps):
+def set_temperature(parameters, steps):
     """Set the temperature of this step, and the index of its next draw.
 
     Returns:
@@ -118,25 +118,25 @@ def not_on_piston(mpi, parameters, cell, state, dt):
 @inlined
 def thermalise_piston(mpi, parameters, cell, state, dt):
     """Apply friction and noise to the strain rates, for the whole time of a change of the box."""
-    numbers, rates = cell.barostat, cell.piston.rates
-    keep = exp(-numbers.rate * dt * numbers.box_every)
+    barostat, rates = cell.barostat, cell.piston.rates
+    keep = exp(-barostat.rate * dt * barostat.box_every)
     for group in range(rates.size):
-        inertia, before = numbers.inertia[group], rates[group]
+        inertia, before = barostat.inertia[group], rates[group]
         if inertia > 0.0:
             w0, w1, _, _ = words_of_all(parameters, OF_BAROSTAT + group)
             noise, _ = normal_pair(w0, w1)
-            heat = parameters.kt * numbers.unit
+            heat = parameters.kt * barostat.unit
             spread = sqrt((1.0 - keep * keep) * heat / inertia)
             rates[group] = keep * before + spread * noise
-            note_heat(mpi, parameters, numbers, group, before, rates[group])
+            note_heat(mpi, parameters, barostat, group, before, rates[group])
 
 
 @inlined
-def note_heat(mpi, parameters, numbers, group, before, after):
+def note_heat(mpi, parameters, barostat, group, before, after):
     """Add the energy that a thermostat adds to a strain rate to the heat of rank 0."""
     if mpi.rank == 0:
-        heat = 0.5 * numbers.inertia[group] * (after * after - before * before)
-        parameters.heat += heat / numbers.unit
+        heat = 0.5 * barostat.inertia[group] * (after * after - before * before)
+        parameters.heat += heat / barostat.unit
 
 
 def far_off(name: str, time: float, lammps: Any, most: float) -> Iterable[str]:
@@ -157,7 +157,8 @@ class EnsemblePart(Part):
         ensemble: the `ensemble.Ensemble` that it belongs to.
 
     Attributes:
-        keywords: which of `ensemble.OPTIONAL` it uses.  If "seed" is among them it must be given.
+        keywords: which of `command.OWN_KEYWORDS` it uses, so that its ensemble has them.  If "seed"
+            is among them it must be given: leave it out if nothing is drawn.
         state_size: number of values that a restart needs.
         state: these values, a view of `Ensemble.restart_state`.
     """
@@ -187,7 +188,7 @@ class EnsemblePart(Part):
         return thermostat.scheme, thermostat.prepares
 
     def kind_of_state(self) -> tuple:
-        """What identifies the kind of its state, besides its class."""
+        """What identifies the kind of its state in a restart file, besides its class."""
         return ()
 
     def with_energy(self, scalar: float) -> float:
@@ -254,10 +255,10 @@ class Thermostat(EnsemblePart):
         # a class that measures bodies may leave `acts` to a derived class
         complete = cls.operation and not (cls.operation.measures and cls.acts is nothing)
         if complete and declared & {"acts", "numbers", "operation"}:
-            cls.prepares = _prepares(cls, owner)
+            cls.prepares = _preparing_loop(cls, owner)
 
     def kind_of_state(self) -> tuple:
-        return 0, self.command.separate
+        return 0, self.command.separate  # no chain, see `nose_hoover`
 
     def extra_warnings(self, run: Run) -> Iterable[str]:
         """A warning of an unusual TDAMP."""
@@ -280,7 +281,7 @@ class Thermostat(EnsemblePart):
             run.parameters.start = run.parameters.stop = unit * temperature
 
 
-def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
+def _preparing_loop(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
     """The loop before letter O, at constant volume."""
     acts = thermostat.acts
 
@@ -290,7 +291,7 @@ def _prepares(thermostat: type[Thermostat], owner: tuple[str, str]) -> Loop:
         thermostat_state: F1,
     ) -> I:  # fmt: skip
         """Set the temperature of the step, and the parameters of letter O."""
-        prepare(parameters, steps)
+        set_temperature(parameters, steps)
         return acts(mpi, parameters, thermostat_state, dt, 0.0)
 
     return Loop(prepares, owner)

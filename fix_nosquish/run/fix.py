@@ -20,6 +20,7 @@ from ..loops import machine_code
 from ..motion import body_forces, step, virial
 from ..motion.block import ROWS
 from ..ranks import migration, mpi, sharing
+from ..ranks.arrangement import OF_BODY
 from ..ranks.communicator import ALONE, Communicator, Ranks
 from . import former_names, output, switches
 from .beginning import begin_run
@@ -138,7 +139,7 @@ class Fix(Registered):
         self.vector_extensive = *VALUES.values(), *integrator.values.values()
         of_body = ROWS + integrator.rows + integrator.kept + 3 * bool(self.command.moments)
         of_atom = extended.ROWS if self._oriented else extended.ORIENT
-        self.carries = migration.OF_BODY + of_body + of_atom  # numbers that go with an atom
+        self.carries = OF_BODY + of_body + of_atom  # numbers that go with an atom
 
     def report_definition(self) -> None:
         """Log what the bodies are, where LAMMPS takes no text for its log in a run; collective."""

@@ -13,7 +13,7 @@ def replacement_notice(fix_id: str, command: Command) -> str | None:
     how = []
     if command.temp:
         how.append(f"thermostat {command.thermostat}")
-        if command.thermostat == "nh":
+        if command.tchain:  # else another thermostat
             separate = "yes" if command.separate else "no"
             how.append(f"tchain {command.tchain} separate {separate}")
     if kind == "NPT":

@@ -8,7 +8,7 @@ from fix_nosquish.bodies.bodies import Q as Q_ROWS
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.loops.memory import Memory
 from fix_nosquish.motion import block
-from fix_nosquish.ranks.migration import BodyRows
+from fix_nosquish.ranks.arrangement import BodyRows
 
 ASYMMETRIC = np.array([3.0, 1.7, 0.8])
 # The matrices P_k of eq. 2.18, and S(q) of eq. 2.14 whose columns are (q, P_1 q, P_2 q, P_3 q).
