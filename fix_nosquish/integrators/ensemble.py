@@ -30,7 +30,7 @@ RestartState: Any = record(
     energy=F,  # transferred from the bodies to the thermostat
     times_back=F,  # how often the step counter was set back, and its last value
     last_step=F,
-    pending=F,  # `Run.pending_half_kick`, nan for None
+    pending=F,  # `Setting.pending_half_kick`, nan for None
 )  # in a restart file, followed by the states of barostat and thermostat
 FIELDS = len(RestartState.dtype.fields or ())
 TEMPERATURE = "temp", "thermostat", "moments"  # keywords, besides those of each thermostat
@@ -191,7 +191,7 @@ class Ensemble(Integrator):
                 state.last_step = run.parameters.step
         elif np.isfinite(state.energy):
             self._energy = state.energy
-            run.pending_half_kick = None if np.isnan(state.pending) else state.pending
+            run.setting.pending_half_kick = None if np.isnan(state.pending) else state.pending
         if run.lammps.step < state.last_step:
             state.times_back += 1
             state.last_step = run.lammps.step
@@ -217,7 +217,7 @@ class Ensemble(Integrator):
         state.energy, state.last_step = self._energy_given(run), run.lammps.step
         run.stepped |= run.steps_made
         run.note_pending()
-        pending = run.pending_half_kick
+        pending = run.setting.pending_half_kick
         state.pending = np.nan if pending is None else pending
 
 

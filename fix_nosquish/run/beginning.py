@@ -55,7 +55,9 @@ def begin_run(setting: Setting, last: Run | None) -> Run:
     refuse_constraints(conditions.other_fixes, run.ours, host)
     run.take_time_step()
     run.cards = cards.find(lammps, conditions.other_fixes.packages)
-    run.cards.refuse(energy=run.needs_energy, levels=conditions.levels, counts=bool(host.counts))
+    run.cards.refuse(
+        energy=setting.needs_energy, levels=conditions.levels, counts=bool(host.counts)
+    )
     if command.output and not setting.table:
         setting.table = _open_table(command.output.file, run)
     _plan(run)
@@ -120,7 +122,7 @@ def _open_table(file: str, run: Run) -> BodyFile:
 
 def _plan(run: Run) -> None:
     """Give the host the facts of this run, and have it follow the schedule."""
-    conditions, host, pending = run.conditions, run.host, run.pending_half_kick
+    conditions, host, pending = run.conditions, run.host, run.setting.pending_half_kick
     looks = run.box.may_change or run.masses_may_change or run.setting.rigid_flag
     facts = {
         SEEN: host.facts & SEEN,

@@ -11,7 +11,7 @@ from ..loops import machine_code
 from . import gravity
 from .other_boxes import followed_box, refuse_remap
 from .other_fixes import OtherFixes, reading_pair_style
-from .part import Part, box_every, needs_energy
+from .part import Part
 from .registry import siblings_of
 from .setting import Setting
 
@@ -49,7 +49,7 @@ def refuse_time_step(dt: float, parts: Sequence[Part], name: str) -> None:
     step."""
     refuse(
         (dt < 0 and not all(part.reversible for part in parts))
-        or (dt == 0 and box_every(parts) > 0),
+        or (dt == 0 and any(part.box_every for part in parts)),
         f"the time step is {dt:g}, and the integrator {name} needs one above zero: "
         "look at the command timestep",
     )
@@ -71,13 +71,13 @@ def conditions_of(setting: Setting) -> Conditions:
     fixes = OtherFixes(host.fixes(), ours, host.command, lammps.step, siblings_read)
     reads = siblings_read or setting.external.words.named
     deformed_box = followed_box(
-        host, fixes.changing_box, has_barostat=bool(box_every(integrator.parts)), levels=levels
+        host, fixes.changing_box, has_barostat=bool(setting.box_every), levels=levels
     )
     remaps = deformed_box is not None and bool(host.remap_group)
     if deformed_box is not None:
         machine_code.load(setting.ranks, deform.__name__)
     if remaps:
-        supported = integrator.supports_remap_v and not needs_energy(integrator.parts)
+        supported = integrator.supports_remap_v and not setting.needs_energy
         refuse_remap(supported, name, setting.membership, host.remap_group)
     return Conditions(
         siblings=siblings,
@@ -90,6 +90,6 @@ def conditions_of(setting: Setting) -> Conditions:
         remaps_velocities=remaps,
         gravity=gravity.acceleration(
             setting.command, host, integrator.method,
-            needs_energy=needs_energy(integrator.parts), levels=levels,
+            needs_energy=setting.needs_energy, levels=levels,
         ),
     )  # fmt: skip

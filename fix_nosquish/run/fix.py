@@ -29,7 +29,6 @@ from .external import ExternalForces, all_ids
 from .integrator import Integrator
 from .log import FixLog, of_left_out
 from .making import BodyMaker
-from .part import box_every, needs_energy
 from .registry import Registered, siblings_of
 from .replacement import replacement_notice
 from .rotation import Rotation
@@ -133,8 +132,8 @@ class Fix(Registered):
         replaces_bodies = self.line.replaces in rigid_fixes.BODIES
         self.couples = integrator.scalar is not None and not replaces_bodies
         self.flips = any(part.flips for part in integrator.parts)
-        self.needs_energy = needs_energy(integrator.parts)
-        self.box_every = box_every(integrator.parts)
+        self.needs_energy = self.setting.needs_energy
+        self.box_every = self.setting.box_every
         self.restart_state = integrator.restart_state
         self.vector_extensive = *VALUES.values(), *integrator.values.values()
         of_body = ROWS + integrator.rows + integrator.kept + 3 * bool(self.command.moments)
@@ -176,7 +175,7 @@ class Fix(Registered):
     def push(self) -> None:
         """The forces of a step are known: evaluate external forces."""
         run = self._run
-        self.setting.external.evaluate(run.bodies, about_centre=bool(run.box_every))
+        self.setting.external.evaluate(run.bodies, about_centre=bool(self.setting.box_every))
 
     def run_action(self, number: int, code: int) -> None:
         """Do what an action of the schedule has for Python: see `Run.act`."""

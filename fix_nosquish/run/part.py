@@ -90,13 +90,3 @@ class Part(Declaration):
 
     def end(self, run: Any) -> None:
         """A run is over."""
-
-
-def box_every(parts: Iterable[Part]) -> int:
-    """`Part.box_every` of the part that changes the box; 0 if none does."""
-    return max((part.box_every for part in parts), default=0)
-
-
-def needs_energy(parts: Iterable[Part]) -> bool:
-    """Whether one of the parts has `Part.needs_energy`."""
-    return any(part.needs_energy for part in parts)

@@ -16,7 +16,6 @@ from .making import MadeBodies
 from .minimization import Minimization
 from .other_boxes import BoxWatch
 from .other_fixes import Ours, acts_on_bodies, may_move, refuse_constraints
-from .part import box_every, needs_energy
 from .passes import Passes
 from .schedule import ACTIONS, GATHERS, SEEN
 from .setting import Setting
@@ -59,34 +58,24 @@ class Run:
         self.command, self.integrator = setting.command, setting.integrator
         self.membership, self.external = setting.membership, setting.external
         self.bodies, self.report, self.switches = made.bodies, made.report, made.switches
-        fixes, remaps = conditions.other_fixes, conditions.remaps_velocities
-        may_change = fixes.unknown or bool(fixes.changing_box)
-        may_change &= conditions.deformed_box is None
-        self.box = BoxWatch(made.bodies, self.lammps, may_change, bool(self.box_every))
+        fixes, has_barostat = conditions.other_fixes, bool(setting.box_every)
+        followed = conditions.deformed_box is not None
+        may_change = not followed and (fixes.unknown or bool(fixes.changing_box))
+        self.box = BoxWatch(made.bodies, self.lammps, may_change, has_barostat)
         self.masses_may_change = masses.masses_may_change(fixes, self.lammps)
         self.thermo = Thermo(made.bodies, self.lammps, self.ranks)
         self.velocities = AtomVelocities(
-            made.bodies, self.lammps, self.ranks, made.report, setting.maker.shapes, remaps
-        )
+            made.bodies, self.lammps, self.ranks, made.report, setting.maker.shapes,
+            conditions.remaps_velocities,
+        )  # fmt: skip
         self.cache: dict[str, tuple[tuple, Any]] = {}
         self.lost = LostEnergy()
         self._first_step, self.stepped = self.lammps.step, False
         self._missing_energy = 0.0  # that the end of the last step would give, with mid_step
-        self.ours = Ours(
-            self.host.fix_id, self.command, bool(self.box_every), bool(self.integrator.thermostat)
-        )
+        thermostats = bool(self.integrator.thermostat)
+        self.ours = Ours(self.host.fix_id, self.command, has_barostat, thermostats)
 
     # ------------------------------------------------------------- facts
-
-    @property
-    def box_every(self) -> int:
-        """The box changes in the steps after the multiples of this; 0 for never."""
-        return box_every(self.integrator.parts)
-
-    @property
-    def needs_energy(self) -> bool:
-        """Whether the integrator needs the potential energy in some steps."""
-        return needs_energy(self.integrator.parts)
 
     @property
     def phase(self) -> Phase:
@@ -112,15 +101,6 @@ class Run:
     def parameters(self) -> Any:
         """See `Setting`; of this run as soon as it has some."""
         return self.setting.parameters
-
-    @property
-    def pending_half_kick(self) -> float | None:
-        """See `Setting`."""
-        return self.setting.pending_half_kick
-
-    @pending_half_kick.setter
-    def pending_half_kick(self, dt: float | None) -> None:
-        self.setting.pending_half_kick = dt
 
     def number(self, keyword: str) -> float:
         """The number of one of `extra_keywords`, or the value of its variable now."""
@@ -183,8 +163,9 @@ class Run:
         )
         self.run_passes("gather")
         self.cache.clear()
-        if self.integrator.mid_step and not conditions.mid_step and self.pending_half_kick:
-            self._end_half_kick(self.pending_half_kick)
+        pending = self.setting.pending_half_kick
+        if self.integrator.mid_step and not conditions.mid_step and pending:
+            self._end_half_kick(pending)
         if scheme.start and not made.started:
             scheme.start.bind_to(self.passes.cells)()
         made.started = True
@@ -205,7 +186,7 @@ class Run:
         self.run_passes("close")
         self.take_time_step()
         self.set_velocities()
-        self.pending_half_kick = 0.0
+        self.setting.pending_half_kick = 0.0
 
     def report_start(self) -> None:
         """Log the bodies as a run begins, if they have changed, and warnings."""
@@ -213,8 +194,8 @@ class Run:
         acting = () if self.minimization else (*parts, self.integrator)  # no thermostat acts in one
         warnings = (line for part in acting for line in part.extra_warnings(self))
         lines = self.cards.copies(self.ranks.count(self.lammps.setting("nmax")))
-        if self.box_every:
-            lines.append(f"  change of the box every {self.box_every} steps")
+        if every := self.setting.box_every:
+            lines.append(f"  change of the box every {every} steps")
         self.setting.log.report(self.thermo, self.report, self.mask, lines, warnings)
         start = self.bodies.start = log.forces_at_start(self.thermo, self.membership.name)
         names = " or ".join(
@@ -269,7 +250,7 @@ class Run:
     def note_pending(self) -> None:
         """Keep the time step of the last step, if there was one."""
         if self.stepped:
-            self.pending_half_kick = self.dt if self.conditions.mid_step else 0.0
+            self.setting.pending_half_kick = self.dt if self.conditions.mid_step else 0.0
             self.stepped = False
 
     def begin_level(self, vflag: int, level: int) -> None:
@@ -325,7 +306,7 @@ class Run:
         setting, integrator = self.setting, self.integrator
         lines = setting.maker.update(self.bodies, self.report)
         refuse(
-            integrator.scheme.start or self.box_every or self.needs_energy,
+            integrator.scheme.start or setting.box_every or setting.needs_energy,
             f"bodies came or are gone by step {self.lammps.step}, which the integrator "
             f"{self.command.line.name} does not support in a run: use fix nosquish/nvt or fix "
             "nosquish/nve, or insert and delete between runs, with reinit yes",

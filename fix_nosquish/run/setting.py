@@ -50,3 +50,13 @@ class Setting:
     table: BodyFile | None = None
     parameters: Any = None
     pending_half_kick: float | None = None
+
+    @property
+    def box_every(self) -> int:
+        """`Part.box_every` of the part that changes the box; 0 if none does."""
+        return max((part.box_every for part in self.integrator.parts), default=0)
+
+    @property
+    def needs_energy(self) -> bool:
+        """Whether one of the integrator's parts has `Part.needs_energy`."""
+        return any(part.needs_energy for part in self.integrator.parts)
