@@ -265,7 +265,7 @@ if __name__ == "__main__":  # setuptools runs this file by that name, too
             for package in PLACES
             for parent, name, source in (
                 ("fix_nosquish.plugin", "python_moveplugin", PLUGIN / "loader.cpp"),
-                ("fix_nosquish.plugin", "python_move", PLUGIN / "python_move.cpp"),
+                ("fix_nosquish.plugin", "python_move", PLUGIN / "fix_nosquish.cpp"),
                 ("fix_nosquish_validation.running", "recorder", RECORDER / "recorder.cpp"),
             )
         ],

@@ -100,7 +100,7 @@ class When(IntFlag):
 
 
 class OtherFix(NamedTuple):
-    """Another fix of the simulation; in C++ the struct FixFacts."""
+    """Another fix of the simulation; in C++ the struct FixDescription."""
 
     id: str
     style: str
@@ -228,7 +228,7 @@ DATA = {
 
 FUNCTIONS = {
     "log": of_fix(NOTHING, WORD),
-    "nth_fix": of_fix(INT, INT, PLACE),  # fills FixFacts; 0 after the last; no id for this fix
+    "nth_fix": of_fix(INT, INT, PLACE),  # FixDescription, no id for this fix; 0 after the last
     "command": of_fix(TEXT),  # the words of the last command
     "removed_freedom": of_fix(LONG, WORD, WORD),  # by another fix, in a group
     "begin_step_of": of_fix(NOTHING, WORD),  # initial_integrate of another fix
@@ -285,7 +285,7 @@ HOOKS = {
 
 STRUCTS: dict[str, Mapping[str, Type]] = {
     "Arrays": {name: Type(f"{kind} {{}}", None) for name, kind in CELLS.items()},
-    "FixFacts": {
+    "FixDescription": {
         name: TEXT if kind is str else INT for name, kind in OtherFix.__annotations__.items()
     },
     "Pass": PASS,
@@ -304,10 +304,10 @@ def _fields(struct: str) -> list[tuple[str, Any]]:
     return [(name, kind.python) for name, kind in STRUCTS[struct].items()]
 
 
-class FixFacts(ctypes.Structure):
+class FixDescription(ctypes.Structure):
     """What the plugin tells of another fix."""
 
-    _fields_ = _fields("FixFacts")
+    _fields_ = _fields("FixDescription")
 
 
 class Action(ctypes.Structure):

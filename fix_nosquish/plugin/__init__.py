@@ -1,6 +1,6 @@
 """The fixes as a LAMMPS plugin, and how LAMMPS finds it.
 
-``python_move.cpp`` is the fix, ``bridge`` its Python side, ``host`` the interface for classes.
+``fix_nosquish.cpp`` is the fix, ``bridge`` its Python side, ``host`` the interface for classes.
 This module is imported whenever LAMMPS starts, so it imports very little.
 """
 

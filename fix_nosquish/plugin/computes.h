@@ -4,7 +4,7 @@
 #ifndef FIX_NOSQUISH_COMPUTES_H
 #define FIX_NOSQUISH_COMPUTES_H
 
-#include "python_move.h"
+#include "fix_nosquish.h"
 
 namespace {
 namespace nosquish {
@@ -59,11 +59,11 @@ class ComputeOfBodies : public Compute {
 
   std::string problem(const std::string &text) const { return "Compute " + std::string(id) + " " + style + ": " + text; }
 
-  FixPythonMove *find() const
+  FixNosquish *find() const
   {
     Fix *other = modify->get_fix_by_id(bodies);
     if (!other) end_on_all(lmp, problem("there is no fix " + bodies));
-    auto ours = dynamic_cast<FixPythonMove *>(other);
+    auto ours = dynamic_cast<FixNosquish *>(other);
     if (!ours)
       end_on_all(lmp, problem("fix " + bodies + " (style " + other->style + ") is no fix of fix_nosquish. For one of "
                                 "LAMMPS's own define the compute with the suffix off"));

@@ -3,14 +3,14 @@
 #ifndef FIX_NOSQUISH_DECLARATION_H
 #define FIX_NOSQUISH_DECLARATION_H
 
-#include "python_move.h"
+#include "fix_nosquish.h"
 
 #include "universe.h"
 
 namespace {
 namespace nosquish {
 
-FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
+FixNosquish::FixNosquish(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg)
 {
   const bool quoted = PYTHON_MOVE == arg[2];
   if (quoted && narg < 4) utils::missing_cmd_args(FLERR, "fix python/move", error);
@@ -44,9 +44,9 @@ FixPythonMove::FixPythonMove(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg,
 
 // Fill in the addresses of data and functions for Python.
 
-void FixPythonMove::fill_bridge()
+void FixNosquish::fill_bridge()
 {
-  using Self = FixPythonMove;
+  using Self = FixNosquish;
   bridge.checksum = CHECKSUM;
   bridge.fix = this;
   bridge.lammps = lmp;
@@ -65,13 +65,13 @@ void FixPythonMove::fill_bridge()
   bridge.begins = bridge.energy_step = bridge.argument = bridge.rotor = -1;
   strcpy(bridge.message, "cannot import fix_nosquish.plugin.bridge");
 
-  bridge.log = Lend<&Facts::log, &Self::facts>();
-  bridge.nth_fix = Lend<&Facts::describe, &Self::facts>();
-  bridge.command = Lend<&Facts::last_command, &Self::facts>();
-  bridge.removed_freedom = Lend<&Facts::removed_freedom, &Self::facts>();
-  bridge.begin_step_of = Lend<&Facts::begin_step_of, &Self::facts>();
-  bridge.pair_style = Lend<&Facts::pair_style, &Self::facts>();
-  bridge.gravity = Lend<&Facts::gravity, &Self::facts>();
+  bridge.log = Lend<&OtherFixes::log, &Self::others>();
+  bridge.nth_fix = Lend<&OtherFixes::describe, &Self::others>();
+  bridge.command = Lend<&OtherFixes::last_command, &Self::others>();
+  bridge.removed_freedom = Lend<&OtherFixes::removed_freedom, &Self::others>();
+  bridge.begin_step_of = Lend<&OtherFixes::begin_step_of, &Self::others>();
+  bridge.pair_style = Lend<&OtherFixes::pair_style, &Self::others>();
+  bridge.gravity = Lend<&OtherFixes::gravity, &Self::others>();
 
   bridge.point = Lend<&Self::point>();
   bridge.now = Lend<&Self::now>();
@@ -89,7 +89,7 @@ void FixPythonMove::fill_bridge()
 
 // Set the flags of the fix from what its class declares.
 
-void FixPythonMove::declare()
+void FixNosquish::declare()
 {
   dof_flag = virial_global_flag = thermo_virial = virial_peratom_flag = restart_global = 1;
   centroidstressflag = CENTROID_AVAIL;    // because the virial of an atom is not symmetric
@@ -117,7 +117,7 @@ void FixPythonMove::declare()
   arrays.declare();
 }
 
-int FixPythonMove::setmask()
+int FixNosquish::setmask()
 {
   return INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA | (bridge.flips ? PRE_EXCHANGE : 0) |
       (bridge.box_every ? PRE_REVERSE : 0) | POST_NEIGHBOR | END_OF_STEP | POST_RUN | MIN_POST_NEIGHBOR | MIN_POST_FORCE | MIN_ENERGY;
@@ -126,7 +126,7 @@ int FixPythonMove::setmask()
 // external: forces and torques on bodies, to the end of the command; Python interprets the words. bodyforces: bodies have the forces of
 // all fixes (late), or of those before this one (early). temp and press: accepted as by LAMMPS's rigid fixes, without effect.
 
-int FixPythonMove::modify_param(int narg, char **arg)
+int FixNosquish::modify_param(int narg, char **arg)
 {
   const std::string word = arg[0], value = narg > 1 ? arg[1] : "";
   if (word == "external") {

@@ -14,7 +14,7 @@ from ..host import hosts
 from ..host.hosts import OtherFix
 from ..loops.compiled import array
 from ..run.schedule import SCHEDULE
-from ..structs import FUNCTIONS, Action, Bridge, FixFacts
+from ..structs import FUNCTIONS, Action, Bridge, FixDescription
 
 AT = "at_"  # the fields of lists of actions are this and the hook's name
 LISTS = tuple(name for name, _ in Bridge._fields_ if name.startswith(AT))
@@ -72,11 +72,11 @@ class Host(hosts.Host):
             setattr(self, name, getattr(self._call, name))
 
     def fixes(self) -> list[OtherFix]:
-        facts, fixes = FixFacts(), []
+        described, fixes = FixDescription(), []
         kinds = OtherFix.__annotations__.items()
-        for _ in takewhile(lambda n: self._call.nth_fix(n, byref(facts)), count()):
-            if facts.id is not None:  # not this fix itself
-                values = [_as(kind, getattr(facts, name)) for name, kind in kinds]
+        for _ in takewhile(lambda n: self._call.nth_fix(n, byref(described)), count()):
+            if described.id is not None:  # not this fix itself
+                values = [_as(kind, getattr(described, name)) for name, kind in kinds]
                 fixes.append(OtherFix(*values))
         return fixes
 
@@ -203,5 +203,5 @@ def _address(array: np.ndarray | None) -> int | None:
 
 
 def _as(kind: type, value: Any) -> Any:
-    """A value of FixFacts as this kind."""
+    """A value of FixDescription as this kind."""
     return value.decode() if isinstance(value, bytes) else kind(value)

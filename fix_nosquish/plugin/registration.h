@@ -28,7 +28,7 @@ void *make(void *pointer, int narg, char **arg)
   if (style != arg[2] && !lmp->comm->me) utils::logmesg(lmp, "Fix " + std::string(arg[0]) + ": " + arg[2] + " is " + style + "\n");
   std::vector<char *> words(arg, arg + narg);
   words[2] = style.data();
-  return static_cast<Fix *>(new FixPythonMove(lmp, narg, words.data()));
+  return static_cast<Fix *>(new FixNosquish(lmp, narg, words.data()));
 }
 
 }    // namespace nosquish

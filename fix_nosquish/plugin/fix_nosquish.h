@@ -1,13 +1,13 @@
-/* The fix: its hooks, which call its parts or Python. Those of a step are in python_move.cpp. */
+/* The fix: its hooks, which call its parts or Python. Those of a step are in fix_nosquish.cpp. */
 
-#ifndef FIX_NOSQUISH_PYTHON_MOVE_H
-#define FIX_NOSQUISH_PYTHON_MOVE_H
+#ifndef FIX_NOSQUISH_FIX_NOSQUISH_H
+#define FIX_NOSQUISH_FIX_NOSQUISH_H
 
 #include "arrays.h"
 #include "bridge.h"
 #include "exchange.h"
 #include "external.h"
-#include "facts.h"
+#include "other_fixes.h"
 #include "failures.h"
 #include "forces.h"
 #include "interpreter.h"
@@ -26,9 +26,9 @@
 namespace {
 namespace nosquish {
 
-class FixPythonMove : public Fix {
+class FixNosquish : public Fix {
  public:
-  FixPythonMove(LAMMPS *, int, char **);
+  FixNosquish(LAMMPS *, int, char **);
 
   // the hooks of a step
   void setup(int) override;
@@ -108,7 +108,7 @@ class FixPythonMove : public Fix {
 
   Failures failures{lmp, this, bridge};
   Instance bridge;
-  Facts facts{lmp, this, bridge};
+  OtherFixes others{lmp, this, bridge};
   Exchange exchange{lmp, this, bridge};
   AtomArrays arrays{lmp, this, bridge};
   Molecules molecules{lmp, this, bridge};
@@ -208,7 +208,7 @@ class FixPythonMove : public Fix {
     template <typename Result, typename... Arguments> operator Function<Result, Arguments...>() const
     {
       return [](void *fix, Arguments... arguments) -> Result {
-        auto &self = *static_cast<FixPythonMove *>(fix);
+        auto &self = *static_cast<FixNosquish *>(fix);
         auto &owner = (self .* ... .* part);
         return self.failures.guarded([&] { return static_cast<Result>((owner.*method)(arguments...)); });
       };

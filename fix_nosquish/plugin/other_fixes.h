@@ -1,7 +1,7 @@
 /* What Python asks about other fixes, and about LAMMPS where its library interface does not answer. */
 
-#ifndef FIX_NOSQUISH_FACTS_H
-#define FIX_NOSQUISH_FACTS_H
+#ifndef FIX_NOSQUISH_OTHER_FIXES_H
+#define FIX_NOSQUISH_OTHER_FIXES_H
 
 #include "part.h"
 
@@ -20,13 +20,13 @@ namespace {
 namespace nosquish {
 using namespace FixConst;
 
-class Facts : public Part {
+class OtherFixes : public Part {
  public:
   using Part::Part;
 
-  // Facts about fix number n; returns false after the last. This fix is described without ID.
+  // Describe fix number n; returns false after the last. This fix is described without ID.
 
-  bool describe(int n, void *facts) const
+  bool describe(int n, void *description) const
   {
     if (n >= modify->nfix) return false;
     const int between = POST_INTEGRATE | PRE_EXCHANGE | PRE_NEIGHBOR | POST_NEIGHBOR | PRE_FORCE | PRE_REVERSE | POST_FORCE |
@@ -34,9 +34,9 @@ class Facts : public Part {
     const int early_hooks = INITIAL_INTEGRATE | POST_INTEGRATE | INITIAL_INTEGRATE_RESPA | POST_INTEGRATE_RESPA;
     Fix *other = modify->fix[n];
     auto hooks = [mask = modify->fmask[n]](int some) { return (mask & some) != 0; };
-    *static_cast<FixFacts *>(facts) = !other || other == fix
-        ? FixFacts()
-        : FixFacts{other->id, other->style, other->groupbit, other->time_integrate, hooks(between), hooks(END_OF_STEP), other->nevery,
+    *static_cast<FixDescription *>(description) = !other || other == fix
+        ? FixDescription()
+        : FixDescription{other->id, other->style, other->groupbit, other->time_integrate, hooks(between), hooks(END_OF_STEP), other->nevery,
                    hooks(INITIAL_INTEGRATE | FINAL_INTEGRATE | INITIAL_INTEGRATE_RESPA | FINAL_INTEGRATE_RESPA), (other->box_change & ~Fix::BOX_CHANGE_DOMAIN) != 0,    // ranks' parts of the box are not the box
                    hooks(~0), other->dof_flag && !other->time_integrate, other->energy_global_flag,
                    other->energy_global_flag && other->thermo_energy, hooks(POST_FORCE), other->virial_global_flag,

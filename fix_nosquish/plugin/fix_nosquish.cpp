@@ -6,7 +6,7 @@
 
    and replaces LAMMPS's own fix of this name. The classes of other styles are in fix_nosquish.INTEGRATORS and host/rigid_fixes.py. The Python side is bridge.py; both sides share the struct Bridge (structs.py). */
 
-#include "python_move.h"
+#include "fix_nosquish.h"
 
 #include "computes.h"
 #include "declaration.h"
@@ -15,7 +15,7 @@
 namespace {
 namespace nosquish {
 
-void FixPythonMove::setup(int vflag)
+void FixNosquish::setup(int vflag)
 {
   minimized = false;
   v_init(vflag);
@@ -28,7 +28,7 @@ void FixPythonMove::setup(int vflag)
   });
 }
 
-void FixPythonMove::post_neighbor()
+void FixNosquish::post_neighbor()
 {
   point();
   if (bridge.at_flipped && box.now() != box.known) {    // by fix deform
@@ -42,7 +42,7 @@ void FixPythonMove::post_neighbor()
   box.note();
 }
 
-void FixPythonMove::initial_integrate(int vflag)
+void FixNosquish::initial_integrate(int vflag)
 {
   if (!bridge.initial_integrate) failures.end_run("the Python that holds its class has shut down");
   if (minimized) failures.refuse("'run N pre no' cannot follow a minimization: use 'run N pre yes'");
@@ -53,7 +53,7 @@ void FixPythonMove::initial_integrate(int vflag)
   if (!perform(bridge.at_begin)) call(bridge.initial_integrate, bridge.vflag);
 }
 
-void FixPythonMove::final_integrate()
+void FixNosquish::final_integrate()
 {
   apply_external();
   pressure.sum_virial(box.volume());
@@ -65,7 +65,7 @@ void FixPythonMove::final_integrate()
 
 // These two min styles let fixes have degrees of freedom. Norm max looks at only one of three of them.
 
-void FixPythonMove::begin_minimization()
+void FixNosquish::begin_minimization()
 {
   const std::string style = update->minimize_style;
   const auto &minimizer = *reinterpret_cast<const Minimizer *>(update->minimize);
@@ -79,7 +79,7 @@ void FixPythonMove::begin_minimization()
   bridge.dmax = minimizer.dmax;
 }
 
-void FixPythonMove::min_post_force(int vflag)
+void FixNosquish::min_post_force(int vflag)
 {
   v_init(vflag);
   bridge.vflag = vflag;
@@ -88,7 +88,7 @@ void FixPythonMove::min_post_force(int vflag)
 
 // All fixes have added their forces. The forces on the atoms of bodies are set to zero, because they would move atoms individually.
 
-double FixPythonMove::min_energy(double *forces)
+double FixNosquish::min_energy(double *forces)
 {
   with_virial([&] { call(bridge.min_force, address(forces)); });
   bridge.vflag = 0;
@@ -100,7 +100,7 @@ double FixPythonMove::min_energy(double *forces)
 
 // The bits of When in this step.
 
-int64_t FixPythonMove::now() const
+int64_t FixNosquish::now() const
 {
   const bigint step = update->ntimestep;
   const auto falls_on = [step](int every) { return every && step % every == 0; };
@@ -120,7 +120,7 @@ int64_t FixPythonMove::now() const
 
 // Do the actions of a hook; returns false if it has none. run/schedule.py has the same in Python.
 
-bool FixPythonMove::perform(const Action *action)
+bool FixNosquish::perform(const Action *action)
 {
   if (!action) return false;
   const int64_t now = this->now();
@@ -136,7 +136,7 @@ bool FixPythonMove::perform(const Action *action)
 
 // Displace atoms by what is stored as their velocities, and compute the forces. Python gets false after an error of LAMMPS.
 
-bool FixPythonMove::go_back()
+bool FixNosquish::go_back()
 {
   back.move(exchange);
   back.renew_forces();
@@ -145,21 +145,21 @@ bool FixPythonMove::go_back()
   return true;
 }
 
-void FixPythonMove::initial_integrate_respa(int vflag, int ilevel, int iloop)
+void FixNosquish::initial_integrate_respa(int vflag, int ilevel, int iloop)
 {
   if (logfile) fflush(logfile);
   if (ilevel == 0) v_init(vflag);
   call(bridge.initial_integrate_respa, vflag, ilevel, iloop);
 }
 
-void FixPythonMove::final_integrate_respa(int ilevel, int iloop)
+void FixNosquish::final_integrate_respa(int ilevel, int iloop)
 {
   call(bridge.final_integrate_respa, ilevel, iloop);
 }
 
 // Evaluate external forces on bodies; the forces of this step are known.
 
-void FixPythonMove::apply_external()
+void FixNosquish::apply_external()
 {
   if (!bridge.pushes) return;
   external.evaluate();
@@ -169,7 +169,7 @@ void FixPythonMove::apply_external()
 
 // Fix deform changes the box at the end of a step, after final_integrate.
 
-void FixPythonMove::end_of_step()
+void FixNosquish::end_of_step()
 {
   note_remapping_box();
   if (respa) with_virial([this] { call(bridge.end_of_step); });
@@ -177,7 +177,7 @@ void FixPythonMove::end_of_step()
 
 // Another fix changes the box and all that is in it; called with 0 before and 1 after.
 
-void FixPythonMove::deform(int after)
+void FixNosquish::deform(int after)
 {
   if (!after || !bridge.at_deform) return;    // a class that cannot follow will find that the box differs
   box.note_deformed();
@@ -185,25 +185,25 @@ void FixPythonMove::deform(int after)
   box.note();
 }
 
-void FixPythonMove::note_remapping_box()
+void FixNosquish::note_remapping_box()
 {
   if (box.was_remapped()) deform(1);
 }
 
 // Set the box that a loop has computed.
 
-int64_t FixPythonMove::set_box(const double *numbers)
+int64_t FixNosquish::set_box(const double *numbers)
 {
   if (bridge.held) clusters.find();    // ghost atoms are images by the box as it was
   box.set(numbers);
   return 0;
 }
 
-void FixPythonMove::init()
+void FixNosquish::init()
 {
   respa = utils::strmatch(update->integrate_style, "^respa");
   if (respa && arrays.early) failures.refuse("bodyforces early is not for run_style respa: use run_style verlet");
-  facts.refuse_casts();
+  others.refuse_casts();
   bridge.dmax = 0.0;
   if (update->whichflag == 2) begin_minimization();
   bridge.remap_group = domain->deform_vremap ? domain->deform_groupbit : 0;
@@ -222,20 +222,20 @@ void FixPythonMove::init()
   if (bridge.needs_energy) energy.request(update->ntimestep);
 }
 
-void FixPythonMove::post_run()
+void FixNosquish::post_run()
 {
   note_remapping_box();
   call(bridge.post_run);
 }
 
-void FixPythonMove::write_restart(FILE *file)
+void FixNosquish::write_restart(FILE *file)
 {
   call(bridge.keep_bodies);
   call(bridge.write_restart);
   state.write(file);
 }
 
-double FixPythonMove::compute_vector(int i)
+double FixNosquish::compute_vector(int i)
 {
   if (i >= size_vector)    // thermo_style may have been written for another fix of this ID
     failures.refuse("f_" + std::string(id) + "[" + std::to_string(i + 1) + "] was asked for, and this fix has " +
@@ -244,7 +244,7 @@ double FixPythonMove::compute_vector(int i)
   return query<double>(bridge.compute_vector, i);
 }
 
-double FixPythonMove::compute_array(int i, int j)
+double FixNosquish::compute_array(int i, int j)
 {
   if (i >= size_array_rows) return 0.0;    // LAMMPS also asks for other rows
   if (bridge.array && !(bridge.facts >> LATE & 1)) return bridge.array[i * size_array_cols + j];
@@ -254,7 +254,7 @@ double FixPythonMove::compute_array(int i, int j)
 // Granular pair styles ask for the mass of each atom's body. Between runs commands ask whether an atom is in a body, to warn that a
 // change has no effect; here it has one, so they get null. Fixes that insert molecules compare the template.
 
-void *FixPythonMove::extract(const char *name, int &dim)
+void *FixNosquish::extract(const char *name, int &dim)
 {
   dim = 0;
   if (strcmp(name, "onemol") == 0) return molecules.first();
@@ -265,7 +265,7 @@ void *FixPythonMove::extract(const char *name, int &dim)
 
 // The values of these words for the bodies that this rank counts: the number of rows, and the rows, valid until the next call.
 
-int FixPythonMove::rows_of_rank(const char *words, int group, double *&values)
+int FixNosquish::rows_of_rank(const char *words, int group, double *&values)
 {
   int64_t rows[2] = {};
   call(bridge.rows_of_rank, words, group, static_cast<int64_t *>(rows));
