@@ -393,12 +393,12 @@ class Bodies:
             momenta: (6, k) their linear and angular momenta, space frame.
         """
         mass, wrench = lammps.masses, self.wrench.copy()
-        of_atoms = mass[:, None] * lammps.v
-        gather.bind_to(self.cells, atom_f=of_atoms, part=block.ALL)()
+        gather.bind_to(self.cells, atom_f=mass[:, None] * lammps.v, part=block.ALL)()
         momentum = self.wrench.copy()
         if particles is not None:
-            spins = particles.momentum
-            momentum[3:] += [np.bincount(self.body, row, minlength=len(self)) for row in spins]
+            momentum[3:] += [
+                np.bincount(self.body, row, minlength=len(self)) for row in particles.momentum
+            ]
         self.wrench[:] = wrench
         self.sharers.combine(momentum)
         momentum[:, given] = momenta
@@ -407,8 +407,7 @@ class Bodies:
         self.v[:] = 1.0 / self.mass * momentum[:3]
         self.p[:] = vector_times(*(2.0 * momentum[3:]), self.q)  # (2.60), with L in space
         if self.chosen:
-            slower = self.angular_momentum() * self.slowness
-            self.p[:] = quaternion_momentum(self.q, *slower)
+            self.p[:] = quaternion_momentum(self.q, *(self.angular_momentum() * self.slowness))
         if self.turning > self.rotors:  # no angular momentum along the axis of a linear body
             linear = slice(self.rotors, self.turning)
             q, about = self.q[:, linear], self.angular_momentum()[2, linear]

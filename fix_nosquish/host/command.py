@@ -475,7 +475,7 @@ class Command:
         Raises:
             RunError: naming the word, what was expected, and what to do.
         """
-        words, entries = _Words(line), KEYWORDS | OWN_KEYWORDS
+        words, entries = _Words(line), KEYWORDS | OWN_KEYWORDS | OF_RIGID_FIXES
         group = words.take(f"the ID of a group and a body style ({STYLES})")
         style, arguments = _body_style(words)
         known = {entry.split()[0]: entries[entry] for entry in (*KEYWORDS, *keywords)}
@@ -484,8 +484,7 @@ class Command:
             for name, what in extra.items()
         }
         if line.replaces:
-            more = OWN_KEYWORDS | OF_RIGID_FIXES
-            known |= {name: more[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
+            known |= {name: entries[name] for name in rigid_fixes.KEYWORDS[line.replaces]}
         values: dict[str, Any] = {}
         while words.left:
             _read_keyword(words, values, known)

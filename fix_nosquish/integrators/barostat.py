@@ -261,8 +261,7 @@ class Barostat(EnsemblePart):
 
     def _dilated(self, lammps: Lammps) -> np.int32:
         """The bit of keyword dilate's group, as a C int."""
-        bit = lammps.group_bit(self.command.dilate or "")
-        return np.array([bit], np.uint32).view(np.int32)[0]
+        return np.array([lammps.group_bit(self.command.dilate or "")], np.uint32).view(np.int32)[0]
 
     def _hits(self, fix: OtherFix, run: Run, moving: bool) -> bool:
         """Whether a fix acts on atoms in no body that are remapped (`moving`) or are not;

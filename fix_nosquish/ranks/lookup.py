@@ -37,8 +37,9 @@ def exchange(
         sources=ranks if sources is None else sources,
         known=sources is not None,
     )()
-    cells = communicator.messages.cells
-    senders, sent, received = (cells[name].array for name in ("senders", "sent", "numbers"))
+    senders, sent, received = (
+        communicator.messages.cells[name].array for name in ("senders", "sent", "numbers")
+    )
     sender = np.repeat(senders, sent // width)
     order = np.argsort(sender, kind="stable")
     return sender[order], received.reshape(-1, width)[order]

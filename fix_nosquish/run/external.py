@@ -103,8 +103,7 @@ class ExternalForces:
         if words is NO_WORDS:
             self._given = _NOTHING_GIVEN
         self.words, self.changed = words, True
-        named = [*words.named.values()]
-        self._host.ask_for(named, energy=words.energy, virial=words.virial)
+        self._host.ask_for([*words.named.values()], energy=words.energy, virial=words.virial)
 
     def give(
         self, all_ids: np.ndarray, ids: ArrayLike, force: ArrayLike, torque: ArrayLike

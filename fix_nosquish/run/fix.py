@@ -82,8 +82,7 @@ class Fix(Registered):
         self.virial: np.ndarray | None = None
         self.command = command = Command.parse(line, kind.keywords, kind.extra_keywords)
         self.integrator = kind(command, lammps.dimension)
-        several = (mpi,) if ranks.size > 1 else ()
-        modules = step, migration, sharing, virial, body_forces, *several
+        modules = [step, migration, sharing, virial, body_forces] + [mpi] * (ranks.size > 1)
         names = (module.__name__ for module in modules)
         machine_code.load(ranks, *names, *loop_modules(self.integrator))
         self.membership = Membership(lammps, ranks, command)

@@ -102,9 +102,8 @@ def _first_atoms(bodies: Bodies, lammps: Lammps) -> np.ndarray:
     molecule = lammps.per_atom("molecule", lammps.tagint)
     if molecule is None:
         molecule = np.zeros_like(lammps.tags)
-    known = lammps.tags, molecule, lammps.groups
-    of_first = [first * column[bodies.index] for column in known]
-    return bodies.sharers.total(bodies.body, of_first)
+    columns = lammps.tags, molecule, lammps.groups
+    return bodies.sharers.total(bodies.body, [first * column[bodies.index] for column in columns])
 
 
 def global_array(rows: np.ndarray) -> np.ndarray:

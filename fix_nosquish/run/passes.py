@@ -92,8 +92,7 @@ class Passes:
         extra = extra_lists(cells)
         velocities, orient = self._velocities(bodies.spin), []
         if bodies.oriented:
-            to = {"orient_atom": orient_atom, "quat": np.empty(4)}
-            orient = [extended.orient.bind_to(cells, **to)]
+            orient = [extended.orient.bind_to(cells, orient_atom=orient_atom, quat=np.empty(4))]
         after = velocities if conditions.half_step else []
         prepares = [integrator.prepares.bind_to(cells)] if integrator.prepares else []
         rest, after_motion = [], extra.pop("after_motion", [])
@@ -126,8 +125,9 @@ class Passes:
 
     def _advance(self, ends: bool = True, part: int = ALL, gathers: int = 0) -> Any:
         """The bodies' motion to the next forces, after the end of a step if it `ends` one."""
-        how = {"ends": ends, "begins": self.begins, "gathers": gathers, "part": part}
-        return self._scheme.advance.bind_to(self.cells, **how)
+        return self._scheme.advance.bind_to(
+            self.cells, ends=ends, begins=self.begins, gathers=gathers, part=part
+        )
 
     def _gather_and_whole(
         self, several: bool, torques: list, pushes: list, prepares: list

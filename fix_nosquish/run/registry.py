@@ -64,7 +64,7 @@ def siblings_of(handle: int, number: int) -> list[Setting]:
 def of_lammps(handle: int) -> list[Registered]:
     """The fixes of a LAMMPS, in an order alike on all ranks: without one that could not be made,
     and that somebody still holds."""
-    fixes = [fix for fix in _all if fix.host and fix.lammps.handle == handle]
+    fixes = (fix for fix in _all if fix.host and fix.lammps.handle == handle)
     return sorted(fixes, key=lambda fix: fix.number)
 
 

@@ -52,8 +52,7 @@ class Rotation:
 
     def _depends_on(self, bodies: Bodies) -> bool:
         """Whether neither the words nor the class say how the rotation is computed."""
-        either = self._can_be_exact and self._splits
-        return either and not (self._command.rotor or bodies.planar)
+        return self._can_be_exact and self._splits and not (self._command.rotor or bodies.planar)
 
     def _default(self, bodies: Bodies, ranks: Ranks) -> bool:
         """Whether the rotation is exact for these bodies; collective.

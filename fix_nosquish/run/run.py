@@ -351,8 +351,7 @@ class Run:
         due = [fix for fix in self.conditions.other_fixes.late if at % fix.nevery == 0]
         if any(map(may_move, due)):
             self.bodies.refuse_moved_atoms(self.lammps)
-        remapped = self.phase != Phase.OVER
-        if not due or not self.velocities.were_changed(remapped):
+        if not due or not self.velocities.were_changed(remapped=self.phase != Phase.OVER):
             return
         before, now = self.velocities.take_late()
         self.set_velocities()

@@ -118,8 +118,7 @@ class Thermo(NamedTuple):
         translation = np.full(len(bodies), lammps.dimension)
         rotation = freedom(bodies, lammps.dimension) - translation
         freedoms = translation[owned].sum(), rotation[owned].sum()
-        here = [*bodies.kinetic()[:, owned].sum(axis=1), *freedoms]
-        sums = self.ranks.total(np.array(here))
+        sums = self.ranks.total([*bodies.kinetic()[:, owned].sum(axis=1), *freedoms])
         energy, degrees = (
             np.append(part, part.sum()) for part in (lammps.mvv2e * sums[:2], sums[2:])
         )

@@ -47,8 +47,8 @@ class AtomVelocities:
 
     def set_in_body(self) -> None:
         """Give the atoms the velocities of their body, in whatever image of it an atom is."""
-        atom_v = self._lammps.v  # before a first run no cell points there
-        step.set_velocities.bind_to(self._bodies.cells, atom_v=atom_v)()
+        # before a first run no cell points to LAMMPS's velocities
+        step.set_velocities.bind_to(self._bodies.cells, atom_v=self._lammps.v)()
 
     def were_changed(self, remapped: bool) -> bool:
         """Whether atoms have other velocities than the bodies give them; collective.
