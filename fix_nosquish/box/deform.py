@@ -66,7 +66,7 @@ def set_box(images, box, deformed_box):
 
 
 @loop
-def deform(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
+def move_with_box(layout: Layout, images: Images, box: PeriodicBox, deformed_box: F1, atom_x: F2):
     """Map the bodies to LAMMPS's present box, and set the positions of their atoms.
 
     Args:

@@ -208,8 +208,11 @@ def instability(run: Run, what: str, advice: str) -> str:
 class Thermostat(EnsemblePart):
     """The base class of thermostats, with the declarations of a derived class.
 
-    One of the package is named in `nvt.THERMOSTATS`, for fix nosquish/nvt and fix nosquish/npt.  A
-    restart file has a hash of the module and the name of the class, see `Ensemble`.
+    To add one, declare `operation`, or derive it from `rescaling.Rescaling` and set `acts` by
+    `scaling_by`; declare `method`, and `keywords` if it draws nothing; and name it in
+    `nvt.THERMOSTATS`, for fix nosquish/nvt and fix nosquish/npt.  The step, the loops, the keywords
+    of the fix line, econserve and restart files follow.  A restart file has a hash of the module
+    and the name of the class, see `Ensemble`: renaming them makes the state begin anew.
 
     Attributes:
         operation: letter O, an `Operation` that is `prepared`.
@@ -217,8 +220,9 @@ class Thermostat(EnsemblePart):
         numbers: the record of their parameters; `Bath` or one that extends it.
         work: number of scratch rows of a block that they need.
         acts: inlined function (mpi, parameters, state, dt, gained), called once a step before O.
-            `state` is the thermostat's state, and `gained` the increase of twice the kinetic energy
-            since O's `measures`.  It returns 0, or a negative value to end the run with `failure`.
+            `state` is the thermostat's state (`state_size` numbers, not that of bodies), dt the
+            time step, and `gained` the increase of twice the kinetic energy since O's `measures`.
+            It returns 0, or a negative value to end the run with `failure`.
         on_piston: inlined function (mpi, parameters, cell, state, dt) that acts on the strain rates
             of a piston in steps in which the box changes, and calls `note_heat`; by default
             nothing.  `thermalise_piston` draws random numbers, so it needs the keyword seed.

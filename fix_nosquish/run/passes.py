@@ -11,7 +11,7 @@
     flip         where tilts change, the box takes lattice vectors that are less tilted
     orient       the orientations of atoms that have one
     place        positions, orientations and velocities of atoms
-    deform       another fix has changed the box: bodies move with it
+    deform       another fix has changed the box: bodies move with it, or with remap v images only
     flipped      it has taken other vectors of the same lattice for the box
     gather       force and torque of each body
     kick         the begin of a level of run_style respa
@@ -170,7 +170,7 @@ class Passes:
         if box is None:
             return {}
         cells = self.cells | {"deformed_box": Cell(F1, box)}
-        move = deform.move_images if remaps else deform.deform
+        move = deform.move_images if remaps else deform.move_with_box
         return {"deform": [move.bind_to(cells)], "flipped": [deform.flipped.bind_to(cells)]}
 
     def run(self, name: str) -> int:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fix_nosquish.integrators.nvt import THERMOSTATS
 from support import (
     scripts,
 )
@@ -318,6 +319,12 @@ def test_the_answer_is_the_choice_with_its_lines():
     other = row(6.0, "other", cost=[1.0], drift=(0.9, 0.3))
     _, lines = told(summary_of({"drift": 1.0}, good, other))
     assert "As fast or faster, if they are within the targets: other, 6 fs." in lines
+
+
+@pytest.mark.quick
+def test_thermostats_are_those_of_the_package():
+    """Locks out a thermostat that was added to the package, and that `compare` cannot describe."""
+    assert thermostat.NAMES.keys() == thermostat.EFFECTS.keys() == THERMOSTATS.keys()
 
 
 def test_the_answer_keeps_the_scripts_thermostat(tmp_path):
