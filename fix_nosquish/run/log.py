@@ -239,7 +239,8 @@ def of_left_out(number: int, group: str) -> list[str]:
     none."""
     line = (
         f"WARNING: {number} atoms have the molecule-ID of a body, but are not in group {group}, so "
-        "they are not part of the body. If they should be, give the fix a group of whole molecules"
+        "they are not part of the body, and do not move unless another fix moves them. If they "
+        "should be part of it, give the fix a group of whole molecules"
     )
     return [line] * bool(number)
 
@@ -293,10 +294,10 @@ def of_motion(thermo: Thermo, mask: np.ndarray | None, name: Callable[[int], str
     if turn > _FAST:
         yield (
             f"WARNING: {name(body)} turns by {turn:.2g} rad in a step, "
-            "which this time step cannot resolve: use one of about "
-            f"{0.2 * lammps.dt / turn:.2g}, or a better start. If the body is almost linear, "
-            "make it linear. If a minimize before this fix was defined has deformed it, call "
-            "minimize after this line"
+            "which this time step cannot resolve. Was there a minimize before this fix was "
+            "defined? It deforms bodies: call it after this line. Otherwise use a time step of "
+            f"about {0.2 * lammps.dt / turn:.2g}, or a better start. A body that is almost linear "
+            "can be made linear"
         )
     distance = np.linalg.norm(bodies.displace[:3], axis=0)
     width = 2 * np.maximum(bodies.sharers.highest(bodies.body, distance)[0], 0.0)

@@ -40,7 +40,7 @@ class Declaration:
     def failure(self, found: int, run: Any) -> str:
         """The message that ends the run if a loop returned this number below 0; of a part empty if
         it was another part's."""
-        return f"{self.method} has failed"
+        return f"{self.method} has failed at step {run.lammps.step}"
 
 
 class Part(Declaration):

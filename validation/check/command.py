@@ -63,7 +63,7 @@ def run(arguments: Namespace) -> int:
             print("Found: " + ", ".join(f"{number:,} × {name}" for name, number in counts.items()))
             print("\n".join(lines))
             return int(not any(counts.values()))
-        script = loader.load(options, out, arguments.ranks, arguments.silence)
+        script = loader.load(options, out, arguments.ranks, arguments.silence, lambda note: None)
         screen = console.console()
         with console.Meter(screen, len(script.integrators) * measure.STEPS) as meter:
             summary = measure.check(

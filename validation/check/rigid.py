@@ -91,6 +91,7 @@ def write_bodies(
     sentences = [
         f"{candidates.replacement_notice(replaced)}:",
         *(f"    {line}" for line in lines),
+        "A longer timestep may be stable now: 'check' without --rigid estimates it.",
         ALIKE.format(moved) if moved <= FAR else DIFFER,
         *candidates.removal_notice(replaced, reading["commands"], lines),
     ]

@@ -170,9 +170,13 @@ class Case:
             else candidates.removal_notice(replaced, reading["commands"], lines)
         )
         notices += [
-            f"Set this timestep directly before '{reading['run']}': the runs before it were made "
+            f"Set the timestep directly before '{reading['run']}': the runs before it were made "
             "with yours, and a start that is not in equilibrium may need it."
-        ] * bool(reading["skipped"])
+        ] * bool(reading["skipped"]) + [
+            "Instead of a new fix line, 'lmp -sf nosquish -in SCRIPT' replaces yours without an "
+            "edit, but keeps more of it: two chains (tchain 10 separate yes) in rigid/nvt, for "
+            "example. That was not compared."
+        ] * (integrator.kind == "ours" and rigid.kind == "rigid" and len(rigid.ids) == 1)
         lines += [line for line in self.scene.then if line == time_step.LISTS]
         return lines, candidates.replacement_notice(replaced), notices
 

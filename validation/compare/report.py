@@ -266,9 +266,9 @@ def _lines(answer: Answer) -> Iterator[str]:
     if answer.points and answer.targets:
         yield choice.RULE
     if best:
+        yield from best["lost"]
         yield f"{best['place']}, and the script's timestep:"
         yield from (f"    {line}" for line in _input(best))
-        yield from best["lost"]
         yield from lists.advise(answer.summary.get("neighbour_lists", ()))
     if answer.thermostat:
         yield from _thermostats(answer, answer.thermostat)
