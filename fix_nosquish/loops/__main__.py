@@ -41,11 +41,11 @@ def build(target: str, levels: list[str]) -> None:
         lower.compile_modules(Path(folder), names, levels)
         for name in levels:
             objects = sorted(Path(folder).glob(f"*.{name}.o"))
-            library = Path(target, f"loops_{name}.so")
-            subprocess.run([*compiler, *LINK, *objects, "-o", library], check=True)
+            subprocess.run(
+                [*compiler, *LINK, *objects, "-o", Path(target, f"loops_{name}.so")], check=True
+            )
 
 
 if __name__ == "__main__":
     (folder,) = sys.argv[1:]
-    highest = LEVELS[level()]
-    build(folder, os.environ.get("NOSQUISH_LEVELS", highest).split())
+    build(folder, os.environ.get("NOSQUISH_LEVELS", LEVELS[level()]).split())

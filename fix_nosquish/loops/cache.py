@@ -115,8 +115,7 @@ def read(path: Path) -> bytes:
             status, content = os.fstat(file.fileno()), file.read()
     except OSError:
         return b""
-    safe = status.st_uid == os.geteuid() and not status.st_mode & 0o022
-    return content if safe else b""
+    return content if status.st_uid == os.geteuid() and not status.st_mode & 0o022 else b""
 
 
 def save(path: Path, code: bytes) -> None:

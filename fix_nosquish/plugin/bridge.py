@@ -52,8 +52,9 @@ def failed(bridge: Bridge, problem: BaseException, line: Line | None = None) -> 
             sys.stderr.flush()
     argument = getattr(problem, "argument", None)
     bridge.argument = -1 if argument is None else argument
-    room = Bridge.message.size - 1
-    bridge.message = text.encode(errors="replace")[:room].decode(errors="ignore").encode()
+    bridge.message = (
+        text.encode(errors="replace")[: Bridge.message.size - 1].decode(errors="ignore").encode()
+    )
     return Outcome.FAILED_ALIKE if alike else Outcome.FAILED_HERE
 
 

@@ -1,7 +1,8 @@
-"""Former names in users' classes: they work in this release, with a warning."""
+"""Former names in users' classes, which work in this release, with a warning; and wrong ones."""
 
 import weakref
 from collections.abc import Callable
+from difflib import get_close_matches
 from typing import Any
 
 from ..errors import RunError
@@ -48,8 +49,20 @@ REMOVED = {
 
 
 def take_over(cls: type) -> None:
-    """Give a class that uses former names the new ones, and note them for the log."""
-    declared = vars(cls)
+    """Give a class that uses former names the new ones, and note them for the log.
+
+    Raises:
+        RunError: a declaration is misspelt, such as `keyword`, which nothing would read.
+    """
+    declared, users = vars(cls), cls.__module__.partition(".")[0] != __name__.partition(".")[0]
+    inherited = [name for base in cls.__mro__[1:] for name in vars(base)]
+    for name in declared.keys() - inherited if users else ():
+        if (near := get_close_matches(name, inherited, 1, 0.9)) and name[0] != "_":
+            raise RunError(
+                f"class {cls.__name__} has {name}, which means nothing here. Did you mean "
+                f"{near[0]}? If not, give it another name",
+                everywhere=True,
+            )
     former = sorted(declared.keys() & RENAMED.keys())
     for old in former:
         value = declared[old]

@@ -237,12 +237,11 @@ class FixLog:
 def of_left_out(number: int, group: str) -> list[str]:
     """A line on atoms of bodies' molecules that are not in the fix's group; none if there are
     none."""
-    line = (
+    return [
         f"WARNING: {number} atoms have the molecule-ID of a body, but are not in group {group}, so "
         "they are not part of the body, and do not move unless another fix moves them. If they "
         "should be part of it, give the fix a group of whole molecules"
-    )
-    return [line] * bool(number)
+    ] * bool(number)
 
 
 def of_start(report: BuildReport, warmed: bool, groups: tuple[str | None, str]) -> Iterator[str]:

@@ -216,14 +216,19 @@ UNFINISHED = {
         "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
         "class Own has final_integrate: an integrator declares its step",
     ),
+    "misspelt": (
+        "from fix_nosquish.integrators.rescaling import Rescaling\n"
+        "class Own(Rescaling):\n    keyword, degree = ('separate',), 3\n",
+        "class Own has keyword, which means nothing here. Did you mean keywords?",
+    ),
 }
 
 
 @pytest.mark.parametrize("name", UNFINISHED)
 def test_an_unfinished_integrator(refused, name):
     """Locks out a message that does not say what a new integrator lacks, an ensemble that cannot be
-    derived from, numbers that take the place of others, or are not there, without a word, and a
-    hook of LAMMPS that would never be called."""
+    derived from, numbers that take the place of others, or are not there, without a word, a hook of
+    LAMMPS that would never be called, and a declaration that nothing reads, for it is misspelt."""
     system, (text, says) = mixture(side=2), UNFINISHED[name]
     line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
     refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})
