@@ -106,20 +106,25 @@ def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
     own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
     rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
     assert rows[0]["error"] is None
-    assert check._lists(rows, "nosquish").holds is holds
+    assert check._lists(rows[0].get("late")).holds is holds
 
 
 def test_check_says_what_its_table_cannot(tmp_path, capsys):
     """Locks out an energy that LAMMPS counts wrongly and that stands beside ours as if ours were a
-    thousand times better; three different steps that are all called safe; and a page, or a screen,
-    without it."""
+    thousand times better; three different steps that are all called safe; a page, or a screen,
+    without it; a start on a lattice of which nothing says so; and a head that is printed twice."""
     path, out = scripts.spce(tmp_path), tmp_path / "out"
     assert main(["check", str(path), "--out", str(out)]) == 0
     summary = json_files.read(out / "summary.json")
     shown = {one["label"]: "change" in one for one in summary["integrators"]}
     assert not shown["rigid/nvt/small"] and shown["nosquish/nvt langevin"]
-    told = "LAMMPS's econserve is not the conserved quantity"
-    assert told in capsys.readouterr().out
+    # of a lattice, whose forces are not those of water
+    (settles,) = re.findall("from (.*) to (.*) K", summary["suffix"][0])
+    assert "not in equilibrium" in summary["suffix"][0] and float(settles[1]) > 2 * float(
+        settles[0]
+    )
+    told, printed = "LAMMPS's econserve is not the conserved quantity", capsys.readouterr().out
+    assert told in printed and printed.count("Ensemble: NVT") == 1
     assert told in (out / "report.html").read_text().replace("&#39;", "'")
     steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]
     assert len(steps) == 4 and "by this number alone, " in steps[0]
@@ -141,7 +146,8 @@ def test_the_line_of_the_readme(tmp_path):
     for file in "data.smooth", "forcefield.smooth":
         shutil.copy(ROOT / "inputs" / "water_smooth" / file, tmp_path)
     assert main(["check", str(path), "--out", str(out)]) == 0
-    assert json_files.read(out / "summary.json")["dt"] == 12.0
+    summary = json_files.read(out / "summary.json")
+    assert summary["dt"] == 12.0 and "not in equilibrium" not in " ".join(summary["suffix"])
 
 
 def test_a_start_whose_run_has_no_numbers_fails(taken):

@@ -22,6 +22,8 @@ from ..user_script.loader import UserScript
 from ..user_script.shapes import BodyGroup, BodyKind
 
 STEPS = 20  # with each integrator
+# of the temperature, besides four standard deviations; in equilibrium 0.014, from lattices 1.8
+CHANGE = 0.1
 # rad: a body that rotates further in a step is not resolved
 TURN = 0.5
 ALIKE = 1e-3  # relative to the largest moment; the rounding of a data file's digits is smaller
@@ -51,18 +53,19 @@ def check(
     groups, gap = shapes.body_groups(script)
     kinds = shapes.body_kinds(script, groups)
     rows, interrupted = _starts(script, out, ranks, silence, meter)
+    own = next((row for row in rows if row["name"] == script.reference), {})
     suffix = [] if all(row["error"] for row in rows) else [*_suffix(script, out, ranks, silence)]
     checks = (
         *_bodies(script, gap, kinds),
         *_step(script, groups, kinds, tolerance),
         *_script(script),
-        _lists(rows, script.reference),
+        _lists(own.get("late")),
         _forces_within(script, groups, out, ranks, silence),
     )
     return machine.circumstances() | {
         "title": script.scene.title,
         "notes": script.notes,
-        "suffix": [*_barostat(script), *suffix],
+        "suffix": [*filter(None, [own.get("settles")]), *_barostat(script), *suffix],
         "units": script.scene.units,
         "dt": script.scene.dt,
         "temperature": shapes.temperature(script),
@@ -74,9 +77,8 @@ def check(
 
 
 def _job(script: UserScript, integrator: Integrator, folder: Path, steps: int, **how) -> run.Job:
-    origin = machine.origin(script.scene, integrator)
-    how |= {"dt": script.scene.dt, "every": 1, "keeps": "nothing", "origin": origin}
-    return run.job(script.scene, integrator, folder, [steps], **how)
+    how |= {"origin": machine.origin(script.scene, integrator), "keeps": "nothing"}
+    return run.job(script.scene, integrator, folder, [steps], dt=script.scene.dt, every=1, **how)
 
 
 def _starts(
@@ -217,10 +219,13 @@ def _script(script: UserScript) -> Iterator[Check]:
     )
 
 
-def _lists(rows: Sequence[Mapping], own: str) -> Check:
+def _lists(late: int | None) -> Check:
     """Check whether neighbour lists are built in time, with a step that may be longer than the one
-    for which the script sets how often LAMMPS checks them."""
-    late = next((row.get("late") for row in rows if row["name"] == own), None)
+    for which the script sets how often LAMMPS checks them.
+
+    Args:
+        late: builds that may have been too late, with the script's own integrator.
+    """
     note = (
         "LAMMPS has not looked"
         if late is None
@@ -349,13 +354,12 @@ def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence
     result = run.once(_job(script, trial, folder, 0, ranks=ranks, silence=silence), failures=True)
     if result.error:
         return f"'lmp -sf nosquish -in SCRIPT' does not replace {fix}: {result.error}"
-    log = (folder / "log.lammps").read_text()
-    begin = f"Fix {rigid.ids[0]}: "
-    notice = next(text for text in log.splitlines() if text.startswith(begin)).removesuffix(SUFFIX)
+    logged = (folder / "log.lammps").read_text().splitlines()
+    notice = next(text for text in logged if text.startswith(f"Fix {rigid.ids[0]}: "))
     return (
         f"'lmp -sf nosquish -in SCRIPT' replaces {fix} by one of fix_nosquish, without an edit. "
-        f"Its log has the line '{notice}' then. Without this line LAMMPS's own fix "
-        "has run."
+        f"Its log has the line '{notice.removesuffix(SUFFIX)}' then. Without this line LAMMPS's "
+        "own fix has run."
     )
 
 
@@ -371,10 +375,18 @@ def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict
     }
     if error or not thermo:
         return row
-    heat = script.reading["boltzmann"] * thermo["Temp"][0]
+    first, last = thermo["Temp"][[0, -1]].tolist()
+    freedom = 2 * thermo["KinEng"][0] / max(script.reading["boltzmann"] * first, 1e-300)
+    if abs(last - first) > first * (CHANGE + 4 * (2 / max(freedom, 1.0)) ** 0.5):
+        row["settles"] = (
+            f"The start is not in equilibrium, or the step is far too long: in {STEPS} steps the "
+            f"temperature changes from {first:.4g} to {last:.4g} {script.units.temperature}. What "
+            "follows from its forces is true of this start only: check a run after equilibration "
+            "(--run 2)."
+        )
     row |= {
-        "temperature": float(thermo["Temp"][0]),
-        "freedom": round(float(2 * thermo["KinEng"][0] / max(heat, 1e-300))),
+        "temperature": first,
+        "freedom": round(float(freedom)),
         "pressure": float(thermo["Press"][0]),
         "potential": float(thermo["PotEng"][0]),
         "late": result.timings[-1].late,

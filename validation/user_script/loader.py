@@ -408,8 +408,10 @@ def _scene(
             f"{' '.join(unknown)}."
         )
     if stray:
-        text = "; ".join(stray.values())
-        late.append(f"Left out, because they change the step or end a run early: {text}.")
+        late.append(
+            "Left out, because they change the step or end a run early: "
+            f"{'; '.join(stray.values())}."
+        )
         if readers := candidates.commands_naming(stray, [*before, *then]):
             late.append(
                 f"These commands use such a fix, and may fail without it: {'; '.join(readers)}."

@@ -61,8 +61,10 @@ def describe(thermostat: Mapping) -> str:
     kind, read = thermostat["kind"], thermostat["dynamics"]
     text = f"{NAMES[kind]} with a damping time of {thermostat['damp']}"
     if read:
-        why = f"Your script reads dynamics ({', '.join(read)})"
-        return f"{why}, so the answer keeps its thermostat: {text}."
+        return (
+            f"Your script reads dynamics ({', '.join(read)}), so the answer keeps its thermostat: "
+            f"{text}."
+        )
     return f"The answer keeps your thermostat: {text}."
 
 
