@@ -174,7 +174,7 @@ def _answer(key: str, average: Mapping) -> str:
     steps, chi2, advice = ", ".join(f"{dt:g}" for dt, _ in average["means"]), "", "add steps"
     if "chi2" in average:
         chi2 = f" (χ² is {average['chi2']:.1f} with {average['left']} degrees of freedom)"
-        advice = "leave out the longest step, or add a shorter one"
+        advice = "leave out the longest step"
     return f"{title}: no number, for {average['why']} at {steps} fs{chi2}: {advice} (--dt)."
 
 

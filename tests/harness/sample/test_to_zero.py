@@ -1,6 +1,7 @@
 """Averages at step zero from long steps: ``sample --to-zero``."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -144,6 +145,51 @@ def test_points_that_fit_no_series_are_refused():
     assert "add steps (--dt)" in extrapolation._answer("torque", one)
     some |= {6.0: Estimate(44.0, 0.1)}
     assert not extrapolation.extrapolate(rows_of(some), 300.0)["torque"]["why"]
+
+
+def measured(steps, size, error, share, rng):
+    """Means with noise."""
+    return {h: Estimate(off(size, share, h) + error * rng.normal(), error) for h in steps}
+
+
+@pytest.mark.parametrize("number", [ENERGY, PRESSURE, TORQUE], ids=["energy", "pressure", "torque"])
+def test_a_step_that_is_advised_narrows_the_interval(number):
+    """Locks out a further step, advised where the interval has much for the term in h^4, that
+    leaves it so, or makes it wrong."""
+    rng, ratios, inside = np.random.default_rng(5), [], []
+    summary = {"title": "", "settings": {"starts": 1, "time": 300.0, "settle": 1.0}}
+    while len(ratios) < 100:
+        means = measured(SHORT, *number, 0.2, rng)
+        before = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
+        if not before["wide"]:
+            continue
+        rows = [row | {"label": "", "lines": []} for row in rows_of(means)]
+        (advice,) = extrapolation.describe(
+            summary | {"rows": rows, "zero": {"torque": before}}
+        ).lines[1:]
+        (step,) = map(float, re.findall(r"at best about ([\d.]+) fs \(--dt\)", advice))
+        means |= measured([step], *number, 0.2, rng)
+        after = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
+        if not after["why"]:
+            assert not after["wide"]
+            ratios.append(Estimate.of(after).margin / Estimate.of(before).margin)
+            inside.append(abs(after["value"]) < Estimate.of(after).margin)
+    assert max(ratios) < 0.8 and np.mean(inside) > 0.85
+
+
+def test_a_refused_average_without_its_longest_step():
+    """Locks out the advice to leave out the longest step, of torques whose terms fall off too
+    slowly for a series, if no number comes of it, or a wrong one."""
+    rng, refused, inside = np.random.default_rng(5), 0, []
+    for _ in range(100):
+        means = measured(FOUR, *TORQUE, 0.6, rng)
+        if extrapolation.extrapolate(rows_of(means), 300.0)["torque"]["why"]:
+            refused += 1
+            del means[8]
+            again = extrapolation.extrapolate(rows_of(means), 300.0)["torque"]
+            if not again["why"]:
+                inside.append(abs(again["value"]) < Estimate.of(again).margin)
+    assert refused > 50 and len(inside) > 0.8 * refused and np.mean(inside) > 0.85
 
 
 def test_what_a_short_step_would_cost():
