@@ -15,7 +15,6 @@ FOUR_OF_FIVE = 0.84  # standard errors from the mean to the 80 % quantile of a n
 SPARE = 2.0  # factor of an estimated budget: error bars are estimates, which change with the time
 LEAST_ROOM = 0.25  # least distance between error and target, relative, when a budget is estimated
 FAR = 100  # times a budget: estimates of larger ones, from few samples, are chance
-MORE = 10  # times a budget, that is tried then instead
 VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
 FEW = 4  # points that are listed
 BUSY = 90.0  # percent of a core; below it the machine was busy
@@ -88,8 +87,8 @@ class Answer:
 
     @property
     def minutes(self) -> int | None:
-        """Estimate the minutes that decide the open points; None if none is open, or no length
-        decides."""
+        """Estimate the minutes that decide the open points; None if none is open, or no length up
+        to `FAR` times the present one decides."""
         factors = []
         for point in [] if self.choice.best else self.choice.perhaps:
             alike = [other for other in self.points if other["integrator"] == point["integrator"]]
@@ -97,11 +96,11 @@ class Answer:
             how = CONFIDENCE if point["alone"] else self.summary["level"]
             factors.append(max(_above(x, *target, how) for x in before
                                for target in self.targets.items()))  # fmt: skip
-        least = min(factors, default=math.inf)
-        if not math.isfinite(least):
-            return None
         # the least that helps is a few more runs
-        return math.ceil(float(f"{self.summary['minutes'] * max(2.0, SPARE * least):.2g}"))
+        longer = max(2.0, SPARE * min(factors, default=math.inf))
+        if longer > FAR:
+            return None
+        return math.ceil(float(f"{self.summary['minutes'] * longer:.2g}"))
 
 
 def _text(point: Measured, name: str) -> str:
@@ -132,11 +131,10 @@ def _above(point: Measured, name: str, most: float, confidence: float) -> float:
 def answered(summary: Mapping) -> dict:
     """The conclusions, for the summary's file."""
     answer = Answer(summary)
-    best, minutes = answer.choice.best, answer.minutes
-    likely = minutes if minutes and minutes <= FAR * summary["minutes"] else None
+    best = answer.choice.best
     return {
         "answer": [_answer(answer), *_lines(answer)],
-        "minutes_that_tell": likely,
+        "minutes_that_tell": answer.minutes,
         "advised": best and {key: best[key] for key in ("integrator", "label", "dt")},
     }
 
@@ -202,12 +200,7 @@ def _answer(answer: Answer) -> str:
         minutes, other = answer.minutes, "a target that short runs can decide: --target NAME=VALUE"
         longer = f"About --budget {minutes} (minutes) would decide. Or give {other}."
         if minutes is None:
-            longer = f"Give {other}."
-        elif minutes > FAR * summary["minutes"]:
-            longer = (
-                f"The runs are too short to estimate how long it takes: try about --budget "
-                f"{MORE * summary['minutes']:g} first. Or give {other}."
-            )
+            longer = f"By these runs, {FAR} times this --budget would not decide. Give {other}."
         return (
             f"Not sure: no step is within the targets with {SURE} confidence, but these may be: "
             f"{answer.named(chosen.perhaps)}. Their error bars, or those of shorter steps, reach "

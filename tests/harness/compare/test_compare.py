@@ -398,7 +398,7 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
         result, answer = minutes(value, error)
         assert result == least and f"About --budget {least} (minutes) would decide" in answer
     result, answer = minutes(0.0, 10.0, 1)
-    assert result is None and "try about --budget 50 first" in answer
+    assert result is None and "100 times this --budget would not decide" in answer
     bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
     answer, lines = told(summary_of({"drift": 1.0}, bad, row(2.0, drift=(0.9, 0.3))))
     assert answer.startswith("No step that was tried is within the targets")

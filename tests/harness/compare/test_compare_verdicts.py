@@ -150,27 +150,43 @@ def test_verdicts_are_wrong_as_seldom_as_they_say(kind):
         assert all(told[name] > 0.3 * every[name] for name in TARGETS)
 
 
+def measured(random, noise):
+    """The errors of a point, none of which is there, from runs with this noise, as in a row."""
+    world = World(random, 0.0, noise=noise)
+    found = {point: {start: world.run(point, start) for start in (1, 2)} for point in POINTS[:6]}
+    own = errors.errors(CASE, found, HELD)[POINTS[4]]
+    return {"failed": None, "errors": {name: choice.size(own[name]) for name in TARGETS}}
+
+
+def decided(random, name, noises, far):
+    """Whether runs that are so many times longer decide what short ones leave open: as long as the
+    answer advises, or, if ``far``, so long that it advises none up to that length."""
+    target = {name: TARGETS[name]}
+    for noise in noises:
+        point = measured(random, noise)
+        above = report._above(point, name, TARGETS[name], CONFIDENCE)
+        longer = max(2.0, report.SPARE * above)
+        if choice.meets(point, target) is None and far == (longer > report.FAR):
+            longer = report.FAR if far else longer
+            yield choice.meets(measured(random, noise / np.sqrt(longer)), target) is True
+
+
 def test_a_budget_that_is_advised_decides():
     """Locks out a --budget that leaves most verdicts as open as they were: advised for four of five
     cases, and followed with as much less noise."""
-    random, decided = np.random.default_rng(3), []
+    random = np.random.default_rng(3)
+    names = 6 * ["temperature", "potential", "density"]
+    result = [one for name in names for one in decided(random, name, (1.0, 1.5), far=False)]
+    assert len(result) > 15 and np.mean(result) > 0.7
 
-    def measured(noise):
-        world = World(random, 0.0, noise=noise)
-        found = {
-            point: {start: world.run(point, start) for start in (1, 2)} for point in POINTS[:6]
-        }
-        own = errors.errors(CASE, found, HELD)[POINTS[4]]
-        return {"failed": None, "errors": {name: choice.size(own[name]) for name in TARGETS}}
 
-    for name in 6 * ["temperature", "potential", "density"]:
-        for noise in 1.0, 1.5:
-            point, target = measured(noise), {name: TARGETS[name]}
-            above = report._above(point, name, TARGETS[name], CONFIDENCE)
-            longer = max(2.0, report.SPARE * above)
-            if choice.meets(point, target) is None and longer < report.FAR:
-                decided.append(choice.meets(measured(noise / np.sqrt(longer)), target))
-    assert len(decided) > 15 and np.mean([met is True for met in decided]) > 0.7
+def test_a_budget_that_is_not_advised_does_not_decide():
+    """Locks out "100 times this --budget would not decide" where they would; and ten times as an
+    advice, which decided no case of these."""
+    random = np.random.default_rng(4)
+    names = 4 * ["temperature", "potential", "density"]
+    result = [one for name in names for one in decided(random, name, (3.0, 4.0, 6.0), far=True)]
+    assert len(result) > 25 and np.mean(result) < 0.1
 
 
 def test_noise_that_runs_hide_makes_bars_wider():
