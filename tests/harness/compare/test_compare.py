@@ -261,6 +261,16 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
         assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
 
 
+@pytest.mark.parametrize(("kind", "able"), [("co2", True), ("rings", True), ("spce", False)])
+def test_the_suffix_is_named_where_it_can_be_used(taken, kind, able):
+    """Locks out two ways to the same thermostat, of which only one is told; and the suffix for a
+    script without a rigid fix, or beside another fix's line."""
+    case = cases.of_script(taken(kind))
+    for one in case.integrators.values():
+        _, _, notices = case.written(one)
+        assert ("lmp -sf nosquish" in " ".join(notices)) is (able and one.kind == "ours"), one.name
+
+
 def test_integrators_whose_energy_says_nothing(taken):
     """Locks out a drift of rigid/nvt that is LAMMPS's bookkeeping, and one of ours that is left
     out."""
