@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
         prog=COMMAND,
         description="Compare fix_nosquish with LAMMPS's own rigid and constraint fixes.",
     )
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="VERB", parser_class=Parser)
+    verbs = parser.add_subparsers(dest="verb", required=True, parser_class=Parser)
     for file in sorted(Path(__file__).parent.glob("*/command.py")):
         try:
             module = import_module(f".{file.parent.name}.command", NAME)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from functools import cache, partial
 from typing import NamedTuple
 
+from ..errors import refuse
 from ..loops.compiled import F2, F, I, Kind, Loop, contracted, inlined, loop, untyped
 from ..loops.registry import INLINED
 from .block import (
@@ -259,7 +260,7 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
             after the last letter that moves bodies.
         operations: the `Operation` of each letter.
     Raises:
-        ValueError: for a letter without an operation; for an operation of the letter F, or one that
+        RunError: for a letter without an operation; for an operation of the letter F, or one that
             is not inlined; if no letter moves bodies; for a prepared letter that occurs twice, or
             is not between the letters that move bodies.
     """
@@ -268,17 +269,15 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
     operations = {**operations, FORCES: Operation(nothing, named=False)}
     steps = [operations[letter] for letter in letters]
     movers = [k for k, operation in enumerate(steps) if operation.moves]
-    if not movers:
-        raise ValueError(f"splitting {splitting!r}: none of its operations moves the bodies")
+    refuse(not movers, f"splitting {splitting!r}: none of its operations moves the bodies")
     cut = letters.index(FORCES) if FORCES in letters else movers[-1] + 1
     first = min(movers[0], cut)
     prepared = [k for k, operation in enumerate(steps) if operation.prepared]
-    if len(prepared) > 1 or not all(first <= k < cut for k in prepared):
-        raise ValueError(
-            f"splitting {splitting!r}: "
-            "a prepared letter may occur once, not before the first letter that moves bodies, "
-            "nor after the last"
-        )
+    refuse(
+        len(prepared) > 1 or not all(first <= k < cut for k in prepared),
+        f"splitting {splitting!r}: a prepared letter may occur once, not before the first letter "
+        "that moves bodies, nor after the last",
+    )
     shares = (*((operations[letter].does, 1.0 / letters.count(letter)) for letter in letters),)
     middle: tuple[Callable, ...] = (_chain(shares[first:cut]),)
     for k in prepared:
@@ -293,21 +292,22 @@ def stages(splitting: str, operations: Mapping[str, Operation]) -> Stages:
 
 def _check_letters(splitting: str, letters: list[str], operations: Mapping[str, Operation]) -> None:
     """Raise an error for invalid letters or operations; see `stages`."""
-    if FORCES in operations:
-        raise ValueError(
-            f"the letter {FORCES} stands for the forces in a splitting: give the operation another"
-        )
-    if unknown := [letter for letter in letters if letter not in (*operations, FORCES)]:
-        raise ValueError(
-            f"splitting {splitting!r}: there is no operation {unknown[0]}, "
-            f"only {', '.join(operations)}"
+    refuse(
+        FORCES in operations,
+        f"the letter {FORCES} stands for the forces in a splitting: give the operation another",
+    )
+    for letter in letters:
+        refuse(
+            letter not in (*operations, FORCES),
+            f"splitting {splitting!r}: there is no operation {letter}, "
+            f"only {', '.join(operations)}",
         )
     for letter, operation in operations.items():
-        if operation.does not in INLINED:
-            raise ValueError(
-                f"the function {operation.does.__name__} of operation {letter} is not marked "
-                "@inlined, as it and all that it calls must be"
-            )
+        refuse(
+            operation.does not in INLINED,
+            f"the function {operation.does.__name__} of operation {letter} is not marked "
+            "@inlined, as it and all that it calls must be",
+        )
 
 
 @cache  # so that each chain is compiled once

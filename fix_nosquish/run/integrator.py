@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import refuse
 from ..host.command import Command
 from ..loops.compiled import Kind, Loop
 from ..motion import step
@@ -92,10 +93,10 @@ class Integrator(Declaration):
                 (cls.__module__, cls.__qualname__),
                 cls.splitting, cls.operations, cls.numbers, cls.rows, cls.starts,
             )  # fmt: skip
-            if cls.scheme.prepared and cls.prepares is None:
-                raise ValueError(
-                    f"{cls.__name__}: an operation is prepared, and there is no loop `prepares`"
-                )
+            refuse(
+                cls.scheme.prepared and cls.prepares is None,
+                f"{cls.__name__}: an operation is prepared, and there is no loop `prepares`",
+            )
             cls.supports_remap_v = vars(cls).get("supports_remap_v", False)
 
     def extra_values(self, run: Any) -> Sequence[float]:

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from fix_nosquish.errors import RunError
 from fix_nosquish.integrators.nve import NVE
 from fix_nosquish.motion.operations import kick
 from fix_nosquish.motion.step import Operation, stages
+from support.endings import assert_ended
 from support.systems import mixture
 
 PAUSE = Operation(kick, prepared=True, measures=kick)
@@ -29,7 +31,7 @@ KNOWN = NVE.operations | {
 def test_refused(splitting, more, says):
     """Locks out a letter that is taken for something else, and random numbers that are drawn twice
     in a step or with the temperature of another."""
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(RunError, match=says):
         stages(splitting, KNOWN | more)
 
 
@@ -52,7 +54,7 @@ def test_passes(splitting, passes, tail_moves, prepared):
 
 def test_nothing_prepares():
     """Locks out parameters, as of random numbers, that stay the same in all steps."""
-    with pytest.raises(ValueError, match="no loop `prepares`"):
+    with pytest.raises(RunError, match="no loop `prepares`"):
         type("Own", (NVE,), {"splitting": "B A O A B", "operations": KNOWN})
 
 
@@ -216,6 +218,11 @@ UNFINISHED = {
         "__getattr__ = fix_nosquish.of_fix_line(Own)\n",
         "class Own has final_integrate: an integrator declares its step",
     ),
+    "letter": (
+        "from fix_nosquish.integrators.nve import NVE\n"
+        "class Own(NVE):\n    splitting = 'B A Q A B'\n",
+        "splitting 'B A Q A B': there is no operation Q, only A, B",
+    ),
     "misspelt": (
         "from fix_nosquish.integrators.rescaling import Rescaling\n"
         "class Own(Rescaling):\n    keyword, degree = ('separate',), 3\n",
@@ -225,10 +232,14 @@ UNFINISHED = {
 
 
 @pytest.mark.parametrize("name", UNFINISHED)
-def test_an_unfinished_integrator(refused, name):
+def test_an_unfinished_integrator(run_lammps, tmp_path, name):
     """Locks out a message that does not say what a new integrator lacks, an ensemble that cannot be
     derived from, numbers that take the place of others, or are not there, without a word, a hook of
-    LAMMPS that would never be called, and a declaration that nothing reads, for it is misspelt."""
+    LAMMPS that would never be called, and a declaration that nothing reads, for it is misspelt; and
+    pages of traceback before the message."""
     system, (text, says) = mixture(side=2), UNFINISHED[name]
     line = f'fix 1 bodies python/move "{name}.Own bodies molecule"\n'
-    refused(f"{system.setup}\n{line}run 0\n", says, system.files | {f"{name}.py": text})
+    files = system.files | {f"{name}.py": text}
+    run = run_lammps(f"{system.setup}\n{line}run 0\n", files=files, check=False)
+    assert_ended(run, [says], tmp_path)
+    assert name not in ("letter", "hook", "misspelt") or "Traceback" not in run.screen
