@@ -365,6 +365,18 @@ def _decided():
     return points
 
 
+def speeds(recipe):
+    """The speeds of a recipe's commands, of `inputs/recipes/speeds.py`, and how they were made."""
+    told = json.loads((RESULTS / f"{recipe}-recipe.json").read_text())
+    keys = "speed", "times"
+    body = [
+        [row["label"], *(spread(row[key]["min"], row[key]["max"]) for key in keys)]
+        for row in told["rows"]
+    ]
+    table = markdown(["", "ns/day", "relative to the first"], body)
+    return f"{table}\n\nThe ranges are those of {told['rounds']} rounds. Made by {_made(told)}"
+
+
 def gains():
     """How many times less CPU time ours needs for the same error: a row for each liquid."""
     body = [
@@ -453,15 +465,15 @@ def _beside_solute():
     """The row of a solute whose bonds shake constrains: the script's own line and step."""
     recipe = json.loads((RESULTS / "solute-recipe.json").read_text())
     script = (ROOT / "inputs" / "recipes" / "solute" / "in.solute").read_text()
-    (line,) = re.findall(r"^fix +(1 .*npt.*)$", script, re.M)
+    lines = re.findall(r"^(?:timestep|fix +1 .*npt) .*$", script, re.M)
     usual, ours = recipe["rows"]
     return {
         "system": "solute with fix shake, NPT",
-        "usual": f"{usual['label']}, {recipe['dt']:g} fs",
+        "usual": usual["label"],
         "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in recipe["rows"]),
         "times": pages.digits(ours["times"]["median"], 2),
         **dict.fromkeys(("warmer", "pressure"), "not measured"),
-        "lines": [f"fix {line}", f"timestep {recipe['dt']:g}"],
+        "lines": [" ".join(line.split()) for line in reversed(lines)],
     }
 
 
@@ -478,19 +490,8 @@ FILLS = {
     function.__name__: function
     for function in (
         *(compare_water, compare_times, standing, cases, reported, own_scripts),
-        *(
-            step_zero,
-            beside_shake,
-            shake_made,
-            gains,
-            gain,
-            verdicts,
-            scene,
-            holding,
-            checks,
-            table,
-        ),
-        *(what_to_type, listing),
+        *(step_zero, beside_shake, shake_made, speeds, gains, gain, verdicts),
+        *(scene, holding, checks, table, what_to_type, listing),
     )
 }
 

@@ -1,5 +1,6 @@
 """The recipes of the documentation: each input in a short form, and a law that its result obeys."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -217,3 +218,25 @@ def test_comparison_with_shake(run_lammps, way, dt):
     assert last["c_oo[28][2]"] == pytest.approx(2.75, abs=0.15)  # of 4.9 neighbours
     assert last["c_oo[34][3]"] == pytest.approx(4.95, abs=0.15)
     assert last["c_size"] == pytest.approx(8.8, abs=0.1)
+
+
+def test_speeds_of_commands(tmp_path):
+    """Locks out a speed of another run than the last, by wall time, or relative to another command.
+
+    By hand: 100 steps of 2 fs in 5 s at half a core are 0.0864 2 100 / 2.5 = 6.912 ns/day.
+    """
+    (tmp_path / "lmp.py").write_text(
+        "import sys\n"
+        "for seconds, dt in (1.0, 1.0), map(float, sys.argv[1:3]):\n"
+        "    print('  Time step     :', dt)\n"
+        "    print('Loop time of', seconds, 'on 1 procs for 100 steps with 10 atoms')\n"
+        "    print('50.0% CPU use with 1 MPI tasks x 1 OpenMP threads')\n"
+    )
+    lmp = f"{sys.executable} {tmp_path / 'lmp.py'}"
+    words = [f"usual, 2 fs: {lmp} 5.0 2.0", f"ours, 4 fs: {lmp} 5.0 4.0"]
+    subprocess.run([sys.executable, FOLDER / "speeds.py", tmp_path, "2", *words], check=True)
+    usual, ours = json.loads((tmp_path / "summary.json").read_text())["rows"]
+    assert usual["label"] == "usual, 2 fs" and ours["label"] == "ours, 4 fs"
+    assert usual["speed"]["values"] == pytest.approx([6.912] * 2)
+    assert ours["speed"]["values"] == pytest.approx([13.824] * 2)
+    assert ours["times"]["median"] == pytest.approx(2.0)
