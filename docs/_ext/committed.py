@@ -472,7 +472,7 @@ def _beside_solute():
         "usual": usual["label"],
         "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in recipe["rows"]),
         "times": pages.digits(ours["times"]["median"], 2),
-        **dict.fromkeys(("warmer", "pressure"), "not measured"),
+        **dict.fromkeys(("warmer", "pressure"), NOTHING),
         "lines": [" ".join(line.split()) for line in reversed(lines)],
     }
 

@@ -189,7 +189,7 @@ def test_replacements_follow_the_numbers():
     assert row["speed"] == "43.2 → 173" and row["times"] == "4"
     assert re.match(r"1\.006\d* ±", row["warmer"])
     assert row["lines"][0] == "fix 1 water nosquish/nvt molecule temp 298 298 50 seed 4928"
-    assert row["lines"][1] == "timestep 12" and row["pressure"] == "does not apply"
+    assert row["lines"][1] == "timestep 12" and row["pressure"] == "–"
     assert not replacements.table([sample(usual)]).rows
 
 

@@ -28,7 +28,7 @@ NOTE = (
     "pressure and structure: a damping time of 50 fs and larger moments of inertia (keyword "
     "moments) slow down the motion. For diffusion and spectra use the line for dynamics."
 )
-NONE = "does not apply"
+NONE = "–"
 
 
 class Swap(NamedTuple):
@@ -120,7 +120,7 @@ def _timed(system, point, usual):
             "system": system,
             "usual": known[usual]["label"],
             "lines": native(ours["lines"][-1]),
-            "speed": "not measured",
+            "speed": NONE,
             "times": f"{ends[0]} ({ends[1]}–{ends[2]})",
             "warmer": NONE,
             "pressure": NONE,
