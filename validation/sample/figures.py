@@ -125,7 +125,7 @@ def _panels(
                 ends[axis].append((*end, line[0]["label"], colour))
         axis.axhline(BOUNDS[key], color=INK, lw=0.8, ls="--")
         scale(axis, key)
-        axis.set_ylabel(f"{what} of {BY_KEY[key].title} ({BY_KEY[key].unit})")
+        axis.set_ylabel(f"{what} of {BY_KEY[key].title}\n({BY_KEY[key].unit})")
     for row in answers.table([summary]).rows[:1]:  # of the energy
         words = {"gain": answers.speed_up(row["gain"])}
         words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
