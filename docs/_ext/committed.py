@@ -383,17 +383,18 @@ def gains():
         [*point, *("; ".join(averages) or NOTHING for averages in parts.values())]
         for point, parts in _decided().items()
     ]
-    return markdown(["liquid", "ours", "times less CPU time", "more", "cannot tell"], body)
+    return markdown(["liquid", "ours", "times less CPU time", "times more", "not decided"], body)
 
 
 def gain(liquid):
-    """The significant gains of a liquid, a sentence."""
-    ((scheme, less),) = (
-        (scheme, parts["less"]) for (name, scheme), parts in _decided().items() if name == liquid
+    """The significant gains of a liquid, and which averages are not decided."""
+    ((scheme, parts),) = (
+        (scheme, parts) for (name, scheme), parts in _decided().items() if name == liquid
     )
     return (
-        f"For the same error of an average, {scheme}, needs less CPU time than the best of "
-        f"LAMMPS's fixes at its best step. Ratio of the times: {'; '.join(less)}."
+        f"For the same error, {scheme}, needs less CPU time than the best of LAMMPS's fixes at its "
+        f"best step, by these factors: {'; '.join(parts['less'])}. Not decided: "
+        f"{', '.join(parts['cannot tell'])}."
     )
 
 

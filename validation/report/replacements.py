@@ -16,14 +16,15 @@ COLUMNS = (
     Column("lines", "you type", kind="code"),
     Column("times", "speed-up", kind="text"),
     Column("speed", "ns/day before → now", "one core", "text"),
-    Column("warmer", "temperature error", "K", "text"),
+    Column("warmer", "energy error", "as K", "text"),
     Column("pressure", "pressure error", "atm", "text"),
 )
 NOTE = (
     "± is the 95 % confidence interval. The speed-up is that of simulated time, from CPU times. "
+    "Rows were measured on different machines, so compare speeds within a row only. "
     "For the same error of an average it can be smaller, because noise counts, too. "
-    "The temperature error is the "
-    "change of temperature that would shift the mean potential energy as much. At constant "
+    "The energy error is the change of temperature that would shift the mean potential energy as "
+    "much. At constant "
     'pressure (NPT) the last column has the error of the density. "Averages" are energies, '
     "pressure and structure: a damping time of 50 fs and larger moments of inertia (keyword "
     "moments) slow down the motion. For diffusion and spectra use the line for dynamics."

@@ -67,11 +67,12 @@ GOALS = (
 )
 SIDES = (
     Column("speed", "speed", "ns/day, one core"),
-    Column("warmer", "temperature error", "K", "estimate"),
+    Column("warmer", "energy error", "as K", "estimate"),
     Column("biases pressure", "pressure error", "atm", "estimate"),
-    Column("hourly potential", "samples of the energy", "1/h", "estimate"),
-    Column("hourly dipole", "samples of the dipole", "1/h", "estimate"),
-    Column("remembers dipole", "memory of the dipole", "ps", "estimate"),
+    Column("biases torque", "squared torque error", "%", "estimate"),
+    Column("hourly potential", "samples of the energy", "per CPU hour", "estimate"),
+    Column("hourly dipole", "samples of the dipole", "per CPU hour", "estimate"),
+    Column("memory dipole", "memory of the dipole", "ps", "estimate"),
 )
 TO_ERROR = "How many times less time than the best rival"
 FAR = Column("distribution", "K", "sd", wide=True)  # of the kinetic energy
@@ -107,7 +108,7 @@ NOTES = {
     "temperatures, of volumes at two pressures. The first state is that of the scheme with the "
     "same name, at the same step.",
     "speed": "ns of simulated time in a day of one core.",
-    "temperature error": "T of U/N.",
+    "energy error": "T of U/N.",
     "samples": "Independent samples in an hour of one core.",
     "memory": "Simulated time per independent sample, 2τ.",
     "2τ, cost": "Simulated time per independent sample; CPU time per ps without output, of other "
@@ -162,9 +163,10 @@ def _flat(row: dict, limits: Mapping) -> dict:
     if cost := row.get("cost"):
         ends = ("median", "median"), ("min", "max"), ("max", "min")
         more["speed"] = {part: PER_DAY / cost[other] for part, other in ends}
-        for key, time in row["remembers"].items():
-            samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), Estimate.of(time))
-            more[f"hourly {key}"] = samples.plain()
+        for key, time in ((key, Estimate.of(time)) for key, time in row["remembers"].items()):
+            if time.margin < time.value:  # else neither is measured
+                samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), time)
+                more |= {f"hourly {key}": samples.plain(), f"memory {key}": time.plain()}
     return row | more | {"status": row["error"] or "ok"}
 
 
