@@ -33,9 +33,11 @@ from ..host.hosts import Host, Phase
 from ..structs import When
 from .passes import Passes
 
-# in the order of `When`
-CALLED, SHOWN, VIRIAL, TABLE, ENERGY, MOVES_BOX, PRESSURE, OTHER_BOX, *OF_RUN = When
-LATE, SEEN, MID_STEP, LEVELS, WATCHED, LOOKS, RESETS, GATHERS = OF_RUN
+SEEN, LATE, MID_STEP, LEVELS = When.SEEN, When.LATE, When.MID_STEP, When.LEVELS
+WATCHED, LOOKS, RESETS, GATHERS = When.WATCHED, When.LOOKS, When.RESETS, When.GATHERS
+CALLED, SHOWN, VIRIAL, TABLE = When.CALLED, When.SHOWN, When.VIRIAL_ASKED, When.TABLE
+ENERGY, MOVES_BOX = When.ENERGY, When.MOVES_BOX
+PRESSURE, OTHER_BOX = When.PRESSURE, When.OTHER_BOX
 NEW, SET, HALF, WAITING, OVER = Phase
 ANY = tuple(Phase)
 BEGUN = tuple(phase for phase in Phase if phase != NEW)
