@@ -316,12 +316,14 @@ def step_zero():
     return markdown([f"scheme, from steps of {text} fs", *heads], body)
 
 
-RECIPE = RESULTS / "peptide-recipe.json"  # of inputs/recipes/peptide/compare.py
+def recipe(name):
+    """A committed summary.json of a script of `inputs/recipes`."""
+    return json.loads((RESULTS / f"{name}-recipe.json").read_text())
 
 
 def beside_shake():
     """Averages and speed of the peptide with rigid groups, beside fix shake."""
-    rows = json.loads(RECIPE.read_text())["rows"]
+    rows = recipe("peptide")["rows"]
     body = [[title, *(estimate(row["means"][title]) for row in rows)] for title in rows[0]["means"]]
     for title, key in ("ns/day of one core", "speed"), ("relative to the first", "times"):
         body.append([title, *(spread(row[key]["min"], row[key]["max"]) for row in rows)])
@@ -331,8 +333,8 @@ def beside_shake():
 def shake_made():
     """Which averages of `beside_shake` differ from those of its first column by more than their
     errors, and how they were measured."""
-    recipe = json.loads(RECIPE.read_text())
-    (first, *others), sentences = recipe["rows"], []
+    told = recipe("peptide")
+    (first, *others), sentences = told["rows"], []
     for row in others:
         far = [
             title.partition(",")[0]
@@ -341,12 +343,24 @@ def shake_made():
             if abs(apart.value) > apart.margin
         ]
         sentences.append(f"With {row['label']}: {', '.join(far) or 'none'}.")
-    length = f"{recipe['starts']} starts of {recipe['time']:g} ps, after {recipe['warm']:g} ps"
+    length = f"{told['starts']} starts of {told['time']:g} ps, after {told['warm']:g} ps"
     return (
         f"Averages that differ significantly from those of {first['label']}: "
         f"{' '.join(sentences)}\n\n"
-        f"The runs are {length} that are left out. Made by {_made(recipe)}"
+        f"The runs are {length} that are left out. Made by {_made(told)}"
     )
+
+
+def speeds(name):
+    """The speeds of a recipe's commands, of `inputs/recipes/speeds.py`, and how they were made."""
+    told = recipe(name)
+    keys = "speed", "times"
+    body = [
+        [row["label"], *(spread(row[key]["min"], row[key]["max"]) for key in keys)]
+        for row in told["rows"]
+    ]
+    table = markdown(["", "ns/day", "relative to the first"], body)
+    return f"{table}\n\nThe ranges are those of {told['rounds']} rounds. Made by {_made(told)}"
 
 
 def _decided():
@@ -363,18 +377,6 @@ def _decided():
             row["average"] + number
         )
     return points
-
-
-def speeds(recipe):
-    """The speeds of a recipe's commands, of `inputs/recipes/speeds.py`, and how they were made."""
-    told = json.loads((RESULTS / f"{recipe}-recipe.json").read_text())
-    keys = "speed", "times"
-    body = [
-        [row["label"], *(spread(row[key]["min"], row[key]["max"]) for key in keys)]
-        for row in told["rows"]
-    ]
-    table = markdown(["", "ns/day", "relative to the first"], body)
-    return f"{table}\n\nThe ranges are those of {told['rounds']} rounds. Made by {_made(told)}"
 
 
 def gains():
@@ -464,14 +466,14 @@ def what_to_type():
 
 def _beside_solute():
     """The row of a solute whose bonds shake constrains: the script's own line and step."""
-    recipe = json.loads((RESULTS / "solute-recipe.json").read_text())
+    rows = recipe("solute")["rows"]
     script = (ROOT / "inputs" / "recipes" / "solute" / "in.solute").read_text()
     lines = re.findall(r"^(?:timestep|fix +1 .*npt) .*$", script, re.M)
-    usual, ours = recipe["rows"]
+    usual, ours = rows
     return {
         "system": "solute with fix shake, NPT",
         "usual": usual["label"],
-        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in recipe["rows"]),
+        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in rows),
         "times": pages.digits(ours["times"]["median"], 2),
         **dict.fromkeys(("warmer", "pressure"), NOTHING),
         "lines": [" ".join(line.split()) for line in reversed(lines)],

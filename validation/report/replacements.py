@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from ..pages import Column, Table, digits
 from ..sample.observables import warmer
+from ..sample.report import PER_DAY
 from ..statistics.estimate import Estimate
 
 TITLE = "What to type, how fast it is, and its error"
@@ -79,7 +80,7 @@ def _sampled(system, usual, ours, summary):
         "system": system,
         "usual": f"{usual['label']}, {usual['dt']:g} fs",
         "lines": [native(ours["lines"][-1]), f"timestep {ours['dt']:g}"],
-        "speed": " → ".join(digits(86.4 / cost) for cost in costs),
+        "speed": " → ".join(digits(PER_DAY / cost) for cost in costs),
         "times": digits(costs[0] / costs[1], 2),
         "warmer": warmth.text() if warmth else NONE,
         "pressure": _pressure(ours["biases"]),

@@ -79,6 +79,10 @@ class Lengths:
         """Folder of the runs; runs of other lengths or starts have other folders."""
         return f"{self.time:.12g}-ps" + f"-{self.seed}" * (self.seed != FIRST_SEED)
 
+    def seed_of(self, start: int) -> int:
+        """The seed of a start, from 1."""
+        return self.seed + start
+
     @property
     def settle(self) -> float:
         """Length of the equilibration, ps."""
@@ -272,7 +276,7 @@ class Runs:
 
     def start(self, number: int) -> run.Job:
         """The run that creates a start."""
-        seeded = self.plan.starter.seeded(self.lengths.seed + number)
+        seeded = self.plan.starter.seeded(self.lengths.seed_of(number))
         return run.job(
             self._of(seeded, self.plan.scene),
             seeded,
@@ -320,22 +324,15 @@ class Runs:
         names = {_name(start, point): point for point, (start, _) in loops.items()}
 
         def make(name: str, number: int) -> run.Job:
-            start, loop = loops[names[name]]
-            stride = self.plan.schemes[names[name].scheme].stride
-            runs = [-(-count // stride) * stride for count in rounds.lengths(loop, SECONDS).runs]
+            point = names[name]
+            (start, loop), scheme = loops[point], self.plan.schemes[point.scheme]
+            counts, stride = rounds.lengths(loop, SECONDS).runs, scheme.stride
+            runs = [-(-count // stride) * stride for count in counts]
             folder = self.folder / TIMED / f"{name}-{number}"
-            if self.plan.schemes[names[name].scheme].engine:
-                steps = sum(runs)
-                return self._engine_job(names[name], start, folder, [steps], steps)
-            refined = self.plan.schemes[names[name].scheme].refined
-            return self._job(
-                names[name],
-                start,
-                folder,
-                runs,
-                int(refined),
-                run.thermo("vol", *REFINED) if refined else [],
-            )
+            if scheme.engine:  # which tells the time of all its steps only
+                return self._engine_job(point, start, folder, [sum(runs)], sum(runs))
+            prints = run.thermo("vol", *REFINED) if scheme.refined else []
+            return self._job(point, start, folder, runs, int(scheme.refined), prints)
 
         def measure() -> dict[str, list[float]]:
             if not time:
@@ -359,8 +356,8 @@ class Runs:
         self, point: Point, start: int, folder: Path, runs: list[int], every: int, more: list[str]
     ) -> run.Job:
         """A run of LAMMPS; it begins with zero momentum, because some schemes conserve it."""
-        seeded = self.plan.schemes[point.scheme].seeded(self.lengths.seed + start)
-        scheme, dump = seeded, self._dump(start)
+        scheme = self.plan.schemes[point.scheme].seeded(self.lengths.seed_of(start))
+        dump = self._dump(start)
         begun = from_dump(
             self.plan.scene, dump, self._begin, box=self.plan.starter.pressure is not None
         )
@@ -387,7 +384,7 @@ class Runs:
         assert scheme.engine
         how = scheme.lines[0], self.plan.temperature, scheme.friction, point.dt
         return scheme.engine.job(
-            EngineRun(*how, runs, every, self.lengths.seed + start),
+            EngineRun(*how, runs, every, self.lengths.seed_of(start)),
             of_scene(self.plan.scene),
             folder,
             self.silence,

@@ -163,7 +163,8 @@ def _flat(row: dict, limits: Mapping) -> dict:
     if cost := row.get("cost"):
         ends = ("median", "median"), ("min", "max"), ("max", "min")
         more["speed"] = {part: PER_DAY / cost[other] for part, other in ends}
-        for key, time in ((key, Estimate.of(time)) for key, time in row["remembers"].items()):
+        for key, plain in row["remembers"].items():
+            time = Estimate.of(plain)
             if time.margin < time.value:  # else neither is measured
                 samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), time)
                 more |= {f"hourly {key}": samples.plain(), f"memory {key}": time.plain()}
