@@ -345,18 +345,24 @@ def at_pressure(temperature: float) -> dict[str, Scheme]:
 
 def _barostats(temperature: float) -> Iterator[Scheme]:
     """Yield this package's barostats."""
-    for name, label, words, held in (
-        ("npt-langevin", "NPT langevin 5/ps", f"langevin seed {SEED}", 0),
-        ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", 3),
-        ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", 3),
-    ):
-        for ending, suffix, warmer, pressure in STATES:
-            first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": 6.0}
+    middle = f"langevin seed {SEED}"
+    for name, label, words, damping, held, reach, states in (
+        ("npt-langevin", "NPT langevin 5/ps", middle, DAMPING, 0, 6.0, STATES),
+        ("npt-langevin-20", "NPT langevin 20/ps", middle, STRONG, 0, 8.0, STATES[:1]),
+        (
+            "npt-langevin-20-equal-6", "NPT langevin 20/ps, moments of 6 amu Å²",
+            f"{middle} moments equal 6", STRONG, 0, 12.0, STATES[:1],
+        ),
+        ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", DAMPING, 3, 6.0, STATES),
+        ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", DAMPING, 3, 6.0, STATES),
+    ):  # fmt: skip
+        for ending, suffix, warmer, pressure in states:
+            first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": reach}
             other: dict = {"steps": (2.0, 6.0), "first": name}
             yield ours(
                 name + ending,
                 label + suffix,
-                f"{state(temperature + warmer, DAMPING, pressure)} thermostat {words}",
+                f"{state(temperature + warmer, damping, pressure)} thermostat {words}",
                 "NPT",
                 held=held,
                 pressure=pressure,
