@@ -14,9 +14,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from fix_nosquish_validation.scenes.data_file import data_file
 from scipy.spatial.transform import Rotation
-
-from validation.scenes.data_file import data_file
 
 HERE = Path(__file__).resolve().parent
 DEGREE = np.pi / 180

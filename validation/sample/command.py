@@ -114,12 +114,10 @@ def run(arguments: argparse.Namespace) -> int:
         points = plan.points(only, arguments.dt, short)
     engine.versions(plan.schemes[point.scheme].engine for point in points)
     lengths = Lengths(arguments.ps or TIMES[short], arguments.starts, arguments.seed or FIRST_SEED)
-    earlier = {}
-    if arguments.earlier:
-        earlier = measure.earlier_rows(arguments.earlier, plan.scene.name, lengths)
     runs = Runs(
         plan, lengths, out / "runs" / lengths.folder, arguments.silence, fewer=arguments.to_zero
     )
+    earlier = measure.earlier_rows(arguments.earlier, runs) if arguments.earlier else {}
     screen = console.console()
     with console.Meter(screen, runs.steps(points)) as meter:
         summary = measure.sample(runs, points, earlier, meter)

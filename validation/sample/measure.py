@@ -16,10 +16,11 @@ from ..experiment import Point
 from ..running import json_files, machine, run
 from ..statistics import limit, measures, structure
 from ..statistics.estimate import Estimate
+from ..user_script.candidates import YOURS
 from . import engine, rivals
 from .criteria import LEAST_ERRORS
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, Table
-from .plan import KINETIC, SAMPLED, Lengths, Plan, Runs, start_name, table
+from .plan import KINETIC, SAMPLED, Plan, Runs, start_name, table
 from .schemes import FIRST_SEED, Scheme
 
 # number of independent samples that each of two states needs, and of samples used per independent
@@ -122,12 +123,14 @@ def sample(
     }
 
 
-def earlier_rows(folder: Path, scene: str, lengths: Lengths) -> dict[Point, dict]:
+def earlier_rows(folder: Path, runs: Runs) -> dict[Point, dict]:
     """The rows of another command for the same scene, from other starts.
 
     Raises:
-        SystemExit: the folder has none, or of another scene, or some from the same starts.
+        SystemExit: the folder has none, or of another scene, or some from the same starts, or of
+            another integrator of a script's own.
     """
+    scene, lengths = runs.plan.scene.name, runs.lengths
     summary = json_files.read(folder / "summary.json") or {}
     if summary.get("scene") != scene or not summary.get("rows"):
         raise SystemExit(f"{folder} has no averages of the scene {scene}")
@@ -137,7 +140,15 @@ def earlier_rows(folder: Path, scene: str, lengths: Lengths) -> dict[Point, dict
             f"{folder} has averages from the same starts, which would count twice: give another "
             f"--seed, such as {seed + 1000}"
         )
-    return {Point(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
+    rows = {Point(row["scheme"], row["dt"]): row for row in summary["rows"] if not row["error"]}
+    for point, row in rows.items():
+        if point.scheme != YOURS or YOURS not in runs.plan.schemes:
+            continue  # other names say what they are
+        if row["lines"] != runs.lines(point):
+            raise SystemExit(
+                f"{folder} has averages of another fix of the script: {'; '.join(row['lines'])}"
+            )
+    return rows
 
 
 def _measure(results: Results, plan: Plan, point: Point, start: int, job: run.Job) -> None:

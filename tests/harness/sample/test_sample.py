@@ -26,8 +26,8 @@ def planned(name="water", folder=None):
     return scenes.SCENES[name](folder)
 
 
-def runs_of(plan, folder, time=1.0, starts=1):
-    return Runs(plan, Lengths(time, starts), folder, 60.0)
+def runs_of(plan, folder, time=1.0, starts=1, **more):
+    return Runs(plan, Lengths(time, starts, **more), folder, 60.0)
 
 
 # ---- the plan
@@ -255,8 +255,9 @@ def test_a_step_that_is_too_long():
 
 
 def test_averages_of_another_folder(tmp_path):
-    """Locks out averages of another scene, of starts that count twice, and of a point that failed;
-    and a sum in which they weigh differently from more starts of the same command."""
+    """Locks out averages of another scene, of starts that count twice, of a point that failed, and
+    of a script's fix that was another one; and a sum in which they weigh differently from more
+    starts of the same command."""
     plan, rng = planned(), np.random.default_rng(2)
     points = [Point("langevin-20", dt) for dt in (2.0, 4.0, 8.0)]
     drawn = {point: rng.normal(-9.5, 0.01, 6) for point in points}
@@ -286,16 +287,20 @@ def test_averages_of_another_folder(tmp_path):
     for scene, its in ("co2", rows), ("water", rows):
         told = json.dumps({"scene": scene, "rows": its, "settings": settings})
         (tmp_path / f"{scene}.json").write_text(told)
+
+    def from_folder(folder=tmp_path, seed=7500, plan=plan):
+        return measure.earlier_rows(folder, runs_of(plan, tmp_path, 1.0, 4, seed=seed))
+
     with pytest.raises(SystemExit, match="no averages of the scene water"):
-        measure.earlier_rows(tmp_path / "nothing", "water", Lengths(1.0, 4, 7500))
+        from_folder(tmp_path / "nothing")
     (tmp_path / "co2.json").rename(tmp_path / "summary.json")
     with pytest.raises(SystemExit, match="no averages of the scene water"):
-        measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, 7500))
+        from_folder()
     (tmp_path / "water.json").rename(tmp_path / "summary.json")
     for seed in 7097, 7100, 7101:
         with pytest.raises(SystemExit, match=r"the same starts, .* another --seed, such as 8100"):
-            measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, seed))
-    earlier = measure.earlier_rows(tmp_path, "water", Lengths(1.0, 4, 7102))
+            from_folder(seed=seed)
+    earlier = from_folder(seed=7102)
     assert list(earlier) == points
     parts = summary(result_of(points[1:], range(2, 6)), earlier)
     assert [row["starts"] for row in parts["rows"]] == [6, 6]
@@ -308,6 +313,15 @@ def test_averages_of_another_folder(tmp_path):
     assert sum(weights.values()) == pytest.approx(1.0) and set(weights) == {2.0, 4.0, 8.0}
     limit = sum(weight * mean[dt] for dt, weight in weights.items())
     assert parts["limits"]["potential"]["value"] == pytest.approx(limit)
+    script = replace(plan, schemes={"yours": plan.schemes["langevin-20"]})
+    for row in rows:
+        row["scheme"] = "yours"
+    told = {"scene": "water", "rows": rows, "settings": settings}
+    (tmp_path / "summary.json").write_text(json.dumps(told))
+    assert list(from_folder(plan=script)) == [Point("yours", dt) for dt in (2.0, 4.0, 8.0)]
+    script = replace(plan, schemes={"yours": plan.schemes["nh"]})
+    with pytest.raises(SystemExit, match=r"another fix of the script: .* thermostat langevin"):
+        from_folder(plan=script)
 
 
 def test_rows_of_engines(tmp_path):
