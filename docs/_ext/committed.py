@@ -11,7 +11,7 @@ import math
 import re
 import shlex
 import sys
-from collections import Counter, defaultdict
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -176,20 +176,6 @@ def _of(part):
     return selected, [row for row in rows("stress") if row["case"] in names]
 
 
-def standing():
-    """Which integrator passes how many cases, and which ones it does not."""
-    by_label = defaultdict(lambda: defaultdict(list))
-    for row in _of("extreme")[1]:
-        verdict = "fail" if row["verdict"] == "blow-up" else row["verdict"]
-        by_label[row["label"]][verdict].append(row["case"])
-    body = []
-    for label, verdicts in by_label.items():
-        lost = (verdicts[key] for key in ("fail", "cannot tell", "cannot run"))
-        counted = (f"{len(cases)}: {', '.join(cases)}" if cases else "0" for cases in lost)
-        body.append([code(label), len(verdicts["pass"]), *counted])
-    return markdown(["integrator", "passes", "fails", "cannot tell", "cannot run"], body)
-
-
 def cases():
     extreme, lines = _of("extreme")
     ours = {row["case"]: row for row in lines if row["label"] == OURS}
@@ -233,10 +219,16 @@ def report_of(folder):
 def table(folder, title, *keys):
     """The table of a committed summary whose title begins so, with the columns of these keys.
 
-    A key that begins with a minus sign leaves out the rows whose label begins with the rest."""
+    A key that begins with a minus sign leaves out the rows whose label and step, such as
+    `shake + langevin, 4 fs`, begin with the rest.
+    """
     (chosen,) = (entry for entry in report_of(folder).all_tables if entry.title.startswith(title))
     dropped = tuple(key[1:] for key in keys if key.startswith("-"))
-    rows = [row for row in chosen.rows if not (dropped and row["label"].startswith(dropped))]
+    rows = [
+        row
+        for row in chosen.rows
+        if not f"{row.get('label')}, {row.get('dt', 0):g} fs".startswith(dropped)
+    ]
     return styled(pages.markdown(replace(chosen, rows=rows), keys))
 
 
@@ -251,12 +243,28 @@ def checks(folder, *titles):
 
 
 def styled(text):
-    """The text with native names of our styles, which results name as classes, and with minus
-    signs."""
+    """The text with minus signs, and with the styles and keywords of the fix line in place of the
+    results' names for them."""
     text = re.sub(r"(?<![\w.)-])-(?=[\d.])", "−", re.sub(r"(?<![\w.)-])-0 ±", "0 ±", text))
-    return re.sub(
-        r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda match: f"nosquish/{match[1].lower()}", text
-    )
+    for pattern, words in NATIVE:
+        text = re.sub(pattern, words, text)
+    return text
+
+
+NATIVE = (
+    (r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda match: f"nosquish/{match[1].lower()}"),
+    (
+        r"\b(NVT|NPT) (langevin|csvr|nh)\b(?: (\d+)/ps)?",
+        lambda match: (
+            f"nosquish/{match[1].lower()} {match[2]}, TDAMP {1000 / int(match[3] or 5):g} fs"
+        ),
+    ),
+    (r"\bHMC,", "nosquish/hmc,"),
+    (r"\bmoments of (?:the )?([\d.]+|step)(?: amu Å²)?", r"moments \1"),
+    (r"\bmoments (?=\d)", "moments equal "),
+    (r"\b(\d+) times the moments", r"moments scale \1"),
+)
+PLAIN = {"U/N": "energy", "dipole fluctuation": "dipole"}
 
 
 # ---- advice for scripts
@@ -311,7 +319,8 @@ def step_zero():
         zero = extrapolation.extrapolate(selected, sample["settings"]["time"])
         body.append([selected[0]["label"], *(estimate(zero[key]) for key in keys)])
     body.append(["the limit of all points", *(estimate(sample["limits"][key]) for key in keys)])
-    heads = (f"{BY_KEY[key].title}, {extrapolation.unit(key)}" for key in keys)
+    titles = {key: PLAIN.get(BY_KEY[key].title, BY_KEY[key].title) for key in keys}
+    heads = (f"{title}, {extrapolation.unit(key)}" for key, title in titles.items())
     text = ", ".join(map(str, steps))
     return markdown([f"scheme, from steps of {text} fs", *heads], body)
 
@@ -347,57 +356,45 @@ def shake_made():
     return (
         f"Averages that differ significantly from those of {first['label']}: "
         f"{' '.join(sentences)}\n\n"
-        f"The runs are {length} that are left out. Made by {_made(told)}"
+        f"The runs are {length} that are left out. Made by `{told['command']}`{_where(told)}"
     )
 
 
 def speeds(name):
     """The speeds of a recipe's commands, of `inputs/recipes/speeds.py`, and how they were made."""
     told = recipe(name)
-    keys = "speed", "times"
+    commands = dict(words.split(": ", 1) for words in shlex.split(told["command"])[4:])
     body = [
-        [row["label"], *(spread(row[key]["min"], row[key]["max"]) for key in keys)]
+        [row["label"], code(commands[row["label"]])]
+        + [spread(row[key]["min"], row[key]["max"]) for key in ("speed", "times")]
         for row in told["rows"]
     ]
-    table = markdown(["", "ns/day", "relative to the first"], body)
-    return f"{table}\n\nThe ranges are those of {told['rounds']} rounds. Made by {_made(told)}"
-
-
-def _decided():
-    """By liquid, scheme and step: the averages for which ours needs less CPU time for the same
-    error than the best of LAMMPS's fixes, those for which it needs more, and those for which the
-    intervals cannot tell."""
-    rows = answers.table(map(summary, sorted(path.name for path in RESULTS.glob("sample-*")))).rows
-    points = defaultdict(lambda: {"less": [], "more": [], "cannot tell": []})
-    for row in rows:
-        low, high = (math.inf if row["gain"][end] is None else row["gain"][end] for end in ENDS)
-        part = "less" if low > 1 else "more" if high < 1 else "cannot tell"
-        number = f": {_gain(row['gain'])}" * (part != "cannot tell")
-        points[row["scene"], f"{row['scheme']}, {row['dt']:g} fs"][part].append(
-            row["average"] + number
-        )
-    return points
-
-
-def gains():
-    """How many times less CPU time ours needs for the same error: a row for each liquid."""
-    body = [
-        [*point, *("; ".join(averages) or NOTHING for averages in parts.values())]
-        for point, parts in _decided().items()
-    ]
-    return markdown(["liquid", "ours", "times less CPU time", "times more", "not decided"], body)
-
-
-def gain(liquid):
-    """The significant gains of a liquid, and which averages are not decided."""
-    ((scheme, parts),) = (
-        (scheme, parts) for (name, scheme), parts in _decided().items() if name == liquid
-    )
+    table = markdown(["", "command", "ns/day", "relative to the first"], body)
     return (
-        f"For the same error, {scheme}, needs less CPU time than the best of LAMMPS's fixes at its "
-        f"best step, by these factors: {'; '.join(parts['less'])}. Not decided: "
-        f"{', '.join(parts['cannot tell'])}."
+        f"{table}\n\nThe ranges are those of {told['rounds']} rounds, in which "
+        f"`inputs/recipes/speeds.py` ran the commands in turn{_where(told)}"
     )
+
+
+def gains(*folders):
+    """How many times less CPU time ours needs for the same error than the best of LAMMPS's fixes,
+    where the interval excludes 1; a row for each folder."""
+    body = []
+    for folder in folders:
+        rows = answers.table([summary(folder)]).rows
+        decided, others = [], []
+        for row in rows:
+            low, high = (math.inf if row["gain"][end] is None else row["gain"][end] for end in ENDS)
+            average = PLAIN.get(row["average"], row["average"])
+            if low <= 1 <= high:
+                others.append(average)
+            else:
+                decided.append(f"{average} {_gain(row['gain'])}")
+        scheme = f"{rows[0]['scheme']}, {rows[0]['dt']:g} fs"
+        body.append(
+            [rows[0]["scene"], scheme, *("; ".join(part) or NOTHING for part in (decided, others))]
+        )
+    return markdown(["liquid", "ours", "times less CPU time", "not decided"], body)
 
 
 def verdicts():
@@ -417,12 +414,11 @@ def estimate(average):
 # ---- where results come from
 
 
-def _made(result):
+def _where(result):
     versions = result["versions"]
     return (
-        f"`{result['command']}`, {result['date'][:10]}, on {result['machine']['cpu']}. "
-        f"LAMMPS {versions['lammps']}, fix_nosquish {versions['fix_nosquish']} "
-        f"(checksum {versions['package']})."
+        f", {result['date'][:10]}, on {result['machine']['cpu']}. LAMMPS {versions['lammps']}, "
+        f"fix_nosquish {versions['fix_nosquish']} (checksum {versions['package']})."
     )
 
 
@@ -456,12 +452,11 @@ def listing(path, start=""):
 # ---- the README
 
 
-def what_to_type():
-    """What to type instead of the usual lines: speed and error of both."""
+def what_to_type(*keys):
+    """What to type instead of the usual lines, with the columns of these keys."""
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
     usual = replacements.table(map(summary, folders))
-    whole = replace(usual, rows=[*usual.rows, _beside_solute()])
-    return f"{styled(pages.markdown(whole))}\n\n{replacements.NOTE}"
+    return styled(pages.markdown(replace(usual, rows=[*usual.rows, _beside_solute()]), keys))
 
 
 def _beside_solute():
@@ -475,7 +470,7 @@ def _beside_solute():
         "usual": usual["label"],
         "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in rows),
         "times": pages.digits(ours["times"]["median"], 2),
-        **dict.fromkeys(("warmer", "pressure"), NOTHING),
+        **dict.fromkeys(("warmer", "pressure"), replacements.NONE),
         "lines": [" ".join(line.split()) for line in reversed(lines)],
     }
 
@@ -492,8 +487,8 @@ def _gain(ratio):
 FILLS = {
     function.__name__: function
     for function in (
-        *(compare_water, compare_times, standing, cases, reported, own_scripts),
-        *(step_zero, beside_shake, shake_made, speeds, gains, gain, verdicts),
+        *(compare_water, compare_times, cases, reported, own_scripts),
+        *(step_zero, beside_shake, shake_made, speeds, gains, verdicts),
         *(scene, holding, checks, table, what_to_type, listing),
     )
 }

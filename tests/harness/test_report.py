@@ -176,8 +176,8 @@ def test_replacements_follow_the_numbers():
     """Locks out a table for users whose speeds, errors or lines are not those of the points that it
     names, and a row made of other points where one of the two was not measured.
 
-    By hand: 2 s of CPU time per ps are 43.2 ns/day and 0.5 s 172.8; U/N is off by 0.01 of a heat
-    capacity of 5 kB, which is 0.01 / (5 0.0019872) = 1.01 K.
+    By hand: 2 s of CPU time per ps are 43.2 ns/day and 0.5 s 172.8; U/N is off by 0.02 and 0.01
+    of a heat capacity of 5 kB: 0.01 / (5 0.0019872) = 1.006 K, and twice as much.
     """
     line = 'fix 1 water python/move "fix_nosquish.NVT water molecule temp 298 298 50 seed SEED"'
     usual = ("shake+langevin", 2.0, 2.0, [(0.02, 1e-6), (0.9, 1e-6)], (1.0, 5.0))
@@ -187,9 +187,9 @@ def test_replacements_follow_the_numbers():
         row["lines"] = ["fix bath", line]
     (row,) = replacements.table([WHERE, summary]).rows
     assert row["speed"] == "43.2 → 173" and row["times"] == "4"
-    assert re.match(r"1\.006\d* ±", row["warmer"])
+    assert re.match(r"2\.012\d* ± \S+ → 1\.006\d* ±", row["warmer"])
     assert row["lines"][0] == "fix 1 water nosquish/nvt molecule temp 298 298 50 seed 4928"
-    assert row["lines"][1] == "timestep 12" and row["pressure"] == "–"
+    assert row["lines"][1] == "timestep 12" and row["pressure"] == "not measured"
     assert not replacements.table([sample(usual)]).rows
 
 

@@ -17,20 +17,21 @@ COLUMNS = (
     Column("lines", "you type", kind="code"),
     Column("times", "speed-up", kind="text"),
     Column("speed", "ns/day before → now", "one core", "text"),
-    Column("warmer", "energy error", "as K", "text"),
-    Column("pressure", "pressure error", "atm", "text"),
+    Column("warmer", "energy error before → now", "K", "text"),
+    Column("pressure", "pressure error before → now", "atm", "text"),
 )
 NOTE = (
-    "± is the 95 % confidence interval. The speed-up is that of simulated time, from CPU times. "
+    "± is the 95 % confidence interval: if it includes zero, no error was found. "
+    "The speed-up is that of simulated time, from CPU times. For the same error of an average it "
+    "can be smaller, because noise counts, too. "
     "Rows were measured on different machines, so compare speeds within a row only. "
-    "For the same error of an average it can be smaller, because noise counts, too. "
     "The energy error is the change of temperature that would shift the mean potential energy as "
-    "much. At constant "
-    'pressure (NPT) the last column has the error of the density. "Averages" are energies, '
-    "pressure and structure: a damping time of 50 fs and larger moments of inertia (keyword "
-    "moments) slow down the motion. For diffusion and spectra use the line for dynamics."
+    "much. At constant pressure (NPT) the last column has the density. "
+    '"Averages" are energies, pressure and structure: a damping time of 50 fs and larger moments '
+    "of inertia (keyword moments) slow down the motion. For diffusion and spectra use the line "
+    "for dynamics."
 )
-NONE = "–"
+NONE = "not measured"
 
 
 class Swap(NamedTuple):
@@ -44,15 +45,15 @@ class Swap(NamedTuple):
 
 SWAPS = (
     Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
-    Swap("water, most samples", "water", ("rigid/nvt/small", 4.0), ("nh-equal-6", 12.0)),
+    Swap("water, Nosé–Hoover chains", "water", ("rigid/nvt/small", 4.0), ("nh-equal-6", 12.0)),
     Swap("water, dynamics", "water", ("rigid/nvt/small", 2.0), ("csvr", 4.0)),
     Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
-    Swap("CO₂ and the like, averages", "co2", ("rigid/nvt/small", 2.0), ("langevin-20", 10.0)),
-    Swap("benzene, averages", "benzene", ("rigid/nvt/small", 2.0), ("langevin-20", 10.0)),
-    Swap("protein in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
+    Swap("CO₂, averages", "co2", ("rigid/nvt/small", 4.0), ("langevin-20", 10.0)),
+    Swap("benzene, averages", "benzene", ("rigid/nvt/small", 4.0), ("langevin-20", 10.0)),
+    Swap("peptide in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
 )
 AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and its usual integrator
-    ("colloids, NVE", "mixed", "rigid/nve/small"),
+    ("colloids, NVE", "mixed", "rigid/nve"),
     ("water, NVE", "water", "shake"),
 )
 
@@ -74,35 +75,42 @@ def _samples(summaries: Sequence[Mapping]) -> Iterator[dict]:
 
 
 def _sampled(system, usual, ours, summary):
-    costs = [row["cost"]["median"] for row in (usual, ours)]
-    warmth = warmer(ours["biases"], summary["limits"])
+    both = usual, ours
+    costs = [row["cost"]["median"] for row in both]
     return {
         "system": system,
         "usual": f"{usual['label']}, {usual['dt']:g} fs",
         "lines": [native(ours["lines"][-1]), f"timestep {ours['dt']:g}"],
         "speed": " → ".join(digits(PER_DAY / cost) for cost in costs),
         "times": digits(costs[0] / costs[1], 2),
-        "warmer": warmth.text() if warmth else NONE,
-        "pressure": _pressure(ours["biases"]),
+        "warmer": _changes(*(warmer(row["biases"], summary["limits"]) for row in both)),
+        "pressure": _changes(*map(_pressed, both), " g/cm³" * ("density" in ours.get("means", {}))),
     }
 
 
-def _pressure(biases):
-    """The error of the pressure, or of the density at constant pressure."""
-    if "density" in biases:
-        return f"{Estimate.of(biases['density']).text()} %"
-    return Estimate.of(biases["pressure"]).text() if "pressure" in biases else NONE
+def _changes(before, now, unit=""):
+    """Two estimates as text."""
+    return f"{before.text()} → {now.text()}{unit}" if before and now else NONE
+
+
+def _pressed(row):
+    """The density at constant pressure, otherwise the error of the pressure."""
+    known = row.get("means", {}).get("density") or row["biases"].get("pressure")
+    return known and Estimate.of(known)
 
 
 def native(line: str) -> str:
     """Convert a quoted fix line of the results to the form that users type."""
-    line = re.sub(
-        r'python/move "fix_nosquish\.(\w+) \w+ (.*)"',
-        lambda match: f"nosquish/{match[1].lower()} {match[2]}",
-        line,
+    return (
+        re.sub(
+            r'python/move "fix_nosquish\.(\w+) \w+ (.*)"',
+            lambda match: f"nosquish/{match[1].lower()} {match[2]}",
+            line,
+        )
+        .replace(" thermostat langevin", "")
+        .replace(" points flexible", " flexible rest")
+        .replace("SEED", "4928")
     )
-    line = line.replace(" thermostat langevin", "").replace(" points flexible", " flexible rest")
-    return line.replace("SEED", "4928")
 
 
 def _costs(summaries: Sequence[Mapping]) -> Iterator[dict]:
