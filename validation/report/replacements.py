@@ -84,13 +84,15 @@ def _sampled(system, usual, ours, summary):
         "speed": " → ".join(digits(PER_DAY / cost) for cost in costs),
         "times": digits(costs[0] / costs[1], 2),
         "warmer": _changes(*(warmer(row["biases"], summary["limits"]) for row in both)),
-        "pressure": _changes(*map(_pressed, both), " g/cm³" * ("density" in ours.get("means", {}))),
+        "pressure": _changes(
+            *map(_pressed, both), unit=" g/cm³" * ("density" in ours.get("means", {}))
+        ),
     }
 
 
-def _changes(before, now, unit=""):
-    """Two estimates as text."""
-    return f"{before.text()} → {now.text()}{unit}" if before and now else NONE
+def _changes(*estimates, unit=""):
+    """The estimates before and now, as text."""
+    return " → ".join(one.text() for one in estimates) + unit if all(estimates) else NONE
 
 
 def _pressed(row):
