@@ -213,20 +213,7 @@ def test_quoted_messages_are_those_of_the_package(source, page, heading, least):
 # ---- what is reported against fix rigid
 
 
-REPORTS = (DOCS / "reported.md").read_text()
-INPUTS = {name: text.lstrip() for name, text in files(REPORTS).items() if name}
-
-
-def test_reports_name_tests_that_exist():
-    """Locks out a report that is shown by a test that was renamed or deleted."""
-    names = re.findall(r"`(tests/[\w/]+\.py)?::(test_\w+)`", REPORTS)
-    assert len(names) > 12
-    place = ""
-    for file, test in names:
-        place = file or place  # of `::test_name`, that of the name before it
-        assert re.search(rf"^def {test}\(", (ROOT / place).read_text(), re.M), (place, test)
-
-
+INPUTS = {path.name: path.read_text() for path in (ROOT / "inputs" / "reported").iterdir()}
 NH = "nosquish/nvt molecule temp 1 1 0.2 thermostat nh"
 LANGEVIN = "nosquish/nvt molecule temp 1 1 0.2 seed 4928"
 NPT = "nosquish/npt molecule temp 1 1 0.2 iso 0.1 0.1 1 thermostat nh barostat mtk"
