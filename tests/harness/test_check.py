@@ -72,6 +72,31 @@ def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
     assert ("exclude molecule/intra all leaves them out" in note) == (pairs > 0)
 
 
+@pytest.mark.parametrize(
+    ("factors", "style", "verdict"),
+    [
+        ("1 1 1", "atm 4.5 2.5", "holds"),
+        ("0 0 0", "atm 4.5 2.5", "does not hold"),
+        ("0 0 0", "hybrid/overlay lj/cut 8.0 atm 4.5 2.5", ""),
+    ],
+)
+def test_a_many_body_potential_needs_the_pairs_of_bodies(tmp_path, factors, style, verdict):
+    """Locks out the advice to exclude a molecule's pairs, without which a many-body potential has
+    other forces on the molecule, too; and silence where they are left out."""
+    path = scripts.rings(tmp_path)
+    name = "atm " * style.startswith("hybrid")
+    more = "pair_coeff * * lj/cut 0.11 3.75\n" * bool(name)
+    words = f"pair_style {style}\n{more}pair_coeff * * {name}* 0.072\n"
+    text = path.read_text().replace(
+        "special_bonds lj/coul 0 0 0\n", f"special_bonds lj/coul {factors}\n{words}"
+    )
+    path.write_text(text)
+    own = take(path, tmp_path / "out")
+    found = check._forces_within(own, shapes.body_groups(own)[0], tmp_path / "out", 1, 300.0)
+    assert found.verdict == verdict
+    assert ("must not be left out" in check._without_note(found).note) == (verdict != "holds")
+
+
 def test_check_finds_what_does_not_fit(tmp_path):
     """Locks out a script whose atoms stand still, whose thermostats are not counted or whose step
     is far too long, and that passes; and a note on what is wrong where nothing is."""

