@@ -130,14 +130,13 @@ def _points(scene):
     return {(row["label"], float(row["dt (fs)"])): row for row in lines}
 
 
-def _errors(scene):
-    points = _points(scene)
-    steps = sorted({step for _, step in points})
-    body = []
+def compare_water(*steps):
+    """The standard deviations of the energy of water at these steps."""
+    points, body = _points("water"), []
     for step in steps:
-        line = [f"{step:g}"]
+        line = [step]
         for label in ("NO_SQUISH", *SHOWN):
-            point = points.get((label, step))
+            point = points.get((label, float(step)))
             line.append(
                 margin(point["energy_sd (kcal/mol)"], point["energy_sd margin (kcal/mol)"])
                 if point and point["status"] == "ok"
@@ -145,10 +144,6 @@ def _errors(scene):
             )
         body.append(line)
     return markdown(["step, fs", "ours", *map(code, SHOWN)], body)
-
-
-def compare_water():
-    return _errors("water")
 
 
 def compare_times():
@@ -233,11 +228,14 @@ def table(folder, title, *keys):
 
 
 def checks(folder, *titles):
-    """Numbers beside their bounds, of the parts whose titles begin with one of these; none: all."""
+    """Numbers beside their bounds, of the parts whose titles begin with one of these; none: all.
+
+    A title that is a minus sign and a verdict leaves out the numbers with this verdict."""
     contents = report_of(folder)
-    wanted = [title for title in contents.parts.values() if title.startswith(titles or "")]
+    begin = tuple(title for title in titles if not title.startswith("-")) or ""
+    wanted = [title for title in contents.parts.values() if title.startswith(begin)]
     parts = [entry for entry in contents.all_tables if entry.title in wanted]
-    rows = [row for part in parts for row in part.rows]
+    rows = [row for part in parts for row in part.rows if f"-{row['verdict']}" not in titles]
     keys = "subject", "what", "value", "bound", "verdict"
     return styled(pages.markdown(replace(parts[0], rows=rows), keys))
 
