@@ -328,50 +328,33 @@ def recipe(name):
     return json.loads((RESULTS / f"{name}-recipe.json").read_text())
 
 
-def beside_shake():
-    """Averages and speed of the peptide with rigid groups, beside fix shake."""
-    rows = recipe("peptide")["rows"]
-    body = [[title, *(estimate(row["means"][title]) for row in rows)] for title in rows[0]["means"]]
-    for title, key in ("ns/day of one core", "speed"), ("relative to the first", "times"):
-        body.append([title, *(spread(row[key]["min"], row[key]["max"]) for row in rows)])
-    return markdown(["", *(row["label"] for row in rows)], body)
-
-
-def shake_made():
-    """Which averages of `beside_shake` differ from those of its first column by more than their
-    errors, and how they were measured."""
-    told = recipe("peptide")
-    (first, *others), sentences = told["rows"], []
-    for row in others:
+def comparison(name):
+    """Averages and speeds of commands that `inputs/recipes/compare.py` compared, which averages
+    differ from the first command's by more than their errors, and how they were measured."""
+    told = recipe(name)
+    (first, *others), titles, keys = told["rows"], [*told["rows"][0]["means"]], ("speed", "times")
+    body = [
+        [
+            row["label"],
+            *(estimate(row["means"][title]) for title in titles),
+            *(spread(row[key]["min"], row[key]["max"]) for key in keys),
+        ]
+        for row in told["rows"]
+    ]
+    sentences = [f"Speeds are ranges over {told['starts']} starts."]
+    for row in others * bool(titles):
         far = [
             title.partition(",")[0]
             for title, mean in row["means"].items()
             for apart in [difference(Estimate.of(mean), Estimate.of(first["means"][title]))]
             if abs(apart.value) > apart.margin
         ]
-        sentences.append(f"With {row['label']}: {', '.join(far) or 'none'}.")
-    length = f"{told['starts']} starts of {told['time']:g} ps, after {told['warm']:g} ps"
-    return (
-        f"Averages that differ significantly from those of {first['label']}: "
-        f"{' '.join(sentences)}\n\n"
-        f"The runs are {length} that are left out. Made by `{told['command']}`{_where(told)}"
-    )
-
-
-def speeds(name):
-    """The speeds of a recipe's commands, of `inputs/recipes/speeds.py`, and how they were made."""
-    told = recipe(name)
-    commands = dict(words.split(": ", 1) for words in shlex.split(told["command"])[4:])
-    body = [
-        [row["label"], code(commands[row["label"]])]
-        + [spread(row[key]["min"], row[key]["max"]) for key in ("speed", "times")]
-        for row in told["rows"]
-    ]
-    table = markdown(["", "command", "ns/day", "relative to the first"], body)
-    return (
-        f"{table}\n\nThe ranges are those of {told['rounds']} rounds, in which "
-        f"`inputs/recipes/speeds.py` ran the commands in turn{_where(told)}"
-    )
+        sentences.append(
+            f"Averages of {row['label']} that differ significantly from those of "
+            f"{first['label']}: {', '.join(far) or 'none'}."
+        )
+    table = markdown(["", *titles, "ns/day", "relative to the first"], body)
+    return "\n\n".join([table, " ".join(sentences), f"Made by `{told['command']}`{_where(told)}"])
 
 
 def gains(*folders):
@@ -444,7 +427,8 @@ def listing(path, start=""):
     """A file, from the line that begins so."""
     text = (ROOT / path).read_text()
     text = text[re.search(f"^{re.escape(start)}", text, re.M).start() :].rstrip()
-    return f"```{'python' if path.endswith('.py') else 'lammps'}\n{text}\n```"
+    language = {".py": "python", ".ini": "ini"}.get(Path(path).suffix, "lammps")
+    return f"```{language}\n{text}\n```"
 
 
 # ---- the README
@@ -486,7 +470,7 @@ FILLS = {
     function.__name__: function
     for function in (
         *(compare_water, compare_times, cases, reported, own_scripts),
-        *(step_zero, beside_shake, shake_made, speeds, gains, verdicts),
+        *(step_zero, comparison, gains, verdicts),
         *(scene, holding, checks, table, what_to_type, listing),
     )
 }

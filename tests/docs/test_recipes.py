@@ -1,6 +1,7 @@
 """The recipes of the documentation: each input in a short form, and a law that its result obeys."""
 
 import json
+import os
 import re
 import shutil
 import subprocess
@@ -220,23 +221,57 @@ def test_comparison_with_shake(run_lammps, way, dt):
     assert last["c_size"] == pytest.approx(8.8, abs=0.1)
 
 
-def test_speeds_of_commands(tmp_path):
-    """Locks out a speed of another run than the last, by wall time, or relative to another command.
+LAMMPS_LOG = """
+timestep {dt}
+Step Density
+0 9.0
+1 9.0
+Loop time of 1.0 on 1 procs for 1 steps with 10 atoms
+100.0% CPU use with 1 MPI tasks x 1 OpenMP threads
+Step Density
+1 9.0
+51 {density}
+101 {density}
+Loop time of {seconds} on 1 procs for 100 steps with 10 atoms
+50.0% CPU use with 1 MPI tasks x 1 OpenMP threads
+Total wall time: 0:00:05
+"""
+MDRUN_LOG = (
+    "               (ns/day)    (hour/ns)\nPerformance:       27.648        0.868\nFinished mdrun\n"
+)
+
+
+def test_comparison_of_commands(tmp_path):
+    """Locks out speeds and averages of another run than the last, speeds by wall time of LAMMPS or
+    relative to another command, starts that are all the same, and a complete run that is repeated.
 
     By hand: 100 steps of 2 fs in 5 s at half a core are 0.0864 2 100 / 2.5 = 6.912 ns/day.
     """
-    (tmp_path / "lmp.py").write_text(
-        "import sys\n"
-        "for seconds, dt in (1.0, 1.0), map(float, sys.argv[1:3]):\n"
-        "    print('  Time step     :', dt)\n"
-        "    print('Loop time of', seconds, 'on 1 procs for 100 steps with 10 atoms')\n"
-        "    print('50.0% CPU use with 1 MPI tasks x 1 OpenMP threads')\n"
+    (tmp_path / "usual").write_text(LAMMPS_LOG)
+    (tmp_path / "gmx").write_text("#!/bin/sh\ncp mdrun.log $3\n")
+    (tmp_path / "mdrun.log").write_text(MDRUN_LOG)
+    (tmp_path / "lmp").write_text(
+        f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\n"
+        "dt, seed, _, log = sys.argv[1:]\n"
+        "assert not Path(log).exists()\n"
+        "told = Path('usual').read_text().format(dt=dt, density=seed, seconds=5.0)\n"
+        "Path(log).write_text(told)\n"
     )
-    lmp = f"{sys.executable} {tmp_path / 'lmp.py'}"
-    words = [f"usual, 2 fs: {lmp} 5.0 2.0", f"ours, 4 fs: {lmp} 5.0 4.0"]
-    subprocess.run([sys.executable, FOLDER / "speeds.py", tmp_path, "2", *words], check=True)
-    usual, ours = json.loads((tmp_path / "summary.json").read_text())["rows"]
-    assert usual["label"] == "usual, 2 fs" and ours["label"] == "ours, 4 fs"
-    assert usual["speed"]["values"] == pytest.approx([6.912] * 2)
-    assert ours["speed"]["values"] == pytest.approx([13.824] * 2)
-    assert ours["times"]["median"] == pytest.approx(2.0)
+    for name in "gmx", "lmp":
+        (tmp_path / name).chmod(0o755)
+    commands = "[commands]\nusual, 2 fs = lmp 2.0 {seed}\nours, 4 fs = lmp 4.0 1\n"
+    (tmp_path / "both").write_text(f"{commands}[averages]\ndensity, g/cm³ = Density\n")
+    (tmp_path / "other").write_text("[commands]\nGROMACS = gmx mdrun\n")
+    own = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    told = {}
+    for file in "both", "both", "other":
+        words = [sys.executable, FOLDER / "compare.py", file, f"of-{file}", "2"]
+        subprocess.run(words, cwd=tmp_path, env=own, check=True)
+        summary = (tmp_path / f"of-{file}" / "summary.json").read_text()
+        told |= {row["label"]: row for row in json.loads(summary)["rows"]}
+    assert told["usual, 2 fs"]["speed"]["values"] == pytest.approx([6.912] * 2)
+    assert told["ours, 4 fs"]["speed"]["values"] == pytest.approx([13.824] * 2)
+    assert told["ours, 4 fs"]["times"]["median"] == pytest.approx(2.0)
+    assert told["usual, 2 fs"]["means"]["density, g/cm³"]["value"] == 4928.5
+    assert told["ours, 4 fs"]["means"]["density, g/cm³"]["value"] == 1.0
+    assert told["GROMACS"]["speed"]["median"] == 27.648
