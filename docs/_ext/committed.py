@@ -294,7 +294,7 @@ def own_scripts():
     for result in known.values():
         unit = "τ" if result["units"] == "lj" else "fs"
         best = result["advised"]
-        name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "none for sure"
+        name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "not decided"
         step = f"{plain(result['dt'])}{NBSP}{unit}"
         title = result["title"] + f", {result['ranks']} ranks" * (result["ranks"] > 1)
         line = [title, step, plain(result["minutes"]), name, result["minutes_that_tell"] or NOTHING]
