@@ -71,6 +71,15 @@ class Answer:
         shown = (f"{point['label']}, {point['dt']:g} {self.unit}" for point in points[:FEW])
         return "; ".join(shown) + f" and {len(points) - FEW} more" * (len(points) > FEW)
 
+    @property
+    def nearest(self) -> Measured | None:
+        """The candidate that exceeds the targets least, of those whose verdict is open if there are
+        any; None if no candidate has all errors."""
+        measurable = [x for x in self.candidates if self.targets.keys().isdisjoint(x["without"])]
+        able = [point for point in measurable if self.verdict(point) == VERDICTS[None]]
+        near = nearest(able or measurable, self.targets) if self.targets else None
+        return near and near[0]
+
     def within(self, point: Measured) -> str:
         """A point's errors with their targets, as text."""
         return ", ".join(
@@ -246,22 +255,23 @@ def _lines(answer: Answer) -> Iterator[str]:
             "The error of g(r) is not known, because too few runs are complete. --target rdf=none "
             "gives an answer without it."
         )
-    for point in answer.points:
-        if point["alone"]:
-            yield (
-                f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. "
-                f"The rest of the time went to {point['label']}, {point['dt']:g} {unit}: a run of "
-                f"{point['time']:.3g} {unit}, by which it is judged."
-            )
+    alone = [point for point in answer.points if point["alone"]]
+    if alone:
+        runs = ", ".join(f"{answer.named([x])}, for {x['time']:.3g} {unit}" for x in alone)
+        yield (
+            f"All steps ran for {answer.summary['time']:.3g} {unit} from each start. The rest of "
+            f"the time went to a long run, by which its step is judged: {runs}."
+        )
     best = answer.choice.best
     yield from _beside(answer, best) if best else _nearest(answer)
     yield from _busy(answer)
     if answer.points and answer.targets:
         yield choice.RULE
-    if best:
-        yield from best["lost"]
-        yield f"{best['place']}, and the script's timestep:"
-        yield from (f"    {line}" for line in _input(best))
+    shown = best or (answer.choice.perhaps and answer.nearest)
+    if shown:
+        yield from shown["lost"]
+        yield f"{shown['place']}, and the script's timestep{'' if best else ', to try it'}:"
+        yield from (f"    {line}" for line in _input(shown))
         yield from lists.advise(answer.summary.get("neighbour_lists", ()))
     if answer.thermostat:
         yield from _thermostats(answer, answer.thermostat)
@@ -315,13 +325,11 @@ def _nearest(answer: Answer) -> Iterator[str]:
             "is not an error of the time step. Is the start in equilibrium, and are the forces "
             "continuous at the cutoff? --run N uses a later run of a script."
         )
-    measurable = [
-        point for point in answer.candidates if answer.targets.keys().isdisjoint(point["without"])
-    ]
-    able = [point for point in measurable if answer.verdict(point) == VERDICTS[None]]
-    near = nearest(able or measurable, answer.targets) if answer.targets else None
+    near = answer.nearest
     if near:
-        yield f"The nearest: {answer.named([near[0]])}: {answer.within(near[0])}."
+        yield (
+            f"The nearest: {answer.named([near])}{_speed_up(answer, near)}: {answer.within(near)}."
+        )
 
 
 def _beside(answer: Answer, best: Measured) -> Iterator[str]:

@@ -395,8 +395,9 @@ def test_one_rule_and_one_number():
 
 
 def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
-    """Locks out an answer that says nothing, a budget that would not tell, and one of years, from
-    runs of a few samples; and an error of no step that is taken for one."""
+    """Locks out an answer that says nothing, without lines to try, or with lines that are bad; a
+    budget that would not tell, and one of years, from runs of a few samples; and an error of no
+    step that is taken for one."""
 
     def minutes(value, error, freedom=None):
         one = row(4.0, drift=(value, error, freedom))
@@ -409,11 +410,17 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
         assert result == least and f"About --budget {least} (minutes) would decide" in answer
     result, answer = minutes(0.0, 10.0, 1)
     assert result is None and "100 times this --budget would not decide" in answer
+    lines = told(summary_of({"drift": 1.0}, row(2.0, drift=(0.9, 0.3)), row(4.0, drift=(0.9, 2))))[
+        1
+    ]
+    place = next(i for i, line in enumerate(lines) if line.endswith("timestep, to try it:"))
+    assert lines[place + 1 :] == ["    fix 1 all nosquish molecule", "    timestep 2"]
     bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
     answer, lines = told(summary_of({"drift": 1.0}, bad, row(2.0, drift=(0.9, 0.3))))
     assert answer.startswith("No step that was tried is within the targets")
     assert lines[0].startswith("Even with 1 fs there is too much of drift")
     assert lines[1].startswith("The nearest: nosquish, 2 fs")
+    assert not any("timestep" in line for line in lines)
     rows = [row(dt) | {"failed": "1: ERROR: no"} for dt in (1.0, 2.0)]
     answer = told(summary_of({"drift": 1.0}, *rows))[0]
     assert answer == "All runs failed, also with the shortest step: 1: ERROR: no"
