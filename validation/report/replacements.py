@@ -45,7 +45,6 @@ class Swap(NamedTuple):
 
 SWAPS = (
     Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
-    Swap("water, Nosé–Hoover chains", "water", ("rigid/nvt/small", 4.0), ("nh-equal-6", 12.0)),
     Swap("water, dynamics", "water", ("rigid/nvt/small", 2.0), ("csvr", 4.0)),
     Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
     Swap("CO₂, averages", "co2", ("rigid/nvt/small", 4.0), ("langevin-20", 10.0)),
