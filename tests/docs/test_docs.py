@@ -4,6 +4,7 @@ import ast
 import importlib
 import re
 import subprocess
+from types import SimpleNamespace
 
 import committed
 import numpy as np
@@ -13,6 +14,7 @@ from fix_nosquish import INTEGRATORS
 from fix_nosquish.errors import RunError
 from fix_nosquish.host.command import Command, Line
 from support.running import ROOT
+from validation.sample.observables import BY_KEY
 
 DOCS = ROOT / "docs"
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
@@ -101,7 +103,7 @@ def test_each_keyword_is_on_its_page(run_lammps):
         text = (DOCS / page).read_text()
         assert len(new) > least
         for word in new:
-            assert re.search(rf"^\| \[`{word}`\]\(#[\w-]+\) \|", text, re.M), word
+            assert re.search(rf"^\| [^|]*\[`{word}`\]\(#[\w-]+\)[^|]* \|", text, re.M), word
             assert re.search(rf"^### .*\b{word}\b", text, re.M), word
             assert word in text.split("## Default")[1], word
         known += new
@@ -175,6 +177,39 @@ def test_fix_lines_run(run_lammps, place):
     data = (ROOT / "inputs/water/data.water").read_text()
     run = run_lammps(script, files={"data.water": data, "one.mol": ONE}, check=False)
     assert run.log.count("Loop time") == len(lines), run.screen
+
+
+REFINED = """units real
+atom_style full
+read_data data.512
+include forcefield.512
+group water type 1 2
+velocity all create 298 4928 loop geom
+velocity all zero linear
+timestep 12
+"""
+
+
+def test_refined_averages_of_the_page(run_lammps, tmp_path, monkeypatch):
+    """Locks out lines that do not run as the page has them, and a script of the page whose energy
+    or pressure is not the harness's."""
+    shown = blocks((DOCS / "fix-nvt.md").read_text())
+    (script,) = (code for language, _, code in shown if language == "python")
+    (lines,) = (code for _, _, code in shown if "thermo_modify" in code)
+    lines = lines.replace("f_1[5]", "f_1[5] time f_1[2] f_1[3] f_1[4]")  # those of the harness
+    folder = ROOT / "inputs" / "water_512"
+    given = {name: (folder / name).read_text() for name in ("data.512", "forcefield.512")}
+    table = run_lammps(f"{REFINED}{lines}run 40\n", files=given).thermo
+    monkeypatch.chdir(tmp_path)
+    page = {}
+    exec(script, page)
+    columns = {name: table[name] for name in table.dtype.names}
+    plan = SimpleNamespace(scene=SimpleNamespace(unit=512))
+    scheme = SimpleNamespace(refined=True, temperature=298.0, held=3, pressure=None)
+    for key, ours in ("potential", page["energy"] / 512), ("pressure", page["pressure"]):
+        expected = BY_KEY[key].of(columns, plan, scheme)
+        assert np.ptp(expected) > 0.0
+        np.testing.assert_allclose(ours, expected, rtol=1e-9)
 
 
 @pytest.fixture(scope="module")
