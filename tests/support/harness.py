@@ -55,6 +55,17 @@ def refused(text, tmp_path, **ask):
     return message
 
 
+def advised(message, **values):
+    """The options that a message advises, as `take` has them, with values for its placeholders, as
+    ID; the command line has to accept them."""
+    from validation.__main__ import parser  # an extra has what it needs
+
+    words = (word for pair in re.findall(r"(--\w+) (\w+)", message) for word in pair)
+    asked = parser().parse_args(["check", "my.in", *(values.get(word, word) for word in words)])
+    ask = {"fix": tuple(asked.fix or ()), "group": asked.group, "bodies": asked.bodies}
+    return {key: value for key, value in (ask | {"at": asked.run_number}).items() if value}
+
+
 def with_lines(text, advice):
     """A script changed as a verb advises: its lines replace the last of the fixes that they replace
     and, if it says so, the timestep, or that of one run; commands that name these fixes are

@@ -192,7 +192,7 @@ def refuse_ramps(script: UserScript) -> None:
         raise SystemExit(
             f"{script.scene.subject}: '{script.reading['run']}' changes "
             f"{' and '.join(script.rigid.state.ramps)}, so means do not show the error of a step: "
-            "give a run at constant ones. 'check' and 'cost' accept this one"
+            "give a run at constant ones"
         )
 
 

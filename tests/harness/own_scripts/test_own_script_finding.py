@@ -2,13 +2,17 @@
 the scripts that `scripts` writes.
 """
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from support import (
     scripts,
 )
-from support.harness import GAS, Silent, take
+from support.harness import GAS, Silent, advised, take, with_lines
+from validation.__main__ import main
 from validation.check import measure as check
 from validation.user_script import candidates, commands, rigid_atoms, shapes
 
@@ -32,9 +36,13 @@ def test_atoms_with_molecule_id_0_are_a_body():
     result = rigid_atoms.RigidAtoms(
         ("1",), (line,), "rigid/nve", "rigid", "all", "molecule", rigid_atoms.State(), body
     )
-    assert any(
-        "The 2 atoms with molecule-ID 0" in one for one in candidates.describe(result, said, atoms)
-    )
+    stray = "The 2 atoms with molecule-ID 0"
+    assert any(stray in one for one in candidates.describe(result, said, atoms))
+    others = atoms | {"molecule": np.array([1, 3, 3, 2, 1])}, atoms | {"mask": np.array([0, 1, 1, 0, 1])}
+    for other in others:  # as advised: IDs, or a group without these atoms
+        body = rigid_atoms.number_bodies(said, other, "all", ["molecule"])
+        result = replace(result, body=body)
+        assert not any("molecule-ID 0" in one for one in candidates.describe(result, said, other))
 
 
 ROWS = ("nosquish", "rigid/{}", "rigid/{}/small", "shake")
@@ -196,6 +204,60 @@ def test_a_scripts_own_integrator_stands_in_the_table_once(lines, name):
     assert reference == those[0].name == name
     assert len({one.name for one in those}) == len(those)
     assert sum(one.name == "yours" for one in those) == (name == "yours")
+
+
+SEVERAL = {  # fixes of the script, what is asked for, and an ID that may be chosen
+    "two rigid fixes": (["left rigid molecule", "right rigid molecule"], {}, "2"),
+    "a fix that moves nothing": (["all rigid molecule", "all momentum 1"], {"fix": ["2"]}, "1"),
+    "no bodies": (["all nve"], {"group": "all"}, "1"),
+    "fixes for parts": (["all shake 1e-4 9 0 b 1", "left nve", "right nve"], {}, "2"),
+}
+
+
+@pytest.mark.parametrize("which", SEVERAL)
+def test_options_that_refusals_advise_select_a_fix(which):
+    """Locks out options that a message advises and that lead nowhere."""
+    lines, ask, fix_id = SEVERAL[which]
+    fixes = {str(i): f"fix {i} {line}" for i, line in enumerate(lines, 1)}
+    said = {"groups": ["all", "left", "right"], "fixes": fixes, "commands": [*fixes.values()]}
+    atoms, refusals, result = HELD | {"mask": np.array([3, 3, 5, 5])}, [], None
+    while result is None and len(refusals) < 3:
+        try:
+            words = ask.get("fix", ()), ask.get("group"), ask.get("bodies")
+            result = rigid_atoms.find(said, atoms, *words)
+        except rigid_atoms.AmbiguousScript as refusal:
+            refusals.append(str(refusal))
+            ask = ask | advised(refusals[-1], ID=fix_id)
+    assert refusals and result and fix_id in result.ids, refusals
+    alone = said | {"fixes": {"1": "fix 1 all shake 1e-4 9 0 b 1"}}
+    with pytest.raises(rigid_atoms.AmbiguousScript, match=r"move the rigid atoms: no fix$"):
+        rigid_atoms.find(alone, atoms)
+
+
+LOOSE = {  # fixes of water, which no rigid fix and no molecule-ID makes bodies of
+    "no rigid fix": "fix 1 all nvt temp 298 298 100",
+    "one molecule-ID": "set group all mol 1\nfix 1 all shake 1e-6 100 0 b 1 a 1\n"
+    "fix 2 all nvt temp 298 298 100",
+}
+
+
+@pytest.mark.parametrize("which", LOOSE)
+def test_bodies_are_made_as_refusals_advise(which, tmp_path, capsys):
+    """Locks out options and a command that a message advises, and after which the script is refused
+    again."""
+    path = scripts.spce(tmp_path, LOOSE[which], number=2)
+    with pytest.raises(SystemExit) as end:
+        take(path, tmp_path / "out")
+    message = str(end.value)
+    ask = advised(message, GROUP="all")
+    assert ("group" in ask) == (which == "no rigid fix")
+    if "group" in ask:
+        assert take(path, tmp_path / "out", **ask).bodies == 8
+    (words,) = re.findall("'nosquish (check SCRIPT --rigid)'", message)
+    words = [str(path) if word == "SCRIPT" else word for word in words.split()]
+    assert main([*words, "--out", str(tmp_path / "out")]) == 0
+    path.write_text(with_lines(path.read_text(), capsys.readouterr().out))
+    assert take(path, tmp_path / "out").bodies == 8
 
 
 @pytest.mark.parametrize("tilts", ["tri 1 1 9", "aniso 1 1 9 xy 0 0 9"])

@@ -15,7 +15,7 @@ import pytest
 from support import (
     scripts,
 )
-from support.harness import GAS, Silent, refused, take
+from support.harness import GAS, Silent, advised, refused, take
 from validation.check import measure as check
 from validation.running import machine, run
 from validation.user_script import candidates, commands, loader, rigid_atoms, shapes
@@ -195,8 +195,6 @@ def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
     assert result.positions.cells[:, 0, 0] == pytest.approx([6, 7, 9])
     ramp = rigid_atoms.State(("300", "300.0", "1"), (("iso", "1", "2", "9"), ("x", "1", "1", "9")))
     assert ramp.ramps == ["iso from 1 to 2"]
-    with pytest.raises(SystemExit, match=r"in\.flat: 'run 10' changes iso from 1 to 2, so means"):
-        loader.refuse_ramps(replace(own, rigid=replace(own.rigid, state=ramp)))
 
 
 def test_a_failure_of_the_machine_is_no_result(tmp_path):
@@ -262,7 +260,6 @@ def test_scripts_that_cannot_be_taken_say_why_in_one_line(tmp_path, text, option
 
 
 def test_one_of_two_fixes(tmp_path):
-    """Locks out the first fix in the place of the one that --fix names."""
-    path = tmp_path / "in.two"
-    path.write_text(TWO)
-    assert take(path, tmp_path / "two", fix=("2",)).rigid.group == "b"
+    """Locks out the first fix in the place of the one that --fix names, as a message advises."""
+    ask = advised(refused(TWO, tmp_path), ID="2")
+    assert take(tmp_path / "in.bad", tmp_path / "two", **ask).rigid.group == "b"
