@@ -194,10 +194,7 @@ def _answer(answer: Answer) -> str:
     if not answer.points:
         return "No run is complete yet."
     if not answer.targets:
-        return (
-            "None of the targets can be measured with these integrators. Give another one "
-            "(--target temperature=VALUE), or integrators whose energy LAMMPS counts (--only)."
-        )
+        return "None of the targets can be measured with these integrators."
     if best := chosen.best:
         spent = f"{_cost(best)} s of {answer.clock} per {summary['ns']}"
         return (
@@ -206,10 +203,12 @@ def _answer(answer: Answer) -> str:
             f"Within the targets, with {SURE} confidence: {answer.within(best)}."
         )
     if chosen.perhaps:
-        minutes, other = answer.minutes, "a target that short runs can decide: --target NAME=VALUE"
-        longer = f"About --budget {minutes} (minutes) would decide. Or give {other}."
-        if minutes is None:
-            longer = f"By these runs, {FAR} times this --budget would not decide. Give {other}."
+        longer = f"About --budget {answer.minutes} (minutes) would decide."
+        if answer.minutes is None:
+            longer = (
+                f"By these runs, {FAR} times this --budget would not decide. Larger targets may "
+                "(--target)."
+            )
         return (
             f"Not sure: no step is within the targets with {SURE} confidence, but these may be: "
             f"{answer.named(chosen.perhaps)}. Their error bars, or those of shorter steps, reach "
@@ -323,7 +322,7 @@ def _nearest(answer: Answer) -> Iterator[str]:
         yield (
             f"Even with {held[0]['dt']:g} {answer.unit} there is {answer.why_not(held[0])}: this "
             "is not an error of the time step. Is the start in equilibrium, and are the forces "
-            "continuous at the cutoff? --run N uses a later run of a script."
+            "continuous at the cutoff?"
         )
     near = answer.nearest
     if near:
@@ -350,7 +349,7 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
         )
     elif open_:
         steps = ", ".join(f"{point['dt']:g}" for point in open_)
-        yield f"{steps} {unit} may be good enough, too: a larger --budget would decide."
+        yield f"{steps} {unit} may be good enough, too."
     elif bad:
         first = min(bad, key=lambda point: point["dt"])
         yield f"With {first['dt']:g} {unit}: {answer.why_not(first)}."

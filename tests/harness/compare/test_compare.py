@@ -17,7 +17,7 @@ from support.comparison import row
 from support.harness import GAS, Silent, take, with_lines
 from support.running import read_thermo
 from validation import RESULTS
-from validation.__main__ import main
+from validation.__main__ import main, parser
 from validation.check import measure as check
 from validation.compare import case as cases
 from validation.compare import choice, errors, lists, measure, plan, report
@@ -247,17 +247,18 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
         replace(own, integrators={"": first}), tmp_path / "out", 1, 300.0, Silent()
     )
     text = path.read_text().replace("log water.log", "")
-    columns = "thermo_style custom step temp pe\nthermo_modify norm no\nrun 3"
+    columns = "thermo_style custom step time temp pe\nthermo_modify norm no\nrun 3"
     case = cases.of_script(own)
     for one in own.integrators.values():
-        keys = "lines", "place", "lost"
-        best = row(own.scene.dt, one.name) | dict(zip(keys, case.written(one)))
-        told = [best["place"] + ", and of the script's timestep:", *best["lost"]]
-        told += [f"    {line}" for line in report._input(best)]
-        made = with_lines(text, "\n".join(told))
+        best = row(own.scene.dt / 2, one.name, drift=(0.1, 0.01 if one is first else 9.0))
+        best |= dict(zip(("lines", "place", "lost"), case.written(one)))
+        _, lines = told(summary_of({"drift": 1.0}, best))
+        assert any("to try it:" in line for line in lines) == (one is not first)
+        made = with_lines(text, "\n".join(lines))
         done = run_lammps(re.sub(r"^run [1-9]\d*$(?!(.|\n)*^run )", columns, made, flags=re.M))
         rows = read_thermo(done.log[done.log.rindex("   Step") :])
         assert rows["Step"][-1] - rows["Step"][0] == 3
+        assert rows["Time"][-1] - rows["Time"][0] == pytest.approx(1.5 * own.scene.dt)
         assert rows["PotEng"][0] == pytest.approx(start["potential"], rel=1e-6)
 
 
@@ -329,6 +330,17 @@ def test_the_answer_is_the_choice_with_its_lines():
     other = row(6.0, "other", cost=[1.0], drift=(0.9, 0.3))
     _, lines = told(summary_of({"drift": 1.0}, good, other))
     assert "As fast or faster, if they are within the targets: other, 6 fs." in lines
+
+
+def test_an_answer_without_g_as_advised():
+    """Locks out --target rdf=none, advised where few runs are complete, that changes nothing."""
+    targets, one = {"drift": 1.0, "rdf": 0.1}, row(4.0, drift=(0.1, 0.01))
+    answer, lines = told(summary_of(targets, one))
+    assert answer.startswith("Not sure")
+    (words,) = re.findall(r"--target \w+=\w+", " ".join(lines))
+    asked = parser().parse_args(["compare", "my.in", *words.split()]).target
+    left = {name: most for name, most in (targets | dict(asked)).items() if most < math.inf}
+    assert told(summary_of(left, one))[0].startswith("nosquish with a step of 4 fs")
 
 
 @pytest.mark.quick
@@ -410,6 +422,9 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
         assert result == least and f"About --budget {least} (minutes) would decide" in answer
     result, answer = minutes(0.0, 10.0, 1)
     assert result is None and "100 times this --budget would not decide" in answer
+    assert "Larger targets may (--target)" in answer
+    larger = summary_of({"drift": 1e5}, row(4.0, drift=(0.0, 10.0, 1)))
+    assert told(larger)[0].startswith("nosquish with a step of 4 fs")
     lines = told(summary_of({"drift": 1.0}, row(2.0, drift=(0.9, 0.3)), row(4.0, drift=(0.9, 2))))[
         1
     ]
@@ -705,15 +720,21 @@ def test_words_that_are_wrong_are_refused(words, said, capsys, tmp_path, monkeyp
     assert end.value.code == 2 and said in capsys.readouterr().err
 
 
-def test_a_step_that_is_far_too_long_is_told_so(tmp_path, capsys):
+def test_a_step_that_is_far_too_long_is_told_so(tmp_path, capsys, monkeypatch):
     """Locks out "Bond atoms missing" as the answer to --steps 200, and neighbour lists of a short
     step in runs with longer ones."""
     path = scripts.spce(tmp_path, lines="neigh_modify delay 5")
     words = ["compare", str(path), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(measure, "prepare", lambda *_: 1 / 0)
     with pytest.raises(SystemExit) as end:
         main([*words, "--steps", "200"])
     said = capsys.readouterr()
     assert end.value.code == 2 and "a step of 100 fs is too long for this system" in said.err
+    (bound,) = re.findall(
+        r"unstable above about (\S+) fs\. Give shorter steps by --steps$", said.err
+    )
+    with pytest.raises(ZeroDivisionError):  # the first run
+        main([*words, "--steps", f"{0.9 * float(bound):g}"])
     assert "'neigh_modify every 1 delay 0 check yes' is added" in said.out
     case = cases.of_script(time_step.with_lists_in_time(take(path, tmp_path / "again")))
     lines, _, _ = case.written(case.integrators["nosquish-nh"])

@@ -38,8 +38,8 @@ def test_atoms_with_molecule_id_0_are_a_body():
     )
     stray = "The 2 atoms with molecule-ID 0"
     assert any(stray in one for one in candidates.describe(result, said, atoms))
-    others = atoms | {"molecule": np.array([1, 3, 3, 2, 1])}, atoms | {"mask": np.array([0, 1, 1, 0, 1])}
-    for other in others:  # as advised: IDs, or a group without these atoms
+    for name, values in ("molecule", [1, 3, 3, 2, 1]), ("mask", [0, 1, 1, 0, 1]):  # as advised
+        other = atoms | {name: np.array(values)}
         body = rigid_atoms.number_bodies(said, other, "all", ["molecule"])
         result = replace(result, body=body)
         assert not any("molecule-ID 0" in one for one in candidates.describe(result, said, other))
