@@ -1,4 +1,4 @@
-"""Andersen's thermostat: at random times the velocities of all bodies get a new part."""
+"""Andersen's thermostat of translation: at random times all velocities get a new part."""
 
 from math import exp, sqrt
 
