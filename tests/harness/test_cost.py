@@ -64,6 +64,14 @@ def test_the_order_changes_from_round_to_round(monkeypatch):
     assert len({*some}) > 5 and orders(20) != some
 
 
+def test_atoms_that_have_flown_apart_have_no_speed(monkeypatch):
+    """Locks out the cost of a step without neighbours: LAMMPS goes on after the energy is nan."""
+    thermo = {"Step": np.array([0.0, 8.0]), "TotEng": np.array([-1.0, np.nan])}
+    monkeypatch.setattr(run, "run", lambda job: run.Result(None, thermo, [], None, {}))
+    timings, errors, _ = rounds.in_turn({"a": "a"}, lambda name, n: None, 2, Silent())
+    assert timings == {"a": []} and errors == {"a": "no number from step 8 on: TotEng"}
+
+
 def test_no_verdict_where_the_numbers_do_not_tell():
     """Locks out a sentence that ours is slower, or a defeat, where the rounds scatter across 1; and
     an interval that a spread within rounds makes."""

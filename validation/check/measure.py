@@ -3,7 +3,7 @@
 From the state at the script's run, and from some steps with each integrator.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -373,7 +373,7 @@ def _with_suffix(script: UserScript, fix: str, folder: Path, ranks: int, silence
 def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict:
     """The row of an integrator: its start, and some steps."""
     thermo = result.thermo
-    error = result.error or _no_number(thermo)
+    error = result.error or run.no_number(thermo)
     row: dict = {
         "name": integrator.name,
         "label": integrator.label,
@@ -401,14 +401,3 @@ def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict
     if not row["uncounted"]:
         row["change"] = float(np.ptp(thermo.get("Econserve", thermo["TotEng"])))
     return row
-
-
-def _no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
-    """The first step at which a quantity is NaN, in words; None if there is none.  LAMMPS goes
-    on."""
-    bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
-    first = min((int(mask.argmax()) for mask in bad.values() if mask.any()), default=None)
-    if first is None:
-        return None
-    names = ", ".join(name for name, mask in bad.items() if mask[first])
-    return f"no number from step {thermo['Step'][first]:.0f} on: {names}"

@@ -41,8 +41,9 @@ FREE = 90.0  # least CPU use of a rank, percent of a core
 RATIOS = "modify_ratio", "spent_ratio", "loop_ratio"
 USUAL = "rigid/nve", "rigid/nve/small", "shake"
 NOTES = {
-    "Modify": "Time in the fixes: row Modify of LAMMPS's timing table, average over ranks. Median "
-    "[minimum–maximum] over the rounds, as in the columns that follow.",
+    "Modify": "Time in all fixes, also those that solve charges: row Modify of LAMMPS's timing "
+    "table, average over ranks. Median [minimum–maximum] over the rounds, as in the columns that "
+    "follow.",
     "ours / it": f"The time of fix_nosquish.NVE divided by that of this integrator, both of the "
     f"same round: geometric mean with the {SURE} confidence interval, from the scatter between "
     "rounds. Below 1 ours is faster.",

@@ -119,11 +119,12 @@ def in_turn(
             meter.begin(f"{labels[name]}, {number}/{rounds}", 1)
             job = make(name, number)
             result = run.run(job)
-            meter.end(result.error)
+            error = result.error or run.no_number(result.thermo)
+            meter.end(error)
             if result.interrupted:
                 return timings, errors, True
-            if result.error:
-                errors[name] = result.error
+            if error:
+                errors[name] = error
             else:
                 timings[name].append(timing(job, result))
     return timings, errors, False

@@ -176,6 +176,17 @@ def without_suffix(line: str) -> str:
     return f"suffix {others[0] if others else 'none'}"  # not off: the script may switch it on again
 
 
+def no_number(thermo: Mapping[str, np.ndarray]) -> str | None:
+    """The first step at which a quantity is NaN, in words; None if there is none.  LAMMPS goes
+    on."""
+    bad = {name: ~np.isfinite(values) for name, values in thermo.items()}
+    first = min((int(mask.argmax()) for mask in bad.values() if mask.any()), default=None)
+    if first is None:
+        return None
+    names = ", ".join(name for name, mask in bad.items() if mask[first])
+    return f"no number from step {thermo['Step'][first]:.0f} on: {names}"
+
+
 def thermo(*more) -> list[str]:
     """LAMMPS commands for the standard columns of the output, and these."""
     return [" ".join((THERMO, *more)), 'thermo_modify norm no flush yes format float "%.15g"']
