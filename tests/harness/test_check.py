@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from support import (
     scripts,
 )
-from support.harness import take, with_lines
+from support.harness import advised, take, with_lines
 from support.running import ROOT, read_thermo
 from validation.__main__ import main
 from validation.check import measure as check
@@ -124,14 +124,22 @@ def test_check_finds_what_does_not_fit(tmp_path):
     ("words", "holds"), [("delay 0", True), ("delay 10", False), ("check no", None)]
 )
 def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
-    """Locks out silence where LAMMPS looks every tenth step, which was often enough for 2 fs, and a
-    word that lists are in time where LAMMPS does not look."""
-    path = scripts.spce(tmp_path, lines=f"neigh_modify {words}\ntimestep 6.0")
-    own = take(path, tmp_path / "out")
-    own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
-    assert rows[0]["error"] is None
-    assert check._lists(rows[0].get("late")).holds is holds
+    """Locks out silence where LAMMPS looks every tenth step, which was often enough for 2 fs, a
+    word that lists are in time where LAMMPS does not look, and a line that does not help."""
+
+    def lists(*lines):
+        path = scripts.spce(tmp_path, lines="\n".join([*lines, "timestep 6.0"]))
+        own = take(path, tmp_path / "out")
+        own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
+        rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
+        assert rows[0]["error"] is None
+        return check._lists(rows[0].get("late"))
+
+    result = lists(f"neigh_modify {words}")
+    assert result.holds is holds
+    if not holds:
+        (line,) = re.findall("With long steps use '(.*)'$", result.note)
+        assert lists(f"neigh_modify {words}", line).holds is True
 
 
 def test_check_says_what_its_table_cannot(tmp_path, capsys):
@@ -151,6 +159,11 @@ def test_check_says_what_its_table_cannot(tmp_path, capsys):
     told, printed = "LAMMPS's econserve is not the conserved quantity", capsys.readouterr().out
     assert told in printed and printed.count("Ensemble: NVT") == 1
     assert told in (out / "report.html").read_text().replace("&#39;", "'")
+    path.write_text(path.read_text().replace("\nrun 100", "\nrun 800\nrun 100"))
+    own = take(path, tmp_path / "later", **advised(summary["suffix"][0], N="2"))
+    own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
+    rows, _ = check._starts(own, tmp_path / "later", 1, 300.0, MagicMock())
+    assert rows[0]["error"] is None and "settles" not in rows[0]
     steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]
     assert len(steps) == 4 and "by this number alone, " in steps[0]
     assert all("unstable above about" in note for note in steps[1:3])
@@ -463,8 +476,11 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     assert "51 rigid bodies with 153 atoms" in log
     assert lammps_log.thermo(log)["Step"][-1] == 6
     own = take(place / "in.changed", tmp_path / "again")
-    (kind,) = shapes.body_kinds(own, shapes.body_groups(own)[0])
+    groups, _ = shapes.body_groups(own)
+    (kind,) = shapes.body_kinds(own, groups)
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
+    assert "A longer timestep may be stable now: 'check' without --rigid estimates it." in printed
+    assert any("unstable above" in one.note for one in check._step(own, groups, [kind], 0.01))
 
 
 def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys):
@@ -542,7 +558,11 @@ def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
     of_rings = told(path, 0)
     assert "64 × rings" in of_rings and "have no force" not in of_rings
     data.write_text(data.read_text().replace("384 bonds", "385 bonds") + "385 1 1 7\n")
-    assert "1 bonds between bodies and other atoms have no force" in told(path, 0)
+    loose = "1 bonds between bodies and other atoms have no force"
+    assert loose in told(path, 0)
+    forces = text.replace("zero\nbond_coeff * 1.39", "harmonic\nbond_coeff * 99 1.39")
+    path.write_text(forces)
+    assert forces != text and loose not in told(path, 0)  # as advised
 
 
 def test_check_of_atoms_that_a_fix_holds(tmp_path):

@@ -4,6 +4,7 @@ cases tell integrators apart."""
 import csv
 import dataclasses
 import json
+import shlex
 from pathlib import Path
 
 import committed
@@ -339,6 +340,14 @@ def test_command(tmp_path, monkeypatch, capsys):
         assert word in page
     assert 'src="http' not in page and 'href="http' not in page
     assert "Not all integrators have run yet in needles, disks." in capsys.readouterr().out
+    (line,) = [
+        line for line in table if line["case"] == "needles" and line["integrator"] == only[0]
+    ]
+    words = shlex.split(line["command"])[1:]
+    assert main([*words, "--out", str(tmp_path / "again")]) == 0
+    with open(tmp_path / "again" / "table.csv") as file:
+        (again,) = csv.DictReader(file)
+    assert again | {"date": ""} == line | {"date": ""}
     for words in ["nonsense"], ["needles", "--only", "nonsense"]:
         with pytest.raises(SystemExit):
             main(["stress", *words, "--out", out])

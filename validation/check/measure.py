@@ -174,8 +174,7 @@ def _step(
             frequency * dt,
             high=time_step.UNSTABLE[name],
             note=f"unstable above about {time_step.UNSTABLE[name] / frequency:.3g} {unit}, by the "
-            "forces of the start. Before equilibration they are larger: then look at a later run "
-            "(--run 2)",
+            "forces of the start, which are larger before equilibration",
         )
     if frequencies:
         coefficient = time_step.error_coefficient(script, groups)
@@ -242,7 +241,7 @@ def _lists(late: int | None) -> Check:
         f"built too late, perhaps, in {STEPS} steps",
         late,
         high=0,
-        note=f"{note}. With long steps use '{time_step.LISTS}', or a larger skin",
+        note=f"{note}. With long steps use '{time_step.LISTS}'",
     )
 
 
@@ -389,7 +388,7 @@ def _row(script: UserScript, integrator: Integrator, result: run.Result) -> dict
             f"The start is not in equilibrium, or the step is far too long: in {STEPS} steps the "
             f"temperature changes from {first:.4g} to {last:.4g} {script.units.temperature}. What "
             "follows from its forces is true of this start only: check a run after equilibration "
-            "(--run 2)."
+            "(--run N)."
         )
     row |= {
         "temperature": first,

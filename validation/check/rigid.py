@@ -176,6 +176,5 @@ def _unconstrained_bonds(rigid: RigidAtoms, reading: Mapping, atoms: parts.Atoms
     if number := int((loose & (first != second)).sum()):
         yield (
             f"{number:,} bonds between bodies and other atoms have no force, or shake held them: "
-            "nothing holds these together. Give such bonds a style with forces, or have whole "
-            "molecules as bodies."
+            "nothing holds these together. Give such bonds a style with forces."
         )

@@ -111,6 +111,5 @@ def _points(arguments: Namespace, how: tuple[int, float]) -> list[plan.Point]:
     sizes = arguments.sizes or SCENES["water"].sizes[: 1 if short else None]
     points = plan.points(parts, arguments.ranks or ((1, 2) if short else None), sizes, names, *how)
     if not points:
-        of = ", ".join(plan.COMPARED)
-        arguments.parser.error(f"messages are counted of {of}: name some of these by --only")
+        arguments.parser.error(f"messages are counted of {', '.join(plan.COMPARED)}")
     return points

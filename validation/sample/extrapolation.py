@@ -58,7 +58,7 @@ def points(plan: Plan, only: Sequence[str] | None, steps: Collection[float] | No
     if scheme.refined or scheme.reach == inf:
         raise SystemExit(
             f"{scheme.label}: its averages have no error in the square of the step, so "
-            "--to-zero does not apply: use 'sample' without it"
+            "--to-zero does not apply"
         )
     longest = plan.longest or min(scheme.reach or inf, max(scheme.steps))
     dts = sorted(set(steps or default_steps(longest)))

@@ -122,8 +122,8 @@ def of_script(script: UserScript) -> Plan:
     if scene.units != "real" or not state.temp or len(pressures) > 1 or state.ramps or state.tilts:
         raise SystemExit(
             f"{scene.subject}: sample needs units real and one constant temperature, and at most "
-            "one constant pressure, kept by the fix whose place others take: give a run with fix "
-            "nvt or npt, rigid/nvt or rigid/npt, nosquish/nvt or nosquish/npt"
+            "one constant pressure, kept by fix nvt or npt, rigid/nvt or rigid/npt, nosquish/nvt "
+            "or nosquish/npt"
         )
     temperature, steps = float(state.temp[0]), tuple(factor * scene.dt for factor in OWN_FACTORS)
     schemes = by_name(

@@ -2,6 +2,8 @@
 
 import json
 import re
+import shlex
+import sys
 
 import pytest
 
@@ -9,9 +11,10 @@ from support import (
     scripts,
 )
 from validation import command_line
-from validation.__main__ import main
+from validation.__main__ import main, parser
 from validation.running import run, store
 from validation.scenes.integrators import Integrator
+from validation.user_script import loader
 
 
 def test_an_integrator_that_is_none_is_refused(capsys):
@@ -31,7 +34,7 @@ def test_an_integrator_that_is_none_is_refused(capsys):
 
 
 @pytest.mark.parametrize("verb", ["cost", "check"])
-def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
+def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path, monkeypatch):
     """Locks out a command that removes the script's files, or a run, from under another's LAMMPS:
     with other options they would do the same runs in the same places."""
     path = scripts.rings(tmp_path)
@@ -39,20 +42,31 @@ def test_two_commands_do_not_measure_in_one_folder_at_a_time(verb, tmp_path):
     with store.alone(out), pytest.raises(SystemExit, match=r"another command uses .*--out"):
         main([verb, str(path), "--out", str(out)])
     assert [one.name for one in out.iterdir()] == ["alone.lock"]
-    with store.alone(out):  # it is free again
-        pass
+    monkeypatch.setattr(loader, "load", lambda *_: 1 / 0)  # the script is read
+    with store.alone(out), pytest.raises(ZeroDivisionError):  # as advised, elsewhere or later
+        main([verb, str(path), "--out", str(tmp_path / "other")])
+    with pytest.raises(ZeroDivisionError):
+        main([verb, str(path), "--out", str(out)])
 
 
 @pytest.mark.timeout(600)
-def test_cost_of_a_script(tmp_path, capsys):
-    """Locks out a verb that ends with a script: it writes its numbers."""
-    path = str(scripts.polymer(tmp_path))
+def test_cost_of_a_script(tmp_path, monkeypatch):
+    """Locks out a verb that ends with a script: it writes its numbers; and a command of the page
+    that does not give them again."""
     out = tmp_path / "cost"
-    words = ["--ranks", "1", "--rounds", "1", "--seconds", "0.02"]
+    words = ["cost", str(scripts.polymer(tmp_path)), "--short", "--out", str(out), "--ranks", "1"]
+    words += ["--rounds", "1", "--seconds", "0.02"]
     words += ["--only", "nosquish/nvt langevin", "rigid/nvt/small"]
-    assert main(["cost", path, "--short", "--out", str(out), *words]) == 0
-    (point,) = json.loads((out / "summary.json").read_text())["points"]
+
+    def summary(words):
+        monkeypatch.setattr(sys, "argv", ["nosquish", *words])
+        assert main(words) == 0
+        return json.loads((out / "summary.json").read_text())
+
+    told = summary(words)
+    (point,) = told["points"]
     assert point["bodies"] == 27 and all(row["modify"] for row in point["integrators"])
+    assert summary(shlex.split(told["command"])[1:])["points"] == [point]
 
 
 @pytest.mark.parametrize(
@@ -94,6 +108,8 @@ def test_an_output_folder_that_cannot_be_made_is_told(tmp_path, monkeypatch, cap
     assert end.value.code == 2
     (said,) = capsys.readouterr().err.splitlines()
     assert re.fullmatch(r"output folder \S+: .*: give another folder by --out", said), said
+    arguments = parser().parse_args([*words.split(), "--out", str(tmp_path / "another")])
+    assert command_line.output_folder(arguments).is_dir()
 
 
 @pytest.mark.parametrize(
@@ -128,3 +144,12 @@ def test_without_a_checkout_each_verb_says_that_there_are_no_scenes(words, tmp_p
     with pytest.raises(SystemExit, match="built-in scenes come with a checkout"):
         main(words.split())
     assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize("verb", ["check", "compare", "cost", "sample"])
+def test_without_a_checkout_verbs_take_scripts_as_advised(verb, tmp_path, monkeypatch):
+    """Locks out verbs that ask for a scene where a script is given."""
+    monkeypatch.setattr(command_line, "INPUTS", tmp_path / "inputs")
+    monkeypatch.setattr(loader, "load", lambda *_: 1 / 0)  # the script is read
+    with pytest.raises(ZeroDivisionError):
+        main([verb, str(scripts.rings(tmp_path)), "--out", str(tmp_path / "out")])

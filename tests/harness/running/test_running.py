@@ -220,6 +220,19 @@ def test_a_result_is_that_of_the_fix_of_its_name(scene, tmp_path, ranks):
         assert run.run(run.job(with_it, one, tmp_path / one.kind, [1], **how)).error is None
 
 
+def test_a_folder_that_lammps_does_not_take(tmp_path):
+    """Locks out a message of encodings, and advice that does not help."""
+    commands = ["region box block 0 1 0 1 0 1", "create_box 1 box", "mass 1 1", "fix 1 all nve"]
+    errors = []
+    for name in "größe", "another":
+        (tmp_path / name).mkdir()
+        write = f'write_restart "{tmp_path / name}/state.restart"'
+        job = run.Job(str(tmp_path / name), str(tmp_path), [*commands, write], [1], None)
+        errors.append(run.run(job).error)
+    assert "the path of a file has others: give another folder by --out" in errors[0]
+    assert errors[1] is None
+
+
 @pytest.mark.parametrize(
     ("words", "left"),
     [

@@ -219,8 +219,13 @@ def test_what_is_run(water):
         (["csvr"], (8.0,), "two steps"),
         (["csvr-refined"], None, "does not apply"),
     ):
-        with pytest.raises(SystemExit, match=said):
+        with pytest.raises(SystemExit, match=said) as refusal:
             extrapolation.points(water, only, steps)
+        if said == "depend on the step":
+            (words,) = re.findall("such as '(.*)'$", str(refusal.value))
+    step = water.schemes["csvr-step"]
+    fixed = replace(step, lines=tuple(one.replace("moments step", words) for one in step.lines))
+    assert extrapolation.points(replace(water, schemes={"csvr-step": fixed}), None, None)
 
 
 def test_committed_points_lead_to_the_committed_limit():
@@ -264,6 +269,13 @@ def test_longer_steps_run_from_half_of_the_starts(water, tmp_path):
         assert tuple(map(made.count, points)) == each
         steps = sum(sum(runs.lengths.runs(point.dt)) for point in made)
         assert runs.steps(points) == steps + 3 * runs._begin
+
+
+def test_scripts_without_a_thermostat_of_their_fix_are_refused(taken):
+    """Locks out averages of a temperature that another fix controls. The fixes that the message
+    names are those of the scripts that run below."""
+    with pytest.raises(SystemExit, match=r"kept by fix nvt or npt, rigid/nvt or rigid/npt, nosq"):
+        scenes.of_script(taken("rings"))
 
 
 def test_the_usual_steps_of_water(tmp_path):
