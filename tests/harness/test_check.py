@@ -426,7 +426,8 @@ MOVES = {  # of scripts with water and a solute of four atoms, fixes; and what h
 @pytest.mark.parametrize("which", MOVES)
 def test_what_is_printed_for_rigid_parts_runs_as_it_is(which, tmp_path, run_lammps, capsys):
     """Locks out lines that our fix or LAMMPS refuses, and motion that is another one without a
-    word: a thermostat of another kind, what shake held, atoms that stood still."""
+    word: a thermostat of another kind, what shake held, atoms that stood still; and other words
+    for the thermostat that are refused."""
     text = scripts.solute(tmp_path).read_text()
     (first,) = [line for line in text.splitlines() if line.startswith("fix hold")]
     (second,) = [line for line in text.splitlines() if line.startswith("fix move")]
@@ -449,6 +450,11 @@ def test_what_is_printed_for_rigid_parts_runs_as_it_is(which, tmp_path, run_lamm
     holds = which in ("shake", "rattle", "pressure and shake")
     assert bool(re.search(r"^ *2 = # of size 2 clusters$", done.log, re.M)) == holds
     assert ("Keywords that ours does not have: drag 0.2" in output) == (which == "pressure")
+    advice = re.search("write '(seed) N' instead of '(.*?)'", output)
+    assert bool(advice) == ("thermostat nh" in output)
+    if advice:
+        other = with_lines(text, output).replace(advice[2], f"{advice[1]} 1")
+        assert run_lammps(other).thermo["Step"][-1] == 20 and "thermostat nh" not in other
 
 
 @pytest.mark.parametrize("name", ["plain", "Zürich", 'a"b', "two words"])
@@ -479,7 +485,7 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     groups, _ = shapes.body_groups(own)
     (kind,) = shapes.body_kinds(own, groups)
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
-    assert "A longer timestep may be stable now: 'check' without --rigid estimates it." in printed
+    assert "A longer timestep may be stable now: 'check' without --rigid estimates it," in printed
     assert any("unstable above" in one.note for one in check._step(own, groups, [kind], 0.01))
 
 

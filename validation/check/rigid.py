@@ -26,6 +26,10 @@ GROUP, BODY = "own_bodies", "own_body"
 OTHERS = "own_others"  # atoms in no body, which the bodies' fix does not move
 STYLE = f"custom v_{BODY}"
 PLACES = "x y z ix iy iz"
+LANGEVIN = (
+    " With chains and a long step stiff groups leave the rest too cold: write 'seed N' instead of "
+    "'{}', for Langevin's thermostat."
+)
 FAR = 0.5  # Å: parts of a kind whose atoms differ by more have no mean shape
 ALIKE = (
     "read_dump gives all parts of a kind their mean shape: for this an atom moves by {:.3g} Å at "
@@ -88,10 +92,12 @@ def write_bodies(
         *time_step.lists_in_time(reading["commands"]),
     ]
     replaced = dict(zip(rigid.ids, rigid.lines))
+    chains = re.search("thermostat nh( barostat mtk)?", "\n".join(lines))
     sentences = [
         f"{candidates.replacement_notice(replaced)}:",
         *(f"    {line}" for line in lines),
-        "A longer timestep may be stable now: 'check' without --rigid estimates it.",
+        "A longer timestep may be stable now: 'check' without --rigid estimates it, and the error "
+        "of temperatures." + LANGEVIN.format(chains and chains[0]) * bool(chains),
         ALIKE.format(moved) if moved <= FAR else DIFFER,
         *candidates.removal_notice(replaced, reading["commands"], lines),
     ]
