@@ -93,7 +93,6 @@ def test_what_answers_print(path):
     summary = json.loads(path.read_text())
     said = compare_report.describe(summary)
     options = re.findall(r"--(?:budget|steps) [\d.,]+", " ".join([said.answer, *said.lines]))
-    assert_accepted("\n".join(one["command"] for one in summary["points"]), least=5)
     assert not [one for one in options if refused(f"compare my.in {one.rstrip('.,')}")]
 
 

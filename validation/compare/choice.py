@@ -45,7 +45,6 @@ class Measured(TypedDict):
         errors: ``Estimate`` by measure; without error bar if there is none, or None.
         signed: the same with its sign.  by_itself: from this point's runs only.
         without: targets that its runs cannot measure.
-        command: that repeats the point.
     """
 
     integrator: str
@@ -70,7 +69,6 @@ class Measured(TypedDict):
     signed: dict[str, dict]
     by_itself: dict[str, dict]
     without: list[str]
-    command: str
 
 
 @dataclass(frozen=True)

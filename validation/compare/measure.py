@@ -1,7 +1,6 @@
 """The measurement: short runs of all points, then a long run of the most promising one."""
 
 import math
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -9,7 +8,6 @@ from typing import NamedTuple
 
 from scipy import special
 
-from .. import COMMAND
 from ..experiment import Outcome, Point, Trajectory, perform
 from ..running import machine, run
 from ..running.lammps_log import Loop
@@ -311,20 +309,7 @@ def row(
         "signed": {name: estimate.plain() for name, estimate in signed.items()},
         "by_itself": {name: size(estimate) for name, estimate in by_itself.items()},
         "without": list(case.unknown.get(point.scheme, ())),
-        "command": _command(prepared, point),
     }
-
-
-def _command(prepared: Prepared, point: Point) -> str:
-    """The command that repeats a point and its reference elsewhere."""
-    steps = f"{prepared.held.dt:g},{point.dt:g}"
-    minutes, ranks = f"{prepared.settings.minutes:g}", str(prepared.settings.ranks)
-    words = [
-        *(COMMAND, "compare", prepared.case.word, "--only", point.scheme),
-        *("--steps", steps, "--budget", minutes, "--ranks", ranks),
-        *("--out", "results/compare-point"),
-    ]
-    return shlex.join(words)
 
 
 class Plan(NamedTuple):

@@ -399,7 +399,6 @@ def _tables(answer: Answer) -> list[Table]:
                 Column("time", "sampled", answer.unit, kind="number"),
                 Column("cost", "elapsed", f"s/{summary['ns']}", wide=True),
                 Column("status", "status", kind="text", wide=True),
-                Column("command", "command", kind="code", wide=True),
             ],
             [_shown(answer, point) for point in answer.every],
             file="points",

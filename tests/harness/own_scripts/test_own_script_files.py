@@ -289,7 +289,7 @@ def test_commands_that_need_a_fix_which_is_replaced_are_told(tmp_path):
     text += "variable k equal f_1\nvariable other equal f_11\nvariable half_1 equal 3\nrun 5\n"
     notes = take(written(tmp_path, text), tmp_path / "out").notes
     (note,) = (one for one in notes if "replaced" in one)
-    assert note.endswith("word out: variable t equal c_1_temp; variable k equal f_1.")
+    assert note.endswith("without it: variable t equal c_1_temp; variable k equal f_1.")
     assert any(one.endswith("numbers of rigid fixes: compute k a ke/rigid 1.") for one in notes)
 
 
