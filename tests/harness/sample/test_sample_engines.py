@@ -12,7 +12,7 @@ import pytest
 from support.running import BIN
 from validation.__main__ import main
 from validation.running import run
-from validation.sample import engine, gromacs_engine, openmm_engine, scenes
+from validation.sample import engine, gromacs_engine, measure, openmm_engine, scenes
 from validation.sample.engine import BAR, KJ, EngineRun, of_scene
 
 SCENE = scenes.SCENES["water"](Path()).scene
@@ -175,7 +175,9 @@ def test_an_engine_that_is_not_there(monkeypatch, tmp_path):
     with pytest.raises(SystemExit, match=r"GROMACS.*apt-get install gromacs") as it:
         main([*words, "gromacs-sd"])
     assert "leave its schemes out of --only" in str(it.value)
-    assert engine.versions([None]) == {}
+    monkeypatch.setattr(measure, "sample", lambda *_: 1 / 0)  # the first run
+    with pytest.raises(ZeroDivisionError):
+        main([*words, "csvr"])
 
 
 def test_a_short_run(tmp_path, capsys):
