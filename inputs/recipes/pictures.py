@@ -228,9 +228,22 @@ def grafted(folder, left, right):
     right.set(xlabel="x", ylabel="y", aspect="equal")
 
 
+def reaxff(folder, left, right):
+    """g(r) of oxygen, and the energy of a molecule, with rigid and with flexible molecules."""
+    for way, log, dt in ("rigid", "log.lammps", 8.0), ("flexible", "log.flexible", 0.5):
+        r, g = np.loadtxt(folder / f"rdf.{way}.txt", skiprows=4, usecols=(1, 2)).T
+        left.plot(r, g)
+        rows = thermo(folder, log)
+        step, energy = (rows[name][np.isfinite(rows["v_energy"])] for name in ("Step", "v_energy"))
+        right.plot((step - step[0]) * dt / 1000, energy, label=f"{way}, {dt:g} fs")
+    left.set(xlabel="r, Å", ylabel="g(r) of oxygen", xlim=(2, 6))
+    right.legend()
+    right.set(xlabel="time, ps", ylabel="U of a molecule, kcal/mol")
+
+
 RECIPES = [
     *(solute, field, diffusion, peptide, nematic, shear),
-    *(framework, gas, swimmers, pour, grafted),
+    *(framework, gas, swimmers, pour, grafted, reaxff),
 ]
 
 

