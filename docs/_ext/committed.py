@@ -341,18 +341,19 @@ def comparison(name):
         ]
         for row in told["rows"]
     ]
-    sentences = [f"Speeds are ranges over {told['starts']} starts."]
-    for row in others * bool(titles):
-        far = [
+    sentences = [f"Speeds are ranges over {told['starts']} starts."] * (told["starts"] > 1)
+    differ = {
+        row["label"]: [
             title.partition(",")[0]
             for title, mean in row["means"].items()
             for apart in [difference(Estimate.of(mean), Estimate.of(first["means"][title]))]
             if abs(apart.value) > apart.margin
         ]
-        sentences.append(
-            f"Averages of {row['label']} that differ significantly from those of "
-            f"{first['label']}: {', '.join(far) or 'none'}."
-        )
+        for row in others
+    }
+    if titles:
+        apart = "; ".join(f"{label} ({', '.join(far)})" for label, far in differ.items() if far)
+        sentences.append(f"Significantly different from {first['label']}: {apart or 'none'}.")
     table = markdown(["", *titles, "ns/day", "relative to the first"], body)
     return "\n\n".join([table, " ".join(sentences), f"Made by `{told['command']}`{_where(told)}"])
 

@@ -63,7 +63,7 @@ def main(file, folder, starts=1):
     for start in range(starts):
         for place, (label, command) in enumerate(commands.items()):
             words = command.replace("{seed}", str(SEED + start))
-            logs[label].append(run(words, folder / f"log.{place}-{start}"))
+            logs[label].append(run(words, folder / f"{place}-{start}.log"))
     speeds = {label: [speed(text) for text in texts] for label, texts in logs.items()}
     first, rows = next(iter(speeds.values())), []
     for label, texts in logs.items():
