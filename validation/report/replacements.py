@@ -47,8 +47,8 @@ SWAPS = (
     Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
     Swap("water, dynamics", "water", ("rigid/nvt/small", 2.0), ("csvr", 4.0)),
     Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
-    Swap("CO₂, averages", "co2", ("rigid/nvt/small", 4.0), ("langevin-20", 10.0)),
-    Swap("benzene, averages", "benzene", ("rigid/nvt/small", 4.0), ("langevin-20", 10.0)),
+    Swap("CO₂", "co2", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
+    Swap("benzene", "benzene", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
     Swap("peptide in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
 )
 AT_CONSTANT_ENERGY = (  # scene of `cost` on one rank, and its usual integrator

@@ -270,7 +270,9 @@ def _rigid(bodies: Bodies) -> list[Scheme]:
     usual = state(bodies.temperature, DAMPING)
     chains, small = rigid("rigid/nvt/small"), rigid("rigid/nve/small")
     lines = (chains.lines[0] + usual, *[f"fix rest {bodies.rest} nvt{usual}"] * bool(bodies.rest))
-    steps, whole = (0.5, 1.0, 2.0, 3.0, 4.0), bool(bodies.rest)
+    # as long as ours, in liquids without the fast motions of hydrogens
+    steps = (0.5, 1.0, 2.0, 3.0, 4.0) if bodies.shake else (2.0, 4.0, 6.0, 8.0, 10.0, 14.0)
+    whole = bool(bodies.rest)
     name, label = "rigid+langevin", "rigid/nve/small + langevin"
     return [
         # it counts three degrees of freedom more than a system without momentum has
