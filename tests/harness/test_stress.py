@@ -186,9 +186,8 @@ def test_exact_symmetric_top(moment):
 
 def test_committed_rows_are_judged_by_the_bounds_of_today():
     """Locks out a bound that is changed in the table alone, results that other bounds have judged,
-    a case that nobody fails, and a page that claims another verdict."""
+    and a case that nobody fails."""
     summary = json.loads((COMMITTED / "summary.json").read_text())
-    passed = dict.fromkeys(measure.ALL, 0)
     assert [told["name"] for told in summary["cases"]] == [*CASES]
     for told in summary["cases"]:
         result = CASES[told["name"]]
@@ -199,12 +198,7 @@ def test_committed_rows_are_judged_by_the_bounds_of_today():
             again = measure.judge(result, line)
             keys = "verdict", "value", "note"
             assert [again[key] for key in keys] == [line[key] for key in keys], line["command"]
-            passed[line["integrator"]] += line["verdict"] == "pass" and told["part"] == "extreme"
         assert {"fail", "blow-up"} & {line["verdict"] for line in told["rows"]}, result.name
-    page = (ROOT / "docs" / "results" / "stability.md").read_text()
-    for name, label in report._labels(summary["cases"]).items():
-        assert f"| `{committed.cell(label)}` | {passed[name]} |" in page
-    assert sum(line.endswith("| pass |") for line in page.splitlines()) == passed["nosquish"]
 
 
 def test_rows_that_other_inner_bounds_made_are_not_shown(tmp_path):
