@@ -7,7 +7,6 @@ import json
 import shlex
 from pathlib import Path
 
-import committed
 import numpy as np
 import pytest
 
@@ -17,7 +16,7 @@ from validation.__main__ import main
 from validation.running import run
 from validation.scenes import SCENES, bodies
 from validation.statistics import measures
-from validation.stress import measure, molecules, report
+from validation.stress import measure, molecules
 from validation.stress.cases import CASES
 from validation.stress.criteria import CRITERIA, Criterion
 from validation.stress.measure import BlowUp, CannotRun, Case, Number
