@@ -45,11 +45,11 @@ def speed(text):
 
 def means(text, columns):
     """Averages of a log's last run, by title."""
-    rows, averages = lammps_log.thermo(text), {}
-    for title, name in columns.items():
-        late = rows["Step"] > rows["Step"][-1] - lammps_log.timings(text)[-1].steps
-        averages[title] = measures.mean(rows[name][late])
-    return averages
+    if not columns:
+        return {}
+    rows, loop = lammps_log.thermo(text), lammps_log.timings(text)[-1]
+    late = rows["Step"] > rows["Step"][-1] - loop.steps
+    return {title: measures.mean(rows[name][late]) for title, name in columns.items()}
 
 
 def main(file, folder, starts=1):

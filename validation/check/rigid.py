@@ -92,12 +92,16 @@ def write_bodies(
         *time_step.lists_in_time(reading["commands"]),
     ]
     replaced = dict(zip(rigid.ids, rigid.lines))
-    chains = re.search("thermostat nh( barostat mtk)?", "\n".join(lines))
+    longer = (
+        "A longer timestep may be stable now: 'check' without --rigid estimates it, and the error "
+        "of temperatures."
+    )
+    if chains := re.search("thermostat nh( barostat mtk)?", "\n".join(lines)):
+        longer += LANGEVIN.format(chains[0])
     sentences = [
         f"{candidates.replacement_notice(replaced)}:",
         *(f"    {line}" for line in lines),
-        "A longer timestep may be stable now: 'check' without --rigid estimates it, and the error "
-        "of temperatures." + LANGEVIN.format(chains and chains[0]) * bool(chains),
+        longer,
         ALIKE.format(moved) if moved <= FAR else DIFFER,
         *candidates.removal_notice(replaced, reading["commands"], lines),
     ]

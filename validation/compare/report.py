@@ -203,8 +203,9 @@ def _answer(answer: Answer) -> str:
             f"Within the targets, with {SURE} confidence: {answer.within(best)}."
         )
     if chosen.perhaps:
-        longer = f"About --budget {answer.minutes} (minutes) would decide."
-        if answer.minutes is None:
+        minutes = answer.minutes
+        longer = f"About --budget {minutes} (minutes) would decide."
+        if minutes is None:
             longer = (
                 f"By these runs, {FAR} times this --budget would not decide. Larger targets may "
                 "(--target)."
@@ -262,11 +263,12 @@ def _lines(answer: Answer) -> Iterator[str]:
             f"the time went to a long run, by which its step is judged: {runs}."
         )
     best = answer.choice.best
-    yield from _beside(answer, best) if best else _nearest(answer)
+    near = None if best else answer.nearest
+    yield from _beside(answer, best) if best else _nearest(answer, near)
     yield from _busy(answer)
     if answer.points and answer.targets:
         yield choice.RULE
-    shown = best or (answer.choice.perhaps and answer.nearest)
+    shown = best or (answer.choice.perhaps and near)
     if shown:
         yield from shown["lost"]
         yield f"{shown['place']}, and the script's timestep{'' if best else ', to try it'}:"
@@ -315,7 +317,7 @@ def _input(best: Measured) -> list[str]:
     return [*best["lines"], f"timestep {best['dt']:g}"]
 
 
-def _nearest(answer: Answer) -> Iterator[str]:
+def _nearest(answer: Answer, near: Measured | None) -> Iterator[str]:
     """If no point is met: name the one that is nearest."""
     held = [point for point in answer.every if point["is_reference"] and not point["failed"]]
     if held and answer.targets and meets(held[0], answer.targets) is False:
@@ -324,7 +326,6 @@ def _nearest(answer: Answer) -> Iterator[str]:
             "is not an error of the time step. Is the start in equilibrium, and are the forces "
             "continuous at the cutoff?"
         )
-    near = answer.nearest
     if near:
         yield (
             f"The nearest: {answer.named([near])}{_speed_up(answer, near)}: {answer.within(near)}."

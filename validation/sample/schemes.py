@@ -195,18 +195,18 @@ class Bodies:
     def moments(self) -> list[Moments]:
         """The choices of moments of inertia, larger ones after smaller ones."""
         if self.equal:
-            return [
-                Moments(
-                    f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}"
-                )
-                for size in EQUAL
-            ]
+            return [_equal(size) for size in EQUAL]
         return [
             Moments(
                 f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}"
             )
             for times in SCALED
         ]
+
+
+def _equal(size: float) -> Moments:
+    """Moments of this size about all axes, amu Angstrom^2."""
+    return Moments(f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}")
 
 
 def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
@@ -347,13 +347,13 @@ def at_pressure(temperature: float) -> dict[str, Scheme]:
 
 def _barostats(temperature: float) -> Iterator[Scheme]:
     """Yield this package's barostats."""
-    middle = f"langevin seed {SEED}"
+    middle, larger = f"langevin seed {SEED}", _equal(6.0)
     for name, label, words, damping, held, reach, states in (
         ("npt-langevin", "NPT langevin 5/ps", middle, DAMPING, 0, 6.0, STATES),
         ("npt-langevin-20", "NPT langevin 20/ps", middle, STRONG, 0, 8.0, STATES[:1]),
         (
-            "npt-langevin-20-equal-6", "NPT langevin 20/ps, moments of 6 amu Å²",
-            f"{middle} moments equal 6", STRONG, 0, 12.0, STATES[:1],
+            f"npt-langevin-20{larger.name}", f"NPT langevin 20/ps{larger.label}",
+            middle + larger.words, STRONG, 0, 12.0, STATES[:1],
         ),
         ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", DAMPING, 3, 6.0, STATES),
         ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", DAMPING, 3, 6.0, STATES),
