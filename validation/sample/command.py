@@ -21,8 +21,8 @@ def add(verbs: command_line.Verbs) -> None:
         "0.5 to 14 fs. Compare averages with their common limit of small steps, and measure what "
         "an independent sample costs. Bias and noise give the total error as a function of CPU "
         "time. After Ctrl-C the same command continues. Commands with the same run lengths and "
-        "folder add schemes and steps to it. Several processes with the same command share the "
-        "runs.",
+        "folder add schemes, steps and starts to it. Several processes with the same command share "
+        "the runs.",
         epilog="Other engines run only if --only names their schemes. OpenMM: pip install "
         "'fix_nosquish[engines]'. GROMACS: apt-get install gromacs. A scheme that fails is a "
         "result. Exit status: 0, 1 if no run succeeds, if --to-zero refuses an average, or if an "

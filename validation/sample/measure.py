@@ -84,8 +84,8 @@ class Results:
 def sample(
     runs: Runs, points: Collection[Point], earlier: Mapping[Point, Mapping], meter: run.Meter
 ) -> dict:
-    """Run what has no result yet, and measure, also the points of earlier commands with the same
-    lengths in the folder.
+    """Run what has no result yet, and measure, also the points and starts of earlier commands with
+    the same lengths in the folder.
 
     Several processes with the same command share the runs.
 
@@ -100,9 +100,9 @@ def sample(
     lost = {n: why for n in runs.starts if (why := done.failed.get(start_name(n)))}
     if len(lost) == lengths.starts:
         results.errors |= dict.fromkeys(points, f"all starts failed, start 1: {lost[1]}")
-    every = plan.ordered([*points, *runs.left()])
+    every, starts = plan.ordered([*points, *runs.left()]), runs.all_starts()
     for point in every:
-        for start in runs.starts:
+        for start in starts:
             job = runs.job(point, start)
             if point not in results.errors and run.is_there(job, failures=True):
                 _measure(results, plan, point, start, job)
@@ -118,7 +118,8 @@ def sample(
         "bodies": plan.scene.unit,
         "temperature": plan.temperature,
         "known": [point._asdict() for point in plan.known],
-        "settings": asdict(lengths) | {"settle": lengths.settle, "sampled_fs": SAMPLED},
+        "settings": asdict(lengths)
+        | {"starts": len(starts), "settle": lengths.settle, "sampled_fs": SAMPLED},
         **summarize(results, runs, every, earlier),
     }
 

@@ -274,6 +274,11 @@ class Runs:
                 points.append(Point(names[name], float(dt)))
         return points
 
+    def all_starts(self) -> range:
+        """The numbers of the starts, and of those that commands with more starts have left."""
+        left = (int(path.name.partition("-")[2]) for path in self.folder.glob("start-*"))
+        return range(1, max([self.lengths.starts, *left]) + 1)
+
     def start(self, number: int) -> run.Job:
         """The run that creates a start."""
         seeded = self.plan.starter.seeded(self.lengths.seed_of(number))

@@ -129,7 +129,7 @@ def describe(summary: dict) -> Report:
     settings = summary["settings"]
     answer = " ".join(answers.sentences(answers.table([summary]).rows)) or _verdicts(summary)
     starts = f"{settings['starts']} start" + "s" * (settings["starts"] != 1)
-    each = "each of " if settings["starts"] > 1 else ""
+    each = "each of up to " if settings["starts"] > 1 else ""
     length = (
         f"Each point: {settings['time']:g} ps from {each}{starts}, after {settings['settle']:g} ps "
         "of equilibration."

@@ -564,8 +564,8 @@ def test_the_verb_runs(measured):
 
 @pytest.mark.timeout(300)
 def test_a_folder_keeps_what_there_is(measured, tmp_path, monkeypatch):
-    """Locks out a folder that forgets what an earlier command has left, a Ctrl-C that loses it, and
-    a start that takes all others with it."""
+    """Locks out a folder that forgets what an earlier command has left, with fewer starts too, a
+    Ctrl-C that loses it, and a start that takes all others with it."""
     words, folder, summary = measured
     once, lost = run.once, []
     done = {path: path.stat().st_mtime_ns for path in folder.rglob("log.lammps")}
@@ -588,7 +588,12 @@ def test_a_folder_keeps_what_there_is(measured, tmp_path, monkeypatch):
     assert all(row["starts"] == 1 and not row["error"] for row in rows) and len(rows) == 3
     told = "Start 2 failed and is left out of all averages: no sign of life."
     assert told in (folder / "report.html").read_text()
-    lost.append(1)
+    lost.clear()
+    for command in twice, [*words, "langevin-20", "--dt", "2"]:
+        assert __main__.main(command) == 0
+        rows = json.loads((folder / "summary.json").read_text())["rows"]
+        assert [row["starts"] for row in rows if row["scheme"] == "langevin-20"] == [2]
+    lost[:] = 1, 2
     assert __main__.main([*twice, "--out", str(tmp_path)]) == 1
     (row,) = json.loads((tmp_path / "summary.json").read_text())["rows"]
     assert row["error"] == "all starts failed, start 1: no sign of life"
