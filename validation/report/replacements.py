@@ -45,7 +45,7 @@ class Swap(NamedTuple):
 
 SWAPS = (
     Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
-    Swap("water, dynamics", "water", ("rigid/nvt/small", 2.0), ("csvr", 4.0)),
+    Swap("water, dynamics", "water", ("rigid/nvt/small", 4.0), ("csvr", 4.0)),
     Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
     Swap("CO₂", "co2", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
     Swap("benzene", "benzene", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
@@ -83,15 +83,14 @@ def _sampled(system, usual, ours, summary):
         "speed": " → ".join(digits(PER_DAY / cost) for cost in costs),
         "times": digits(costs[0] / costs[1], 2),
         "warmer": _changes(*(warmer(row["biases"], summary["limits"]) for row in both)),
-        "pressure": _changes(
-            *map(_pressed, both), unit=" g/cm³" * ("density" in ours.get("means", {}))
-        ),
+        "pressure": _changes(*map(_pressed, both), density="density" in ours.get("means", {})),
     }
 
 
-def _changes(*estimates, unit=""):
+def _changes(*estimates, density=False):
     """The estimates before and now, as text."""
-    return " → ".join(one.text() for one in estimates) + unit if all(estimates) else NONE
+    text = " → ".join(one.text() for one in estimates) if all(estimates) else NONE
+    return f"density {text} g/cm³" if density else text
 
 
 def _pressed(row):
