@@ -11,6 +11,7 @@ import math
 import re
 import shlex
 import sys
+import textwrap
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -225,6 +226,13 @@ def table(folder, title, *keys):
         if not f"{row.get('label')}, {row.get('dt', 0):g} fs".startswith(dropped)
     ]
     return styled(pages.markdown(replace(chosen, rows=rows), keys))
+
+
+def printed(folder):
+    """What a verb prints, without its tables."""
+    told = report_of(folder)
+    lines = (part for line in (told.answer, *told.lines) for part in textwrap.wrap(line, 110))
+    return "\n".join(["```{code-block} text", *lines, "```"])
 
 
 def checks(folder, *titles):
@@ -474,7 +482,7 @@ FILLS = {
     for function in (
         *(compare_water, compare_times, cases, reported, own_scripts),
         *(step_zero, comparison, gains, verdicts),
-        *(scene, holding, checks, table, what_to_type, listing),
+        *(scene, holding, checks, printed, table, what_to_type, listing),
     )
 }
 

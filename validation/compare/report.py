@@ -233,7 +233,7 @@ def _speed_up(answer: Answer, best: Measured) -> str:
     if not usual or not usuals or usuals[0] is best:
         return ""
     return (
-        f", {cost(usuals[0]) / cost(best):.2g} times faster than your "
+        f", {cost(usuals[0]) / cost(best):.2g} times as fast as your "
         f"{usuals[0]['label'].removeprefix('yours: ')} at {usuals[0]['dt']:g} {answer.unit} "
         f"({_cost(usuals[0])} s)"
     )
@@ -299,7 +299,7 @@ def _thermostats(answer: Answer, original: Mapping) -> Iterator[str]:
     yield thermostat.describe(original)
     if other and other["thermostat"] != original["kind"]:
         if best is None or cost(other) < FASTER * cost(best):
-            gain = f", {cost(best) / cost(other):.2g} times faster" if best else ""
+            gain = f", {cost(best) / cost(other):.2g} times as fast" if best else ""
             yield (
                 f"For averages only: {answer.named([other])}{gain}. This is another thermostat, "
                 f"{thermostat.of_averages(other['thermostat'])}. In place of your fix:"

@@ -374,11 +374,11 @@ def test_the_answer_keeps_the_scripts_thermostat(tmp_path):
     more = {"thermostat": case.thermostat, "usual": usual}
     answer, lines = told(summary_of({"drift": 1.0}, own, ours, other, **more))
     assert "nosquish with a step of 4 fs" in answer
-    assert "2 times faster than your rigid/nvt/small at 2 fs (4 s)" in answer
+    assert "2 times as fast as your rigid/nvt/small at 2 fs (4 s)" in answer
     (kept,) = [line for line in lines if line.startswith("Your script reads dynamics (compute m")]
     assert "Nosé–Hoover chains with a damping time of 100 fs" in kept
     place = next(n for n, line in enumerate(lines) if line.startswith("For averages only"))
-    assert "langevin, 6 fs, 2 times faster" in lines[place] and "slows diffusion" in lines[place]
+    assert "langevin, 6 fs, 2 times as fast" in lines[place] and "slows diffusion" in lines[place]
     assert lines[place + 1 :] == ["    fix 1 all langevin molecule", "    timestep 6"]
     assert any("--only all" in line for line in told(summary_of({"drift": 1.0}, ours, **more))[1])
     _, lines = told(summary_of({"drift": 1.0}, other, **more))
