@@ -72,12 +72,22 @@ class Answer:
         return "; ".join(shown) + f" and {len(points) - FEW} more" * (len(points) > FEW)
 
     @property
+    def usual(self) -> Measured | None:
+        """The script's own line at its own step, if it was measured."""
+        usual = self.summary.get("usual")
+        own = (point for point in self.every if point["cpu"]
+               and usual == {"integrator": point["integrator"], "dt": point["dt"]})  # fmt: skip
+        return next(own, None)
+
+    @property
     def nearest(self) -> Measured | None:
         """The candidate that exceeds the targets least, of those whose verdict is open if there are
-        any; None if no candidate has all errors."""
+        any, and of those that save time if there are any; None if no candidate has all errors."""
         measurable = [x for x in self.candidates if self.targets.keys().isdisjoint(x["without"])]
         able = [point for point in measurable if self.verdict(point) == VERDICTS[None]]
-        near = nearest(able or measurable, self.targets) if self.targets else None
+        most = FASTER * cost(self.usual) if self.usual else 0.0
+        faster = [point for point in able if point["cpu"] and cost(point) < most]
+        near = nearest(faster or able or measurable, self.targets) if self.targets else None
         return near and near[0]
 
     def within(self, point: Measured) -> str:
@@ -227,15 +237,13 @@ def _answer(answer: Answer) -> str:
 
 def _speed_up(answer: Answer, best: Measured) -> str:
     """The time saved relative to the script's own line at its own step, if that was measured."""
-    usual = answer.summary.get("usual") or {}
-    usuals = [point for point in answer.every if point["cpu"]
-           and usual == {"integrator": point["integrator"], "dt": point["dt"]}]  # fmt: skip
-    if not usual or not usuals or usuals[0] is best:
+    usual = answer.usual
+    if usual is None or usual is best:
         return ""
     return (
-        f", {cost(usuals[0]) / cost(best):.2g} times as fast as your "
-        f"{usuals[0]['label'].removeprefix('yours: ')} at {usuals[0]['dt']:g} {answer.unit} "
-        f"({_cost(usuals[0])} s)"
+        f", {cost(usual) / cost(best):.2g} times as fast as your "
+        f"{usual['label'].removeprefix('yours: ')} at {usual['dt']:g} {answer.unit} "
+        f"({_cost(usual)} s)"
     )
 
 
