@@ -159,7 +159,7 @@ fix_modify g energy yes
 """
     + "".join(
         f"group {name} union all\n"
-        for name in ("water", "mols", "liquid", "bodies", "own_bodies", "grains")
+        for name in ("water", "mols", "liquid", "bodies", "own_bodies", "grains", "sides")
     )
     + ("".join(f"group {name} union tip\n" for name in ("clump", "plate", "gas")))
 )
