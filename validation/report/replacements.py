@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from ..pages import Column, Table, digits
+from ..sample.figures import PER_DAY
 from ..sample.observables import warmer
-from ..sample.report import PER_DAY
 from ..statistics.estimate import Estimate
 
 TITLE = "What to type, how fast it is, and its error"

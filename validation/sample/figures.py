@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from ..pages.figures import BLUE, GREEN, INK, ORANGE, PURPLE, SKY, label_ends, message, panels
+from ..pages.figures import BLUE, GREEN, INK, ORANGE, PURPLE, RED, SKY, label_ends, message, panels
 from ..statistics.estimate import Estimate
 from ..statistics.precision import BiasAndNoise
 from . import answers
@@ -15,7 +15,8 @@ from .criteria import BOUNDS
 from .observables import BY_KEY, warmer
 
 # of these, and of the best of the others
-STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P")
+STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P"), (RED, "^"), (INK, "X")
+PER_HOUR, PER_DAY = 3600.0, 86.4  # s; of 1 s per ps, in ns
 WARM = 4.0  # K, up to which the axis of a temperature is linear
 LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
@@ -34,8 +35,7 @@ def precision(summary: Mapping) -> Figure | None:
         axis.plot(TIMES, line, color=colour, lw=1.6)
         for at in np.flatnonzero(np.diff(best, prepend=-1)):
             axis.plot(TIMES[at], line[at], marker, color=colour, ms=5)
-            where: dict = {"textcoords": "offset points", "xytext": (4, 4), "fontsize": 8}
-            axis.annotate(f"{rows[best[at]]['dt']:g}", (TIMES[at], line[at]), color=colour, **where)
+            _name_step(axis, rows[best[at]], TIMES[at], line[at], colour)
         return TIMES[-1], line[-1]
 
     def scale(axis: Axes, key: str) -> None:
@@ -54,12 +54,12 @@ def bias(summary: Mapping) -> Figure | None:
     times a bound, and logarithmic beyond."""
 
     def draw(axis: Axes, key: str, rows: list[dict], colour: str, marker: str):
-        return _bars(axis, rows, [Estimate.of(row["biases"][key]) for row in rows], colour, marker)
+        values = [Estimate.of(row["biases"][key]) for row in rows]
+        return _bars(axis, [row["dt"] for row in rows], values, colour, marker)
 
     def scale(axis: Axes, key: str) -> None:
         axis.axhline(-BOUNDS[key], color=INK, lw=0.8, ls="--")
-        if max(map(abs, axis.get_ylim())) > LINEAR * BOUNDS[key]:
-            axis.set_yscale("symlog", linthresh=LINEAR * BOUNDS[key])
+        _log_beyond(axis, LINEAR * BOUNDS[key])
         axis.set_xlabel("time step (fs)")
 
     title = "U/N is off by {bias} kcal/mol"
@@ -67,38 +67,52 @@ def bias(summary: Mapping) -> Figure | None:
 
 
 def temperature(summary: Mapping) -> Figure | None:
-    """The bias of the mean potential energy as a temperature: divided by the heat capacity. Bars:
-    95 % intervals. The axis is linear up to 4 K, and logarithmic beyond."""
-    limits, drawn = summary["limits"], []
-    for rows in _lines([row for row in summary["rows"] if row["biases"]], summary["known"]):
-        pairs = [(row, warmer(row["biases"], limits)) for row in rows]
-        if line := [(row, change) for row, change in pairs if change]:
-            drawn.append(line)
-    if not drawn:
+    """The bias of the mean potential energy as a temperature, divided by the heat capacity, against
+    the speed: right and near zero is better. Numbers at the marks are steps in fs. Bars: 95 %
+    intervals. The axis is linear up to 4 K, and logarithmic beyond."""
+    limits = summary["limits"]
+    rows = [row for row in summary["rows"] if row["cost"] and warmer(row["biases"], limits)]
+    if not rows:
         return None
     figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
     ends = []
-    for line, style in zip(drawn, STYLES):
-        rows, values = zip(*line)
-        ends.append((*_bars(axis, rows, values, *style), rows[0]["label"], style[0]))
+    for line, style in zip(_lines(rows, summary["known"]), STYLES):
+        speeds = [PER_DAY / row["cost"]["median"] for row in line]
+        values = [change for row in line if (change := warmer(row["biases"], limits))]
+        ends.append((*_bars(axis, speeds, values, *style), line[0]["label"], style[0]))
+        for row, speed, value in zip(line, speeds, values):
+            _name_step(axis, row, speed, value.value, style[0])
     axis.axhline(0, color=INK, lw=0.8)
-    axis.set_yscale("symlog", linthresh=WARM)
-    axis.set(xlabel="time step (fs)", ylabel="bias of U/N as a temperature (K)")
-    for row in answers.table([summary]).rows[:1]:  # of the energy
-        off = warmer({"potential": row["bias"]}, limits)
-        message(figure, f"{row['scene']}, {row['dt']:g} fs: off by {off.text()} K" if off else "")
+    _log_beyond(axis, WARM)
+    axis.set(xlabel="speed (ns/day, one core)", ylabel="error of the energy (K)")
+    for of_energy in answers.table([summary]).rows[:1]:
+        off = warmer({"potential": of_energy["bias"]}, limits)
+        where = f"{of_energy['scene']}, {of_energy['dt']:g} fs"
+        message(figure, f"{where}: the energy is off by {off.text()} K" if off else "")
     label_ends(axis, ends)
     return figure
 
 
+def _log_beyond(axis: Axes, linear: float) -> None:
+    """Make the axis of values logarithmic beyond the linear range, if there are any."""
+    if max(map(abs, axis.get_ylim())) > linear:
+        axis.set_yscale("symlog", linthresh=linear)
+
+
+def _name_step(axis: Axes, row: Mapping, x: float, y: float, colour: str) -> None:
+    """Write a row's step beside its mark."""
+    where: dict = {"textcoords": "offset points", "xytext": (4, 4), "fontsize": 8}
+    axis.annotate(f"{row['dt']:g}", (x, y), color=colour, **where)
+
+
 def _bars(
-    axis: Axes, rows: Sequence[dict], values: Sequence[Estimate], colour: str, marker: str
+    axis: Axes, x: Sequence[float], values: Sequence[Estimate], colour: str, marker: str
 ) -> tuple[float, float]:
-    """A line of values against the step, with their 95 % intervals; its end."""
-    steps, middle = [row["dt"] for row in rows], [estimate.value for estimate in values]
+    """A line of values with their 95 % intervals; its end."""
+    middle = [estimate.value for estimate in values]
     how: dict = {"marker": marker, "ms": 5, "lw": 1.2, "capsize": 2}
-    axis.errorbar(steps, middle, [estimate.margin for estimate in values], color=colour, **how)
-    return steps[-1], middle[-1]
+    axis.errorbar(x, middle, [estimate.margin for estimate in values], color=colour, **how)
+    return x[-1], middle[-1]
 
 
 def _panels(
@@ -127,9 +141,11 @@ def _panels(
         scale(axis, key)
         axis.set_ylabel(f"{what} of {BY_KEY[key].title}\n({BY_KEY[key].unit})")
     for row in answers.table([summary]).rows[:1]:  # of the energy
-        words = {"gain": answers.speed_up(row["gain"])}
-        words |= {"rival": f"{row['rival']} at {row['rival dt']:g} fs"}
-        words |= {"bias": Estimate.of(row["bias"]).text()}
+        words = {
+            "gain": answers.speed_up(row["gain"]),
+            "rival": f"{row['rival']} at {row['rival dt']:g} fs",
+            "bias": Estimate.of(row["bias"]).text(),
+        }
         message(figure, f"{row['scene']}, {row['dt']:g} fs: {title.format(**words)}")
     for axis, labels in ends.items():
         label_ends(axis, labels)

@@ -13,7 +13,6 @@ from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, warmer
 from .plan import LEAST
 
-PER_HOUR, PER_DAY = 3600.0, 86.4  # s; of 1 s per ps, in ns
 POINT = (
     Column("label", "scheme", kind="text"),
     Column("dt", "step", "fs", "number"),
@@ -162,11 +161,11 @@ def _flat(row: dict, limits: Mapping) -> dict:
         more["warmer"] = change.plain()
     if cost := row.get("cost"):
         ends = ("median", "median"), ("min", "max"), ("max", "min")
-        more["speed"] = {part: PER_DAY / cost[other] for part, other in ends}
+        more["speed"] = {part: figures.PER_DAY / cost[other] for part, other in ends}
         for key, plain in row["remembers"].items():
             time = Estimate.of(plain)
             if time.margin < time.value:  # else neither is measured
-                samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), time)
+                samples = measures.quotient(Estimate(figures.PER_HOUR / cost["median"]), time)
                 more |= {f"hourly {key}": samples.plain(), f"memory {key}": time.plain()}
     return row | more | {"status": row["error"] or "ok"}
 
